@@ -1,0 +1,55 @@
+"""Example 2.4: two masses, each on a spring of its own, joined by a damper."""
+
+from sympy import Heaviside, Rational, sin
+
+from reference import (
+    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+)  # fmt: skip
+
+x1 = Coordinate("x1", "m", "displacement of the first mass from its spring's equilibrium")
+x2 = Coordinate("x2", "m", "displacement of the second mass from its spring's equilibrium")
+
+CHOSEN = "chosen: modes within a factor of two, damping not proportional"
+m1 = Constant("m1", 1.6, "kg", "mass on the first spring", CHOSEN)
+m2 = Constant("m2", 0.9, "kg", "mass on the second spring", CHOSEN)
+c = Constant("c", 1.1, "N*s/m", "viscous damping between the masses", CHOSEN)
+k1 = Constant("k1", 55.0, "N/m", "stiffness of the first spring", CHOSEN)
+k2 = Constant("k2", 70.0, "N/m", "stiffness of the second spring", CHOSEN)
+
+f = Input("f", "N", "force on the second mass", on={x2: 1})
+
+system = System(
+    name="anchored_pair",
+    title="Anchored pair of masses",
+    source="Example 2.4, Eq. 2.26-2.33",
+    coordinates=(x1, x2),
+    constants=(m1, m2, c, k1, k2),
+    inputs=(f,),
+    outputs=(
+        Output("x1", x1.q, "m", "displacement of the first mass"),
+        Output("x2", x2.q, "m", "displacement of the second mass"),
+    ),
+    T=m1 * x1.v**2 / 2 + m2 * x2.v**2 / 2,
+    V=k1 * x1.q**2 / 2 + k2 * x2.q**2 / 2,
+    D=c * (x1.v - x2.v) ** 2 / 2,
+    equilibria=(
+        Equilibrium("rest", at={x1: 0, x2: 0}, search=False, description="both springs relaxed"),
+    ),
+    scenarios=(
+        Scenario("free", "both masses pulled apart", q={x1: 0.15, x2: -0.2}, v={x1: 0.5, x2: 0},
+                 inputs={f: 0}, duration=15.0),
+        Scenario("step", "a force of 8 N from 0.9 s on", q={x1: 0, x2: 0}, v={x1: 0, x2: 0},
+                 inputs={f: 8 * Heaviside(t - Rational(9, 10))}, duration=16.0),
+        Scenario("near_mode", "driven near the second mode, on a slow ramp", q={x1: 0, x2: 0.05},
+                 v={x1: 0, x2: 0}, inputs={f: 2 * sin(8.6 * t) + t / 2}, duration=15.0),
+    ),
+    printed=(
+        Printed("2.26-2.33", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False, "number within the range not told"),
+        Printed("2.26-2.33", "k1*x1^2/2 + k2*x2^2/2", "V", "", False, "number within the range not told"),
+        Printed("2.26-2.33", "c*(x1' - x2')^2/2", "D", "", False, "number within the range not told"),
+        Printed("2.26-2.33", "m1*x1'' + c*(x1' ± x2') + k1*x1 = 0", "motion", "x1", False,
+                "number within the range not told; signs lost in the transcript"),
+        Printed("2.26-2.33", "m2*x2'' ± c*(x1' ± x2') + k2*x2 = f", "motion", "x2", True,
+                "number within the range not told; signs lost in the transcript"),
+    ),
+)  # fmt: skip

@@ -1,0 +1,57 @@
+"""Example 2.3: two masses joined by a spring and a damper, free to drift."""
+
+from sympy import Heaviside, cos, sin
+
+from reference import (
+    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+)  # fmt: skip
+
+x1 = Coordinate("x1", "m", "displacement of the pushed mass")
+x2 = Coordinate("x2", "m", "displacement of the other mass, the spring relaxed at x1 = x2")
+
+CHOSEN = "chosen: unequal masses, lightly damped, about 1.5 cycles a second"
+m1 = Constant("m1", 1.1, "kg", "mass that the force acts on", CHOSEN)
+m2 = Constant("m2", 0.7, "kg", "mass that follows", CHOSEN)
+c = Constant("c", 0.35, "N*s/m", "viscous damping between the masses", CHOSEN)
+k = Constant("k", 38.0, "N/m", "stiffness of the spring between the masses", CHOSEN)
+
+f = Input("f", "N", "force on the first mass", on={x1: 1})
+
+system = System(
+    name="free_pair",
+    title="Free pair of masses",
+    source="Example 2.3, Eq. 2.10-2.25",
+    coordinates=(x1, x2),
+    constants=(m1, m2, c, k),
+    inputs=(f,),
+    outputs=(
+        Output("x1", x1.q, "m", "displacement of the first mass"),
+        Output("x2", x2.q, "m", "displacement of the second mass"),
+    ),
+    T=m1 * x1.v**2 / 2 + m2 * x2.v**2 / 2,
+    V=k * (x1.q - x2.q) ** 2 / 2,
+    D=c * (x1.v - x2.v) ** 2 / 2,
+    equilibria=(
+        Equilibrium("rest", at={x1: 0, x2: 0}, search=False,
+                    description="spring relaxed; one of a line of equilibria"),
+    ),
+    scenarios=(
+        Scenario("free", "the spring stretched, then let go", q={x1: 0.2, x2: -0.1},
+                 v={x1: 0, x2: 0.3}, inputs={f: 0}, duration=12.5),
+        Scenario("drift", "pushed with 1.5 N for 2 s: the rigid-body mode drifts away",
+                 q={x1: 0, x2: 0}, v={x1: -0.5, x2: -0.5}, inputs={f: 1.5 * (1 - Heaviside(t - 2))},
+                 duration=10.0),
+        Scenario("driven", "driven near the relative mode, about a standing start",
+                 q={x1: 0.02, x2: 0}, v={x1: -0.25, x2: 0}, inputs={f: 2 * sin(9 * t) - cos(3 * t)},
+                 duration=10.0),
+    ),
+    printed=(
+        Printed("2.10-2.25", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False, "number within the range not told"),
+        Printed("2.10-2.25", "k*(x1 - x2)^2/2", "V", "", False, "number within the range not told"),
+        Printed("2.10-2.25", "c*(x1' - x2')^2/2", "D", "", False, "number within the range not told"),
+        Printed("2.10-2.25", "m1*x1'' + c*(x1' ± x2') + k*(x1 ± x2) = f", "motion", "x1", True,
+                "number within the range not told; signs lost in the transcript"),
+        Printed("2.25", "m2*x2'' ± c*x1' + c*x2' ± k*x2 ± k*x2 = 0", "motion", "x2", False,
+                "ends in k x2 twice, where k x1 belongs once; signs lost in the transcript"),
+    ),
+)  # fmt: skip

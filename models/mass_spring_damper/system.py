@@ -1,0 +1,42 @@
+"""Example 2.1: a mass on a spring and a damper, driven by a force."""
+
+from sympy import Heaviside, Rational, sin
+
+from reference import (
+    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+)  # fmt: skip
+
+x = Coordinate("x", "m", "displacement of the mass from the spring's equilibrium")
+
+CHOSEN = "chosen: underdamped, one cycle a second"
+m = Constant("m", 1.3, "kg", "mass", CHOSEN)
+c = Constant("c", 0.9, "N*s/m", "viscous damping coefficient", CHOSEN)
+k = Constant("k", 47.0, "N/m", "spring stiffness", CHOSEN)
+
+f = Input("f", "N", "force on the mass, along x", on={x: 1})
+
+system = System(
+    name="mass_spring_damper",
+    title="Mass, spring and damper",
+    source="Example 2.1, Eq. 2.4-2.6",
+    coordinates=(x,),
+    constants=(m, c, k),
+    inputs=(f,),
+    outputs=(Output("x", x.q, "m", "displacement"),),
+    T=m * x.v**2 / 2,
+    V=k * x.q**2 / 2,
+    D=c * x.v**2 / 2,
+    equilibria=(Equilibrium("rest", at={x: 0}, search=False, description="spring relaxed"),),
+    scenarios=(
+        Scenario("free", "released off rest, moving", q={x: 0.25}, v={x: -0.4}, inputs={f: 0},
+                 duration=14.5),
+        Scenario("step", "a force of 6 N from 1.3 s on", q={x: 0}, v={x: 0},
+                 inputs={f: 6 * Heaviside(t - Rational(13, 10))}, duration=16.0),
+        Scenario("resonance", "driven close to its natural frequency", q={x: 0.02}, v={x: 0},
+                 inputs={f: 1.5 * sin(5.9 * t)}, duration=14.5),
+    ),
+    printed=(
+        Printed("2.5", "f ± k*x ± c*x' = m*x''", "motion", "x", True, "signs lost in the transcript"),
+        Printed("2.6", "m*x'' + c*x' + k*x = f", "motion", "x", True, ""),
+    ),
+)  # fmt: skip

@@ -1,0 +1,50 @@
+"""Example 3.1: a point mass on a massless rod."""
+
+from sympy import cos, pi, sin
+
+from reference import (
+    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+)  # fmt: skip
+
+theta = Coordinate("theta", "rad", "angle from the vertical, positive toward +x")
+
+CHOSEN = "chosen: a pendulum for a table top"
+m = Constant("m", 0.45, "kg", "point mass", CHOSEN)
+l = Constant("l", 0.75, "m", "length of the massless rod", CHOSEN)  # noqa: E741  # the source's name
+g = Constant("g", 9.81, "m/s^2", "gravity", "rounded from the standard 9.80665 m/s^2")
+
+tau = Input("tau", "N*m", "torque about the pivot", on={theta: 1})
+
+system = System(
+    name="simple_pendulum",
+    title="Simple pendulum",
+    source="Example 3.1, Eq. 3.3-3.12",
+    coordinates=(theta,),
+    constants=(m, l, g),
+    inputs=(tau,),
+    outputs=(Output("theta", theta.q, "rad", "angle"),),
+    T=m * l**2 * theta.v**2 / 2,
+    V=-m * g * l * cos(theta.q),
+    D=0,
+    equilibria=(
+        Equilibrium("hanging", at={theta: 0}, search=False, description="mass below the pivot"),
+        Equilibrium("upright", at={theta: pi}, search=False, description="mass above the pivot"),
+    ),
+    scenarios=(
+        Scenario("free", "released at 1.1 rad", q={theta: 1.1}, v={theta: -0.3}, inputs={tau: 0},
+                 duration=18.0),
+        Scenario("driven", "a harmonic torque on top of a steady one", q={theta: 0.2},
+                 v={theta: 0}, inputs={tau: 0.5 + 0.7 * sin(2.3 * t)}, duration=18.0),
+        Scenario("large", "released at 2.9 rad", q={theta: 2.9}, v={theta: 0}, inputs={tau: 0},
+                 duration=18.0),
+        Scenario("chirp", "a torque whose frequency sweeps across the natural one",
+                 q={theta: 0.1}, v={theta: 0}, inputs={tau: 0.6 * sin((2 + 0.15 * t) * t)},
+                 duration=18.0),
+    ),
+    printed=(
+        Printed("3.3-3.12", "theta'' + (g/l)*sin(theta) = 0", "motion", "theta", False,
+                "number within the range not told; the source has no torque"),
+        Printed("3.3-3.12", "theta'' + (g/l)*theta = 0", "linear", "hanging", False,
+                "number within the range not told; the source has no torque"),
+    ),
+)  # fmt: skip

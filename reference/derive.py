@@ -1,0 +1,98 @@
+"""Equations of motion from the energies: Lagrange's equations with Rayleigh dissipation.
+
+d/dt(dL/dv) - dL/dq + dD/dv = Q(t), L = T - V (the source's Eq. 2.3; Goldstein, Classical
+Mechanics, 3rd ed., section 1.5), for any number of coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import sympy as sp
+
+from reference.numeric import NumericFunction, compile_function
+from reference.system import System, t
+
+
+@dataclass(frozen=True)
+class Equations:
+    """M(q) a = f(q, v, u, t), symbolic, with numeric functions made from it.
+
+    Attributes:
+        mass: n x n mass matrix M, symmetric.
+        force: n x 1 right-hand side f, the inputs included.
+        energy: T + V, joules.
+        dissipated: power v . dD/dv that the dampers take, watts.
+        supplied: power v . Q that the inputs give, watts.
+    """
+
+    system: System
+    mass: sp.ImmutableMatrix
+    force: sp.ImmutableMatrix
+    energy: sp.Expr
+    dissipated: sp.Expr
+    supplied: sp.Expr
+
+    @cached_property
+    def residual(self) -> sp.ImmutableMatrix:
+        """M a - f: zero along every motion; row i is the equation of coordinate i."""
+        return sp.ImmutableMatrix(self.mass * sp.Matrix(self.system.a) - self.force)
+
+    @cached_property
+    def acceleration(self) -> sp.ImmutableMatrix:
+        """a = M^-1 f, symbolic."""
+        return sp.ImmutableMatrix(self.mass.inv() * self.force)
+
+    @cached_property
+    def first_order(self) -> sp.ImmutableMatrix:
+        """dy/dt of the state y = (q, v): the first-order form, 2n x 1."""
+        return sp.ImmutableMatrix([*self.system.v, *self.acceleration])
+
+    @cached_property
+    def energy_balance(self) -> sp.Expr:
+        """dE/dt - supplied + dissipated along the motion: zero, unless T or V depend on t."""
+        system = self.system
+        rate = sp.diff(self.energy, t)
+        for q, v, a in zip(system.q, system.v, self.acceleration, strict=True):
+            rate += sp.diff(self.energy, q) * v + sp.diff(self.energy, v) * a
+        return sp.simplify(rate - self.supplied + self.dissipated)
+
+    @cached_property
+    def numeric_acceleration(self) -> NumericFunction:
+        """a(q, v, u, t), constants put in; the argument groups are q, v, u, (t,)."""
+        return self.compile(self.acceleration)
+
+    @cached_property
+    def numeric_power(self) -> NumericFunction:
+        """(energy, supplied, dissipated) of (q, v, u, (t,))."""
+        return self.compile([self.energy, self.supplied, self.dissipated])
+
+    def compile(self, expressions: sp.ImmutableMatrix | list[sp.Expr]) -> NumericFunction:
+        """Return expressions of q, v, u, t as a numeric function, constants put in as doubles."""
+        values = {symbol: sp.Float(value, 17) for symbol, value in self.system.values.items()}
+        put_in = [sp.sympify(e).xreplace(values) for e in expressions]
+        return compile_function(put_in, self.system.q, self.system.v, self.system.u, (t,))
+
+
+def derive(system: System) -> Equations:
+    """Return the equations of motion of a system."""
+    lagrangian = system.T - system.V
+    q, v = system.q, system.v
+    momenta = [sp.diff(lagrangian, vi) for vi in v]
+    mass = sp.hessian(system.T, v).applyfunc(sp.simplify)
+    force = []
+    for qi, vi, pi, generalized in zip(q, v, momenta, system.forces(), strict=True):
+        # d/dt p(q, v, t) = M a + (dp/dq) v + dp/dt; what is not M a goes to the right.
+        transport = sp.Add(*(sp.diff(pi, qj) * vj for qj, vj in zip(q, v, strict=True)))
+        transport += sp.diff(pi, t)
+        rest = sp.diff(lagrangian, qi) - sp.diff(system.D, vi) - transport
+        force.append(sp.expand(sp.simplify(rest)) + generalized)
+    return Equations(
+        system=system,
+        mass=sp.ImmutableMatrix(mass),
+        force=sp.ImmutableMatrix(force),
+        energy=system.T + system.V,
+        dissipated=sp.Add(*(vi * sp.diff(system.D, vi) for vi in v)),
+        supplied=sp.Add(*(vi * qi for vi, qi in zip(v, system.forces(), strict=True))),
+    )

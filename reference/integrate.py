@@ -1,0 +1,219 @@
+"""Nonlinear systems solved segment by segment, twice, by methods that share nothing.
+
+Gauss collocation (8 stages, order 16; Hairer, Norsett, Wanner, Solving ODEs I, II.7) integrates
+all segments at once; scipy's DOP853, or heyoka's Taylor series where it is installed, checks it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import scipy.integrate
+
+from reference.closed_form import Segments
+from reference.derive import Equations
+from reference.motion import Span, chebyshev_nodes
+from reference.numeric import Array
+from reference.signal import Piece
+
+STAGES = 8
+AGREEMENT = 1e-12
+"""Largest distance of the two integrations over a segment, relative to the motion's size."""
+
+Field = Callable[[Array, Array], Array]
+"""dy/dt of (times (...,), states (..., 2n))."""
+
+
+class ReferenceError(RuntimeError):
+    """The reference could not be solved to the accuracy that a comparison needs."""
+
+
+def field_of(equations: Equations, piece: Piece) -> Field:
+    """dy/dt under the inputs of one piece, vectorized."""
+    acceleration = equations.numeric_acceleration
+    n = len(equations.system.coordinates)
+
+    def field(times: Array, states: Array) -> Array:
+        flat = times.reshape(-1, 1)
+        u = piece.numeric(flat).reshape(*times.shape, -1)
+        out = np.empty_like(states)
+        out[..., :n] = states[..., n:]
+        out[..., n:] = acceleration(states[..., :n], states[..., n:], u, times[..., None])
+        return out
+
+    return field
+
+
+def trajectory(
+    equations: Equations, start: Array, signals: Sequence[Piece], times: Array, rtol: float = 1e-13
+) -> Array:
+    """States at given ascending times, (len(times), 2n), by DOP853; breaks of the input are hit."""
+    acceleration = equations.numeric_acceleration.scalar
+    n = len(equations.system.coordinates)
+    values = np.empty((len(times), 2 * n))
+    state = np.asarray(start, dtype=float)
+    for piece in signals:
+        drive = piece.numeric.scalar
+
+        def rate(time: float, y: Array, drive: Callable[..., Sequence[float]] = drive) -> Array:
+            return np.array([*y[n:], *acceleration(*y, *drive(time), time)])
+
+        last = piece is signals[-1]
+        chosen = (times >= piece.start) & ((times <= piece.stop) if last else (times < piece.stop))
+        solved = scipy.integrate.solve_ivp(
+            rate, (piece.start, piece.stop), state, method="DOP853", rtol=rtol, atol=rtol * 1e-2,
+            t_eval=np.append(times[chosen], [] if last and piece.stop in times else piece.stop),
+        )  # fmt: skip
+        if not solved.success or not np.isfinite(solved.y).all():
+            raise ReferenceError(f"the equations cannot be integrated past {solved.t[-1]:g} s")
+        values[chosen] = solved.y.T[: chosen.sum()]
+        state = solved.y[:, -1]
+    return values
+
+
+def solve_numerically(
+    equations: Equations, start: Array, signals: Sequence[Piece], spans: Sequence[Span]
+) -> Segments:
+    """Solve all segments of a nonlinear system.
+
+    Raises:
+        ReferenceError: where the two integrations are more than `AGREEMENT` apart over a segment.
+    """
+    times = np.concatenate([s.start + s.length * np.arange(s.count) for s in spans])
+    starts = trajectory(equations, start, signals, times)
+    starts[0] = start
+    ends, nodes, checks = [], [], []
+    first = 0
+    for span, piece in zip(spans, signals, strict=True):
+        chosen = slice(first, first + span.count)
+        first += span.count
+        field = field_of(equations, piece)
+        end, inner = collocate(field, times[chosen], starts[chosen], span.length)
+        ends.append(end)
+        nodes.append(inner)
+        check = _taylor_series if heyoka_installed() else _runge_kutta
+        checks.append(check(equations, piece, times[chosen], starts[chosen], span.length))
+    end, checked = np.concatenate(ends), np.concatenate(checks)
+    apart = np.max(np.abs(end - checked), axis=0)
+    size = np.max(np.abs(end), axis=0)
+    n = len(size) // 2
+    sizes = np.concatenate([np.full(n, size[:n].max()), np.full(n, size[n:].max())])
+    if np.any(apart > AGREEMENT * np.maximum(sizes, 1e-300)):
+        worst = int(np.argmax(apart / sizes))
+        raise ReferenceError(
+            f"two integrations of component {worst} are {apart[worst]:.1e} apart over a segment"
+        )
+    other = "heyoka's Taylor series" if heyoka_installed() else "DOP853"
+    return Segments(
+        times, starts, end, np.concatenate(nodes), apart + 2 * np.finfo(float).eps * size,
+        f"Gauss collocation of order {2 * STAGES}, checked by {other}",
+    )  # fmt: skip
+
+
+def collocate(field: Field, times: Array, states: Array, length: float) -> tuple[Array, Array]:
+    """Integrate B segments at once: ends (B, 2n) and states at the Chebyshev nodes (B, NODES, 2n).
+
+    Two steps a segment; each stage equation is solved by fixed-point iteration, to rounding.
+    """
+    nodes, weights, matrix, integrals = _gauss()
+    half = length / 2
+    output = np.empty((len(times), len(chebyshev_nodes()), states.shape[1]))
+    current = states
+    for part in range(2):
+        at = times + part * half
+        stage_times = at[:, None] + half * nodes
+        slopes = np.repeat(field(at, current)[:, None, :], STAGES, axis=1)
+        for _ in range(60):
+            stages = current[:, None, :] + half * np.einsum("ij,bjc->bic", matrix, slopes)
+            new = field(stage_times, stages)
+            change = np.max(np.abs(new - slopes) / (1e-300 + np.max(np.abs(new), axis=(0, 1))))
+            slopes = new
+            if change < 4e-16:
+                break
+        if not np.isfinite(change) or change > 1e-12:
+            raise ReferenceError("the stage equations of the collocation do not converge")
+        inside = [(i, 2 * c - part) for i, c in enumerate(chebyshev_nodes())
+                  if part <= 2 * c <= part + 1]  # fmt: skip
+        for i, c in inside:
+            output[:, i] = current + half * np.einsum("j,bjc->bc", integrals(c), slopes)
+        current = current + half * np.einsum("j,bjc->bc", weights, slopes)
+    output[:, 0] = states
+    output[:, -1] = current
+    return current, output
+
+
+def _gauss() -> tuple[Array, Array, Array, Callable[[float], Array]]:
+    points, weights = np.polynomial.legendre.leggauss(STAGES)
+    nodes = (points + 1) / 2
+    # Integral of each Lagrange basis polynomial from 0 to c, through Legendre's own integrals:
+    # l_j(x) = sum_k (2k+1)/2 w_j P_k(x_j) P_k(x), exact for Gauss points.
+    degrees = np.arange(STAGES)
+    values = np.polynomial.legendre.legvander(points, STAGES - 1)
+    coefficients = (2 * degrees[:, None] + 1) / 2 * (values * weights[:, None]).T
+
+    def integrals(c: float) -> Array:
+        x = 2 * c - 1
+        primitive = np.polynomial.legendre.legint(coefficients, lbnd=-1, axis=0)
+        result: Array = np.polynomial.legendre.legval(x, primitive) / 2
+        return result
+
+    matrix = np.array([integrals(c) for c in nodes])
+    return nodes, weights / 2, matrix, integrals
+
+
+def _runge_kutta(
+    equations: Equations, piece: Piece, times: Array, states: Array, length: float
+) -> Array:
+    """All segments as one system, by DOP853 near its smallest tolerance."""
+    field = field_of(equations, piece)
+    shape = states.shape
+
+    def rate(elapsed: float, flat: Array) -> Array:
+        return field(times + elapsed, flat.reshape(shape)).ravel()
+
+    solved = scipy.integrate.solve_ivp(
+        rate, (0.0, length), states.ravel(), method="DOP853", rtol=3e-14, atol=1e-16,
+        first_step=length / 4, max_step=length / 4,
+    )  # fmt: skip
+    if not solved.success:
+        raise ReferenceError(f"DOP853 stops within a segment: {solved.message}")
+    end: Array = solved.y[:, -1].reshape(shape)
+    return end
+
+
+def heyoka_installed() -> bool:
+    """Whether the extra `heyoka` is there."""
+    return importlib.util.find_spec("heyoka") is not None
+
+
+def _taylor_series(
+    equations: Equations, piece: Piece, times: Array, states: Array, length: float
+) -> Array:
+    """Each segment by heyoka's adaptive Taylor series, at the precision of a double."""
+    import heyoka as hy
+    import sympy as sp
+
+    from reference.system import t
+
+    system = equations.system
+    inputs = dict(zip(system.u, piece.expressions, strict=True))
+    # from_sympy refuses rationals: the constants and every number go in as floats.
+    right = [sp.sympify(e).xreplace(system.values).xreplace(inputs).evalf(17)
+             for e in equations.first_order]  # fmt: skip
+    names = {t: hy.time}
+    converted = [hy.from_sympy(e, names) if e.free_symbols else hy.expression(float(e))
+                 for e in right]  # fmt: skip
+    variables = hy.make_vars(*(str(x) for x in (*system.q, *system.v)))
+    variables = [variables] if isinstance(variables, hy.expression) else list(variables)
+    integrator = hy.taylor_adaptive(
+        list(zip(variables, converted, strict=True)), states[0].tolist()
+    )
+    ends = np.empty_like(states)
+    for i, (time, state) in enumerate(zip(times, states, strict=True)):
+        integrator.time = time
+        integrator.state[:] = state
+        integrator.propagate_until(time + length)
+        ends[i] = integrator.state
+    return ends

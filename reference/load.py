@@ -1,0 +1,58 @@
+"""Load the `system.py` of a system folder."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+import traceback
+from pathlib import Path
+
+from reference.system import DeclarationError, System
+
+
+def load_system(folder: Path) -> System:
+    """Return the system that `folder/system.py` declares as the name `system`.
+
+    The file is code and is run. Its module name is unique to its path, and its folder is not put
+    on `sys.path`, so that two folders never share a module.
+
+    Raises:
+        DeclarationError: naming the file, the line and the remedy.
+    """
+    path = folder / "system.py"
+    if not path.is_file():
+        raise DeclarationError(f"{path}: no such file; a system folder declares its physics there")
+    digest = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
+    name = f"_crosscheck_system_{digest}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None  # a .py path always has a loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise DeclarationError(f"{path}:{_line(error, path)}: {_sentence(error)}") from error
+    system = getattr(module, "system", None)
+    if not isinstance(system, System):
+        raise DeclarationError(f"{path}: it must end with `system = System(...)`")
+    return system
+
+
+def _line(error: Exception, path: Path) -> int:
+    if isinstance(error, SyntaxError) and error.lineno:
+        return error.lineno
+    lines = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename == str(path) and frame.lineno
+    ]
+    return lines[-1] if lines else 1
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, DeclarationError):
+        return str(error)
+    if isinstance(error, TypeError) and "missing" in str(error):
+        return str(error).replace(".__init__()", "").replace("required positional argument", "field")
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,141 @@
+"""Natural frequencies, damping ratios, mode shapes and transfer functions of a linearization."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mpmath as mp
+import numpy as np
+import scipy.linalg
+import sympy as sp
+from numpy.typing import NDArray
+
+from reference.linearize import DIGITS, Linearization, to_array
+from reference.numeric import Array
+from reference.system import System
+
+s = sp.Symbol("s")
+"""The Laplace variable of transfer functions."""
+
+
+@dataclass(frozen=True)
+class Pole:
+    """An eigenvalue of A, with the share of each coordinate in its motion.
+
+    Attributes:
+        value: eigenvalue, 1/s; of a complex pair the one with positive imaginary part.
+        multiplicity: how often it occurs (pairs counted once).
+        frequency: |value|, rad/s; 0 for a rigid-body mode.
+        damping: -Re(value)/|value|; nan where the frequency is 0.
+    """
+
+    value: complex
+    multiplicity: int
+    frequency: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A mode of M a + K q = 0: frequency (rad/s) and shape, largest entry 1; 0 is rigid-body.
+
+    A negative stiffness (an upright pendulum) has no frequency but a growth rate, in 1/s.
+    """
+
+    frequency: float
+    growth: float
+    shape: Array
+
+    @property
+    def rigid(self) -> bool:
+        """Whether the mode is a rigid-body motion: neither frequency nor growth."""
+        return self.frequency == 0 and self.growth == 0
+
+
+def poles(linearization: Linearization) -> tuple[Pole, ...]:
+    """Eigenvalues of A, slowest first.
+
+    They are found with 60 digits, so that a defective double root (a rigid-body mode, critical
+    damping) comes out as equal roots rather than split by the square root of epsilon.
+    """
+    with mp.workdps(DIGITS):
+        found, _ = mp.eig(linearization.exact["A"], left=False, right=True)
+        scale = max((abs(value) for value in found), default=mp.mpf(1)) or mp.mpf(1)
+        small = scale * mp.mpf(10) ** (-DIGITS // 4)
+        groups: list[list[mp.mpc]] = []
+        for value in found:
+            for group in groups:
+                if abs(group[0] - value) < small:
+                    group.append(value)
+                    break
+            else:
+                groups.append([value])
+        result = []
+        for group in groups:
+            mean = sum(group) / len(group)
+            re = 0.0 if abs(mp.re(mean)) < small else float(mp.re(mean))
+            im = 0.0 if abs(mp.im(mean)) < small else float(mp.im(mean))
+            if im < 0:
+                continue
+            size = 0.0 if re == 0 and im == 0 else float(abs(mean))
+            damping = 0.0 - re / size if size else float("nan")
+            result.append(Pole(complex(re, im), len(group), size, damping))
+    return tuple(sorted(result, key=lambda p: (p.frequency, p.value.real)))
+
+
+def modes(linearization: Linearization) -> tuple[Mode, ...]:
+    """Undamped modes from the symmetric pencil (K, M), slowest first.
+
+    Shapes of repeated roots are M-orthogonal (LAPACK dsygvd); a rigid-body mode is told by the
+    stiffness having no effect on it, to rounding.
+    """
+    m, k = to_array(linearization.exact["M"]), to_array(linearization.exact["K"])
+    values, shapes = scipy.linalg.eigh((k + k.T) / 2, m)
+    scale = float(np.max(np.abs(values))) or 1.0
+    result = []
+    for value, shape in zip(values, shapes.T, strict=True):
+        squared = 0.0 if abs(value) < 1e-12 * scale else float(value)
+        largest = shape[np.argmax(np.abs(shape))]
+        result.append(
+            Mode(np.sqrt(max(squared, 0.0)), np.sqrt(max(-squared, 0.0)), shape / largest)
+        )
+    return tuple(sorted(result, key=lambda mode: (mode.frequency, mode.growth)))
+
+
+def damped_shapes(linearization: Linearization) -> list[tuple[complex, NDArray[np.complex128]]]:
+    """Complex shapes of the damped modes: (eigenvalue, q part of its vector, largest entry 1)."""
+    matrix = to_array(linearization.exact["A"])
+    values, vectors = np.linalg.eig(matrix)
+    n = len(matrix) // 2
+    result = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value.imag > 0:
+            shape = vector[:n]
+            result.append((complex(value), shape / shape[np.argmax(np.abs(shape))]))
+    return sorted(result, key=lambda pair: abs(pair[0]))
+
+
+def transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
+    """Outputs over inputs, symbolic in `s` and the constants: Cy (s I - A)^-1 B + D.
+
+    It is formed from M s^2 + C s + K, whose inverse is half the size.
+    """
+    n = linearization.mass.rows
+    dynamic = sp.Matrix(
+        linearization.mass * s**2 + linearization.damping * s + linearization.stiffness
+    )
+    adjugate, determinant = dynamic.adjugate(), dynamic.det()
+    response = adjugate * linearization.input
+    seen = linearization.output[:, :n] + s * linearization.output[:, n:]
+    numerator = seen * response + linearization.feedthrough * determinant
+    return sp.ImmutableMatrix(
+        numerator.applyfunc(lambda e: sp.cancel(sp.expand(e) / sp.expand(determinant)))
+    )
+
+
+def evaluate_transfer(
+    system: System, functions: sp.ImmutableMatrix, frequencies: Array
+) -> NDArray[np.complex128]:
+    """Transfer functions at s = j w: shape (len(frequencies), outputs, inputs)."""
+    numeric = sp.lambdify(s, functions.subs(system.values).evalf(20), modules="numpy")
+    return np.array([numeric(1j * w) for w in frequencies], dtype=np.complex128)

@@ -1,0 +1,77 @@
+"""Symbolic expressions as fast numeric functions that survive a trip to another process."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import sympy as sp
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NumericFunction:
+    """A vector-valued function of vectors, compiled from its generated source.
+
+    Called with one array per argument group, each of shape (..., size of the group); returns an
+    array of shape (..., size). It is pickled as source text, so a worker needs no sympy for it.
+    """
+
+    source: str
+    groups: tuple[int, ...]
+    size: int
+
+    def __call__(self, *arguments: Array) -> Array:
+        columns: list[Any] = []
+        for argument, count in zip(arguments, self.groups, strict=True):
+            columns.extend(argument[..., i] for i in range(count))
+        values = self._function(*columns)
+        shape = np.broadcast_shapes(*(np.shape(a)[:-1] for a in arguments))
+        out = np.empty((*shape, self.size))
+        for i, value in enumerate(values):
+            out[..., i] = value
+        return out
+
+    @cached_property
+    def scalar(self) -> Callable[..., Sequence[float]]:
+        """The same function of plain numbers, one per column: the quick way for one point."""
+        return self._function
+
+    @cached_property
+    def _function(self) -> Callable[..., Any]:
+        # The text was printed by sympy from a parsed expression: names and operators alone.
+        namespace: dict[str, Any] = dict(vars(np))
+        exec(self.source, namespace)
+        function: Callable[..., Any] = namespace["_lambdifygenerated"]
+        return function
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"source": self.source, "groups": self.groups, "size": self.size}
+
+
+def compile_function(
+    expressions: Sequence[sp.Expr], *groups: Sequence[sp.Symbol]
+) -> NumericFunction:
+    """Return a numeric function of the given argument groups.
+
+    Raises:
+        ValueError: if an expression holds a symbol that is no argument.
+    """
+    arguments = [symbol for group in groups for symbol in group]
+    wanted = set[sp.Basic]().union(*(sp.sympify(e).free_symbols for e in expressions))
+    unknown = wanted - set(arguments)
+    if unknown:
+        names = ", ".join(sorted(str(symbol) for symbol in unknown))
+        raise ValueError(f"no value is given for {names}")
+    plain = [sp.Symbol(f"x{i}_") for i in range(len(arguments))]
+    swap = dict(zip(arguments, plain, strict=True))
+    renamed = [sp.sympify(e).xreplace(swap) for e in expressions]
+    function = sp.lambdify(plain, renamed, modules="numpy", cse=True)
+    source = inspect.getsource(function)
+    return NumericFunction(source, tuple(len(g) for g in groups), len(expressions))

@@ -1,0 +1,120 @@
+"""Solve a scenario: choose the segments, then the closed form or two integrations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import sympy as sp
+
+from reference.closed_form import solve_closed_form
+from reference.derive import Equations
+from reference.integrate import ReferenceError, solve_numerically, trajectory
+from reference.linearize import linearize
+from reference.motion import Motion, Span
+from reference.numeric import Array
+from reference.signal import Piece, numeric_inputs, pieces
+from reference.system import Equilibrium, Scenario, t
+
+SEGMENTS_A_PERIOD = 20
+SEGMENTS_AT_LEAST = 200
+
+__all__ = ["ReferenceError", "solve"]
+
+
+def solve(equations: Equations, scenario: Scenario) -> Motion:
+    """Return the reference motion of a scenario, in segments.
+
+    Linear equations under inputs that a linear equation generates have a closed form; all others
+    are integrated twice.
+
+    Raises:
+        DeclarationError: for an input that is not smooth between breaks that can be told.
+        ReferenceError: where the equations can't be solved to the accuracy needed.
+    """
+    system = equations.system
+    signals = pieces(system, scenario)
+    values = system.values
+    start = np.array(
+        [float(sp.sympify(given[c]).subs(values))
+         for given in (scenario.q, scenario.v) for c in system.coordinates]
+    )  # fmt: skip
+    fastest = _fastest_rate(equations, signals, start, scenario.duration)
+    spans = tile(signals, fastest)
+    if is_linear(equations) and all(piece.generators is not None for piece in signals):
+        at_zero = Equilibrium("zero", dict.fromkeys(system.coordinates, 0), False, "the origin")
+        segments = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
+    else:
+        segments = solve_numerically(equations, start, signals, spans)
+    return Motion(
+        segments.t, segments.start, segments.end, segments.bound, segments.nodes,
+        spans, numeric_inputs(signals), fastest, segments.method,
+    )  # fmt: skip
+
+
+def is_linear(equations: Equations) -> bool:
+    """Whether M is constant and f linear in q, v, u, without a constant part, and free of t."""
+    system = equations.system
+    variables = (*system.q, *system.v, *system.u)
+    if equations.mass.free_symbols & {*variables, t}:
+        return False
+    slopes = sp.Matrix(equations.force).jacobian(variables)
+    rest = dict.fromkeys(variables, sp.Integer(0))
+    still = all(sp.simplify(f.xreplace(rest)) == 0 for f in equations.force)
+    return still and not slopes.free_symbols & {*variables, t}
+
+
+def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
+    """Cut each piece into equal segments, a prime number of them.
+
+    A prime count keeps the segments from being a simple fraction of a period that divides the
+    piece, where non-smooth motion could hide between them.
+    """
+    whole = signals[-1].stop - signals[0].start
+    wanted = max(SEGMENTS_A_PERIOD * fastest / (2 * np.pi), SEGMENTS_AT_LEAST / whole)
+    spans = []
+    for piece in signals:
+        duration = piece.stop - piece.start
+        count = sp.nextprime(max(int(np.ceil(wanted * duration)) - 1, 1))
+        spans.append(Span(piece.start, duration / int(count), int(count), piece.constant))
+    return tuple(spans)
+
+
+def _fastest_rate(
+    equations: Equations, signals: Sequence[Piece], start: Array, duration: float
+) -> float:
+    """Largest |eigenvalue| of the equations' Jacobian along the motion, rad/s.
+
+    Rates of turning (coordinates in rad) and of the inputs count as well: they too set how fast
+    the terms of the equations change.
+    """
+    system = equations.system
+    n = len(system.coordinates)
+    inputs = numeric_inputs(signals)
+    jacobian = sp.Matrix(equations.acceleration).jacobian((*system.q, *system.v))
+    if is_linear(equations):
+        times, states = np.zeros(1), start[None, :]
+    else:
+        times = np.linspace(0.0, duration, 400)
+        states = trajectory(equations, start, signals, times, rtol=1e-6)
+    lower = equations.compile(list(jacobian))(
+        states[:, :n], states[:, n:], inputs(times), times[:, None]
+    ).reshape(-1, n, 2 * n)
+    full = np.zeros((len(times), 2 * n, 2 * n))
+    full[:, range(n), range(n, 2 * n)] = 1.0
+    full[:, n:] = lower
+    rates = [float(np.max(np.abs(np.linalg.eigvals(full))))]
+    if len(times) > 1:
+        rates += [float(np.max(np.abs(states[:, n + i])))
+                  for i, c in enumerate(system.coordinates) if c.unit == "rad"]  # fmt: skip
+    grid = np.linspace(0.0, duration, 2001)
+    u = inputs(grid)
+    for piece in signals:
+        inside = (grid >= piece.start) & (grid < piece.stop)
+        values = u[inside]
+        if len(values) > 2 and not piece.constant:
+            reach = np.max(np.abs(values - values.mean(axis=0)), axis=0)
+            slope = np.max(np.abs(np.diff(values, axis=0)), axis=0) / (grid[1] - grid[0])
+            rates += [float(s / r) for s, r in zip(slope, reach, strict=True)
+                      if r > 1e-12 * np.max(np.abs(u))]  # fmt: skip
+    return max(rates)

@@ -1,0 +1,412 @@
+"""What a system folder declares: the physics, complete, with a unit and a source at every number.
+
+`System` is checked as it is made: whatever is missing, unknown, dimensionally impossible or not
+differentiable is refused with a sentence that names it. Nothing has a silent default.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import sympy as sp
+
+from reference.units import ENERGY, POWER, TIME, Dimension, UnitError, dimension_of, parse_unit
+
+t = sp.Symbol("t", real=True)
+"""Time, in seconds: the variable of inputs and of explicitly time-dependent energies."""
+
+_SMOOTHLESS = (
+    sp.Abs, sp.sign, sp.Heaviside, sp.DiracDelta, sp.Piecewise, sp.Max, sp.Min,
+    sp.floor, sp.ceiling, sp.Mod, sp.re, sp.im, sp.arg, sp.conjugate,
+)  # fmt: skip
+
+
+class DeclarationError(ValueError):
+    """A system is declared incompletely or inconsistently; the message names what and how."""
+
+
+class _Operand:
+    """Lets a declared quantity stand in an expression as its symbol."""
+
+    symbol: sp.Symbol
+
+    def _sympy_(self) -> sp.Symbol:
+        return self.symbol
+
+    def __add__(self, other: Any) -> sp.Expr:
+        return self.symbol + other
+
+    def __radd__(self, other: Any) -> sp.Expr:
+        return other + self.symbol
+
+    def __sub__(self, other: Any) -> sp.Expr:
+        return self.symbol - other
+
+    def __rsub__(self, other: Any) -> sp.Expr:
+        return other - self.symbol
+
+    def __mul__(self, other: Any) -> sp.Expr:
+        return self.symbol * other
+
+    def __rmul__(self, other: Any) -> sp.Expr:
+        return other * self.symbol
+
+    def __truediv__(self, other: Any) -> sp.Expr:
+        return self.symbol / other
+
+    def __rtruediv__(self, other: Any) -> sp.Expr:
+        return other / self.symbol
+
+    def __pow__(self, other: Any) -> sp.Expr:
+        return self.symbol**other
+
+    def __neg__(self) -> sp.Expr:
+        return -self.symbol
+
+
+@dataclass(frozen=True)
+class Constant(_Operand):
+    """A constant of the mechanism: its value in SI units, and where that value comes from."""
+
+    name: str
+    value: float
+    unit: str
+    description: str
+    source: str
+
+    @cached_property
+    def symbol(self) -> sp.Symbol:  # type: ignore[override]  # the mixin declares a plain attribute
+        # Positive where it is: simplification may then take roots. Others are plain reals.
+        return sp.Symbol(self.name, positive=True) if self.value > 0 else _real(self.name)
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A generalized coordinate, with the symbols of its position and velocity."""
+
+    name: str
+    unit: str
+    description: str
+
+    @cached_property
+    def q(self) -> sp.Symbol:
+        """Position."""
+        return _real(self.name)
+
+    @cached_property
+    def v(self) -> sp.Symbol:
+        """Velocity."""
+        return _real(f"{self.name}_dot")
+
+    @cached_property
+    def a(self) -> sp.Symbol:
+        """Acceleration."""
+        return _real(f"{self.name}_ddot")
+
+
+@dataclass(frozen=True)
+class Input(_Operand):
+    """A known force or torque u: it adds `on[coordinate] * u` to that generalized force (Eq. 2.2)."""
+
+    name: str
+    unit: str
+    description: str
+    on: Mapping[Coordinate, sp.Expr | float] = field(hash=False)
+
+    @cached_property
+    def symbol(self) -> sp.Symbol:  # type: ignore[override]  # the mixin declares a plain attribute
+        return _real(self.name)
+
+
+@dataclass(frozen=True)
+class Output:
+    """What is observed, as an expression of positions, velocities and constants."""
+
+    name: str
+    expression: sp.Expr
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A rest position without input: stated exactly, or searched for near a guess.
+
+    With `search=False` the position must satisfy the equations as it stands (to rounding);
+    with `search=True` it is where Newton's iteration starts.
+    """
+
+    name: str
+    at: Mapping[Coordinate, sp.Expr | float] = field(hash=False)
+    search: bool
+    description: str
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A motion to compare: start, inputs as expressions of `t`, and duration in seconds."""
+
+    name: str
+    description: str
+    q: Mapping[Coordinate, sp.Expr | float] = field(hash=False)
+    v: Mapping[Coordinate, sp.Expr | float] = field(hash=False)
+    inputs: Mapping[Input, sp.Expr | float] = field(hash=False)
+    duration: float
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A numbered equation of the source as its transcript has it.
+
+    `text` is `left = right`. A prime is a time derivative; `±` marks a place where the transcript
+    has lost a sign. `states` says what the equation claims to be: `motion` (up to a nonzero
+    factor, of coordinate `of` where one is named), `T`, `V`, `D`, `L`, or `linear` (the motion
+    linearized about the equilibrium that `of` names). `driven` says whether the source's equation
+    has the inputs; without, it is compared with the inputs set to zero.
+    """
+
+    number: str
+    text: str
+    states: str
+    of: str
+    driven: bool
+    note: str
+
+
+@dataclass(frozen=True)
+class System:
+    """A mechanism: everything from which its equations of motion follow.
+
+    T, V and D are the kinetic energy, the potential energy and Rayleigh's dissipation function,
+    as sympy expressions of the coordinates' `q` and `v`, the constants and `t`.
+
+    Raises:
+        DeclarationError: with one sentence that names what is missing or wrong.
+    """
+
+    name: str
+    title: str
+    source: str
+    coordinates: tuple[Coordinate, ...]
+    constants: tuple[Constant, ...]
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    T: sp.Expr
+    V: sp.Expr
+    D: sp.Expr
+    equilibria: tuple[Equilibrium, ...]
+    scenarios: tuple[Scenario, ...]
+    printed: tuple[Printed, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("T", "V", "D"):
+            object.__setattr__(self, name, sp.sympify(getattr(self, name)))
+        _check(self)
+
+    @property
+    def q(self) -> tuple[sp.Symbol, ...]:
+        """Position symbols, in the order of the coordinates."""
+        return tuple(c.q for c in self.coordinates)
+
+    @property
+    def v(self) -> tuple[sp.Symbol, ...]:
+        """Velocity symbols."""
+        return tuple(c.v for c in self.coordinates)
+
+    @property
+    def a(self) -> tuple[sp.Symbol, ...]:
+        """Acceleration symbols."""
+        return tuple(c.a for c in self.coordinates)
+
+    @property
+    def u(self) -> tuple[sp.Symbol, ...]:
+        """Input symbols."""
+        return tuple(i.symbol for i in self.inputs)
+
+    @property
+    def values(self) -> dict[sp.Symbol, sp.Rational]:
+        """The constants' values, exactly as the doubles that they are."""
+        return {c.symbol: sp.Rational(c.value) for c in self.constants}
+
+    def forces(self) -> tuple[sp.Expr, ...]:
+        """Generalized forces Q of the inputs, one per coordinate."""
+        return tuple(
+            sp.Add(*(sp.sympify(i.on.get(c, 0)) * i.symbol for i in self.inputs))
+            for c in self.coordinates
+        )
+
+    def scenario(self, name: str) -> Scenario:
+        """Return the scenario of that name; KeyError with the known ones otherwise."""
+        for scenario in self.scenarios:
+            if scenario.name == name:
+                return scenario
+        known = ", ".join(s.name for s in self.scenarios)
+        raise KeyError(f"{self.name} has no scenario {name!r}; it has {known}")
+
+
+def _real(name: str) -> sp.Symbol:
+    return sp.Symbol(name, real=True)
+
+
+def _check(system: System) -> None:
+    where = f"system {system.name!r}"
+    _check_names(system, where)
+    _check_units(system, where)
+    _check_energies(system, where)
+    _check_maps(system, where)
+
+
+def _check_names(system: System, where: str) -> None:
+    for kind in ("coordinates", "constants", "outputs", "equilibria", "scenarios"):
+        if not getattr(system, kind) and kind != "constants":
+            raise DeclarationError(f"{where} declares no {kind}")
+    seen = {"t": "the time", **{f"{c.name}_dot": "a velocity" for c in system.coordinates}}
+    seen |= {f"{c.name}_ddot": "an acceleration" for c in system.coordinates}
+    for kind, items in (
+        ("coordinate", system.coordinates), ("constant", system.constants), ("input", system.inputs)
+    ):  # fmt: skip
+        for item in items:
+            if not item.name.isidentifier():
+                raise DeclarationError(f"{where}: the {kind} name {item.name!r} is no identifier")
+            if item.name in seen:
+                raise DeclarationError(f"{where}: {item.name!r} is {seen[item.name]} and a {kind}")
+            seen[item.name] = f"a {kind}"
+            if not item.description:
+                raise DeclarationError(f"{where}: the {kind} {item.name} has no description")
+    for kind, named in (("scenario", system.scenarios), ("equilibrium", system.equilibria)):
+        names = [item.name for item in named]
+        for name in names:
+            if names.count(name) > 1:
+                raise DeclarationError(f"{where} has two {kind} entries named {name!r}")
+    for constant in system.constants:
+        if not constant.source:
+            raise DeclarationError(f"{where}: the constant {constant.name} states no source")
+        if isinstance(constant.value, bool) or not isinstance(constant.value, (int, float)):
+            raise DeclarationError(f"{where}: the constant {constant.name} has no numeric value")
+        if not math.isfinite(constant.value):
+            raise DeclarationError(f"{where}: the constant {constant.name} is {constant.value}")
+
+
+def dimensions(system: System) -> dict[sp.Symbol, Dimension]:
+    """Dimension of every symbol of the system.
+
+    Raises:
+        UnitError: for a unit that can't be read.
+    """
+    found = {t: TIME}
+    for coordinate in system.coordinates:
+        unit = parse_unit(coordinate.unit)
+        found |= {coordinate.q: unit, coordinate.v: unit / TIME, coordinate.a: unit / TIME / TIME}
+    for item in (*system.constants, *system.inputs):
+        found[item.symbol] = parse_unit(item.unit)
+    return found
+
+
+def _check_units(system: System, where: str) -> None:
+    try:
+        known = dimensions(system)
+    except UnitError as error:
+        raise DeclarationError(f"{where}: {error}") from None
+    wanted = {"T": (system.T, ENERGY), "V": (system.V, ENERGY), "D": (system.D, POWER)}
+    for name, (expression, expected) in wanted.items():
+        _check_symbols(expression, known, f"{where}: {name}")
+        _check_dimension(expression, expected, known, f"{where}: {name}")
+    for item in system.inputs:
+        if not item.on:
+            raise DeclarationError(f"{where}: the input {item.name} acts on no coordinate")
+        for coordinate, factor in item.on.items():
+            place = f"{where}: the input {item.name}"
+            if coordinate not in system.coordinates:
+                raise DeclarationError(f"{place} acts on an unknown coordinate {coordinate}")
+            expected = ENERGY / known[coordinate.q]
+            expression = sp.sympify(factor) * item.symbol
+            _check_symbols(expression, known, place)
+            _check_dimension(expression, expected, known, f"{place} on {coordinate.name}")
+    for output in system.outputs:
+        place = f"{where}: the output {output.name}"
+        _check_symbols(sp.sympify(output.expression), known, place)
+        try:
+            expected = parse_unit(output.unit)
+        except UnitError as error:
+            raise DeclarationError(f"{place}: {error}") from None
+        _check_dimension(sp.sympify(output.expression), expected, known, place)
+
+
+def _check_symbols(expression: sp.Expr, known: Mapping[sp.Symbol, Any], place: str) -> None:
+    for symbol in sorted(expression.free_symbols, key=str):
+        if symbol not in known:
+            raise DeclarationError(f"{place} uses {symbol}, which is declared nowhere")
+
+
+def _check_dimension(
+    expression: sp.Expr, expected: Dimension, known: Mapping[sp.Symbol, Dimension], place: str
+) -> None:
+    try:
+        found = dimension_of(expression, known)
+    except UnitError as error:
+        raise DeclarationError(f"{place}: {error}") from None
+    if found is not None and found != expected:
+        raise DeclarationError(f"{place} has the unit {found}, where {expected} belongs")
+
+
+def _check_energies(system: System, where: str) -> None:
+    for name in ("T", "V", "D"):
+        expression = getattr(system, name)
+        for bad in (*_SMOOTHLESS, sp.core.function.AppliedUndef):
+            for found in expression.atoms(bad):
+                raise DeclarationError(f"{where}: {name} is not differentiable: it has {found}")
+        allowed = {*system.q, t, *(c.symbol for c in system.constants)}
+        if name != "V":
+            allowed |= {*system.v}
+        for symbol in sorted(expression.free_symbols - allowed, key=str):
+            raise DeclarationError(f"{where}: {name} must not depend on {symbol}")
+    rest = dict.fromkeys(system.v, sp.Integer(0))
+    for name in ("T", "D"):
+        expression = getattr(system, name)
+        gradient = [sp.diff(expression, v).xreplace(rest) for v in system.v]
+        if name == "D" and any(sp.simplify(g) != 0 for g in (*gradient, expression.xreplace(rest))):
+            raise DeclarationError(f"{where}: D must vanish, with its slope, where nothing moves")
+    hessian = sp.hessian(system.T, system.v)
+    if hessian.free_symbols & {*system.v}:
+        raise DeclarationError(f"{where}: T must be quadratic in the velocities")
+    if sp.simplify(hessian.det()) == 0:
+        names = ", ".join(c.name for c in system.coordinates)
+        raise DeclarationError(
+            f"{where}: the mass matrix of {names} is singular; T lacks an inertia"
+        )
+
+
+def _check_maps(system: System, where: str) -> None:
+    constants = {c.symbol for c in system.constants}
+    for equilibrium in system.equilibria:
+        place = f"{where}, equilibrium {equilibrium.name!r}"
+        _check_map(equilibrium.at, system.coordinates, constants, place)
+    for scenario in system.scenarios:
+        place = f"{where}, scenario {scenario.name!r}"
+        _check_map(scenario.q, system.coordinates, constants, f"{place}, q")
+        _check_map(scenario.v, system.coordinates, constants, f"{place}, v")
+        _check_map(scenario.inputs, system.inputs, constants | {t}, f"{place}, inputs")
+        if not (math.isfinite(scenario.duration) and scenario.duration > 0):
+            raise DeclarationError(f"{place}: the duration is {scenario.duration}")
+    for printed in system.printed:
+        if printed.states not in {"motion", "linear", "T", "V", "D", "L"}:
+            raise DeclarationError(
+                f"{where}, Eq. {printed.number}: states {printed.states!r} is unknown"
+            )
+
+
+def _check_map(
+    given: Mapping[Any, Any], wanted: tuple[Any, ...], allowed: set[sp.Symbol], place: str
+) -> None:
+    for item in wanted:
+        if item not in given:
+            raise DeclarationError(f"{place}: no value is given for {item.name}")
+    for item, value in given.items():
+        if item not in wanted:
+            raise DeclarationError(f"{place}: {getattr(item, 'name', item)!r} is unknown here")
+        for symbol in sorted(sp.sympify(value).free_symbols - allowed, key=str):
+            raise DeclarationError(f"{place}: the value of {item.name} depends on {symbol}")

@@ -1,0 +1,141 @@
+"""Units as dimensions, far enough to refuse what can't be physics.
+
+A unit is a product of powers of SI symbols, such as ``kg*m^2`` or ``N*s/m``. The radian is
+dimensionless, as in the SI Brochure (9th edition, table 4).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+import sympy as sp
+
+
+class UnitError(ValueError):
+    """A unit that can't be read, or an expression whose dimensions contradict each other."""
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Exponents of mass, length and time."""
+
+    mass: Fraction = Fraction(0)
+    length: Fraction = Fraction(0)
+    time: Fraction = Fraction(0)
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        return Dimension(
+            self.mass + other.mass, self.length + other.length, self.time + other.time
+        )
+
+    def __pow__(self, power: Fraction) -> Dimension:
+        return Dimension(self.mass * power, self.length * power, self.time * power)
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        return self * other ** Fraction(-1)
+
+    def __str__(self) -> str:
+        parts = [("kg", self.mass), ("m", self.length), ("s", self.time)]
+        text = "*".join(name if e == 1 else f"{name}^{e}" for name, e in parts if e)
+        return text or "1"
+
+
+ONE = Dimension()
+MASS = Dimension(mass=Fraction(1))
+LENGTH = Dimension(length=Fraction(1))
+TIME = Dimension(time=Fraction(1))
+FORCE = MASS * LENGTH / TIME ** Fraction(2)
+ENERGY = FORCE * LENGTH
+POWER = ENERGY / TIME
+
+_SYMBOLS = {
+    "1": ONE,
+    "rad": ONE,
+    "kg": MASS,
+    "m": LENGTH,
+    "s": TIME,
+    "N": FORCE,
+    "J": ENERGY,
+    "W": POWER,
+    "Hz": TIME ** Fraction(-1),
+    "Pa": FORCE / LENGTH ** Fraction(2),
+}
+_FACTOR = re.compile(r"([A-Za-z]+|1)(?:(?:\^|\*\*)(-?\d+(?:/\d+)?))?$")
+
+
+def parse_unit(text: str) -> Dimension:
+    """Return the dimension of a unit such as ``N*s/m``.
+
+    Raises:
+        UnitError: naming the part that is no SI symbol known here.
+    """
+    if not isinstance(text, str) or not text.strip():
+        raise UnitError(f"the unit {text!r} is empty; write '1' for a dimensionless number")
+    result = ONE
+    tokens = re.split(r"(?<!\*)([*/])(?!\*)", text.replace(" ", ""))
+    operators = ["*", *tokens[1::2]]
+    for operator, factor in zip(operators, tokens[::2], strict=True):
+        match = _FACTOR.match(factor)
+        if match is None or match[1] not in _SYMBOLS:
+            known = ", ".join(_SYMBOLS)
+            raise UnitError(f"the unit {text!r} has a part {factor!r}; known are {known}")
+        dimension = _SYMBOLS[match[1]] ** Fraction(match[2] or 1)
+        result = result * dimension if operator == "*" else result / dimension
+    return result
+
+
+def dimension_of(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]) -> Dimension | None:
+    """Return the dimension of an expression; None is zero, which has every dimension.
+
+    Raises:
+        UnitError: naming the sum, power or function whose parts contradict each other.
+    """
+    if expression.is_zero:
+        return None
+    if expression.is_number:
+        return ONE
+    if isinstance(expression, sp.Symbol):
+        return symbols[expression]
+    if isinstance(expression, sp.Add):
+        return _dimension_of_sum(expression, symbols)
+    if isinstance(expression, sp.Mul):
+        product = ONE
+        for factor in expression.args:
+            dimension = dimension_of(factor, symbols)
+            if dimension is None:
+                return None
+            product = product * dimension
+        return product
+    if isinstance(expression, sp.Pow) and expression.exp.is_Rational:
+        base = dimension_of(expression.base, symbols)
+        return base and base ** Fraction(int(expression.exp.p), int(expression.exp.q))
+    if isinstance(expression, sp.atan2):
+        y, x = (dimension_of(argument, symbols) for argument in expression.args)
+        if y is not None and x is not None and y != x:
+            raise UnitError(f"{expression} compares {y} with {x}")
+        return ONE
+    for argument in expression.args:
+        dimension = dimension_of(argument, symbols)
+        if dimension not in (None, ONE):
+            raise UnitError(
+                f"{argument} in {expression} has the unit {dimension}, where a number belongs"
+            )
+    return ONE
+
+
+def _dimension_of_sum(
+    expression: sp.Add, symbols: Mapping[sp.Symbol, Dimension]
+) -> Dimension | None:
+    first: tuple[sp.Expr, Dimension] | None = None
+    for term in expression.args:
+        dimension = dimension_of(term, symbols)
+        if dimension is None:
+            continue
+        if first is None:
+            first = (term, dimension)
+        elif dimension != first[1]:
+            raise UnitError(f"{first[0]} has the unit {first[1]}, but {term} has {dimension}")
+    return first and first[1]
