@@ -47,8 +47,10 @@ system = System(
     ),
     printed=(
         Printed("2.10-2.25", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False, "number within the range not told"),
-        Printed("2.10-2.25", "k*(x1 - x2)^2/2", "V", "", False, "number within the range not told"),
-        Printed("2.10-2.25", "c*(x1' - x2')^2/2", "D", "", False, "number within the range not told"),
+        Printed("2.10-2.25", "k*(x1 ± x2)^2/2", "V", "", False,
+                "number within the range not told; sign lost in the transcript"),
+        Printed("2.10-2.25", "c*(x1' ± x2')^2/2", "D", "", False,
+                "number within the range not told; sign lost in the transcript"),
         Printed("2.10-2.25", "m1*x1'' + c*(x1' ± x2') + k*(x1 ± x2) = f", "motion", "x1", True,
                 "number within the range not told; signs lost in the transcript"),
         Printed("2.25", "m2*x2'' ± c*x1' + c*x2' ± k*x2 ± k*x2 = 0", "motion", "x2", False,
