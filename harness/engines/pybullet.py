@@ -1,0 +1,217 @@
+"""PyBullet, on URDF. One physics server a process: a loaded model ends the one before it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from harness.engine import Array, EngineError, Force, ModelSpec, Spring, StateForce
+from harness.urdf import Mimic, joint_springs, mimics, read_urdf
+
+_SETTINGS = {"step", "gravity"}
+_client: int | None = None
+_loaded: object = None
+
+
+@dataclass(frozen=True)
+class PybulletEngine:
+    """Adapter of PyBullet (Coumans and Bai)."""
+
+    name: str = "pybullet"
+    formats: tuple[str, ...] = (".urdf",)
+    capabilities: tuple[str, ...] = (
+        "URDF", "slides and hinges", "joint dampers", "springs as torques at every step",
+        "springs on joint combinations", "URDF mimic as JOINT_GEAR",
+    )  # fmt: skip
+
+    def version(self) -> str | None:
+        """Version of the installed package, or None."""
+        if importlib.util.find_spec("pybullet") is None:
+            return None
+        return importlib.metadata.version("pybullet")
+
+    def load(self, spec: ModelSpec) -> PybulletModel:
+        """Load a URDF into this process's physics server."""
+        text = _read(spec)
+        robot = read_urdf(text, spec.path)
+        unknown = set(spec.settings) - _SETTINGS
+        if unknown:
+            raise EngineError(f"{spec.path}.toml: PyBullet has no setting {', '.join(unknown)}")
+        for key in _SETTINGS:
+            if key not in spec.settings:
+                raise EngineError(
+                    f"{spec.path}.toml: [settings] must state {key}: a URDF has none, and"
+                    " PyBullet's own are 1/240 s and no gravity"
+                )
+        springs = [
+            Spring({joint: 1.0}, stiffness, 0.0, rest)
+            for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
+        ]
+        return PybulletModel(spec, [*springs, *spec.springs], mimics(robot, spec.path))
+
+
+def _read(spec: ModelSpec) -> str:
+    try:
+        return spec.path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise EngineError(f"{spec.path}: can't be read: {error}") from None
+
+
+class PybulletModel:
+    """A fixed-base multibody of slides and hinges, stepped by semi-implicit Euler."""
+
+    integrator = "semi-implicit euler"
+
+    def __init__(self, spec: ModelSpec, springs: list[Spring], followers: list[Mimic]) -> None:
+        import pybullet as p
+
+        global _client, _loaded
+        if _client is None:
+            _client = p.connect(p.DIRECT)
+        _loaded = self
+        self.path = str(spec.path)
+        self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
+        p.resetSimulation()
+        # Files are cached by name even across a reset: a rewritten file would not be read again.
+        # The residual threshold would end the solver early, at 1e-7.
+        p.setPhysicsEngineParameter(
+            enableFileCaching=0, numSubSteps=0, numSolverIterations=200, solverResidualThreshold=0.0
+        )
+        p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
+        try:
+            # Without the flag the inertia in the file is replaced by one of the collision shapes.
+            self._body = p.loadURDF(
+                self.path, useFixedBase=1, flags=p.URDF_USE_INERTIA_FROM_FILE
+            )
+        except p.error as error:
+            raise EngineError(f"{self.path}: PyBullet can't load it: {error}") from None
+        self._joints, names = self._moving_joints()
+        self.coordinates = tuple(names)
+        self._free_links()
+        self._springs = [self._resolve(spring) for spring in springs]
+        self._gears = [self._gear(mimic) for mimic in followers]
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """Order 1 throughout."""
+        return 1, 1
+
+    def _moving_joints(self) -> tuple[list[int], list[str]]:
+        import pybullet as p
+
+        joints, names = [], []
+        for index in range(p.getNumJoints(self._body)):
+            info = p.getJointInfo(self._body, index)
+            name = info[1].decode()
+            if info[2] == p.JOINT_FIXED:
+                continue
+            if info[2] not in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC):
+                raise EngineError(
+                    f"{self.path}: joint {name!r} is neither a slide nor a hinge; only these are"
+                    " supported so far"
+                )
+            joints.append(index)
+            names.append(name)
+        if not joints:
+            raise EngineError(f"{self.path}: it has no moving joint")
+        return joints, names
+
+    def _free_links(self) -> None:
+        """Switch off what PyBullet adds on its own: link damping, motors, a speed limit."""
+        import pybullet as p
+
+        for link in range(-1, p.getNumJoints(self._body)):
+            # Each link has 0.04 of linear and of angular damping by default, linear and quadratic.
+            p.changeDynamics(self._body, link, linearDamping=0, angularDamping=0)
+        for joint in self._joints:
+            p.changeDynamics(self._body, joint, maxJointVelocity=1e12)  # clamps at 100 otherwise
+        # TORQUE_CONTROL with zero would not switch the default motors off.
+        p.setJointMotorControlArray(
+            self._body, self._joints, p.VELOCITY_CONTROL, forces=[0.0] * len(self._joints)
+        )
+
+    def _resolve(self, spring: Spring) -> tuple[list[tuple[int, float]], float, float, float]:
+        for joint in spring.joints:
+            if joint not in self.coordinates:
+                raise EngineError(f"{self.path}: a spring names {joint!r}, which is no moving joint")
+        terms = [(self.coordinates.index(j), float(c)) for j, c in spring.joints.items()]
+        return terms, spring.stiffness, spring.damping, spring.rest
+
+    def _gear(self, mimic: Mimic) -> int:
+        import pybullet as p
+
+        for joint in (mimic.leader, mimic.joint):
+            if joint not in self.coordinates:
+                raise EngineError(f"{self.path}: <mimic> names {joint!r}, which is no moving joint")
+        if mimic.offset:
+            raise EngineError(f"{self.path}: <mimic> with an offset is not supported by JOINT_GEAR")
+        leader, follower = (
+            self._joints[self.coordinates.index(j)] for j in (mimic.leader, mimic.joint)
+        )
+        gear = p.createConstraint(
+            self._body, leader, self._body, follower, p.JOINT_GEAR,
+            [0, 1, 0], [0, 0, 0], [0, 0, 0],
+        )  # fmt: skip
+        # The gear holds v(leader) + gearRatio * v(follower) = 0, in the order (leader, follower).
+        p.changeConstraint(gear, gearRatio=-1.0 / mimic.multiplier, maxForce=1e10, erp=0.0)
+        return int(gear)
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """Step by step: springs and inputs are torques, set from the state before each step."""
+        import pybullet as p
+
+        if _loaded is not self:
+            raise EngineError(f"{self.path}: another model has been loaded since")
+        body, joints = self._body, self._joints
+        p.setPhysicsEngineParameter(fixedTimeStep=h)
+        out_q = np.empty((len(q), n // every, q.shape[1]))
+        out_v = np.empty_like(out_q)
+        reset = p.resetJointState
+        for b in range(len(q)):
+            for i, joint in enumerate(joints):
+                reset(body, joint, q[b, i], v[b, i])
+            self._run(b, n, force, every, out_q[b], out_v[b])
+        return out_q, out_v
+
+    def _run(self, b: int, n: int, force: Force, every: int, out_q: Array, out_v: Array) -> None:
+        import pybullet as p
+
+        body, joints = self._body, self._joints
+        size = len(joints)
+        states, step, torque = p.getJointStates, p.stepSimulation, p.setJointMotorControlArray
+        mode, springs = p.TORQUE_CONTROL, self._springs
+        by_state = force if isinstance(force, StateForce) else None
+        held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
+        driven = bool(springs) or force is not None
+        current = states(body, joints) if springs or by_state else None
+        for i in range(n):
+            if driven:
+                if by_state is not None:
+                    z = np.array([s[0] for s in current])
+                    tau = by_state.at(z, by_state.inputs[b, i]).tolist()
+                else:
+                    tau = held[i] if held is not None else [0.0] * size
+                for terms, stiffness, damping, rest in springs:
+                    stretch, rate = -rest, 0.0
+                    for j, c in terms:
+                        stretch += c * current[j][0]
+                        rate += c * current[j][1]
+                    pull = stiffness * stretch + damping * rate
+                    for j, c in terms:
+                        tau[j] -= c * pull
+                torque(body, joints, mode, forces=tau)
+            step()
+            sampled = (i + 1) % every == 0
+            if current is not None or sampled:
+                current_now = states(body, joints)
+                if current is not None:
+                    current = current_now
+                if sampled:
+                    row = i // every
+                    for j in range(size):
+                        out_q[row, j], out_v[row, j] = current_now[j][0], current_now[j][1]

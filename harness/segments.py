@@ -1,0 +1,102 @@
+"""The extrapolated segment: what an engine makes of the reference's states, as h -> 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.coordinates import CoordinateMap
+from harness.engine import Model
+from harness.ladder import FIRST_JUDGED, RUNGS, Limit, limits
+from reference.motion import Motion
+from reference.numeric import Array
+
+ENOUGH = 2e-3
+"""Rungs are added until the uncertainty is this share of the resolution, or stops falling."""
+
+
+class BlownUp(RuntimeError):
+    """An engine returned values that are not finite."""
+
+
+@dataclass(frozen=True)
+class Extrapolated:
+    """Every segment of a motion, extrapolated.
+
+    Attributes:
+        limit: where the engine ends each segment as h -> 0, with its uncertainty.
+        raw: ends at each rung, (M, K, 2n).
+        rungs: step counts of `raw`.
+        steps: engine steps taken.
+    """
+
+    limit: Limit
+    raw: Array
+    rungs: tuple[int, ...]
+    steps: int
+
+
+def extrapolate(
+    model: Model, coordinates: CoordinateMap, motion: Motion, scale: Array, resolution: float
+) -> Extrapolated:
+    """Run every segment of a motion on rung after rung, and take the limit.
+
+    Raises:
+        BlownUp: where the engine returns values that are not finite.
+    """
+    varying = not all(span.constant_input for span in motion.spans)
+    exponents = model.exponents(varying)
+    z, w = coordinates.to_engine(motion.start)
+    grain = coordinates.grain(z, w)
+    # A velocity is moved by what rounding the positions does to the forces, over a segment.
+    n = len(grain) // 2
+    grain[n:] += grain[:n] * motion.fastest
+    values: list[Array] = []
+    steps = 0
+    limit: Limit | None = None
+    for count, rung in enumerate(RUNGS, start=1):
+        ends = run_rung(model, coordinates, motion, z, w, rung)
+        if not np.isfinite(ends).all():
+            raise BlownUp(_where(motion, ends, rung))
+        values.append(ends)
+        steps += rung * len(ends)
+        if count < FIRST_JUDGED:
+            continue
+        previous = limit
+        limit = limits(values, RUNGS[:count], exponents, scale, grain)
+        worst = float(np.max(limit.uncertainty / scale))
+        if worst <= ENOUGH * resolution:
+            break
+        if previous is not None and count > FIRST_JUDGED + 1:
+            before = float(np.max(previous.uncertainty / scale))
+            if worst > 0.7 * before:
+                break
+    assert limit is not None
+    return Extrapolated(limit, np.stack(values), RUNGS[: len(values)], steps)
+
+
+def run_rung(
+    model: Model, coordinates: CoordinateMap, motion: Motion, z: Array, w: Array, rung: int
+) -> Array:
+    """Ends (K, 2n) of all segments, each run in `rung` steps from its start."""
+    ends = np.empty_like(motion.end)
+    first = 0
+    for span in motion.spans:
+        chosen = slice(first, first + span.count)
+        first += span.count
+        h = span.length / rung
+        times = motion.t[chosen, None] + h * np.arange(rung)
+        inputs = motion.inputs(times.ravel()).reshape(span.count, rung, -1)
+        force = coordinates.force(inputs)
+        end_z, end_w = model.rollout(z[chosen], w[chosen], h, rung, force, rung)
+        ends[chosen] = coordinates.from_engine(end_z[:, 0], end_w[:, 0], motion.end[chosen])
+    return ends
+
+
+def _where(motion: Motion, ends: Array, rung: int) -> str:
+    bad = int(np.argmin(np.isfinite(ends).all(axis=1)))
+    return (
+        f"values that are not finite, from the segment at t = {motion.t[bad]:.4g} s,"
+        f" in {rung} steps of {motion.lengths[bad] / rung:.3g} s"
+    )
