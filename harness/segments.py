@@ -87,11 +87,20 @@ def run_rung(
         first += span.count
         h = span.length / rung
         times = motion.t[chosen, None] + h * np.arange(rung)
-        inputs = motion.inputs(times.ravel()).reshape(span.count, rung, -1)
-        force = coordinates.force(inputs)
-        end_z, end_w = model.rollout(z[chosen], w[chosen], h, rung, force, rung)
-        ends[chosen] = coordinates.from_engine(end_z[:, 0], end_w[:, 0], motion.end[chosen])
+        inputs = motion.inputs(times.ravel(), slack=h / 4).reshape(span.count, rung, -1)
+        ends[chosen] = run_ends(
+            model, coordinates, z[chosen], w[chosen], h, rung, inputs, motion.end[chosen]
+        )
     return ends
+
+
+def run_ends(
+    model: Model, coordinates: CoordinateMap, z: Array, w: Array, h: float, rung: int,
+    inputs: Array, near: Array,
+) -> Array:  # fmt: skip
+    """Ends (B, 2n) of B runs of `rung` steps; inputs are (B, rung, inputs), angles near `near`."""
+    end_z, end_w = model.rollout(z, w, h, rung, coordinates.force(inputs), rung)
+    return coordinates.from_engine(end_z[:, 0], end_w[:, 0], near)
 
 
 def _where(motion: Motion, ends: Array, rung: int) -> str:

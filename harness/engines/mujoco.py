@@ -60,7 +60,8 @@ class MujocoEngine:
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
         # rung would agree with itself.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        return MujocoModel(model, str(spec.path))
+        # The step is read now: every rollout sets another.
+        return MujocoModel(model, str(spec.path), float(model.opt.timestep))
 
 
 def _complete_urdf(tree: Any, spec: ModelSpec, text: str) -> None:
@@ -119,16 +120,12 @@ class MujocoModel:
 
     model: Any
     path: str
+    step: float
 
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
         """Joint names, in the order of qpos."""
         return tuple(self.model.joint(i).name for i in range(self.model.njnt))
-
-    @cached_property
-    def step(self) -> float:
-        """`option/timestep` of the file, or the sidecar's."""
-        return float(self.model.opt.timestep)
 
     @cached_property
     def integrator(self) -> str:

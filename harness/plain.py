@@ -1,0 +1,272 @@
+"""What a user lives with: plain runs at the shipped step and its neighbours, held against the motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import scipy.integrate
+
+from harness.coordinates import CoordinateMap
+from harness.engine import Model
+from reference.motion import Motion
+from reference.numeric import Array, NumericFunction
+
+TARGETS = (0.01, 0.001, 0.0001)
+"""Raw errors, relative to the amplitude, for which a step is told."""
+
+SAMPLES = 1000
+SMALL = 0.05
+"""Errors up to this share of the amplitude count as small: the expansion in h still leads there."""
+
+ROUNDING = 1e-10
+MOST_STEPS = 60_000
+
+
+@dataclass(frozen=True)
+class PlainRun:
+    """One run from start to end at one step, sampled.
+
+    Attributes:
+        h: step, seconds.
+        steps: steps taken.
+        t: sample times, (S,).
+        states: (S, 2n).
+        error: engine - reference, (S, 2n).
+        drift: largest constraint drift, in engine units.
+        energy: largest imbalance |E - E0 - supplied + dissipated| over the motion, joules.
+        energy_scale: largest energy exchanged or held, joules: what the imbalance is relative to.
+    """
+
+    h: float
+    steps: int
+    t: Array
+    states: Array
+    error: Array
+    drift: float
+    energy: float
+    energy_scale: float
+
+    @property
+    def finite(self) -> bool:
+        """Whether the run stayed finite throughout."""
+        return bool(np.isfinite(self.states).all())
+
+
+@dataclass(frozen=True)
+class Apart:
+    """An oscillation's error taken apart, by least squares on y, dy/dt, 1 and t times these.
+
+    For y = Re(a exp(s t)) + const these span every small change of a and s.
+
+    Attributes:
+        amplitude: relative error of the amplitude at the end.
+        phase: phase error at the end, rad; positive lags behind.
+        frequency: relative error of the frequency.
+        damping: error of the damping ratio.
+        explained: share of the mean square error that these four leave nothing of.
+    """
+
+    amplitude: float
+    phase: float
+    frequency: float
+    damping: float
+    explained: float
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the step costs.
+
+    Attributes:
+        shipped: run at the shipped step.
+        finer: runs at half, and where needed a quarter, of it.
+        raw_error: largest position error at the shipped step, relative to the amplitude.
+        order: observed order of the raw error between the two finest runs.
+        resolved_until: end of the stretch on which the order was read: errors are small there.
+        converges: whether the raw error falls with the claimed order.
+        apart: the error taken apart, for the position with the largest error; None where it is
+            not small.
+        steps_for: step that would give each of `TARGETS`, seconds; None where the order is unknown.
+        checked: (target, step, measured error) of the one prediction that was run.
+    """
+
+    shipped: PlainRun
+    finer: tuple[PlainRun, ...]
+    raw_error: float
+    order: float
+    resolved_until: float
+    converges: bool
+    apart: Apart | None
+    steps_for: tuple[float | None, ...]
+    checked: tuple[float, float, float] | None
+
+
+def plain_run(
+    model: Model, coordinates: CoordinateMap, motion: Motion, power: NumericFunction, h: float
+) -> PlainRun:
+    """Run a motion from start to end with step h."""
+    steps = int(math.floor(motion.duration / h * (1 + 1e-12)))
+    every = max(1, steps // SAMPLES)
+    steps -= steps % every
+    inputs = motion.inputs(h * np.arange(steps), slack=1e-6 * h)[None]
+    z, w = coordinates.to_engine(motion.start[:1])
+    zs, ws = model.rollout(z, w, h, steps, coordinates.force(inputs), every)
+    t = h * every * np.arange(steps // every + 1)
+    t = np.minimum(t, motion.duration)
+    reference = motion.at(t)
+    zs, ws = np.concatenate([z, zs[0]]), np.concatenate([w, ws[0]])
+    states = coordinates.from_engine(zs, ws, reference)
+    n = states.shape[1] // 2
+    balance = power(states[:, :n], states[:, n:], motion.inputs(t), t[:, None])
+    work = scipy.integrate.cumulative_simpson(balance[:, 1:].T, x=t, initial=0.0).T
+    change = balance[:, 0] - balance[0, 0]
+    imbalance = change - work[:, 0] + work[:, 1]
+    scale = max(float(np.ptp(balance[:, 0])), float(np.max(np.abs(work))), _swing(states, power, motion, t))
+    return PlainRun(
+        h, steps, t, states, states - reference, coordinates.drift(zs),
+        float(np.max(np.abs(imbalance))), scale,
+    )  # fmt: skip
+
+
+def _swing(states: Array, power: NumericFunction, motion: Motion, t: Array) -> float:
+    """Largest kinetic energy: what an undamped motion exchanges with its springs."""
+    n = states.shape[1] // 2
+    u = motion.inputs(t)
+    moving = power(states[:, :n], states[:, n:], u, t[:, None])[:, 0]
+    still = power(states[:, :n], 0 * states[:, n:], u, t[:, None])[:, 0]
+    return float(np.max(moving - still))
+
+
+def cost(
+    model: Model, coordinates: CoordinateMap, motion: Motion, power: NumericFunction,
+    amplitude: Array, claimed: int,
+) -> Cost:  # fmt: skip
+    """Run at the shipped step and its neighbours, and tell what the step costs.
+
+    Args:
+        amplitude: what errors are relative to, per component, (2n,).
+        claimed: order that the engine claims.
+    """
+    n = len(amplitude) // 2
+    size = amplitude[:n]
+
+    def run(h: float) -> PlainRun:
+        return plain_run(model, coordinates, motion, power, h)
+
+    shipped = run(model.step)
+    runs = [shipped, run(model.step / 2)]
+    raw = _largest(shipped, size)
+    order, until = _order(runs[0], runs[1], size)
+    # Half a step away from its claim, the error may not be small enough yet for the leading term.
+    while len(runs) < 4 and not _bears_out(order, claimed, runs[-1], size) and raw > ROUNDING:
+        runs.append(run(runs[-1].h / 2))
+        order, until = _order(runs[-2], runs[-1], size)
+    converges = shipped.finite and _bears_out(order, claimed, runs[-1], size)
+    predicted = tuple(_step_for(target, runs, size, motion) for target in TARGETS)
+    return Cost(
+        shipped, tuple(runs[1:]), raw, order, until, converges, _take_apart(shipped, motion, size),
+        predicted, _check(run, predicted, motion.duration, size),
+    )  # fmt: skip
+
+
+def _largest(run: PlainRun, size: Array) -> float:
+    value = float(np.max(np.abs(run.error[:, : len(size)]) / size))
+    return value if math.isfinite(value) else math.inf
+
+
+def _order(coarse: PlainRun, fine: PlainRun, size: Array) -> tuple[float, float]:
+    """Observed order of two runs, read where the finer one's error is still small."""
+    if not (coarse.finite and fine.finite):
+        return math.nan, 0.0
+    n = len(size)
+    until = min(coarse.t[-1], fine.t[-1])
+    for run in (coarse, fine):
+        large = np.any(np.abs(run.error[:, :n]) > SMALL * size, axis=1)
+        if large.any():
+            until = min(until, float(run.t[int(np.argmax(large))]))
+    errors = [
+        float(np.max(np.abs(run.error[run.t <= until, :n]) / size)) for run in (coarse, fine)
+    ]
+    if min(errors) == 0.0 or until == 0.0:
+        return math.nan, until
+    return math.log(errors[0] / errors[1]) / math.log(coarse.h / fine.h), until
+
+
+def _bears_out(order: float, claimed: int, finest: PlainRun, size: Array) -> bool:
+    if _largest(finest, size) <= ROUNDING:
+        return True
+    return order >= claimed - 0.3
+
+
+def _step_for(target: float, runs: list[PlainRun], size: Array, motion: Motion) -> float | None:
+    """The step of a target error: on the line through the runs' errors, log over log.
+
+    None while even the finest run's error is not small: the line has no meaning there.
+    """
+    points = [(run.h, _largest(run, size)) for run in runs]
+    if not all(0 < error < math.inf for _, error in points) or points[-1][1] > SMALL:
+        return None
+    pairs = list(zip(points, points[1:], strict=False))
+    coarse, fine = next((p for p in pairs if p[1][1] <= target), pairs[-1])
+    slope = math.log(coarse[1] / fine[1]) / math.log(coarse[0] / fine[0])
+    if slope < 0.3:
+        return None
+    return _handy(fine[0] * (target / fine[1]) ** (1 / slope), motion)
+
+
+def _handy(h: float, motion: Motion) -> float:
+    """A step no coarser than h that reaches every break of the input, or else has two digits.
+
+    A force that sets in between two steps would cost more than the step itself.
+    """
+    breaks = [Fraction(span.start).limit_denominator(10**6) for span in motion.spans[1:]]
+    if breaks:
+        grid = breaks[0]
+        for b in breaks[1:]:
+            grid = Fraction(
+                math.gcd(grid.numerator * b.denominator, b.numerator * grid.denominator),
+                grid.denominator * b.denominator,
+            )
+        return float(grid / math.ceil(grid / Fraction(h)))
+    digits = -math.floor(math.log10(h)) + 1
+    return math.floor(h * 10.0**digits) / 10.0**digits
+
+
+def _check(
+    run: Callable[[float], PlainRun], predicted: tuple[float | None, ...], duration: float, size: Array
+) -> tuple[float, float, float] | None:
+    """Run the finest predicted step that is cheap enough: (target, step, measured error)."""
+    for target, h in reversed(list(zip(TARGETS, predicted, strict=True))):
+        if h is not None and duration / h <= MOST_STEPS / 3:
+            measured = run(h)
+            return (target, h, _largest(measured, size)) if measured.finite else None
+    return None
+
+
+def _take_apart(run: PlainRun, motion: Motion, size: Array) -> Apart | None:
+    """Split the error of the worst position into amplitude and phase, and their growth."""
+    n = len(size)
+    if not run.finite or _largest(run, size) > 0.3:
+        return None
+    component = int(np.argmax(np.max(np.abs(run.error[:, :n]), axis=0) / size))
+    reference = motion.at(run.t)
+    y, rate = reference[:, component], reference[:, n + component]
+    wave = y - y.mean()
+    pace = float(np.sqrt(np.mean((rate - rate.mean()) ** 2) / max(np.mean(wave**2), 1e-300)))
+    t = run.t / run.t[-1]
+    basis = np.stack([wave, t * wave, -rate, -t * rate, np.ones_like(t), t], axis=1)
+    error = run.error[:, component]
+    fit, *_ = np.linalg.lstsq(basis, error, rcond=1e-10)
+    left = error - basis @ fit
+    total = float(np.sum(error**2))
+    return Apart(
+        amplitude=float(fit[0] + fit[1]),
+        phase=float((fit[2] + fit[3]) * pace),
+        frequency=float(-fit[3] / run.t[-1]),
+        damping=float(-fit[1] / run.t[-1] / pace) if pace > 0 else 0.0,
+        explained=1.0 - float(np.sum(left**2)) / total if total > 0 else 1.0,
+    )

@@ -1,0 +1,182 @@
+"""The way of the data, once through: folders -> reference -> engines -> verdicts -> results.
+
+    system.py --prepare--> reference motions --+
+                                               +--run_case--> verdicts --> results
+    model files and sidecars --plan--> tasks --+
+"""  # noqa: D214, D215
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from harness.case import CaseTask, TwinTask, run_case, run_twins
+from harness.engine import Engine
+from harness.engines import engines
+from harness.prepare import Prepared, prepare
+from harness.results import results
+from harness.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.verdict import Outcome
+from harness.workers import LIMIT, Failure, Workers
+
+Record = dict[str, Any]
+Progress = Callable[[int, int, Record | None], None]
+"""Called with (cases done, cases known, the case just done or None)."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What `crosscheck run` may be told."""
+
+    engines: tuple[str, ...] = ()
+    resolution: float = 1e-9
+    jobs: int = 0
+    limit: float = LIMIT
+
+
+def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record:
+    """Run every model of every folder in every scenario; returns the results.
+
+    A folder, model or case that can't be run is FAILED, with its reason; the others go on.
+    """
+    began = time.perf_counter()
+    known = engines()
+    cases: list[Record] = []
+    models: list[Record] = []
+    systems: list[Record] = []
+    total = 0
+    with Workers(options.jobs or os.cpu_count() or 1, options.limit) as workers:
+        waiting: dict[Future[Any], Record | Path] = {
+            workers.submit(prepare, folder): folder for folder in folders
+        }
+        while waiting:
+            done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                about, value = waiting.pop(future), workers.outcome(future)
+                finished: list[Record] = []
+                if isinstance(about, Path):
+                    if isinstance(value, Failure):
+                        finished = [_unprepared(about, value)]
+                    else:
+                        systems.append({**value.record, "folder": str(value.folder)})
+                        finished, started = _plan(value, known, options, workers, models)
+                        waiting |= started
+                        total += sum("scenario" in record for record in started.values())
+                    total += len(finished)
+                elif "scenario" in about:
+                    finished = [about | (_failed(value) if isinstance(value, Failure) else value)]
+                else:
+                    failed = isinstance(value, Failure)
+                    about |= {"linearization": [], "reason": value.reason} if failed else {"linearization": value}
+                for case in finished:
+                    cases.append(case)
+                    progress(len(cases), total, case)
+    order = {str(folder): i for i, folder in enumerate(folders)}
+    return results(
+        systems=sorted(systems, key=lambda s: order[s["folder"]]),
+        models=sorted(models, key=lambda m: (order[m["folder"]], m["model"], m["engine"])),
+        cases=sorted(cases, key=lambda c: (order[c["folder"]], c["model"], c["engine"], c["place"])),
+        engines={name: engine.version() for name, engine in known.items()},
+        resolution=options.resolution,
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _plan(
+    prepared: Prepared, known: dict[str, Engine], options: Options, workers: Workers,
+    models: list[Record],
+) -> tuple[list[Record], dict[Future[Any], Record | Path]]:  # fmt: skip
+    """Start every case of a folder; returns those that can't be started, and the started ones."""
+    ended: list[Record] = []
+    started: dict[Future[Any], Record | Path] = {}
+    for found in model_files(prepared.folder):
+        if isinstance(found, dict):
+            ended.append(found | {"system": prepared.system.name, "folder": str(prepared.folder)})
+            continue
+        for name in found.engines:
+            if options.engines and name not in options.engines:
+                continue
+            model = {
+                "system": prepared.system.name, "folder": str(prepared.folder),
+                "model": found.model.name, "engine": name,
+            }  # fmt: skip
+            hurdle = _hurdle(known, name, found)
+            for place, scenario in enumerate(prepared.system.scenarios):
+                case = model | {"scenario": scenario.name, "place": place}
+                if hurdle is not None:
+                    ended.append(case | hurdle)
+                    continue
+                task = CaseTask(
+                    prepared.system, found, name, scenario.name, prepared.motions[scenario.name],
+                    prepared.scales[scenario.name], prepared.amplitude, prepared.power,
+                    prepared.components, options.resolution,
+                )  # fmt: skip
+                started[workers.submit(run_case, task)] = case
+            if hurdle is None:
+                twins = TwinTask(
+                    prepared.system, found, name, prepared.equilibria, prepared.amplitude,
+                    prepared.push,
+                )  # fmt: skip
+                models.append(model | {"text": found.model.read_text("utf-8", errors="replace")})
+                started[workers.submit(run_twins, twins)] = models[-1]
+    return ended, started
+
+
+def model_files(folder: Path) -> Iterator[Sidecar | Record]:
+    """Every model file's sidecar; a record of failure for one that can't be read or has none."""
+    described = set()
+    for path in sorted(folder.glob("*.toml")):
+        described.add(path.with_suffix("").name)
+        try:
+            yield read_sidecar(path)
+        except SidecarError as error:
+            yield _not_run(path.with_suffix("").name, str(error))
+    for path in sorted(folder.iterdir()):
+        if path.suffix in (".xml", ".urdf") and path.name not in described:
+            yield _not_run(
+                path.name,
+                f"{path}: this model file has no sidecar; write {path.name}.toml with at least"
+                ' engines = ["mujoco"] (or the engines meant)',
+            )
+    if not described:
+        yield _not_run("-", f"{folder}: it has no model file with a sidecar, so nothing was run")
+
+
+def _hurdle(known: dict[str, Engine], name: str, sidecar: Sidecar) -> Record | None:
+    engine = known.get(name)
+    if engine is None:
+        names = ", ".join(sorted(known))
+        return _failed(Failure(f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}", ""))
+    if engine.version() is None:
+        return _empty() | {"outcome": str(Outcome.ABSENT), "reason": f"{name} is not installed"}
+    if sidecar.model.suffix not in engine.formats:
+        reads = ", ".join(engine.formats)
+        return _failed(Failure(f"{sidecar.model}: {name} reads {reads} files alone", ""))
+    return None
+
+
+def _unprepared(folder: Path, failure: Failure) -> Record:
+    return _not_run("system.py", failure.reason) | {
+        "system": folder.name, "folder": str(folder), "printed": failure.printed,
+    }  # fmt: skip
+
+
+def _not_run(model: str, reason: str) -> Record:
+    return {"model": model, "engine": "-", "scenario": "-", "place": 0} | _failed(Failure(reason, ""))
+
+
+def _failed(failure: Failure) -> Record:
+    return _empty() | {
+        "outcome": str(Outcome.FAILED), "reason": failure.reason, "printed": failure.printed,
+    }  # fmt: skip
+
+
+def _empty() -> Record:
+    """The fields of a case that was not judged."""
+    numbers = ("discrepancy", "uncertainty", "order", "shipped_step", "raw_error")
+    return dict.fromkeys(numbers) | {"component": "", "seconds": 0.0, "series": None}

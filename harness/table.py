@@ -1,0 +1,123 @@
+"""Results for the terminal: one row a model and engine, then every case that needs a look."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from harness.verdict import Outcome
+
+STYLES = {
+    "AGREES": "green", "ABSENT": "yellow", "UNRESOLVED": "magenta", "DIFFERS": "bold red",
+    "FAILED": "bold red reverse",
+}  # fmt: skip
+
+MOST_TOLD = 40
+
+
+def print_results(console: Console, found: Mapping[str, Any]) -> None:
+    """Print the table of models, then what does not agree, worst first, then the summary line."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("system", "model", "engine"):
+        table.add_column(name, no_wrap=True)
+    table.add_column("outcome", no_wrap=True)
+    for name in ("discrepancy", "uncertainty", "raw error", "at step", "order", "0.1 % at"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for cases in _groups(found["cases"]):
+        table.add_row(*_row(cases))
+    console.print(table)
+    _print_linear(console, found["models"])
+    troubled = [case for case in found["cases"] if case["outcome"] != "AGREES"]
+    troubled.sort(key=lambda case: (-Outcome(case["outcome"]).severity, -(case["discrepancy"] or 0)))
+    for case in troubled[:MOST_TOLD]:
+        console.print()
+        outcome = case["outcome"]
+        console.print(f"[{STYLES[outcome]}]{outcome}[/] {escape(case_id(case))}")
+        console.print(f"  {escape(case['reason'])}", soft_wrap=True)
+        for line in (case.get("printed") or "").splitlines()[-6:]:
+            console.print(f"  | {escape(line)}", soft_wrap=True)
+    if len(troubled) > MOST_TOLD:
+        console.print(f"\nand {len(troubled) - MOST_TOLD} more, in results.json")
+    console.print()
+    console.print(summary(found))
+
+
+def summary(found: Mapping[str, Any]) -> str:
+    """One line: how many of each outcome, and how long it took."""
+    counts = Counter(case["outcome"] for case in found["cases"])
+    parts = [f"{counts[o]} {o}" for o in Outcome if counts[o]]
+    agreeing = [case for case in found["cases"] if case["outcome"] == "AGREES"]
+    worst = max((max(c["discrepancy"], c["uncertainty"]) for c in agreeing), default=None)
+    tail = f"; all that agree do so to {worst:.1e}" if worst is not None else ""
+    return f"{len(found['cases'])} cases: {', '.join(parts)}{tail}; {found['seconds']:.1f} s"
+
+
+def case_id(case: Mapping[str, Any]) -> str:
+    """Readable name of a case, the same everywhere."""
+    return f"{case['system']}/{case['model']}/{case['scenario']} [{case['engine']}]"
+
+
+def line(done: int, total: int, case: Mapping[str, Any]) -> str:
+    """One plain line for a finished case, for logs."""
+    value = case["discrepancy"]
+    number = f"  E {value:.1e}  U {case['uncertainty'] or float('inf'):.1e}" if value is not None else ""
+    return f"[{done}/{total}] {case['outcome']:<10} {case_id(case)}{number}"
+
+
+def _groups(cases: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
+    def key(case: Mapping[str, Any]) -> tuple[str, str, str]:
+        return case["system"], case["model"], case["engine"]
+
+    return [list(group) for _, group in itertools.groupby(cases, key)]
+
+
+def _row(cases: list[Mapping[str, Any]]) -> list[str]:
+    counts = Counter(case["outcome"] for case in cases)
+    outcome = ", ".join(
+        f"[{STYLES[o]}]{counts[o]} {o}[/]" for o in reversed(Outcome) if counts[o]
+    )
+    first = cases[0]
+    tenth = [s["step"] for c in cases for s in c.get("steps_for", ()) if s["target"] == 0.001]
+    return [
+        escape(first["system"]), escape(first["model"]), escape(first["engine"]), outcome,
+        _most(cases, "discrepancy", "{:.1e}"), _most(cases, "uncertainty", "{:.1e}"),
+        _most(cases, "raw_error", "{:.2%}"), _most(cases, "shipped_step", "{:g} s"),
+        _range([c["raw_order"] for c in cases if c.get("raw_order") is not None]),
+        f"{min(tenth):.2g} s" if tenth and None not in tenth else "-",
+    ]  # fmt: skip
+
+
+def _most(cases: list[Mapping[str, Any]], key: str, form: str) -> str:
+    values = [case[key] for case in cases if case.get(key) is not None]
+    return form.format(max(values)) if values else "-"
+
+
+def _range(values: list[float]) -> str:
+    if not values:
+        return "-"
+    low, high = f"{min(values):.1f}", f"{max(values):.1f}"
+    return low if low == high else f"{low}-{high}"
+
+
+def _print_linear(console: Console, models: Sequence[Mapping[str, Any]]) -> None:
+    errors = [
+        (max(one["A_error"], one["B_error"]), model, one)
+        for model in models
+        for one in model.get("linearization") or ()
+        if one["A_error"] is not None
+    ]
+    if not errors:
+        return
+    worst, model, one = max(errors, key=lambda entry: entry[0])
+    console.print(
+        f"\n{len(errors)} linearizations by the engines; A and B equal Taylor's to {worst:.1e} of the"
+        f" largest entry, worst in {escape(model['system'])}/{escape(model['model'])}"
+        f" [{model['engine']}] about {escape(one['equilibrium'])!r}.".replace("[", r"\["),
+        soft_wrap=True,
+    )

@@ -1,0 +1,131 @@
+"""Persistent worker processes: one task at a time each, with a time limit, and replaceable.
+
+A worker that crashes, hangs or blows up is killed and replaced; the tasks beside it and after it
+go on (pebble's pool; a ProcessPoolExecutor would lose every pending task to one segfault).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import pebble
+
+LIMIT = 120.0
+"""Seconds that a task may take unless told otherwise."""
+
+MOST_PRINTED = 4000
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a task has no value: one sentence, and what was printed meanwhile."""
+
+    reason: str
+    printed: str
+
+
+class Workers:
+    """A pool of worker processes; use it as a context manager."""
+
+    def __init__(self, jobs: int, limit: float = LIMIT) -> None:
+        method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+        context = multiprocessing.get_context(method)
+        if method == "forkserver":
+            context.set_forkserver_preload(["harness.case", "harness.prepare"])
+        self._limit = limit
+        self._pool = pebble.ProcessPool(max_workers=jobs, context=context)
+        self._logs = Path(tempfile.mkdtemp(prefix="crosscheck-"))
+        self._count = 0
+
+    def submit(self, function: Callable[[Any], Any], argument: Any) -> Future[Any]:
+        """Start a task; `outcome` turns the finished future into a value or a `Failure`."""
+        self._count += 1
+        log = self._logs / f"{self._count}.log"
+        future: Future[Any] = self._pool.schedule(
+            _captured, args=[function, argument, str(log)], timeout=self._limit
+        )
+        future.log = log  # type: ignore[attr-defined]  # travels with the future it belongs to
+        return future
+
+    def outcome(self, future: Future[Any]) -> Any:
+        """Value of a finished task, or a `Failure` that says what became of it."""
+        log: Path = future.log  # type: ignore[attr-defined]  # set by submit
+        try:
+            return future.result()
+        except TimeoutError:
+            reason = f"it took more than the {self._limit:g} s allowed and was stopped"
+        except pebble.ProcessExpired as error:
+            how = _signal(error.exitcode)
+            reason = f"the engine's process died ({how}); the cases beside it are not affected"
+        except Exception as error:
+            # The worker's own errors carry a sentence; anything else is told with its kind.
+            known = type(error).__module__.startswith(("harness.", "reference."))
+            reason = str(error) if known else f"{type(error).__name__}: {error}"
+        return Failure(reason, _tail(log))
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self._pool.close()
+        else:
+            self._pool.stop()
+        self._pool.join()
+        for log in self._logs.glob("*.log"):
+            log.unlink()
+        self._logs.rmdir()
+
+
+def _captured(function: Callable[[Any], Any], argument: Any, log: str) -> Any:
+    """Run a task with everything printed, C code included, going to a file."""
+    with _into(log):
+        return function(argument)
+
+
+@contextlib.contextmanager
+def _into(log: str) -> Iterator[None]:
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [os.dup(1), os.dup(2)]
+    target = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    try:
+        os.dup2(target, 1)
+        os.dup2(target, 2)
+        yield
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os.dup2(kept[0], 1)
+        os.dup2(kept[1], 2)
+        for descriptor in (*kept, target):
+            os.close(descriptor)
+
+
+def _signal(code: int) -> str:
+    import signal
+
+    if code is not None and code < 0:
+        with contextlib.suppress(ValueError):
+            return signal.Signals(-code).name
+    return f"exit code {code}"
+
+
+def _tail(log: Path) -> str:
+    try:
+        text = log.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    return text.strip()[-MOST_PRINTED:]
