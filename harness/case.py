@@ -69,7 +69,7 @@ def run_case(task: CaseTask) -> dict[str, Any]:
     """Run and judge one case; returns the fields of its record that a run determines.
 
     Raises:
-        EngineError, SidecarError, BlownUp: the case is FAILED with that message.
+        EngineError, SidecarError, BlownUpError: the case is FAILED with that message.
     """
     began = time.perf_counter()
     model, coordinates = load(task.system, task.sidecar, task.engine)
@@ -127,7 +127,8 @@ def _cost_record(lived: Cost) -> dict[str, Any]:
             "damping": apart.damping, "explained": apart.explained,
         },
         "steps_for": [
-            {"target": target, "step": step} for target, step in zip(TARGETS, lived.steps_for, strict=True)
+            {"target": target, "step": step}
+            for target, step in zip(TARGETS, lived.steps_for, strict=True)
         ],
         "checked_step": None if lived.checked is None else dict(
             zip(("target", "step", "measured"), lived.checked, strict=True)
@@ -137,9 +138,7 @@ def _cost_record(lived: Cost) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _series(
-    task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array
-) -> dict[str, Any]:
+def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) -> dict[str, Any]:
     motion, shipped = task.motion, lived.shipped
     picked = np.unique(np.linspace(0, len(shipped.t) - 1, SERIES).astype(int))
     t = shipped.t[picked]

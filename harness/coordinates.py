@@ -59,7 +59,7 @@ class CoordinateMap:
         return self.forward(q), np.einsum("bzn,bn->bz", slope, v)
 
     def from_engine(self, z: Array, w: Array, near: Array) -> Array:
-        """Engine positions and velocities (B, nz) as states (B, 2n); angles are taken near `near`."""
+        """Engine positions and velocities (B, nz) as states (B, 2n), angles taken near `near`."""
         q = self.back(z)
         n = q.shape[1]
         for i, periodic in enumerate(self.periodic):
@@ -73,7 +73,7 @@ class CoordinateMap:
         return float(np.max(np.abs(z - self.forward(self.back(z))), initial=0.0))
 
     def grain(self, z: Array, w: Array) -> Array:
-        """What one unit of relative rounding in every engine coordinate moves, per component (2n,)."""
+        """How far one unit of relative rounding in z moves each component, (2n,)."""
         n = self.back.size
         slope = np.abs(self.back_slope(z)).reshape(len(z), n, -1)
         moved = [np.max(np.einsum("bnz,bz->bn", slope, np.abs(a)), axis=0) for a in (z, w)]

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -33,9 +34,7 @@ def exact_weights(rungs: tuple[int, ...], lead: int, increment: int) -> tuple[Fr
     """
     size = len(rungs)
     exponents = [0, *(lead + increment * i for i in range(size - 1))]
-    rows = [
-        [Fraction(1, n**e) for n in rungs] + [Fraction(int(e == 0))] for e in exponents
-    ]
+    rows = [[Fraction(1, n**e) for n in rungs] + [Fraction(int(e == 0))] for e in exponents]
     for column in range(size):
         pivot = next(r for r in range(column, size) if rows[r][column])
         rows[column], rows[pivot] = rows[pivot], rows[column]
@@ -78,8 +77,9 @@ class Limit:
 
 
 def limits(
-    values: list[Array], rungs: tuple[int, ...], exponents: tuple[int, int], scale: Array, grain: Array
-) -> Limit:
+    values: list[Array], rungs: tuple[int, ...], exponents: tuple[int, int], scale: Array,
+    grain: Array,
+) -> Limit:  # fmt: skip
     """Extrapolate raw values of the rungs and judge the result.
 
     U_m = 2.5 E_m sqrt(max(r_m, r_(m-1))) + 3 eps sum |w_i| sqrt(n_i) grain, where T_m is the limit
@@ -99,7 +99,7 @@ def limits(
         np.tensordot(weights(rungs[:m], exponents), stack[:m], axes=1)
         for m in range(1, len(rungs) + 1)
     ]
-    steps = [np.abs(b - a) for a, b in zip(estimates, estimates[1:], strict=False)]
+    steps = [np.abs(b - a) for a, b in pairwise(estimates)]
     draws = np.array([float(np.max(step / scale)) for step in steps])
     smooth = [_neighbourhood(step) for step in steps]
     best: tuple[float, int, Array] | None = None

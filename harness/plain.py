@@ -1,4 +1,4 @@
-"""What a user lives with: plain runs at the shipped step and its neighbours, held against the motion."""
+"""What a user lives with: plain runs at the shipped step and its neighbours, and their error."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import scipy.integrate
@@ -109,14 +110,14 @@ def plain_run(
     model: Model, coordinates: CoordinateMap, motion: Motion, power: NumericFunction, h: float
 ) -> PlainRun:
     """Run a motion from start to end with step h."""
-    steps = int(math.floor(motion.duration / h * (1 + 1e-12)))
+    steps = math.floor(motion.duration / h * (1 + 1e-12))
     every = max(1, steps // SAMPLES)
     steps -= steps % every
-    inputs = motion.inputs(h * np.arange(steps), slack=1e-6 * h)[None]
+    inputs = motion.inputs(h * np.arange(steps, dtype=np.float64), slack=1e-6 * h)[None]
     z, w = coordinates.to_engine(motion.start[:1])
     zs, ws = model.rollout(z, w, h, steps, coordinates.force(inputs), every)
-    t = h * every * np.arange(steps // every + 1)
-    t = np.minimum(t, motion.duration)
+    grid: Array = h * every * np.arange(steps // every + 1, dtype=np.float64)
+    t: Array = np.minimum(grid, motion.duration)
     reference = motion.at(t)
     zs, ws = np.concatenate([z, zs[0]]), np.concatenate([w, ws[0]])
     states = coordinates.from_engine(zs, ws, reference)
@@ -125,7 +126,8 @@ def plain_run(
     work = scipy.integrate.cumulative_simpson(balance[:, 1:].T, x=t, initial=0.0).T
     change = balance[:, 0] - balance[0, 0]
     imbalance = change - work[:, 0] + work[:, 1]
-    scale = max(float(np.ptp(balance[:, 0])), float(np.max(np.abs(work))), _swing(states, power, motion, t))
+    exchanged = float(np.ptp(balance[:, 0])), float(np.max(np.abs(work)))
+    scale = max(*exchanged, _swing(states, power, motion, t))
     return PlainRun(
         h, steps, t, states, states - reference, coordinates.drift(zs),
         float(np.max(np.abs(imbalance))), scale,
@@ -188,9 +190,7 @@ def _order(coarse: PlainRun, fine: PlainRun, size: Array) -> tuple[float, float]
         large = np.any(np.abs(run.error[:, :n]) > SMALL * size, axis=1)
         if large.any():
             until = min(until, float(run.t[int(np.argmax(large))]))
-    errors = [
-        float(np.max(np.abs(run.error[run.t <= until, :n]) / size)) for run in (coarse, fine)
-    ]
+    errors = [float(np.max(np.abs(run.error[run.t <= until, :n]) / size)) for run in (coarse, fine)]
     if min(errors) == 0.0 or until == 0.0:
         return math.nan, until
     return math.log(errors[0] / errors[1]) / math.log(coarse.h / fine.h), until
@@ -210,7 +210,7 @@ def _step_for(target: float, runs: list[PlainRun], size: Array, motion: Motion) 
     points = [(run.h, _largest(run, size)) for run in runs]
     if not all(0 < error < math.inf for _, error in points) or points[-1][1] > SMALL:
         return None
-    pairs = list(zip(points, points[1:], strict=False))
+    pairs = list(pairwise(points))
     coarse, fine = next((p for p in pairs if p[1][1] <= target), pairs[-1])
     slope = math.log(coarse[1] / fine[1]) / math.log(coarse[0] / fine[0])
     if slope < 0.3:
@@ -237,8 +237,9 @@ def _handy(h: float, motion: Motion) -> float:
 
 
 def _check(
-    run: Callable[[float], PlainRun], predicted: tuple[float | None, ...], duration: float, size: Array
-) -> tuple[float, float, float] | None:
+    run: Callable[[float], PlainRun], predicted: tuple[float | None, ...], duration: float,
+    size: Array,
+) -> tuple[float, float, float] | None:  # fmt: skip
     """Run the finest predicted step that is cheap enough: (target, step, measured error)."""
     for target, h in reversed(list(zip(TARGETS, predicted, strict=True))):
         if h is not None and duration / h <= MOST_STEPS / 3:

@@ -104,7 +104,8 @@ def read_results(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ResultsError(f"{path}: can't be read: {error.strerror}; run `crosscheck run` first") from None
+        reason = f"can't be read: {error.strerror}; run `crosscheck run` first"
+        raise ResultsError(f"{path}: {reason}") from None
     except ValueError as error:
         raise ResultsError(f"{path}: no JSON: {error}; run `crosscheck run` again") from None
     if not isinstance(found, dict) or found.get("schema") != SCHEMA:

@@ -1,9 +1,9 @@
 """The way of the data, once through: folders -> reference -> engines -> verdicts -> results.
 
-    system.py --prepare--> reference motions --+
-                                               +--run_case--> verdicts --> results
-    model files and sidecars --plan--> tasks --+
-"""  # noqa: D214, D215
+system.py --prepare--> reference motions --+
+                                           +--run_case--> verdicts --> results
+model files and sidecars --plan--> tasks --+
+"""
 
 from __future__ import annotations
 
@@ -66,25 +66,34 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
                         systems.append({**value.record, "folder": str(value.folder)})
                         finished, started = _plan(value, known, options, workers, models)
                         waiting |= started
-                        total += sum("scenario" in record for record in started.values())
+                        total += len(_cases(started))
                     total += len(finished)
+                elif isinstance(value, Failure):
+                    if "scenario" in about:
+                        finished = [about | _failed(value)]
+                    else:
+                        about |= {"linearization": [], "reason": value.reason}
                 elif "scenario" in about:
-                    finished = [about | (_failed(value) if isinstance(value, Failure) else value)]
+                    finished = [about | value]
                 else:
-                    failed = isinstance(value, Failure)
-                    about |= {"linearization": [], "reason": value.reason} if failed else {"linearization": value}
+                    about["linearization"] = value
                 for case in finished:
                     cases.append(case)
                     progress(len(cases), total, case)
     order = {str(folder): i for i, folder in enumerate(folders)}
+    cases.sort(key=lambda c: (order[c["folder"]], c["model"], c["engine"], c["place"]))
     return results(
         systems=sorted(systems, key=lambda s: order[s["folder"]]),
         models=sorted(models, key=lambda m: (order[m["folder"]], m["model"], m["engine"])),
-        cases=sorted(cases, key=lambda c: (order[c["folder"]], c["model"], c["engine"], c["place"])),
+        cases=cases,
         engines={name: engine.version() for name, engine in known.items()},
         resolution=options.resolution,
         seconds=time.perf_counter() - began,
     )
+
+
+def _cases(started: dict[Future[Any], Record | Path]) -> list[Record]:
+    return [r for r in started.values() if isinstance(r, dict) and "scenario" in r]
 
 
 def _plan(
@@ -151,7 +160,8 @@ def _hurdle(known: dict[str, Engine], name: str, sidecar: Sidecar) -> Record | N
     engine = known.get(name)
     if engine is None:
         names = ", ".join(sorted(known))
-        return _failed(Failure(f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}", ""))
+        reason = f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}"
+        return _failed(Failure(reason, ""))
     if engine.version() is None:
         return _empty() | {"outcome": str(Outcome.ABSENT), "reason": f"{name} is not installed"}
     if sidecar.model.suffix not in engine.formats:
@@ -167,7 +177,8 @@ def _unprepared(folder: Path, failure: Failure) -> Record:
 
 
 def _not_run(model: str, reason: str) -> Record:
-    return {"model": model, "engine": "-", "scenario": "-", "place": 0} | _failed(Failure(reason, ""))
+    case = {"model": model, "engine": "-", "scenario": "-", "place": 0}
+    return case | _failed(Failure(reason, ""))
 
 
 def _failed(failure: Failure) -> Record:

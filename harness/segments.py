@@ -16,7 +16,7 @@ ENOUGH = 2e-3
 """Rungs are added until the uncertainty is this share of the resolution, or stops falling."""
 
 
-class BlownUp(RuntimeError):
+class BlownUpError(RuntimeError):
     """An engine returned values that are not finite."""
 
 
@@ -43,7 +43,7 @@ def extrapolate(
     """Run every segment of a motion on rung after rung, and take the limit.
 
     Raises:
-        BlownUp: where the engine returns values that are not finite.
+        BlownUpError: where the engine returns values that are not finite.
     """
     varying = not all(span.constant_input for span in motion.spans)
     exponents = model.exponents(varying)
@@ -51,14 +51,14 @@ def extrapolate(
     grain = coordinates.grain(z, w)
     # A velocity is moved by what rounding the positions does to the forces, over a segment.
     n = len(grain) // 2
-    grain[n:] += grain[:n] * motion.fastest
+    grain[n:] += grain[:n] * motion.fastest**2 * float(np.max(motion.lengths))
     values: list[Array] = []
     steps = 0
     limit: Limit | None = None
     for count, rung in enumerate(RUNGS, start=1):
         ends = run_rung(model, coordinates, motion, z, w, rung)
         if not np.isfinite(ends).all():
-            raise BlownUp(_where(motion, ends, rung))
+            raise BlownUpError(_where(motion, ends, rung))
         values.append(ends)
         steps += rung * len(ends)
         if count < FIRST_JUDGED:

@@ -32,9 +32,11 @@ def print_results(console: Console, found: Mapping[str, Any]) -> None:
     for cases in _groups(found["cases"]):
         table.add_row(*_row(cases))
     console.print(table)
+    if any("*" in row for row in table.columns[-1].cells):
+        console.print("* one of the motions is too sensitive for a step to be told", style="dim")
     _print_linear(console, found["models"])
     troubled = [case for case in found["cases"] if case["outcome"] != "AGREES"]
-    troubled.sort(key=lambda case: (-Outcome(case["outcome"]).severity, -(case["discrepancy"] or 0)))
+    troubled.sort(key=lambda c: (-Outcome(c["outcome"]).severity, -(c["discrepancy"] or 0)))
     for case in troubled[:MOST_TOLD]:
         console.print()
         outcome = case["outcome"]
@@ -66,7 +68,9 @@ def case_id(case: Mapping[str, Any]) -> str:
 def line(done: int, total: int, case: Mapping[str, Any]) -> str:
     """One plain line for a finished case, for logs."""
     value = case["discrepancy"]
-    number = f"  E {value:.1e}  U {case['uncertainty'] or float('inf'):.1e}" if value is not None else ""
+    number = ""
+    if value is not None:
+        number = f"  E {value:.1e}  U {case['uncertainty'] or float('inf'):.1e}"
     return f"[{done}/{total}] {case['outcome']:<10} {case_id(case)}{number}"
 
 
@@ -79,17 +83,16 @@ def _groups(cases: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]
 
 def _row(cases: list[Mapping[str, Any]]) -> list[str]:
     counts = Counter(case["outcome"] for case in cases)
-    outcome = ", ".join(
-        f"[{STYLES[o]}]{counts[o]} {o}[/]" for o in reversed(Outcome) if counts[o]
-    )
+    outcome = ", ".join(f"[{STYLES[o]}]{counts[o]} {o}[/]" for o in reversed(Outcome) if counts[o])
     first = cases[0]
-    tenth = [s["step"] for c in cases for s in c.get("steps_for", ()) if s["target"] == 0.001]
+    steps = [s["step"] for c in cases for s in c.get("steps_for", ()) if s["target"] == 0.001]
+    tenth = [step for step in steps if step is not None]
     return [
         escape(first["system"]), escape(first["model"]), escape(first["engine"]), outcome,
         _most(cases, "discrepancy", "{:.1e}"), _most(cases, "uncertainty", "{:.1e}"),
         _most(cases, "raw_error", "{:.2%}"), _most(cases, "shipped_step", "{:g} s"),
         _range([c["raw_order"] for c in cases if c.get("raw_order") is not None]),
-        f"{min(tenth):.2g} s" if tenth and None not in tenth else "-",
+        f"{min(tenth):.2g} s" + "*" * (len(tenth) < len(steps)) if tenth else "-",
     ]  # fmt: skip
 
 
@@ -115,9 +118,9 @@ def _print_linear(console: Console, models: Sequence[Mapping[str, Any]]) -> None
     if not errors:
         return
     worst, model, one = max(errors, key=lambda entry: entry[0])
+    where = f"{model['system']}/{model['model']} [{model['engine']}] about {one['equilibrium']}"
     console.print(
-        f"\n{len(errors)} linearizations by the engines; A and B equal Taylor's to {worst:.1e} of the"
-        f" largest entry, worst in {escape(model['system'])}/{escape(model['model'])}"
-        f" [{model['engine']}] about {escape(one['equilibrium'])!r}.".replace("[", r"\["),
+        f"\nThe engines' own linearizations, {len(errors)} of them, equal Taylor's A and B to"
+        f" {worst:.1e} of the largest entry (worst: {escape(where)}).",
         soft_wrap=True,
     )

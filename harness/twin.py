@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 import scipy.optimize
+from numpy.typing import NDArray
 
 from harness.coordinates import CoordinateMap
 from harness.engine import Model
@@ -77,11 +78,12 @@ def twin(
     found_a, found_b = generator[:size, :size], generator[:size, size:]
     frequencies = fastest * np.geomspace(0.05, 5.0, 120)
     # Off the imaginary axis by a little: undamped poles lie on it.
-    line = 1j * frequencies + 0.02 * fastest
+    line = (1j * frequencies + 0.02 * fastest).astype(np.complex128)
     ours = _response(found_a, found_b, taylor["Cy"], taylor["D"], line)
     theirs = _response(a, b, taylor["Cy"], taylor["D"], line)
+    axis = (1j * frequencies).astype(np.complex128)
     on_axis = [
-        np.abs(_response(m, n, taylor["Cy"], taylor["D"], 1j * frequencies))
+        np.abs(_response(m, n, taylor["Cy"], taylor["D"], axis))
         for m, n in ((found_a, found_b), (a, b))
     ]
     poles, taylor_poles, shapes = _pair(found_a, a)
@@ -97,7 +99,7 @@ def _transition(
     model: Model, coordinates: CoordinateMap, position: Array, length: float, amplitude: Array,
     push: Array,
 ) -> Array:  # fmt: skip
-    """exp([[A, B], [0, 0]] length), from central differences extrapolated in their size and in h."""
+    """exp([[A, B], [0, 0]] length), from central differences, extrapolated in size and in h."""
     size = len(amplitude)
     origin = np.concatenate([position, np.zeros(size - len(position))])
     deltas = LARGEST * np.concatenate([np.minimum(amplitude, 1.0), push])
@@ -126,7 +128,10 @@ def _transition(
     return matrix
 
 
-def _response(a: Array, b: Array, c: Array, d: Array, line: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+Complex = NDArray[np.complex128]
+
+
+def _response(a: Array, b: Array, c: Array, d: Array, line: Complex) -> Complex:
     identity = np.eye(len(a))
     return np.array([c @ np.linalg.solve(s * identity - a, b) + d for s in line])
 
@@ -154,9 +159,10 @@ def _pair(found: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[compl
             continue
         parallel = abs(np.vdot(vectors[:, row], target_vectors[:, column])) ** 2
         least = min(least, float(parallel))
-    order = sorted(range(len(rows)), key=lambda i: (abs(targets[columns[i]]), targets[columns[i]].imag))
+    wanted_poles = targets[columns]
+    order = sorted(range(len(rows)), key=lambda i: (abs(wanted_poles[i]), wanted_poles[i].imag))
     return (
         tuple(complex(values[rows[i]]) for i in order),
-        tuple(complex(targets[columns[i]]) for i in order),
+        tuple(complex(wanted_poles[i]) for i in order),
         least,
     )

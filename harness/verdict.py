@@ -74,8 +74,9 @@ def component_scale(motion: Motion, others: list[Motion]) -> Array:
 
 
 def judge(
-    limit: Limit, motion: Motion, scale: Array, names: tuple[str, ...], claimed: int, resolution: float
-) -> Verdict:
+    limit: Limit, motion: Motion, scale: Array, names: tuple[str, ...], claimed: int,
+    resolution: float,
+) -> Verdict:  # fmt: skip
     """Judge the extrapolated segments of one scenario.
 
     A segment differs where its defect exceeds its own uncertainty; a segment that could not be
@@ -113,9 +114,7 @@ def judge(
                 f" t = {motion.t[segment]:.4g} s, where {resolution:.0e} was asked:"
                 " the motion is not smooth there, or the step is too coarse for it"
             )
-    return Verdict(
-        outcome, e, u, names[component], float(motion.t[segment]), limit.order, reason
-    )
+    return Verdict(outcome, e, u, names[component], float(motion.t[segment]), limit.order, reason)
 
 
 def _no_digit(

@@ -15,9 +15,7 @@ import numpy as np
 from reference.linearize import Linearization
 from reference.motion import NODES, Span, chebyshev_nodes
 from reference.numeric import Array
-from reference.signal import Generator, Piece
-
-DIGITS = 40
+from reference.signal import DIGITS, Generator, Piece
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,8 @@ class Equations:
     @cached_property
     def acceleration(self) -> sp.ImmutableMatrix:
         """a = M^-1 f, symbolic."""
-        return sp.ImmutableMatrix(self.mass.inv() * self.force)
+        # By the adjugate: elimination simplifies at every pivot, minutes for three coordinates.
+        return sp.ImmutableMatrix(self.mass.adjugate() * self.force / self.mass.det())
 
     @cached_property
     def first_order(self) -> sp.ImmutableMatrix:
@@ -53,10 +54,16 @@ class Equations:
     def energy_balance(self) -> sp.Expr:
         """dE/dt - supplied + dissipated along the motion: zero, unless T or V depend on t."""
         system = self.system
-        rate = sp.diff(self.energy, t)
-        for q, v, a in zip(system.q, system.v, self.acceleration, strict=True):
-            rate += sp.diff(self.energy, q) * v + sp.diff(self.energy, v) * a
-        return sp.simplify(rate - self.supplied + self.dissipated)
+        rate = sp.diff(self.energy, t) - self.supplied + self.dissipated
+        for q, v, a, left in zip(system.q, system.v, system.a, self.residual, strict=True):
+            # The residual is zero along the motion; v times it takes the accelerations out.
+            rate += sp.diff(self.energy, q) * v + sp.diff(self.energy, v) * a - v * left
+        balance = sp.simplify(sp.expand(rate))
+        if balance.free_symbols & {*system.a}:
+            balance = sp.simplify(
+                balance.xreplace(dict(zip(system.a, self.acceleration, strict=True)))
+            )
+        return balance
 
     @cached_property
     def numeric_acceleration(self) -> NumericFunction:

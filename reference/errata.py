@@ -76,10 +76,8 @@ def _compare(
                 best = (size, candidate, left)
     assert best is not None  # there is always a reading and a candidate
     size, candidate, left = best
-    if size:
-        verdict = DIFFERS
-    else:
-        verdict = UP_TO_SIGNS if "±" in printed.text else AGREES
+    agreement = UP_TO_SIGNS if "±" in printed.text else AGREES
+    verdict = DIFFERS if size else agreement
     shown = f"{sp.sstr(candidate)} = 0" if motion else sp.sstr(candidate)
     return Erratum(printed, verdict, shown, sp.sstr(sp.expand(left)) if size else "")
 

@@ -100,8 +100,9 @@ def solve_numerically(
     size = np.max(np.abs(end), axis=0)
     n = len(size) // 2
     sizes = np.concatenate([np.full(n, size[:n].max()), np.full(n, size[n:].max())])
-    if np.any(apart > AGREEMENT * np.maximum(sizes, 1e-300)):
-        worst = int(np.argmax(apart / sizes))
+    allowed = AGREEMENT * np.maximum(sizes, 1e-300)
+    if not np.all(apart <= allowed):  # so that nan is refused as well
+        worst = int(np.argmax(apart / allowed))
         raise ReferenceError(
             f"two integrations of component {worst} are {apart[worst]:.1e} apart over a segment"
         )
@@ -199,8 +200,11 @@ def _taylor_series(
 
     system = equations.system
     inputs = dict(zip(system.u, piece.expressions, strict=True))
-    # from_sympy refuses rationals: the constants and every number go in as floats.
-    right = [sp.sympify(e).xreplace(system.values).xreplace(inputs).evalf(17)
+    # from_sympy refuses rationals: every number goes in as a float. evalf alone would leave those
+    # within a function's argument, such as sin((4 + t/3)*t).
+    right = [sp.sympify(e).xreplace(system.values).xreplace(inputs).evalf(17).replace(
+                 lambda part: part.is_number and part.is_real and not part.is_Integer,
+                 lambda part: sp.Float(part, 17))
              for e in equations.first_order]  # fmt: skip
     names = {t: hy.time}
     converted = [hy.from_sympy(e, names) if e.free_symbols else hy.expression(float(e))
@@ -214,6 +218,9 @@ def _taylor_series(
     for i, (time, state) in enumerate(zip(times, states, strict=True)):
         integrator.time = time
         integrator.state[:] = state
-        integrator.propagate_until(time + length)
+        # `propagate_for` keeps time in two doubles; time + length would be rounded late in a motion.
+        outcome = integrator.propagate_for(length)[0]
+        if outcome != hy.taylor_outcome.time_limit:
+            raise ReferenceError(f"heyoka stops within the segment from {time:g} s: {outcome}")
         ends[i] = integrator.state
     return ends

@@ -63,7 +63,9 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
     mass = evaluate(sp.Matrix(equations.mass))
     damping = evaluate(-force.jacobian(system.v))
     stiffness = evaluate(-force.jacobian(system.q))
-    pushes = evaluate(force.jacobian(system.u)) if system.u else sp.ImmutableMatrix.zeros(len(at), 0)
+    pushes = (
+        evaluate(force.jacobian(system.u)) if system.u else sp.ImmutableMatrix.zeros(len(at), 0)
+    )
     seen = evaluate(outputs.jacobian((*system.q, *system.v)))
     through = (
         evaluate(outputs.jacobian(system.u))
@@ -73,7 +75,8 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
     with mp.workdps(DIGITS):
         values = system.values
         m, c, k, f, cy, d = (
-            to_mp(matrix.subs(values)) for matrix in (mass, damping, stiffness, pushes, seen, through)
+            to_mp(matrix.subs(values))
+            for matrix in (mass, damping, stiffness, pushes, seen, through)
         )
         inverse = m**-1
         n, inputs = len(at), f.cols
@@ -123,7 +126,7 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
 
 
 def _recognized(root: mp.mpf) -> sp.Expr:
-    """Return 0 or a multiple of pi/2 where the root is that to 40 digits, else a 40-digit number."""
+    """Return 0 or a multiple of pi/2 where the root is that to 40 digits, else the root."""
     halves = mp.nint(2 * root / mp.pi)
     if abs(root - halves * mp.pi / 2) < mp.mpf(10) ** -40:
         return sp.pi * sp.Rational(int(halves), 2)
@@ -136,9 +139,7 @@ def taylor(expression: sp.Expr, point: Mapping[sp.Symbol, sp.Expr], order: int) 
     moved = expression.subs(
         {symbol: at + step * (symbol - at) for symbol, at in point.items()}, simultaneous=True
     )
-    terms = [
-        sp.diff(moved, step, i).subs(step, 0) / sp.factorial(i) for i in range(order + 1)
-    ]
+    terms = [sp.diff(moved, step, i).subs(step, 0) / sp.factorial(i) for i in range(order + 1)]
     return sp.Add(*terms)
 
 

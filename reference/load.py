@@ -26,7 +26,8 @@ def load_system(folder: Path) -> System:
     digest = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
     name = f"_crosscheck_system_{digest}"
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None  # a .py path always has a loader
+    assert spec is not None  # a .py path always has a loader
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
@@ -54,5 +55,7 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, DeclarationError):
         return str(error)
     if isinstance(error, TypeError) and "missing" in str(error):
-        return str(error).replace(".__init__()", "").replace("required positional argument", "field")
+        return (
+            str(error).replace(".__init__()", "").replace("required positional argument", "field")
+        )
     return f"{type(error).__name__}: {error}"

@@ -104,15 +104,19 @@ def modes(linearization: Linearization) -> tuple[Mode, ...]:
 
 def damped_shapes(linearization: Linearization) -> list[tuple[complex, NDArray[np.complex128]]]:
     """Complex shapes of the damped modes: (eigenvalue, q part of its vector, largest entry 1)."""
-    matrix = to_array(linearization.exact["A"])
-    values, vectors = np.linalg.eig(matrix)
-    n = len(matrix) // 2
+    # From the poles, which are exact to a double: eig of A in doubles splits a rigid-body mode's
+    # double zero into a pair that seems to oscillate.
+    m, c, k = (to_array(linearization.exact[name]) for name in ("M", "C", "K"))
     result = []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value.imag > 0:
-            shape = vector[:n]
-            result.append((complex(value), shape / shape[np.argmax(np.abs(shape))]))
-    return sorted(result, key=lambda pair: abs(pair[0]))
+    for pole in poles(linearization):
+        if pole.value.imag > 0:
+            terms = (m * pole.value**2, c * pole.value, k)
+            _, sizes, rows = np.linalg.svd(sum(terms))
+            largest = max(float(np.max(np.abs(term))) for term in terms)
+            for size, row in zip(sizes, rows.conj(), strict=True):
+                if size < 1e-10 * largest:
+                    result.append((pole.value, row / row[np.argmax(np.abs(row))]))
+    return result
 
 
 def transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:

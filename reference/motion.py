@@ -93,5 +93,6 @@ class Motion:
         factors = weights / np.where(exact, 1.0, gaps)
         hit = exact.any(axis=1)
         factors[hit] = exact[hit]
-        values: Array = np.einsum("ki,kic->kc", factors, self.nodes[which])
-        return values / factors.sum(axis=1)[:, None]
+        values = np.einsum("ki,kic->kc", factors, self.nodes[which])
+        result: Array = values / factors.sum(axis=1)[:, None]
+        return result

@@ -28,6 +28,7 @@ class NumericFunction:
     size: int
 
     def __call__(self, *arguments: Array) -> Array:
+        """Evaluate; arrays broadcast against each other in all but their last axis."""
         columns: list[Any] = []
         for argument, count in zip(arguments, self.groups, strict=True):
             columns.extend(argument[..., i] for i in range(count))

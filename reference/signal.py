@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
@@ -19,6 +20,9 @@ from sympy.core.relational import Relational
 from reference.numeric import Array, NumericFunction, compile_function
 from reference.system import DeclarationError, Scenario, System, t
 
+DIGITS = 40
+"""Precision of the closed form, wherever it is asked for: a double's 16, and 24 to lose."""
+
 
 @dataclass(frozen=True)
 class Generator:
@@ -26,7 +30,7 @@ class Generator:
 
     Attributes:
         coefficients: c_0 ... c_(d-1) of the characteristic polynomial
-            s^d + c_(d-1) s^(d-1) + ... + c_0, at the working precision.
+            s^d + c_(d-1) s^(d-1) + ... + c_0, to `DIGITS` digits.
         expression: the signal, from whose derivatives the state w = (u, u', ...) is taken.
     """
 
@@ -91,7 +95,7 @@ def pieces(system: System, scenario: Scenario) -> tuple[Piece, ...]:
         breaks |= {b for b in _breaks(expression, place) if 0 < b < scenario.duration}
     times = sorted(breaks)
     result = []
-    for start, stop in zip(times, times[1:], strict=False):
+    for start, stop in pairwise(times):
         middle = sp.Rational((start + stop) / 2)
         smooth = tuple(_resolve(expression, middle) for expression in inputs)
         for declared, expression in zip(system.inputs, smooth, strict=True):
@@ -147,7 +151,9 @@ def generator(expression: sp.Expr) -> Generator | None:
     polynomial = sp.Poly(
         sp.expand(sp.Mul(*((s - rate) ** (power + 1) for rate, power in rates.items()))), s
     )
-    coefficients = [mp.mpf(sp.re(sp.N(c, mp.mp.dps + 5))) for c in polynomial.all_coeffs()]
+    # At a precision of its own: a piece keeps its generators, whoever asks for them first.
+    with mp.workdps(DIGITS):
+        coefficients = [mp.mpf(sp.re(sp.N(c, DIGITS + 5))) for c in polynomial.all_coeffs()]
     return Generator(tuple(reversed(coefficients[1:])), expression)
 
 
@@ -177,9 +183,12 @@ class Inputs:
     starts: tuple[float, ...]
     functions: tuple[NumericFunction, ...]
 
-    def __call__(self, times: Array) -> Array:
-        """u at given times, shape (len(times), inputs); at a break the value from there on."""
-        which = np.clip(np.searchsorted(self.starts, times, side="right") - 1, 0, None)
+    def __call__(self, times: Array, slack: float = 0.0) -> Array:
+        """u at given times, shape (len(times), inputs); at a break the value from there on.
+
+        A time that rounding left up to `slack` seconds short of a break counts as the break.
+        """
+        which = np.clip(np.searchsorted(self.starts, times + slack, side="right") - 1, 0, None)
         values = np.zeros((len(times), self.functions[0].size))
         for index, function in enumerate(self.functions):
             chosen = which == index

@@ -79,7 +79,8 @@ class Constant(_Operand):
     source: str
 
     @cached_property
-    def symbol(self) -> sp.Symbol:  # type: ignore[override]  # the mixin declares a plain attribute
+    def symbol(self) -> sp.Symbol:
+        """Its symbol in expressions."""
         # Positive where it is: simplification may then take roots. Others are plain reals.
         return sp.Symbol(self.name, positive=True) if self.value > 0 else _real(self.name)
 
@@ -110,7 +111,7 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Input(_Operand):
-    """A known force or torque u: it adds `on[coordinate] * u` to that generalized force (Eq. 2.2)."""
+    """A known force or torque u; it adds `on[coordinate] * u` to that generalized force."""
 
     name: str
     unit: str
@@ -118,7 +119,8 @@ class Input(_Operand):
     on: Mapping[Coordinate, sp.Expr | float] = field(hash=False)
 
     @cached_property
-    def symbol(self) -> sp.Symbol:  # type: ignore[override]  # the mixin declares a plain attribute
+    def symbol(self) -> sp.Symbol:
+        """Its symbol in expressions."""
         return _real(self.name)
 
 
@@ -255,6 +257,7 @@ def _real(name: str) -> sp.Symbol:
 def _check(system: System) -> None:
     where = f"system {system.name!r}"
     _check_names(system, where)
+    _check_smooth(system, where)
     _check_units(system, where)
     _check_energies(system, where)
     _check_maps(system, where)
@@ -277,7 +280,10 @@ def _check_names(system: System, where: str) -> None:
             seen[item.name] = f"a {kind}"
             if not item.description:
                 raise DeclarationError(f"{where}: the {kind} {item.name} has no description")
-    for kind, named in (("scenario", system.scenarios), ("equilibrium", system.equilibria)):
+    for kind, named in (
+        ("output", system.outputs), ("scenario", system.scenarios),
+        ("equilibrium", system.equilibria),
+    ):  # fmt: skip
         names = [item.name for item in named]
         for name in names:
             if names.count(name) > 1:
@@ -301,8 +307,10 @@ def dimensions(system: System) -> dict[sp.Symbol, Dimension]:
     for coordinate in system.coordinates:
         unit = parse_unit(coordinate.unit)
         found |= {coordinate.q: unit, coordinate.v: unit / TIME, coordinate.a: unit / TIME / TIME}
-    for item in (*system.constants, *system.inputs):
-        found[item.symbol] = parse_unit(item.unit)
+    for constant in system.constants:
+        found[constant.symbol] = parse_unit(constant.unit)
+    for declared in system.inputs:
+        found[declared.symbol] = parse_unit(declared.unit)
     return found
 
 
@@ -353,12 +361,16 @@ def _check_dimension(
         raise DeclarationError(f"{place} has the unit {found}, where {expected} belongs")
 
 
+def _check_smooth(system: System, where: str) -> None:
+    for name in ("T", "V", "D"):
+        for bad in (*_SMOOTHLESS, sp.core.function.AppliedUndef):
+            for found in getattr(system, name).atoms(bad):
+                raise DeclarationError(f"{where}: {name} is not differentiable: it has {found}")
+
+
 def _check_energies(system: System, where: str) -> None:
     for name in ("T", "V", "D"):
         expression = getattr(system, name)
-        for bad in (*_SMOOTHLESS, sp.core.function.AppliedUndef):
-            for found in expression.atoms(bad):
-                raise DeclarationError(f"{where}: {name} is not differentiable: it has {found}")
         allowed = {*system.q, t, *(c.symbol for c in system.constants)}
         if name != "V":
             allowed |= {*system.v}
@@ -373,7 +385,7 @@ def _check_energies(system: System, where: str) -> None:
     hessian = sp.hessian(system.T, system.v)
     if hessian.free_symbols & {*system.v}:
         raise DeclarationError(f"{where}: T must be quadratic in the velocities")
-    if sp.simplify(hessian.det()) == 0:
+    if sp.simplify(hessian.det().xreplace(system.values)) == 0:
         names = ", ".join(c.name for c in system.coordinates)
         raise DeclarationError(
             f"{where}: the mass matrix of {names} is singular; T lacks an inertia"
@@ -392,6 +404,10 @@ def _check_maps(system: System, where: str) -> None:
         _check_map(scenario.inputs, system.inputs, constants | {t}, f"{place}, inputs")
         if not (math.isfinite(scenario.duration) and scenario.duration > 0):
             raise DeclarationError(f"{place}: the duration is {scenario.duration}")
+        start = {c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates}
+        mass = sp.hessian(system.T, system.v).xreplace(system.values | {t: sp.Integer(0)})
+        if not mass.xreplace(start).evalf().is_positive_definite:
+            raise DeclarationError(f"{place}: the mass matrix there is not positive definite")
     for printed in system.printed:
         if printed.states not in {"motion", "linear", "T", "V", "D", "L"}:
             raise DeclarationError(

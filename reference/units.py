@@ -27,9 +27,7 @@ class Dimension:
     time: Fraction = Fraction(0)
 
     def __mul__(self, other: Dimension) -> Dimension:
-        return Dimension(
-            self.mass + other.mass, self.length + other.length, self.time + other.time
-        )
+        return Dimension(self.mass + other.mass, self.length + other.length, self.time + other.time)
 
     def __pow__(self, power: Fraction) -> Dimension:
         return Dimension(self.mass * power, self.length * power, self.time * power)
@@ -63,7 +61,7 @@ _SYMBOLS = {
     "Hz": TIME ** Fraction(-1),
     "Pa": FORCE / LENGTH ** Fraction(2),
 }
-_FACTOR = re.compile(r"([A-Za-z]+|1)(?:(?:\^|\*\*)(-?\d+(?:/\d+)?))?$")
+_FACTOR = re.compile(r"([A-Za-z]+|1)(?:(?:\^|\*\*)(-?\d+))?$")
 
 
 def parse_unit(text: str) -> Dimension:

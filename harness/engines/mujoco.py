@@ -132,7 +132,8 @@ class MujocoModel:
         """Name of the integrator, without its prefix."""
         import mujoco
 
-        return mujoco.mjtIntegrator(self.model.opt.integrator).name[6:].lower()
+        name: str = mujoco.mjtIntegrator(self.model.opt.integrator).name
+        return name.removeprefix("mjINT_").lower()
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """RK4 keeps order 4 until an input is held over the step; the others have order 1."""

@@ -188,7 +188,8 @@ class PybulletModel:
         by_state = force if isinstance(force, StateForce) else None
         held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
         driven = bool(springs) or force is not None
-        current = states(body, joints) if springs or by_state else None
+        feedback = bool(springs) or by_state is not None
+        current: Any = states(body, joints) if feedback else ()
         for i in range(n):
             if driven:
                 if by_state is not None:
@@ -207,11 +208,9 @@ class PybulletModel:
                 torque(body, joints, mode, forces=tau)
             step()
             sampled = (i + 1) % every == 0
-            if current is not None or sampled:
-                current_now = states(body, joints)
-                if current is not None:
-                    current = current_now
-                if sampled:
-                    row = i // every
-                    for j in range(size):
-                        out_q[row, j], out_v[row, j] = current_now[j][0], current_now[j][1]
+            if feedback or sampled:
+                current = states(body, joints)
+            if sampled:
+                row = i // every
+                for j in range(size):
+                    out_q[row, j], out_v[row, j] = current[j][0], current[j][1]

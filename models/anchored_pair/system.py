@@ -44,8 +44,10 @@ system = System(
                  v={x1: 0, x2: 0}, inputs={f: 2 * sin(8.6 * t) + t / 2}, duration=15.0),
     ),
     printed=(
-        Printed("2.26-2.33", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False, "number within the range not told"),
-        Printed("2.26-2.33", "k1*x1^2/2 + k2*x2^2/2", "V", "", False, "number within the range not told"),
+        Printed("2.26-2.33", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False,
+                "number within the range not told"),
+        Printed("2.26-2.33", "k1*x1^2/2 + k2*x2^2/2", "V", "", False,
+                "number within the range not told"),
         Printed("2.26-2.33", "c*(x1' ± x2')^2/2", "D", "", False,
                 "number within the range not told; sign lost in the transcript"),
         Printed("2.26-2.33", "m1*x1'' + c*(x1' ± x2') + k1*x1 = 0", "motion", "x1", False,

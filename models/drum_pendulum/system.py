@@ -11,7 +11,9 @@ theta = Coordinate("theta", "rad", "angle of the rod from the vertical, positive
 
 CHOSEN = "chosen: both modes slower than a cycle a second and close together, so that they couple"
 M = Constant("M", 2.4, "kg", "mass of the drum, a uniform cylinder", CHOSEN)
-r = Constant("r", 0.18, "m", "radius of the drum; it cancels from the equations (x = r phi)", CHOSEN)
+r = Constant(
+    "r", 0.18, "m", "radius of the drum; it cancels from the equations (x = r phi)", CHOSEN
+)
 m = Constant("m", 0.8, "kg", "mass of the rod", CHOSEN)
 l = Constant("l", 0.6, "m", "length of the uniform rod", CHOSEN)  # noqa: E741  # the source's name
 k = Constant("k", 65.0, "N/m", "spring stiffness", CHOSEN)
@@ -52,17 +54,20 @@ system = System(
     ),
     printed=(
         Printed("2.34-2.48",
-                "3*M*x'^2/4 + m*x'^2/2 + m*l*x'*theta'*cos(theta)/2 + m*l^2*theta'^2/6", "T", "", False,
+                "3*M*x'^2/4 + m*x'^2/2 + m*l*x'*theta'*cos(theta)/2 + m*l^2*theta'^2/6",
+                "T", "", False,
                 "number within the range not told"),
         Printed("2.34-2.48", "k*x^2/2 ± m*g*(l/2)*cos(theta)", "V", "", False,
                 "number within the range not told; sign lost in the transcript"),
         Printed("2.34-2.48",
-                "(3*M/2 + m)*x'' ± (m*l/2)*sin(theta)*theta'^2 + (m*l/2)*cos(theta)*theta'' + k*x = 0",
-                "motion", "x", False, "number within the range not told; sign lost in the transcript"),
+                "(3*M/2 + m)*x'' ± (m*l/2)*sin(theta)*theta'^2 + (m*l/2)*cos(theta)*theta''"
+                " + k*x = 0", "motion", "x", False,
+                "number within the range not told; sign lost in the transcript"),
         Printed("2.34-2.48",
                 "(m*l/2)*cos(theta)*x'' + (m*l^2/3)*theta'' + (m*g*l/2)*sin(theta) = 0",
                 "motion", "theta", False, "number within the range not told"),
-        Printed("3.13", "(3*M/2 + m)*x'' + (m*l/2)*theta'' + k*x = 0", "linear", "hanging", False, ""),
+        Printed("3.13", "(3*M/2 + m)*x'' + (m*l/2)*theta'' + k*x = 0", "linear", "hanging", False,
+                ""),
         Printed("3.14", "x'' + (2*l/3)*theta'' + g*theta = 0", "linear", "hanging", False, ""),
     ),
 )  # fmt: skip

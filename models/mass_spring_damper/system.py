@@ -36,7 +36,8 @@ system = System(
                  inputs={f: 1.5 * sin(5.9 * t)}, duration=14.5),
     ),
     printed=(
-        Printed("2.5", "f ± k*x ± c*x' = m*x''", "motion", "x", True, "signs lost in the transcript"),
+        Printed("2.5", "f ± k*x ± c*x' = m*x''", "motion", "x", True,
+                "signs lost in the transcript"),
         Printed("2.6", "m*x'' + c*x' + k*x = f", "motion", "x", True, ""),
     ),
 )  # fmt: skip

@@ -1,0 +1,35 @@
+# `make report` and `make test` each set up what they need, once, in .venv/.
+PYTHON ?= python3.11
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+
+.PHONY: report test check bench clean
+
+report: .venv/.report
+	$(BIN)/crosscheck run --out reports
+
+test: check
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+check: .venv/.test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: .venv/.report
+	$(BIN)/python tests/bench.py
+
+.venv/bin/python:
+	$(PYTHON) -m venv .venv
+
+.venv/.report: .venv/bin/python pyproject.toml constraints.txt
+	$(PIP) install --constraint constraints.txt --editable '.[engines]'
+	touch $@
+
+.venv/.test: .venv/bin/python pyproject.toml constraints.txt
+	$(PIP) install --constraint constraints.txt --editable '.[dev]'
+	touch $@ .venv/.report
+
+clean:
+	rm -rf .venv

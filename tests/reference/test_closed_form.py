@@ -1,0 +1,239 @@
+"""The closed form against the textbook's formulas, in every damping regime, under every input.
+
+The formulas (Meirovitch, Fundamentals of Vibrations, chapters 2 and 3) are evaluated by mpmath
+with 50 digits, from the constants as the doubles that they are: they are exact here.
+"""
+
+import dataclasses
+
+import mpmath as mp
+import numpy as np
+import pytest
+import sympy as sp
+from mechanisms import EPS, oscillator
+from sympy import exp, sin
+
+import reference.closed_form
+from reference import Equilibrium, t
+from reference.closed_form import state_at
+from reference.derive import derive
+from reference.linearize import linearize
+from reference.signal import pieces
+from reference.solve import is_linear, solve
+
+REGIMES = {  # m, c, k: dyadic where a regime is a matter of equality
+    "undamped": (1.3, 0.0, 47.0),
+    "lightly damped": (1.3, 0.9, 47.0),
+    "barely underdamped": (1.0, 4.0 * (1 - 2.0**-40), 4.0),
+    "critical": (1.0, 4.0, 4.0),
+    "barely overdamped": (1.0, 4.0 * (1 + 2.0**-40), 4.0),
+    "overdamped": (0.7, 9.0, 5.0),
+    "very overdamped": (0.5, 40.0, 3.0),
+    "negatively damped": (1.3, -0.35, 47.0),
+    "without stiffness": (1.3, 0.9, 0.0),
+    "free": (1.3, 0.0, 0.0),
+    "unstable": (1.3, 0.4, -2.0),
+}
+AMOUNT, RATE, FREQUENCY = 2.75, 0.3, 4.4  # of the forces, newtons and 1/s
+FORCES = {
+    "none": sp.Integer(0),
+    "step": sp.Rational(AMOUNT),
+    "ramp": sp.Rational(AMOUNT) * t,
+    "exponential": sp.Rational(AMOUNT) * exp(-sp.Rational(RATE) * t),
+    "harmonic": sp.Rational(AMOUNT) * sin(sp.Rational(FREQUENCY) * t),
+}
+EVERY = [(regime, force) for regime in REGIMES for force in FORCES]
+
+
+def free(m, c, k, x, v, time):
+    """Return position and speed of m x'' + c x' + k x = 0, by the formula of its regime."""
+    half, squared = c / (2 * m), k / m
+    inside = squared - half**2
+    decay = mp.exp(-half * time)
+    if inside == 0:
+        slope = v + half * x
+        return decay * (x + slope * time), decay * (v - half * slope * time)
+    w = mp.sqrt(abs(inside))
+    co, si = (mp.cos, mp.sin) if inside > 0 else (mp.cosh, mp.sinh)
+    a, b = co(w * time), si(w * time) / w
+    return decay * (x * a + (v + half * x) * b), decay * (v * a - (half * v + squared * x) * b)
+
+
+def particular(m, c, k, force, time):
+    """Return a position and speed that satisfy the equation under the force, whatever the start."""
+    f, a, w = mp.mpf(AMOUNT), mp.mpf(RATE), mp.mpf(FREQUENCY)
+    if force == "none":
+        return mp.mpf(0), mp.mpf(0)
+    if force == "exponential":
+        x = f * mp.exp(-a * time) / (m * a**2 - c * a + k)
+        return x, -a * x
+    if force == "harmonic":
+        z = f * mp.exp(mp.mpc(0, w * time)) / mp.mpc(k - m * w**2, c * w)
+        return mp.im(z), mp.im(mp.mpc(0, w) * z)
+    if force == "step":
+        if k:
+            return f / k, mp.mpf(0)
+        return (f * time / c, f / c) if c else (f * time**2 / (2 * m), f * time / m)
+    if k:
+        return f * (time / k - c / k**2), f / k
+    if c:
+        return f * (time**2 / (2 * c) - m * time / c**2), f * (time / c - m / c**2)
+    return f * time**3 / (6 * m), f * time**2 / (2 * m)
+
+
+def textbook(constants, force, start, begin, time):
+    """Return the state `time` after `begin`, where it is `start`."""
+    m, c, k = map(mp.mpf, constants)
+    at_begin = particular(m, c, k, force, mp.mpf(begin))
+    x, v = (mp.mpf(y) - p for y, p in zip(start, at_begin, strict=True))
+    moved = free(m, c, k, x, v, mp.mpf(time))
+    later = particular(m, c, k, force, mp.mpf(begin) + mp.mpf(time))
+    return [a + b for a, b in zip(moved, later, strict=True)]
+
+
+def made(regime: str, force: str):
+    system = oscillator(*REGIMES[regime], FORCES[force], x=0.3, v=-0.25, duration=6.0)
+    return derive(system), system.scenarios[0]
+
+
+@pytest.mark.parametrize(("regime", "force"), EVERY)
+def test_the_closed_form_is_the_textbooks_to_30_digits(regime, force):
+    equations, scenario = made(regime, force)
+    linearization = linearize(equations, equations.system.equilibria[0])
+    (piece,) = pieces(equations.system, scenario)
+    with mp.workdps(60):
+        for time in (0.01, 0.7, 5.3):
+            ours = state_at(linearization, [0.3, -0.25], piece, time)
+            exact = textbook(REGIMES[regime], force, [0.3, -0.25], 0, time)
+            size = max(abs(y) for y in exact)
+            # 40 digits, less what the exponential of a matrix of norm |A| t = 430 loses.
+            assert max(abs(a - b) for a, b in zip(ours, exact, strict=True)) < size * 1e-30
+
+
+@pytest.mark.parametrize(("regime", "force"), EVERY)
+def test_every_segment_ends_where_the_textbook_says(regime, force):
+    equations, scenario = made(regime, force)
+    motion = solve(equations, scenario)
+    assert motion.method.startswith("matrix exponential")
+    (span,) = motion.spans
+    size = motion.amplitude
+    with mp.workdps(50):
+        length = mp.mpf(span.length)
+        for i in range(0, span.count, 11):
+            exact = textbook(REGIMES[regime], force, motion.start[i], length * i, length)
+            gap = [abs(mp.mpf(a) - b) for a, b in zip(motion.end[i], exact, strict=True)]
+            # An end is rounded once: half a unit in the last place, of what may be twice the size
+            # where the amplitude is a power of two; nothing else.
+            assert all(g <= EPS * a for g, a in zip(gap, size, strict=True))
+
+
+@pytest.mark.parametrize(("regime", "force"), EVERY)
+def test_the_chain_of_starts_is_the_textbooks_motion_from_time_zero(regime, force):
+    equations, scenario = made(regime, force)
+    motion = solve(equations, scenario)
+    (span,) = motion.spans
+    with mp.workdps(50):
+        for i in range(0, span.count, 17):
+            exact = textbook(REGIMES[regime], force, [0.3, -0.25], 0, mp.mpf(span.length) * i)
+            gap = [abs(mp.mpf(a) - b) for a, b in zip(motion.start[i], exact, strict=True)]
+            assert all(g <= EPS * a for g, a in zip(gap, motion.amplitude, strict=True))
+
+
+def test_resonance_without_damping_grows_as_the_textbook_says():
+    """m = 1, k = 4, driven at 2 1/s exactly: x = f/8 (sin 2t - 2t cos 2t), from rest."""
+    system = oscillator(1.0, 0.0, 4.0, 3 * sin(2 * t), x=0.0, v=0.0, duration=40.0)
+    motion = solve(derive(system), system.scenarios[0])
+    assert motion.method.startswith("matrix exponential")
+    (span,) = motion.spans
+    with mp.workdps(50):
+        for i in range(span.count):
+            time = 2 * mp.mpf(span.length) * i
+            exact = mp.mpf(3) / 8 * (mp.sin(time) - time * mp.cos(time))
+            speed = mp.mpf(3) / 4 * time * mp.sin(time)
+            assert abs(motion.start[i, 0] - exact) <= EPS * motion.amplitude[0]
+            assert abs(motion.start[i, 1] - speed) <= EPS * motion.amplitude[1]
+
+
+def test_a_step_amid_the_motion_starts_a_new_span_from_where_the_first_ended():
+    force = AMOUNT * sp.Heaviside(t - sp.Rational(7, 3))
+    system = oscillator(*REGIMES["lightly damped"], force, x=0.3, v=-0.25)
+    motion = solve(derive(system), system.scenarios[0])
+    first, second = motion.spans
+    with mp.workdps(50):
+        end = mp.mpf(first.length) * first.count
+        state = textbook(REGIMES["lightly damped"], "none", [0.3, -0.25], 0, end)
+        for i in range(0, second.count, 5):
+            exact = textbook(
+                REGIMES["lightly damped"], "step", state, 0, mp.mpf(second.length) * i
+            )
+            gap = np.array([float(a - b) for a, b in
+                            zip(motion.start[first.count + i], exact, strict=True)])  # fmt: skip
+            assert np.all(np.abs(gap) <= EPS * motion.amplitude)
+
+
+def test_a_constant_one_epsilon_off_is_told():
+    """What the tests above would see: a stiffness wrong in its last bit, over the motion."""
+    off = oscillator(1.3, 0.0, np.nextafter(47.0, 48.0), 0, x=0.3, v=-0.25, duration=60.0)
+    motion = solve(derive(off), off.scenarios[0])
+    (span,) = motion.spans
+    with mp.workdps(50):
+        time = mp.mpf(span.length) * (span.count - 1)
+        exact = textbook(REGIMES["undamped"], "none", [0.3, -0.25], 0, time)
+        assert max(abs(a - b) / s for a, b, s in
+                   zip(motion.start[-1], exact, motion.amplitude, strict=True)) > 4 * EPS  # fmt: skip
+
+
+def test_fewer_digits_are_told(monkeypatch):
+    """With 15 digits instead of 40 the chain of starts must drift by more than is allowed above."""
+    monkeypatch.setattr(reference.closed_form, "DIGITS", 15)
+    equations, scenario = made("undamped", "harmonic")
+    motion = solve(equations, scenario)
+    (span,) = motion.spans
+    with mp.workdps(50):
+        worst = mp.mpf(0)
+        for i in range(0, span.count, 17):
+            exact = textbook(REGIMES["undamped"], "harmonic", [0.3, -0.25], 0, span.length * i)
+            worst = max(worst, abs(motion.start[i, 0] - exact[0]) / motion.amplitude[0])
+    assert worst > 2 * EPS
+
+
+def test_an_input_without_a_generator_has_no_closed_form():
+    equations = derive(oscillator(1.3, 0.9, 47.0, sin(t**2)))
+    linearization = linearize(equations, equations.system.equilibria[0])
+    (piece,) = pieces(equations.system, equations.system.scenarios[0])
+    with pytest.raises(ValueError, match="generated by no linear equation"):
+        state_at(linearization, [0, 0], piece, 1.0)
+
+
+@pytest.mark.parametrize(
+    "force", [sin((4 + t / 3) * t), 3 * sin(t * (t + sp.pi)), sp.sqrt(2 + t), exp(-(t**2) / 3)]
+)
+def test_what_no_linear_equation_generates_is_integrated_on_a_linear_system(force):
+    system = oscillator(1.3, 0.9, 47.0, force)
+    motion = solve(derive(system), system.scenarios[0])
+    assert motion.method.startswith("Gauss collocation")
+    assert np.all(motion.bound <= 16 * EPS * motion.amplitude)
+
+
+def test_a_linear_system_is_told_from_a_nonlinear_and_from_a_displaced_one():
+    base = oscillator(1.3, 0.9, 47.0)
+    x = base.coordinates[0]
+    assert is_linear(derive(base))
+    length = dataclasses.replace(base.constants[0], name="L", unit="m")
+    constants = (*base.constants, length)
+    bent = dataclasses.replace(base, V=base.V * (1 + x.q**2 / length**2), constants=constants)
+    assert not is_linear(derive(bent))
+    displaced = dataclasses.replace(
+        base,
+        V=base.constants[2] * (x.q - length) ** 2 / 2,
+        constants=constants,
+        equilibria=(Equilibrium("rest", {x: length}, False, "relaxed"),),
+    )
+    assert not is_linear(derive(displaced))
+    rate = dataclasses.replace(base.constants[0], name="w", unit="1/s")
+    moving = dataclasses.replace(
+        base, V=base.V * (1 + sin(rate * t) / 2), constants=(*base.constants, rate)
+    )
+    assert not is_linear(derive(moving))
+    variable = dataclasses.replace(base, T=base.T * (1 + x.q**2 / length**2), constants=constants)
+    assert not is_linear(derive(variable))

@@ -1,0 +1,385 @@
+"""Whatever is missing, unknown, impossible or not differentiable is refused by a sentence."""
+
+import dataclasses
+import math
+import shutil
+import sys
+
+import pytest
+import sympy as sp
+from mechanisms import MODELS, NAMES, C, F, K, M, X, built_in, constant, declared
+
+from reference import (
+    Constant, Coordinate, DeclarationError, Equilibrium, Input, Output, Printed, Scenario, System,
+    t,
+)  # fmt: skip
+from reference.derive import derive
+from reference.linearize import linearize
+from reference.load import load_system
+
+Y = Coordinate("y", "m", "another displacement")
+STRAY = sp.Symbol("stray", real=True)
+ZERO = constant("z", 0.0, "kg")
+NEGATIVE = constant("n", -1.3, "kg")
+SPEED = constant("w", 2.0, "m/s")
+
+
+def scenario(**changed) -> Scenario:
+    fields = {
+        "name": "free", "description": "released", "q": {X: 0.1}, "v": {X: 0}, "inputs": {F: 0},
+        "duration": 10.0,
+    } | changed  # fmt: skip
+    return Scenario(**fields)
+
+
+def two(**changed) -> dict:
+    """Two coordinates, x and y."""
+    return declared(
+        coordinates=(X, Y),
+        T=M * X.v**2 / 2 + M * Y.v**2 / 2,
+        equilibria=(Equilibrium("rest", {X: 0, Y: 0}, False, ""),),
+    ) | {"scenarios": (scenario(q={X: 0.1, Y: 0}, v={X: 0, Y: 0}),)} | changed  # fmt: skip
+
+
+FAULTS = {
+    # missing
+    "no coordinate": (declared(coordinates=()), "declares no coordinates"),
+    "no output": (declared(outputs=()), "declares no outputs"),
+    "no equilibrium": (declared(equilibria=()), "declares no equilibria"),
+    "no scenario": (declared(scenarios=()), "declares no scenarios"),
+    "no start of one coordinate": (
+        two(scenarios=(scenario(v={X: 0, Y: 0}),)),
+        "scenario 'free', q: no value is given for y",
+    ),
+    "no starting speed": (
+        two(scenarios=(scenario(q={X: 0, Y: 0}),)),
+        "scenario 'free', v: no value is given for y",
+    ),
+    "no input in a scenario": (
+        declared(scenarios=(scenario(inputs={}),)),
+        "scenario 'free', inputs: no value is given for f",
+    ),
+    "no place of an equilibrium": (
+        two(equilibria=(Equilibrium("rest", {X: 0}, False, ""),)),
+        "equilibrium 'rest': no value is given for y",
+    ),
+    "no description": (
+        declared(constants=(dataclasses.replace(M, description=""), C, K)),
+        "the constant m has no description",
+    ),
+    "no source": (
+        declared(constants=(M, C, dataclasses.replace(K, source=""))),
+        "the constant k states no source",
+    ),
+    "no unit": (
+        declared(constants=(M, C, dataclasses.replace(K, unit=""))),
+        "write '1' for a dimensionless number",
+    ),
+    "no unit at all": (
+        declared(constants=(M, C, dataclasses.replace(K, unit=None))),
+        "the unit None is empty",
+    ),
+    "an input that acts on nothing": (
+        declared(inputs=(dataclasses.replace(F, on={}),)),
+        "the input f acts on no coordinate",
+    ),
+    "an output without a unit": (
+        declared(outputs=(Output("x", X.q, "", "displacement"),)),
+        "the output x: the unit '' is empty",
+    ),
+    # unknown
+    "an unknown coordinate in a start": (
+        declared(scenarios=(scenario(q={X: 0.1, Y: 0.2}),)),
+        "scenario 'free', q: 'y' is unknown here",
+    ),
+    "an unknown input in a scenario": (
+        declared(scenarios=(scenario(inputs={F: 0, Input("g", "N", "force", {X: 1}): 1}),)),
+        "inputs: 'g' is unknown here",
+    ),
+    "an input on an unknown coordinate": (
+        declared(inputs=(dataclasses.replace(F, on={Y: 1}),)),
+        "the input f acts on an unknown coordinate",
+    ),
+    "an unknown symbol in T": (declared(T=M * X.v**2 * STRAY), "T uses stray, which is declared"),
+    "an unknown symbol in V": (declared(V=K * X.q * STRAY), "V uses stray, which is declared"),
+    "an unknown symbol in D": (declared(D=STRAY * X.v**2), "D uses stray, which is declared"),
+    "an unknown symbol in an output": (
+        declared(outputs=(Output("x", X.q + STRAY, "m", ""),)),
+        "the output x uses stray",
+    ),
+    "an unknown symbol in an input's direction": (
+        declared(inputs=(dataclasses.replace(F, on={X: STRAY}),)),
+        "the input f uses stray",
+    ),
+    "an unknown symbol in a start": (
+        declared(scenarios=(scenario(q={X: STRAY}),)),
+        "scenario 'free', q: the value of x depends on stray",
+    ),
+    "a start that depends on time": (
+        declared(scenarios=(scenario(q={X: t}),)),
+        "the value of x depends on t",
+    ),
+    "an input that depends on the motion": (
+        declared(scenarios=(scenario(inputs={F: -X.v}),)),
+        "inputs: the value of f depends on x_dot",
+    ),
+    "an unknown kind of printed equation": (
+        declared(printed=(Printed("2.5", "x = 0", "poetry", "x", False, ""),)),
+        "Eq. 2.5: states 'poetry' is unknown",
+    ),
+    "a constant that is not declared": (
+        declared(constants=(M, C)),
+        "V uses k, which is declared nowhere",
+    ),
+    # impossible dimensions
+    "a typing error in a unit": (
+        declared(constants=(M, C, dataclasses.replace(K, unit="Nm"))),
+        "the unit 'Nm' has a part 'Nm'",
+    ),
+    "T with a wrong unit": (declared(T=M * X.v / 2), "T has the unit kg*m*s^-1"),
+    "V with a wrong unit": (declared(V=K * X.q), "V has the unit kg*m*s^-2"),
+    "D in joules": (declared(D=C * X.v * X.q), "D has the unit"),
+    "a sum of unlike terms": (declared(V=K * X.q**2 / 2 + M), "V: "),
+    "a sine of a length": (declared(V=K * sp.sin(X.q) ** 2), "x in sin(x) has the unit m"),
+    "a constant with the unit of another": (
+        declared(constants=(M, C, dataclasses.replace(K, unit="N*m"))),
+        "V has the unit",
+    ),
+    "an input with a wrong unit": (
+        declared(inputs=(dataclasses.replace(F, unit="N*m"),)),
+        "the input f on x has the unit",
+    ),
+    "an output with a wrong unit": (
+        declared(outputs=(Output("x", X.q, "rad", "displacement"),)),
+        "the output x has the unit m",
+    ),
+    # not differentiable, not mechanics
+    "Abs in V": (declared(V=K * sp.Abs(X.q) * X.q), "V is not differentiable: it has Abs(x)"),
+    "a step in V": (declared(V=K * X.q**2 * sp.Heaviside(X.q)), "V is not differentiable"),
+    "a branch in V": (
+        declared(V=K * sp.Piecewise((X.q**2, X.q > 0), (0, True))),
+        "V is not differentiable",
+    ),
+    "dry friction in D": (declared(D=C * SPEED * sp.Abs(X.v)) | {"constants": (M, C, K, SPEED)},
+                          "D is not differentiable: it has Abs(x_dot)"),
+    "an undefined function in V": (
+        declared(V=K * X.q**2 * sp.Function("h")(X.q)),
+        "V is not differentiable",
+    ),
+    "V of a velocity": (declared(V=M * X.v**2), "V must not depend on x_dot"),
+    "V of an input": (declared(V=-F * X.q), "V must not depend on f"),
+    "D of an acceleration": (declared(D=M * X.v * X.a), "D must not depend on x_ddot"),
+    "D with a slope at rest": (
+        declared(D=C * X.v * SPEED, constants=(M, C, K, SPEED)),
+        "D must vanish, with its slope",
+    ),
+    "T not quadratic": (
+        declared(T=M * X.v**4 / SPEED**2, constants=(M, C, K, SPEED)),
+        "T must be quadratic in the velocities",
+    ),
+    "a singular mass matrix": (
+        two(T=M * (X.v + Y.v) ** 2 / 2),
+        "the mass matrix of x, y is singular",
+    ),
+    "no inertia of one coordinate": (two(T=M * X.v**2 / 2), "the mass matrix of x, y is singular"),
+    "no kinetic energy": (declared(T=0), "the mass matrix of x is singular"),
+    "a mass of zero": (
+        declared(T=ZERO * X.v**2 / 2, constants=(ZERO, C, K)),
+        "the mass matrix of x is singular",
+    ),
+    "a negative mass": (
+        declared(T=NEGATIVE * X.v**2 / 2, constants=(NEGATIVE, C, K)),
+        "the mass matrix there is not positive definite",
+    ),
+    # names
+    "two scenarios of one name": (
+        declared(scenarios=(scenario(), scenario())),
+        "two scenario entries named 'free'",
+    ),
+    "two equilibria of one name": (
+        declared(equilibria=(Equilibrium("rest", {X: 0}, False, ""),) * 2),
+        "two equilibrium entries named 'rest'",
+    ),
+    "two outputs of one name": (
+        declared(outputs=(Output("x", X.q, "m", "displacement"),) * 2),
+        "two output entries named 'x'",
+    ),
+    "two constants of one name": (declared(constants=(M, C, K, K)), "'k' is a constant and a con"),
+    "a constant named as a coordinate": (
+        declared(constants=(M, C, K, constant("x", 1.0, "m"))),
+        "'x' is a coordinate and a constant",
+    ),
+    "an input named as a constant": (
+        declared(inputs=(Input("m", "N", "force", {X: 1}),)),
+        "'m' is a constant and a input",
+    ),
+    "a constant named as the time": (
+        declared(constants=(M, C, K, constant("t", 1.0, "s"))),
+        "'t' is the time",
+    ),
+    "a constant named as a velocity": (
+        declared(constants=(M, C, K, constant("x_dot", 1.0, "m"))),
+        "'x_dot' is a velocity",
+    ),
+    "a constant named as an acceleration": (
+        declared(constants=(M, C, K, constant("x_ddot", 1.0, "m"))),
+        "'x_ddot' is an acceleration",
+    ),
+    "a name that is no identifier": (
+        declared(constants=(M, C, K, constant("m 2", 1.0, "kg"))),
+        "'m 2' is no identifier",
+    ),
+    # numbers
+    "an infinite constant": (
+        declared(constants=(M, C, dataclasses.replace(K, value=math.inf))),
+        "the constant k is inf",
+    ),
+    "an undefined constant": (
+        declared(constants=(M, C, dataclasses.replace(K, value=math.nan))),
+        "the constant k is nan",
+    ),
+    "a constant that is a word": (
+        declared(constants=(M, C, Constant("k2", "47", "N/m", "stiffness", "a test"))),
+        "the constant k2 has no numeric value",
+    ),
+    "a constant that is a flag": (
+        declared(constants=(M, C, dataclasses.replace(K, value=True))),
+        "the constant k has no numeric value",
+    ),
+    "no duration": (declared(scenarios=(scenario(duration=0.0),)), "the duration is 0"),
+    "a negative duration": (declared(scenarios=(scenario(duration=-1.0),)), "the duration is -1"),
+    "an endless duration": (declared(scenarios=(scenario(duration=math.inf),)), "duration is inf"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("fields", "sentence"), FAULTS.values(), ids=FAULTS.keys())
+def test_a_fault_is_refused_by_a_sentence_that_names_it(fields, sentence):
+    with pytest.raises(DeclarationError) as caught:
+        System(**fields)
+    assert sentence in str(caught.value)
+    assert "system 'oscillator'" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_faultless_system_passes():
+    assert System(**declared()).values == {M.symbol: sp.Rational(1.3), C.symbol: sp.Rational(0.9),
+                                           K.symbol: 47}  # fmt: skip
+    assert System(**two()).q == (X.q, Y.q)
+
+
+@pytest.mark.parametrize("field", [f.name for f in dataclasses.fields(System)])
+def test_no_field_of_a_system_has_a_default(field):
+    fields = declared()
+    del fields[field]
+    with pytest.raises(TypeError, match=f"missing 1 required positional argument: '{field}'"):
+        System(**fields)
+
+
+@pytest.mark.parametrize("kind", [Constant, Coordinate, Input, Output, Equilibrium, Scenario,
+                                  Printed])  # fmt: skip
+def test_no_field_of_a_declared_item_has_a_default(kind):
+    for field in dataclasses.fields(kind):
+        assert field.default is dataclasses.MISSING
+        assert field.default_factory is dataclasses.MISSING
+
+
+def test_a_stated_equilibrium_that_is_none_is_refused_naming_the_force():
+    system = System(**declared(equilibria=(Equilibrium("off", {X: 0.01}, False, ""),)))
+    with pytest.raises(DeclarationError, match=r"'off': is none; the force on x there is -.*k"):
+        linearize(derive(system), system.equilibria[0])
+
+
+def test_a_search_that_finds_no_equilibrium_is_refused():
+    slope = constant("a", 3.0, "N")
+    system = System(
+        **declared(
+            V=slope * X.q,
+            constants=(M, C, K, slope),
+            equilibria=(Equilibrium("nowhere", {X: 0}, True, ""),),
+        )
+    )
+    with pytest.raises(DeclarationError, match="'nowhere': no rest position found"):
+        linearize(derive(system), system.equilibria[0])
+
+
+def test_an_unknown_scenario_is_refused_naming_the_known():
+    with pytest.raises(KeyError, match="no scenario 'frei'; it has free"):
+        System(**declared()).scenario("frei")
+
+
+def test_constants_are_the_doubles_that_they_are():
+    assert built_in("mass_spring_damper").values[M.symbol] == sp.Rational(1.3)
+    assert sp.Rational(1.3) != sp.Rational(13, 10)
+
+
+# Loading
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Copy a built-in folder's declaration, to spoil it."""
+    shutil.copy(MODELS / "mass_spring_damper" / "system.py", tmp_path)
+    return tmp_path
+
+
+def spoil(folder, old: str, new: str) -> int:
+    """Replace text in the declaration; return the line of the replacement."""
+    path = folder / "system.py"
+    text = path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    return text[: text.index(old)].count("\n") + 1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_built_in_folder_is_named_as_its_system(name):
+    assert built_in(name).name == name
+
+
+def test_a_folder_without_a_declaration_is_refused_naming_the_file(tmp_path):
+    with pytest.raises(DeclarationError, match=r"system\.py: no such file"):
+        load_system(tmp_path)
+
+
+def test_a_syntax_error_is_refused_with_file_and_line(folder):
+    line = spoil(folder, 'x = Coordinate("x", "m",', 'x = = Coordinate("x", "m",')
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: SyntaxError: invalid syntax"):
+        load_system(folder)
+
+
+def test_a_missing_field_is_refused_with_file_and_line_and_its_name(folder):
+    spoil(folder, "    D=c * x.v**2 / 2,\n", "")
+    # A call is placed at its first line.
+    line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: .*missing 1 field: 'D'"):
+        load_system(folder)
+
+
+def test_a_wrong_name_is_refused_with_file_and_line(folder):
+    line = spoil(folder, "V=k * x.q**2 / 2", "V=kk * x.q**2 / 2")
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: NameError: name 'kk'"):
+        load_system(folder)
+
+
+def test_a_declaration_error_is_refused_with_file_and_line(folder):
+    spoil(folder, "V=k * x.q**2 / 2", "V=k * x.q")
+    line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: system 'mass_.*V has the u"):
+        load_system(folder)
+
+
+def test_a_file_that_declares_no_system_is_refused_with_the_remedy(folder):
+    spoil(folder, "system = System(", "other = System(")
+    with pytest.raises(DeclarationError, match=r"must end with `system = System\(\.\.\.\)`"):
+        load_system(folder)
+
+
+def test_two_folders_share_no_module_and_no_path(folder, tmp_path_factory):
+    other = tmp_path_factory.mktemp("other")
+    shutil.copy(folder / "system.py", other)
+    spoil(other, 'Constant("k", 47.0', 'Constant("k", 48.0')
+    before = list(sys.path)
+    first, second = load_system(folder), load_system(other)
+    assert first.constants[2].value == 47.0
+    assert second.constants[2].value == 48.0
+    assert sys.path == before

@@ -1,0 +1,349 @@
+"""The derivation against three that share nothing with it: Newton, Kane and heyoka."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import sympy as sp
+from mechanisms import CART, EPS, NAMES, built_in, equations_of, oscillator
+from sympy.physics import mechanics as me
+
+from reference import System
+from reference.derive import derive
+
+EVERY = [*NAMES, CART.name]
+
+
+def symbols(system: System) -> dict[str, sp.Symbol]:
+    """Return the symbols of a system by name: constants, inputs, q, v, a."""
+    found = {c.name: c.symbol for c in system.constants} | {i.name: i.symbol for i in system.inputs}
+    for c in system.coordinates:
+        found |= {c.name: c.q, f"{c.name}'": c.v, f"{c.name}''": c.a}
+    return found
+
+
+# Newton's second law, where the source gives it (Eq. 2.4, 2.7, 3.5): m a = sum of the forces.
+
+NEWTON = {
+    "mass_spring_damper": lambda n: n["m"] * n["x''"] - (n["f"] - n["k"] * n["x"] - n["c"] * n["x'"]),
+    "torsional_disc": lambda n: n["J"] * n["theta''"] - (n["T"] - n["k_theta"] * n["theta"]),
+    "simple_pendulum": lambda n: (
+        n["m"] * n["l"] ** 2 * n["theta''"]
+        - (n["tau"] - n["m"] * n["g"] * n["l"] * sp.sin(n["theta"]))
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NEWTON)
+def test_newtons_second_law_gives_the_same_equation(name):
+    system = built_in(name)
+    assert sp.simplify(equations_of(name).residual[0] - NEWTON[name](symbols(system))) == 0
+
+
+def test_newtons_second_law_with_the_damper_the_wrong_way_round_does_not():
+    names = symbols(built_in("mass_spring_damper"))
+    wrong = NEWTON["mass_spring_damper"](names | {"c": -names["c"]})
+    assert sp.simplify(equations_of("mass_spring_damper").residual[0] - wrong) != 0
+
+
+# Kane's method, from bodies, points and forces: no energy is written down.
+
+
+class Mechanism:
+    """A planar mechanism, y up, assembled from bodies and loads."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.value = symbols(system)
+        names = [c.name for c in system.coordinates]
+        self.q = dict(zip(names, me.dynamicsymbols([f"q_{n}" for n in names]), strict=True))
+        self.u = dict(zip(names, me.dynamicsymbols([f"u_{n}" for n in names]), strict=True))
+        self.space = me.ReferenceFrame("N")
+        self.origin = me.Point("O")
+        self.origin.set_vel(self.space, 0)
+        self.bodies: list = []
+        self.loads: list = []
+
+    def point(self, name: str, start: me.Point, vector, velocity=None) -> me.Point:
+        point = start.locatenew(name, vector)
+        rates = {sp.diff(self.q[n], me.dynamicsymbols._t): self.u[n] for n in self.q}
+        speed = point.pos_from(self.origin).dt(self.space).subs(rates)
+        point.set_vel(self.space, speed if velocity is None else velocity)
+        return point
+
+    def frame(self, name: str, angle, rate) -> me.ReferenceFrame:
+        """Return a frame turned by an angle about z, counterclockwise."""
+        frame = self.space.orientnew(name, "Axis", (angle, self.space.z))
+        frame.set_ang_vel(self.space, rate * self.space.z)
+        return frame
+
+    def particle(self, point: me.Point, mass) -> None:
+        self.bodies.append(me.Particle(f"P{len(self.bodies)}", point, mass))
+
+    def body(self, point: me.Point, frame, mass, inertia) -> None:
+        moment = me.inertia(frame, 0, 0, inertia)
+        name = f"B{len(self.bodies)}"
+        self.bodies.append(me.RigidBody(name, point, frame, mass, (moment, point)))
+
+    def matrices(self) -> tuple[sp.Matrix, sp.Matrix]:
+        """Return M and f of M a = f, in the symbols of the system."""
+        time = me.dynamicsymbols._t
+        rates = [sp.diff(self.q[n], time) - self.u[n] for n in self.q]
+        method = me.KanesMethod(
+            self.space, q_ind=list(self.q.values()), u_ind=list(self.u.values()), kd_eqs=rates
+        )
+        method.kanes_equations(self.bodies, self.loads)
+        back = {self.u[c.name]: c.v for c in self.system.coordinates}
+        back |= {self.q[c.name]: c.q for c in self.system.coordinates}
+        return method.mass_matrix.xreplace(back), method.forcing.xreplace(back)
+
+
+def kane_mass_spring_damper(p: Mechanism) -> None:
+    v, x = p.value, p.q["x"]
+    block = p.point("A", p.origin, x * p.space.x)
+    p.particle(block, v["m"])
+    p.loads.append((block, (v["f"] - v["k"] * x - v["c"] * p.u["x"]) * p.space.x))
+
+
+def kane_torsional_disc(p: Mechanism) -> None:
+    v, theta = p.value, p.q["theta"]
+    disc = p.frame("D", theta, p.u["theta"])
+    p.body(p.origin, disc, sp.Symbol("any_mass"), v["J"])
+    p.loads.append((disc, (v["T"] - v["k_theta"] * theta) * p.space.z))
+
+
+def kane_pair(p: Mechanism, anchored: bool) -> None:
+    v, x1, x2 = p.value, p.q["x1"], p.q["x2"]
+    first = p.point("A", p.origin, x1 * p.space.x)
+    second = p.point("B", p.origin, x2 * p.space.x)
+    p.particle(first, v["m1"])
+    p.particle(second, v["m2"])
+    damper = v["c"] * (p.u["x2"] - p.u["x1"])  # pulls the first toward the second
+    p.loads += [(first, damper * p.space.x), (second, -damper * p.space.x)]
+    if anchored:
+        p.loads += [(first, -v["k1"] * x1 * p.space.x), (second, -v["k2"] * x2 * p.space.x)]
+        p.loads.append((second, v["f"] * p.space.x))
+    else:
+        spring = v["k"] * (x2 - x1)
+        p.loads += [(first, spring * p.space.x), (second, -spring * p.space.x)]
+        p.loads.append((first, v["f"] * p.space.x))
+
+
+def kane_drum_pendulum(p: Mechanism) -> None:
+    v, x, theta = p.value, p.q["x"], p.q["theta"]
+    centre = p.point("C", p.origin, x * p.space.x)
+    # Rolling to the right turns the drum clockwise, with the contact point at rest.
+    drum = p.frame("D", -x / v["r"], -p.u["x"] / v["r"])
+    p.body(centre, drum, v["M"], v["M"] * v["r"] ** 2 / 2)
+    rod = p.frame("R", theta, p.u["theta"])
+    middle = p.point("G", centre, -v["l"] / 2 * rod.y)
+    p.body(middle, rod, v["m"], v["m"] * v["l"] ** 2 / 12)
+    p.loads += [
+        (centre, (v["F"] - v["k"] * x) * p.space.x),
+        (middle, -v["m"] * v["g"] * p.space.y),
+        (centre, -v["M"] * v["g"] * p.space.y),
+        (rod, v["tau"] * p.space.z),
+    ]
+
+
+def kane_simple_pendulum(p: Mechanism) -> None:
+    v = p.value
+    rod = p.frame("R", p.q["theta"], p.u["theta"])
+    bob = p.point("A", p.origin, -v["l"] * rod.y)
+    p.particle(bob, v["m"])
+    p.loads += [(bob, -v["m"] * v["g"] * p.space.y), (rod, v["tau"] * p.space.z)]
+
+
+def kane_cart(p: Mechanism) -> None:
+    v, q, u = p.value, p.q, p.u
+    cart = p.point("A", p.origin, q["x"] * p.space.x)
+    first = p.frame("R", q["alpha"], u["alpha"])
+    second = p.frame("S", q["beta"], u["beta"])
+    upper = p.point("B", cart, -v["l1"] * first.y)
+    lower = p.point("C", upper, -v["l2"] * second.y)
+    for point, mass in ((cart, "m0"), (upper, "m1"), (lower, "m2")):
+        p.particle(point, v[mass])
+        p.loads.append((point, -v[mass] * v["g"] * p.space.y))
+    joint = v["tau"] - v["c2"] * (u["beta"] - u["alpha"])  # on the second rod, back on the first
+    p.loads += [
+        (cart, (v["F"] - v["k"] * q["x"] - v["c0"] * u["x"]) * p.space.x),
+        (first, (-v["c1"] * u["alpha"] - joint) * p.space.z),
+        (second, joint * p.space.z),
+    ]
+
+
+KANE = {
+    "mass_spring_damper": kane_mass_spring_damper,
+    "torsional_disc": kane_torsional_disc,
+    "free_pair": lambda p: kane_pair(p, anchored=False),
+    "anchored_pair": lambda p: kane_pair(p, anchored=True),
+    "drum_pendulum": kane_drum_pendulum,
+    "simple_pendulum": kane_simple_pendulum,
+    CART.name: kane_cart,
+}
+
+
+def kane_matches(name: str, assemble) -> bool:
+    """Whether M and f of Kane's equations are the derived ones, symbolically."""
+    derived = equations_of(name)
+    mechanism = Mechanism(derived.system)
+    assemble(mechanism)
+    mass, force = mechanism.matrices()
+    gaps = [*(mass - derived.mass), *(force - derived.force)]
+    return all(sp.simplify(sp.expand(gap)) == 0 for gap in gaps)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_kanes_method_gives_the_same_equations_of(name):
+    assert kane_matches(name, KANE[name])
+
+
+def test_kanes_method_tells_a_drum_with_the_inertia_of_a_hoop():
+    def hoop(p: Mechanism) -> None:
+        kane_drum_pendulum(p)
+        drum = p.bodies[0]
+        moment = me.inertia(drum.frame, 0, 0, p.value["M"] * p.value["r"] ** 2)
+        drum.inertia = (moment, drum.masscenter)
+
+    assert not kane_matches("drum_pendulum", hoop)
+
+
+def test_kanes_method_tells_a_damper_left_out():
+    def undamped(p: Mechanism) -> None:
+        kane_cart(p)
+        p.value["c2"] = sp.Integer(0)
+        p.loads.pop()
+
+    assert not kane_matches(CART.name, undamped)
+
+
+# heyoka's own formulation, numerically, at random states.
+
+
+def heyoka_accelerations(system: System, states, forces):
+    """Accelerations by `heyoka.lagrangian`; the inputs enter as constant forces, L + Q q."""
+    hy = pytest.importorskip("heyoka")
+    names = [str(x) for x in (*system.q, *system.v)]
+    variables = hy.make_vars(*names)
+    variables = list(variables) if isinstance(variables, list | tuple) else [variables]
+    n = len(system.q)
+
+    def convert(expression):
+        number = sp.sympify(expression).xreplace(system.values).evalf(17)
+        return hy.from_sympy(number) if number.free_symbols else hy.expression(float(number))
+
+    found = []
+    for state, force in zip(states, forces, strict=True):
+        given = dict(zip(system.u, map(sp.Float, force), strict=True))
+        work = sum(q * f.xreplace(given) for q, f in zip(system.q, system.forces(), strict=True))
+        equations = hy.lagrangian(
+            convert(system.T - system.V + work), variables[:n], variables[n:], convert(system.D)
+        )
+        right = hy.cfunc([rhs for _, rhs in equations[n:]], vars=variables)
+        found.append(right(state))
+    return np.array(found)
+
+
+def random_states(system: System, count: int = 5):
+    draw = np.random.default_rng(20240229)
+    n = len(system.q)
+    return draw.uniform(-2, 2, (count, 2 * n)), draw.uniform(-3, 3, (count, len(system.u)))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_heyokas_lagrangian_gives_the_same_accelerations(name):
+    derived = equations_of(name)
+    system, n = derived.system, len(derived.system.q)
+    states, forces = random_states(system)
+    theirs = heyoka_accelerations(system, states, forces)
+    ours = derived.numeric_acceleration(
+        states[:, :n], states[:, n:], forces, np.zeros((len(states), 1))
+    )
+    # Both evaluate some ten terms, and divide by a mass matrix of condition 50 at most; the terms
+    # cancel to a tenth of the largest.
+    assert np.max(np.abs(ours - theirs)) <= 500 * EPS * np.max(np.abs(theirs))
+
+
+def test_heyokas_dissipation_function_takes_energy_as_ours_does():
+    system = oscillator(2.0, 3.0, 5.0)
+    found = heyoka_accelerations(system, [[0.0, 1.0]], [[0.0]])
+    assert found[0, 0] == -1.5  # -c v / m
+    assert derive(system).acceleration.subs(system.values).subs(
+        {system.q[0]: 0, system.v[0]: 1, system.u[0]: 0}
+    )[0] == sp.Rational(-3, 2)
+
+
+def test_heyokas_lagrangian_tells_a_changed_damping():
+    system = CART
+    changed = dataclasses.replace(system, D=system.D * sp.Rational(1000001, 1000000))
+    states, forces = random_states(system)
+    ours = derive(changed).numeric_acceleration(
+        states[:, :3], states[:, 3:], forces, np.zeros((len(states), 1))
+    )
+    theirs = heyoka_accelerations(system, states, forces)
+    assert np.max(np.abs(ours - theirs)) > 1e6 * EPS * np.max(np.abs(theirs))
+
+
+# What must hold of every derived equation.
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_energy_changes_by_what_is_supplied_less_what_is_dissipated(name):
+    assert equations_of(name).energy_balance == 0
+
+
+@pytest.mark.parametrize("name", [n for n in EVERY if equations_of(n).system.D != 0])
+def test_the_energy_balance_tells_a_dissipation_changed_after_the_derivation(name):
+    derived = equations_of(name)
+    factor = 1 + sp.Rational(1, 10**6)
+    assert dataclasses.replace(derived, dissipated=factor * derived.dissipated).energy_balance != 0
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_energy_balance_tells_a_force_left_out(name):
+    derived = equations_of(name)
+    still = dict.fromkeys(derived.system.u, 0)
+    silent = dataclasses.replace(derived, force=derived.force.xreplace(still))
+    assert silent.energy_balance != 0
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_mass_matrix_is_symmetric_and_positive(name):
+    derived = equations_of(name)
+    assert derived.mass == derived.mass.T
+    states, _ = random_states(derived.system)
+    for state in states:
+        place = dict(zip(derived.system.q, state, strict=False))
+        mass = np.array(derived.mass.subs(derived.system.values).subs(place), dtype=float)
+        assert np.all(np.linalg.eigvalsh(mass) > 0)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_numeric_accelerations_are_the_symbolic_ones(name):
+    derived = equations_of(name)
+    system, n = derived.system, len(derived.system.q)
+    states, forces = random_states(system)
+    numbers = derived.numeric_acceleration(
+        states[:, :n], states[:, n:], forces, np.zeros((len(states), 1))
+    )
+    for state, force, found in zip(states, forces, numbers, strict=True):
+        given = [map(sp.Rational, state), map(sp.Rational, force)]
+        place = dict(zip((*system.q, *system.v, *system.u), (*given[0], *given[1]), strict=True))
+        exact = derived.mass.subs(system.values).subs(place).evalf(40).LUsolve(
+            derived.force.subs(system.values).subs(place).evalf(40)
+        )  # fmt: skip
+        # As for heyoka: ten terms, a mass matrix of condition 50, cancellation to a tenth.
+        largest = float(max(abs(e) for e in exact))
+        assert np.max(np.abs(found - np.array(exact, dtype=float).ravel())) <= 500 * EPS * largest
+
+
+def test_a_moving_constraint_enters_the_equations():
+    """A bead on a straight wire turning at w: m r'' = m w^2 r, by hand (Goldstein, section 1.6)."""
+    base = oscillator(1.5, 0.0, 2.0)
+    x, m = base.coordinates[0], base.constants[0]
+    w = dataclasses.replace(base.constants[2], name="w", unit="1/s")
+    system = dataclasses.replace(
+        base, T=m * (x.v**2 + w**2 * x.q**2) / 2, V=0, D=0, constants=(m, w)
+    )
+    derived = derive(system)
+    assert derived.force[0] == sp.expand(m * w**2 * x.q) + system.u[0]

@@ -1,0 +1,421 @@
+"""Linearizations against high-precision derivatives, textbook formulas and Taylor's theorem."""
+
+import dataclasses
+
+import mpmath as mp
+import numpy as np
+import pytest
+import sympy as sp
+from mechanisms import (
+    CART,
+    EPS,
+    NAMES,
+    X,
+    built_in,
+    constant,
+    declared,
+    equations_of,
+    oscillator,
+    pendulum,
+)
+
+from reference import Coordinate, Equilibrium, Input, Output, System
+from reference.derive import derive
+from reference.linearize import Linearization, classify, linearize, taylor
+from reference.modes import (
+    damped_shapes,
+    evaluate_transfer,
+    modes,
+    poles,
+    s,
+    transfer_functions,
+)
+
+RESTS = [
+    *((name, e.name) for name in NAMES for e in built_in(name).equilibria),
+    (CART.name, "hanging"),
+]
+
+
+def linearized(name: str, rest: str) -> Linearization:
+    equations = equations_of(name)
+    (equilibrium,) = (e for e in equations.system.equilibria if e.name == rest)
+    return linearize(equations, equilibrium)
+
+
+def linear(system: System) -> Linearization:
+    return linearize(derive(system), system.equilibria[0])
+
+
+# A and B
+
+
+def derivatives(name: str, linearization: Linearization):
+    """A and B as derivatives of the first-order field, by mpmath with 40 digits."""
+    equations = equations_of(name)
+    system = equations.system
+    variables = (*system.q, *system.v, *system.u)
+    field = sp.lambdify(
+        variables, list(equations.first_order.xreplace(system.values)), modules="mpmath"
+    )
+    rest = [mp.mpf(sp.N(p.subs(system.values), 50)) for p in linearization.at]
+    rest += [mp.mpf(0)] * (len(variables) - len(rest))
+
+    def entry(row: int, column: int):
+        def along(value):
+            return field(*rest[:column], value, *rest[column + 1 :])[row]
+
+        return mp.diff(along, rest[column])
+
+    n = len(system.q)
+    return mp.matrix(
+        [[entry(row, column) for column in range(len(variables))] for row in range(2 * n)]
+    )
+
+
+@pytest.mark.parametrize(("name", "rest"), RESTS)
+def test_the_linearization_is_the_derivative_of_the_first_order_field(name, rest):
+    linearization = linearized(name, rest)
+    n = len(linearization.at)
+    with mp.workdps(40):
+        found = derivatives(name, linearization)
+        for row in range(2 * n):
+            for column in range(found.cols):
+                exact = linearization.exact["A" if column < 2 * n else "B"]
+                ours = exact[row, column if column < 2 * n else column - 2 * n]
+                # mpmath's step is near the square root of 10^-40: its error near 10^-19.
+                assert abs(found[row, column] - ours) <= mp.mpf(10) ** -18 * (1 + abs(ours))
+
+
+def test_the_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness():
+    down, up = (linearized("simple_pendulum", rest) for rest in ("hanging", "upright"))
+    assert down.stiffness == -up.stiffness
+    names = {c.name: c.symbol for c in built_in("simple_pendulum").constants}
+    assert down.stiffness[0] == names["m"] * names["g"] * names["l"]
+    assert down.arrays["A"][1, 0] == -9.81 / 0.75
+    assert up.arrays["A"][1, 0] == 9.81 / 0.75
+
+
+def test_a_searched_equilibrium_is_recognized():
+    linearization = linearized("drum_pendulum", "upright")
+    assert linearization.at == (0, sp.pi)
+    np.testing.assert_array_equal(linearization.position, [0.0, np.pi])
+
+
+def test_a_searched_equilibrium_that_is_no_multiple_of_pi_has_40_digits():
+    """A mass on a spring that hangs: k x = m g, written down by hand."""
+    weight = constant("w", 3.7, "N")
+    base = oscillator(1.3, 0.9, 47.0)
+    system = dataclasses.replace(
+        base,
+        V=base.V - weight * X.q,
+        constants=(*base.constants, weight),
+        equilibria=(Equilibrium("hanging", {X: 0.1}, True, "the spring stretched"),),
+    )
+    (found,) = linear(system).at
+    assert abs(found - sp.Rational(3.7) / 47) < sp.Float(10, 40) ** -40
+
+
+def test_the_linearization_of_a_linear_system_is_the_system():
+    matrices = linear(oscillator(1.3, 0.9, 47.0)).arrays
+    np.testing.assert_array_equal(matrices["A"], [[0, 1], [-47.0 / 1.3, -0.9 / 1.3]])
+    np.testing.assert_array_equal(matrices["B"], [[0], [1 / 1.3]])
+    np.testing.assert_array_equal(matrices["Cy"], [[1, 0]])
+    np.testing.assert_array_equal(matrices["D"], [[0]])
+
+
+# Modes and poles
+
+
+def pair(first: float, second: float, coupling: float) -> System:
+    """Declare two oscillators of mass 1.3 on springs, joined by a third."""
+    y = Coordinate("y", "m", "another displacement")
+    m, k1, k2, k3 = (
+        constant("m", 1.3, "kg"),
+        *(constant(f"k{i}", k, "N/m") for i, k in enumerate((first, second, coupling))),
+    )
+    force = Input("f", "N", "force", on={X: 1})
+    return System(
+        **declared(
+            coordinates=(X, y),
+            constants=(m, k1, k2, k3),
+            inputs=(force,),
+            T=m * X.v**2 / 2 + m * y.v**2 / 2,
+            V=k1 * X.q**2 / 2 + k2 * y.q**2 / 2 + k3 * (X.q - y.q) ** 2 / 2,
+            D=0,
+            outputs=(Output("x", X.q, "m", "displacement"), Output("v", y.v, "m/s", "speed")),
+            equilibria=(Equilibrium("rest", {X: 0, y: 0}, False, "relaxed"),),
+            scenarios=(
+                dataclasses.replace(
+                    declared()["scenarios"][0],
+                    q={X: 0.1, y: 0},
+                    v={X: 0, y: 0},
+                    inputs={force: 0},
+                ),
+            ),
+        )
+    )
+
+
+def test_repeated_roots_have_mass_orthogonal_shapes():
+    linearization = linear(pair(20.0, 20.0, 0.0))
+    first, second = modes(linearization)
+    assert first.frequency == pytest.approx(np.sqrt(20 / 1.3), rel=4 * EPS)
+    assert second.frequency == pytest.approx(first.frequency, rel=4 * EPS)
+    mass = linearization.arrays["M"]
+    assert abs(first.shape @ mass @ second.shape) <= 4 * EPS * mass[0, 0]
+    assert [(p.multiplicity, p.damping) for p in poles(linearization)] == [(2, 0.0)]
+
+
+def test_nearly_repeated_roots_stay_apart():
+    linearization = linear(pair(20.0, 20.0 * (1 + 1e-9), 0.0))
+    assert [p.multiplicity for p in poles(linearization)] == [1, 1]
+
+
+def test_two_equal_oscillators_swing_together_and_against_each_other():
+    first, second = modes(linear(pair(20.0, 20.0, 3.0)))
+    assert first.frequency == pytest.approx(np.sqrt(20 / 1.3), rel=8 * EPS)
+    assert second.frequency == pytest.approx(np.sqrt(26 / 1.3), rel=8 * EPS)
+    np.testing.assert_allclose(first.shape, [1, 1], rtol=0, atol=16 * EPS)
+    assert second.shape[0] * second.shape[1] == pytest.approx(-1, abs=16 * EPS)
+
+
+def test_the_free_pair_has_a_rigid_body_mode():
+    linearization = linearized("free_pair", "rest")
+    first, second = modes(linearization)
+    assert first.rigid
+    np.testing.assert_allclose(first.shape, [1, 1], rtol=0, atol=16 * EPS)
+    assert not second.rigid
+    m1, m2, c, k = (constant.value for constant in built_in("free_pair").constants)
+    reduced = m1 * m2 / (m1 + m2)
+    assert second.frequency == pytest.approx(np.sqrt(k / reduced), rel=8 * EPS)
+    # The centre of mass stays: m1 x1 + m2 x2 = 0.
+    assert second.shape[0] / second.shape[1] == pytest.approx(-m2 / m1, rel=32 * EPS)
+    zero, swinging = poles(linearization)
+    assert (zero.value, zero.multiplicity, zero.frequency) == (0, 2, 0)
+    assert np.isnan(zero.damping)
+    assert swinging.frequency == pytest.approx(np.sqrt(k / reduced), rel=4 * EPS)
+    assert swinging.damping == pytest.approx(c / (2 * np.sqrt(k * reduced)), rel=4 * EPS)
+
+
+def test_a_weak_spring_to_the_ground_is_no_rigid_body_mode():
+    # A frequency of 1e-5 of the other's: its square is 1e-10, well above rounding.
+    soft = pair(2e-9, 2e-9, 20.0)
+    assert not any(mode.rigid for mode in modes(linear(soft)))
+
+
+def test_critical_damping_has_a_double_pole():
+    (pole,) = poles(linear(oscillator(1.0, 4.0, 4.0)))
+    assert (pole.value, pole.multiplicity, pole.frequency, pole.damping) == (-2, 2, 2, 1)
+
+
+def test_damping_a_little_off_critical_has_none():
+    found = poles(linear(oscillator(1.0, 4.0 * (1 + 4 * EPS), 4.0)))
+    assert [p.multiplicity for p in found] == [1, 1]
+
+
+def test_an_overdamped_oscillator_has_two_real_poles():
+    slow, fast = poles(linear(oscillator(2.0, 10.0, 8.0)))  # 2 s^2 + 10 s + 8 = 2 (s+1)(s+4)
+    assert (slow.value, fast.value) == (-1, -4)
+    assert (slow.damping, fast.damping) == (1, 1)
+    assert (slow.multiplicity, fast.multiplicity) == (1, 1)
+
+
+def test_an_underdamped_oscillator_has_the_textbook_pole():
+    m, c, k = (constant.value for constant in built_in("mass_spring_damper").constants)
+    (pole,) = poles(linearized("mass_spring_damper", "rest"))
+    assert pole.frequency == pytest.approx(np.sqrt(k / m), rel=2 * EPS)
+    assert pole.damping == pytest.approx(c / (2 * np.sqrt(k * m)), rel=4 * EPS)
+    assert pole.value.imag > 0
+
+
+def test_negative_damping_has_a_negative_ratio():
+    (pole,) = poles(linear(oscillator(1.0, -0.4, 4.0)))
+    assert pole.damping == pytest.approx(-0.1, rel=2 * EPS)
+
+
+def test_the_upright_pendulum_grows_and_falls_at_the_same_rate():
+    linearization = linearized("simple_pendulum", "upright")
+    rate = np.sqrt(9.81 / 0.75)
+    (mode,) = modes(linearization)
+    assert mode.frequency == 0
+    assert not mode.rigid
+    assert mode.growth == pytest.approx(rate, rel=4 * EPS)
+    assert [p.value for p in poles(linearization)] == pytest.approx([-rate, rate], rel=2 * EPS)
+
+
+@pytest.mark.parametrize(("name", "rest"), RESTS)
+def test_the_modes_satisfy_their_equation(name, rest):
+    linearization = linearized(name, rest)
+    mass, stiffness = linearization.arrays["M"], linearization.arrays["K"]
+    for mode in modes(linearization):
+        squared = mode.frequency**2 - mode.growth**2
+        left = stiffness @ mode.shape - squared * (mass @ mode.shape)
+        # Backward error of dsygvd: some eps of the largest entry, the pencil's condition above 1.
+        assert np.max(np.abs(left)) <= 100 * EPS * max(np.max(np.abs(stiffness)), 1e-300)
+
+
+@pytest.mark.parametrize(("name", "rest"), RESTS)
+def test_the_complex_shapes_are_eigenvectors(name, rest):
+    linearization = linearized(name, rest)
+    m, c, k = (linearization.arrays[x] for x in "MCK")
+    values = {complex(p.value) for p in poles(linearization) if p.value.imag > 0}
+    shapes = damped_shapes(linearization)
+    assert len(shapes) == len(values)
+    for value, shape in shapes:
+        assert min(abs(value - other) for other in values) <= 100 * EPS * abs(value)
+        left = (m * value**2 + c * value + k) @ shape
+        assert np.max(np.abs(left)) <= 200 * EPS * np.max(np.abs(k))
+        assert np.max(np.abs(shape)) == pytest.approx(1, abs=2 * EPS)
+
+
+# Transfer functions
+
+
+def textbook(name: str) -> dict[str, list]:
+    """Return the transfer functions worked out by hand, outputs by inputs."""
+    v = {c.name: c.symbol for c in built_in(name).constants}
+    if name == "mass_spring_damper":
+        return {"rest": [[1 / (v["m"] * s**2 + v["c"] * s + v["k"])]]}
+    if name == "torsional_disc":
+        return {"rest": [[1 / (v["J"] * s**2 + v["k_theta"])]]}
+    if name == "simple_pendulum":
+        inertia, pull = v["m"] * v["l"] ** 2, v["m"] * v["g"] * v["l"]
+        return {
+            "hanging": [[1 / (inertia * s**2 + pull)]],
+            "upright": [[1 / (inertia * s**2 - pull)]],
+        }
+    if name == "free_pair":
+        m1, m2, link = v["m1"], v["m2"], v["c"] * s + v["k"]
+        below = s**2 * (m1 * m2 * s**2 + (m1 + m2) * link)
+        return {"rest": [[(m2 * s**2 + link) / below], [link / below]]}
+    if name == "anchored_pair":
+        first = v["m1"] * s**2 + v["c"] * s + v["k1"]
+        second = v["m2"] * s**2 + v["c"] * s + v["k2"]
+        below = first * second - (v["c"] * s) ** 2
+        return {"rest": [[v["c"] * s / below], [first / below]]}
+    a = (3 * v["M"] / 2 + v["m"]) * s**2 + v["k"]
+    b = v["m"] * v["l"] * s**2 / 2
+    found = {}
+    for rest, sign in (("hanging", 1), ("upright", -1)):
+        d = v["m"] * v["l"] ** 2 * s**2 / 3 + sign * v["m"] * v["g"] * v["l"] / 2
+        below = a * d - b**2
+        found[rest] = [[d / below, -sign * b / below], [-sign * b / below, a / below]]
+    return found
+
+
+@pytest.mark.parametrize(("name", "rest"), RESTS[:-1])
+def test_the_transfer_functions_are_the_textbooks(name, rest):
+    found = transfer_functions(linearized(name, rest))
+    gap = found - sp.Matrix(textbook(name)[rest])
+    assert all(sp.simplify(entry) == 0 for entry in gap)
+
+
+@pytest.mark.parametrize(("name", "rest"), RESTS)
+def test_the_transfer_functions_are_the_state_spaces(name, rest):
+    linearization = linearized(name, rest)
+    a, b, cy, d = (linearization.exact[x] for x in ("A", "B", "Cy", "D"))
+    frequencies = np.array([0.3, 2.1, 4.4, 17.0])
+    functions = transfer_functions(linearization)
+    found = evaluate_transfer(equations_of(name).system, functions, frequencies)
+    assert found.shape == (4, cy.rows, b.cols)
+    for w, numbers in zip(frequencies, found, strict=True):
+        exact = cy * mp.inverse(mp.mpc(0, w) * mp.eye(a.rows) - a) * b + d
+        theirs = np.array(exact.tolist(), dtype=complex)
+        # Two polynomials of degree 2 n at most, each a few eps; they cancel near a resonance, to
+        # a hundredth here.
+        assert np.max(np.abs(numbers - theirs)) <= 500 * EPS * np.max(np.abs(theirs))
+
+
+def test_repeated_poles_have_a_complex_shape_each():
+    (first, a), (second, b) = damped_shapes(linear(pair(20.0, 20.0, 0.0)))
+    assert first == second
+    assert abs(np.linalg.det(np.column_stack([a, b]))) > 0.5
+
+
+def test_an_output_that_sees_a_velocity_brings_an_s():
+    system = pair(20.0, 20.0, 3.0)
+    functions = transfer_functions(linear(system))
+    m, k1, k2, k3 = (c.symbol for c in system.constants)
+    first, second = m * s**2 + k1 + k3, m * s**2 + k2 + k3
+    assert sp.simplify(functions[1, 0] - s * k3 / (first * second - k3**2)) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("mass_spring_damper", "SISO"),
+        ("torsional_disc", "SISO"),
+        ("simple_pendulum", "SISO"),
+        ("free_pair", "SIMO"),
+        ("anchored_pair", "SIMO"),
+        ("drum_pendulum", "MIMO"),
+    ],
+)
+def test_a_system_is_classed_by_its_inputs_and_outputs(name, kind):
+    system = built_in(name)
+    assert classify(len(system.inputs), len(system.outputs)) == kind
+
+
+def test_what_has_many_inputs_and_one_output_or_no_input_is_classed_too():
+    assert classify(3, 1) == "MISO"
+    assert classify(0, 2) == "autonomous"
+
+
+def test_a_system_without_inputs_is_linearized():
+    linearization = linear(pendulum(0.1, 0.0, 1.0))
+    assert linearization.arrays["B"].shape == (2, 0)
+    assert transfer_functions(linearization).shape == (1, 0)
+
+
+# Taylor series (Eq. 3.1)
+
+x, y = sp.symbols("x y", real=True)
+
+
+@pytest.mark.parametrize("order", [1, 3, 5, 7])
+def test_the_taylor_series_of_the_sine_is_the_textbooks(order):
+    expected = sum((-1) ** i * x ** (2 * i + 1) / sp.factorial(2 * i + 1)
+                   for i in range((order + 1) // 2))  # fmt: skip
+    assert sp.expand(taylor(sp.sin(x), {x: sp.Integer(0)}, order) - expected) == 0
+
+
+def test_the_taylor_series_about_another_point_is_in_powers_of_the_distance():
+    found = taylor(sp.cos(x), {x: sp.pi / 2}, 3)
+    distance = x - sp.pi / 2
+    assert sp.expand(found - (-distance + distance**3 / 6)) == 0
+
+
+def test_the_taylor_series_in_two_variables_has_the_mixed_terms():
+    found = taylor(sp.exp(x) * sp.sin(y), {x: sp.Integer(0), y: sp.Integer(0)}, 3)
+    assert sp.expand(found - (y + x * y + x**2 * y / 2 - y**3 / 6)) == 0
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 5])
+def test_the_error_of_a_taylor_series_falls_with_the_next_power(order):
+    """The step halved: the error falls by 2^(order + 1), to what the next term leaves."""
+    function = sp.exp(x) * sp.cos(y + x) + x * y**2
+    point = {x: sp.Rational(1, 3), y: sp.Rational(-1, 5)}
+    polynomial = taylor(function, point, order)
+
+    def error(step: sp.Rational):
+        place = {x: point[x] + step, y: point[y] + step * 3 / 4}
+        return abs(sp.N((function - polynomial).subs(place), 40))
+
+    observed = sp.log(error(sp.Rational(1, 1000)) / error(sp.Rational(1, 2000)), 2)
+    # The next term but one is a thousandth of the next, times the ratio of two derivatives.
+    assert abs(observed - (order + 1)) < 0.01
+
+
+def test_the_first_order_of_the_drums_force_is_its_linearization():
+    equations = equations_of("drum_pendulum")
+    system = equations.system
+    point = dict.fromkeys((*system.q, *system.v, *system.u), sp.Integer(0))
+    linearization = linearized("drum_pendulum", "hanging")
+    expected = (
+        linearization.input * sp.Matrix(system.u)
+        - linearization.damping * sp.Matrix(system.v)
+        - linearization.stiffness * sp.Matrix(system.q)
+    )
+    for row, force in zip(expected, equations.force, strict=True):
+        assert sp.expand(taylor(force, point, 1) - row) == 0

@@ -1,0 +1,89 @@
+"""Units are read as dimensions, and contradictions are named."""
+
+from fractions import Fraction
+
+import pytest
+import sympy as sp
+
+from reference.units import (
+    ENERGY, FORCE, LENGTH, MASS, ONE, POWER, TIME, UnitError, dimension_of, parse_unit,
+)  # fmt: skip
+
+x, y, m, angle = sp.symbols("x y m angle", real=True)
+KNOWN = {x: LENGTH, y: TIME, m: MASS, angle: ONE}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("m", LENGTH),
+        ("1", ONE),
+        ("rad", ONE),
+        ("N", FORCE),
+        ("kg*m/s^2", FORCE),
+        ("kg*m^2", MASS * LENGTH ** Fraction(2)),
+        ("N*m/rad", ENERGY),
+        ("J/s", POWER),
+        ("W", POWER),
+        ("m**2", LENGTH ** Fraction(2)),
+        ("1/s", TIME ** Fraction(-1)),
+        ("N * s / m", MASS / TIME),
+        ("m/s/s", LENGTH / TIME / TIME),
+    ],
+)
+def test_a_unit_is_read(text, expected):
+    assert parse_unit(text) == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["Nm", "lb", "kg*", "m^", "m^x", "s^-", "deg", "2*m", "N m", "m^1/2"]
+)
+def test_a_unit_with_an_unknown_part_is_refused_naming_it(text):
+    with pytest.raises(UnitError, match="has a part"):
+        parse_unit(text)
+
+
+@pytest.mark.parametrize("text", ["", "  ", None, 1])
+def test_a_missing_unit_is_refused_with_the_remedy(text):
+    with pytest.raises(UnitError, match="write '1' for a dimensionless number"):
+        parse_unit(text)
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        (m * x**2 / y**2, ENERGY),
+        (sp.sqrt(x) ** 2 * sp.cos(angle), LENGTH),
+        (sp.sqrt(x), LENGTH ** Fraction(1, 2)),
+        (sp.atan2(x, 2 * x), ONE),
+        (sp.exp(angle), ONE),
+        (3 * x - x, LENGTH),
+        (sp.sin(angle) ** angle, ONE),
+        (sp.pi, ONE),
+        (sp.Integer(0), None),
+    ],
+)
+def test_an_expression_has_a_dimension(expression, expected):
+    assert dimension_of(expression, KNOWN) == expected
+
+
+@pytest.mark.parametrize(
+    ("expression", "named"),
+    [
+        (x + y, "but"),
+        (x + 1, "but"),
+        (sp.sin(x), "x in sin"),
+        (sp.exp(y), "where a number belongs"),
+        (sp.Integer(2) ** x, "where a number belongs"),
+        (sp.atan2(x, y), "compares"),
+        (m * (x + y), "but"),
+    ],
+)
+def test_a_contradiction_is_named(expression, named):
+    with pytest.raises(UnitError, match=named):
+        dimension_of(expression, KNOWN)
+
+
+def test_a_dimension_is_written_for_a_reader():
+    assert str(FORCE) == "kg*m*s^-2"
+    assert str(ONE) == "1"
