@@ -18,7 +18,7 @@ check: .venv/.test
 	$(BIN)/lint-imports
 
 bench: .venv/.report
-	$(BIN)/python tests/bench.py
+	$(BIN)/python -m tests.bench
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv

@@ -26,6 +26,9 @@ from reference.system import System
 SERIES = 240
 """Samples of a series in results.json: as many as a plot of ordinary width can show."""
 
+BLOWN_UP = 1e6
+"""Raw errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""
+
 
 @dataclass(frozen=True)
 class CaseTask:
@@ -109,6 +112,11 @@ def _with_plain_runs(verdict: Verdict, lived: Cost, claimed: int) -> tuple[Outco
             f"at the shipped step of {lived.shipped.h:g} s the motion is no longer finite at"
             f" t = {bad:.4g} s"
         )
+    if lived.raw_error > BLOWN_UP:
+        return Outcome.FAILED, (
+            f"at the shipped step of {lived.shipped.h:g} s the motion blows up, to"
+            f" {lived.raw_error:.0e} of its amplitude; the step is too coarse for it"
+        )
     if verdict.outcome is Outcome.AGREES and not lived.converges:
         return Outcome.UNRESOLVED, (
             "every segment agrees, but a run from start to end does not converge to the motion"
@@ -133,7 +141,7 @@ def _cost_record(lived: Cost) -> dict[str, Any]:
         "checked_step": None if lived.checked is None else dict(
             zip(("target", "step", "measured"), lived.checked, strict=True)
         ),
-        "energy_error": shipped.energy / shipped.energy_scale if shipped.energy_scale else 0.0,
+        "energy_error": shipped.energy,
         "constraint_drift": shipped.drift,
     }  # fmt: skip
 

@@ -88,8 +88,8 @@ class CoordinateMap:
             return force
         scalar = self.push.scalar
 
-        def at(z: Array, u: Array) -> Array:
-            return np.array(scalar(*z, *u), dtype=float)
+        def at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
+            return scalar(*z, *u)
 
         return StateForce(inputs, at)
 

@@ -7,7 +7,7 @@ add one through the entry point `crosscheck.engines`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -50,11 +50,12 @@ class StateForce:
 
     Attributes:
         inputs: u at the start of each step, (B, n, inputs).
-        at: force on the engine's coordinates at one state, (z (nz,), u (inputs,)) -> (nz,).
+        at: force on the engine's coordinates at one state, (z, u) -> nz numbers. It takes plain
+            sequences: at a call a step, arrays of two or three numbers would cost most of the time.
     """
 
     inputs: Array
-    at: Callable[[Array, Array], Array]
+    at: Callable[[Sequence[float], Sequence[float]], Sequence[float]]
 
 
 Force = Array | StateForce | None

@@ -20,8 +20,9 @@ RUNGS = (2, 3, 5, 7, 11, 17, 29, 41, 61)
 """Step counts of the rungs. Distinct primes: non-smooth motion whose rungs share a grid can fool a
 ladder. The gaps keep the sum of the weights' magnitudes at 44 for eight rungs, 52 for nine."""
 
-FIRST_JUDGED = 5
-"""Rungs needed before a limit has an uncertainty."""
+FIRST_JUDGED = 6
+"""Rungs needed before a limit has an uncertainty: by the fifth, two small draws in a row may still be
+chance."""
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -58,13 +59,14 @@ class Limit:
 
     Attributes:
         value: limits, (K, C).
-        uncertainty: of each, (K, C).
+        uncertainty: of each, (K, C); infinite over the segments whose limits don't draw together.
         rungs: step counts used for `value`.
         draws: largest |T_m - T_(m-1)| over all segments, by m from 2 rungs on, (M - 1,), in units
             of each component's scale.
-        order: observed leading order of the raw rungs; nan where they differ by rounding alone.
+        order: observed leading order of the raw rungs, over the segments that draw together; nan
+            where they differ by rounding alone.
         holds: whether the order is the one that the engine claims.
-        converges: whether the limits drew together at all.
+        converges: whether the limits of any segment drew together.
     """
 
     value: Array
@@ -82,10 +84,19 @@ def limits(
 ) -> Limit:  # fmt: skip
     """Extrapolate raw values of the rungs and judge the result.
 
-    U_m = 2.5 E_m sqrt(max(r_m, r_(m-1))) + 3 eps sum |w_i| sqrt(n_i) grain, where T_m is the limit
-    of the first m rungs, E_m = |T_m - T_(m-1)| and r_m = min(1, E_m / E_(m-1)): a rule measured on
-    thousands of ladders. E_m is taken as the largest over neighbouring segments, since a single
-    one passes through zero by chance.
+    U_m = 2.5 D_m sqrt(max(r_m, r_(m-1))) + 3 eps sum |w_i| sqrt(n_i) grain, where T_m is the limit
+    of the first m rungs, E_m = |T_m - T_(m-1)|, r_m = min(1, E_m / E_(m-1)), and
+    D_m = max(E_m, E_(m-1) r_(m-1)): a draw smaller than the two before it promised is not believed.
+    E_m is taken as the largest over neighbouring segments, since a single one passes through zero by
+    chance.
+
+    Measured against closed forms on 935 ladders of random linear systems (the four built-in
+    pairings, and Euler, Heun, midpoint and Runge-Kutta methods written out), at 6, 7, 8 and 9 rungs
+    each: of 1 218 048 limits none is outside U, the worst at 0.60 U, median U 120 times the error.
+    Without D_m, and from five rungs on, 1 218 of 456 496 were, by up to 12 U: Heun's method has
+    coefficients that vanish, and Runge-Kutta's two small draws in a row. On 173 ladders of the
+    built-in models 28 of 793 024 are outside, by up to 1.4 U, all under soft equalities, whose rungs
+    follow models that depend on the step.
 
     Args:
         values: raw ends of the segments, one (K, C) array a rung.
@@ -106,21 +117,35 @@ def limits(
     for m in range(FIRST_JUDGED, len(rungs) + 1):
         here, before, earlier = smooth[m - 2], smooth[m - 3], smooth[m - 4]
         floor = _rounding(rungs[:m], exponents) * grain
+        promised = np.maximum(here, before * _ratio(before, earlier))
         ratio = np.maximum(_ratio(here, before), _ratio(before, earlier))
-        uncertainty = 2.5 * here * np.sqrt(ratio) + floor
-        drawn = draws[m - 2] <= draws[m - 3] / 2 or draws[m - 2] <= np.max(3 * floor / scale)
-        if not drawn:
-            uncertainty = np.maximum(uncertainty, 2.5 * np.maximum(here, before))
-        worst = float(np.max(uncertainty / scale))
+        uncertainty = 2.5 * promised * np.sqrt(ratio) + floor
+        drawn = (here <= before / 2) | (here <= 3 * floor)
+        uncertainty = np.where(
+            drawn, uncertainty, np.maximum(uncertainty, 2.5 * np.maximum(here, before))
+        )
+        # Where a motion is not smooth, its segments alone have no limit: the others keep theirs.
+        still = np.max(here / scale, axis=1)
+        together = (still < draws[0] / 10) | (still < 1e-12)
+        uncertainty = np.where(together[:, None], uncertainty, np.inf)
+        worst = largest(uncertainty / scale)
         if best is None or worst < best[0]:
             best = (worst, m, uncertainty)
     assert best is not None, f"a limit needs {FIRST_JUDGED} rungs"
     _, m, uncertainty = best
-    order, holds = observed_order(stack / scale, rungs, exponents[0], float(np.max(grain / scale)))
-    converges = bool(np.all(np.isfinite(draws))) and (
-        draws[m - 2] < draws[0] / 10 or draws[m - 2] < 1e-12
-    )
+    known = np.isfinite(uncertainty).all(axis=1)
+    converges = bool(known.any())
+    order, holds = observed_order(
+        (stack[:, known] if converges else stack) / scale,
+        rungs, exponents[0], float(np.max(grain / scale)),
+    )  # fmt: skip
     return Limit(estimates[m - 1], uncertainty, rungs[:m], draws, order, holds, converges)
+
+
+def largest(uncertainty: Array) -> float:
+    """Largest uncertainty of the segments that have one; infinite where none has."""
+    known = uncertainty[np.isfinite(uncertainty)]
+    return float(np.max(known)) if known.size else float("inf")
 
 
 def observed_order(

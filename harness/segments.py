@@ -8,7 +8,7 @@ import numpy as np
 
 from harness.coordinates import CoordinateMap
 from harness.engine import Model
-from harness.ladder import FIRST_JUDGED, RUNGS, Limit, limits
+from harness.ladder import FIRST_JUDGED, RUNGS, Limit, largest, limits
 from reference.motion import Motion
 from reference.numeric import Array
 
@@ -65,12 +65,13 @@ def extrapolate(
             continue
         previous = limit
         limit = limits(values, RUNGS[:count], exponents, scale, grain)
-        worst = float(np.max(limit.uncertainty / scale))
+        worst = largest(limit.uncertainty / scale)
         if worst <= ENOUGH * resolution:
             break
         if previous is not None and count > FIRST_JUDGED + 1:
-            before = float(np.max(previous.uncertainty / scale))
-            if worst > 0.7 * before:
+            before = largest(previous.uncertainty / scale)
+            # Short of the resolution every rung is worth its steps: a draw may be late by one.
+            if resolution >= worst > 0.7 * before:
                 break
     assert limit is not None
     return Extrapolated(limit, np.stack(values), RUNGS[: len(values)], steps)

@@ -11,7 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from harness.ladder import Limit
+from harness.ladder import EPSILON, Limit
 from reference.motion import Motion
 from reference.numeric import Array
 
@@ -83,7 +83,8 @@ def judge(
     resolved doesn't hide one that was.
     """
     defect = np.abs(limit.value - motion.end) / scale
-    uncertainty = (limit.uncertainty + motion.bound) / scale
+    # Never below what a double resolves: a component at rest at zero has no rounding at all.
+    uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
     if not (limit.holds and limit.converges) or float(limit.draws[0]) == 0.0:
         return _no_digit(limit, defect, motion, names, claimed)
     ratio = defect / uncertainty
@@ -110,7 +111,10 @@ def judge(
             component, segment = int(where[1]), int(where[0])
             e, u = float(largest[0][component]), worst
             reason = (
-                f"the limit of {names[component]} is known to {worst:.1e} at best, near"
+                f"the ladder diverges near t = {motion.t[segment]:.4g} s: the limits of finer rungs"
+                " do not draw together, as where a motion is not smooth"
+                if worst == float("inf")
+                else f"the limit of {names[component]} is known to {worst:.1e} at best, near"
                 f" t = {motion.t[segment]:.4g} s, where {resolution:.0e} was asked:"
                 " the motion is not smooth there, or the step is too coarse for it"
             )

@@ -103,7 +103,7 @@ def _candidates(
                 linearization.mass * sp.Matrix(system.a)
                 + linearization.damping * sp.Matrix(system.v)
                 + linearization.stiffness * deviation
-                - linearization.input * sp.Matrix(system.u)
+                - linearization.input * sp.Matrix(len(system.u), 1, system.u)
             )
             return list(rows)
     raise DeclarationError(f"{where}: {printed.of!r} is no equilibrium")

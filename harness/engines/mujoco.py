@@ -188,8 +188,9 @@ class MujocoModel:
             for b in range(len(q)):
                 mujoco.mj_resetData(self.model, data)
                 data.qpos[:], data.qvel[:] = q[b], v[b]
+                held = force.inputs[b].tolist()
                 for i in range(n):
-                    data.qfrc_applied[:] = force.at(data.qpos, force.inputs[b, i])
+                    data.qfrc_applied[:] = force.at(data.qpos.tolist(), held[i])
                     mujoco.mj_step(self.model, data)
                     if (i + 1) % every == 0:
                         out_q[b, i // every], out_v[b, i // every] = data.qpos, data.qvel

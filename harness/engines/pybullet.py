@@ -67,14 +67,20 @@ class PybulletModel:
     integrator = "semi-implicit euler"
 
     def __init__(self, spec: ModelSpec, springs: list[Spring], followers: list[Mimic]) -> None:
+        self.path = str(spec.path)
+        self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
+        self._declared = spec, springs, followers
+        self._load()
+
+    def _load(self) -> None:
+        """Load the file into an emptied physics server."""
         import pybullet as p
 
         global _client, _loaded
         if _client is None:
             _client = p.connect(p.DIRECT)
         _loaded = self
-        self.path = str(spec.path)
-        self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
+        spec, springs, followers = self._declared
         p.resetSimulation()
         # Files are cached by name even across a reset: a rewritten file would not be read again.
         # The residual threshold would end the solver early, at 1e-7.
@@ -84,9 +90,7 @@ class PybulletModel:
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
         try:
             # Without the flag the inertia in the file is replaced by one of the collision shapes.
-            self._body = p.loadURDF(
-                self.path, useFixedBase=1, flags=p.URDF_USE_INERTIA_FROM_FILE
-            )
+            self._body = p.loadURDF(self.path, useFixedBase=1, flags=p.URDF_USE_INERTIA_FROM_FILE)
         except p.error as error:
             raise EngineError(f"{self.path}: PyBullet can't load it: {error}") from None
         self._joints, names = self._moving_joints()
@@ -136,7 +140,9 @@ class PybulletModel:
     def _resolve(self, spring: Spring) -> tuple[list[tuple[int, float]], float, float, float]:
         for joint in spring.joints:
             if joint not in self.coordinates:
-                raise EngineError(f"{self.path}: a spring names {joint!r}, which is no moving joint")
+                raise EngineError(
+                    f"{self.path}: a spring names {joint!r}, which is no moving joint"
+                )
         terms = [(self.coordinates.index(j), float(c)) for j, c in spring.joints.items()]
         return terms, spring.stiffness, spring.damping, spring.rest
 
@@ -167,15 +173,18 @@ class PybulletModel:
 
         if _loaded is not self:
             raise EngineError(f"{self.path}: another model has been loaded since")
-        body, joints = self._body, self._joints
         p.setPhysicsEngineParameter(fixedTimeStep=h)
         out_q = np.empty((len(q), n // every, q.shape[1]))
         out_v = np.empty_like(out_q)
         reset = p.resetJointState
         for b in range(len(q)):
-            for i, joint in enumerate(joints):
-                reset(body, joint, q[b, i], v[b, i])
+            for i, joint in enumerate(self._joints):
+                reset(self._body, joint, q[b, i], v[b, i])
             self._run(b, n, force, every, out_q[b], out_v[b])
+            if not np.isfinite(out_q[b, -1]).all():
+                # What is not a number stays in a gear, through every reset of the joints.
+                self._load()
+                p.setPhysicsEngineParameter(fixedTimeStep=h)
         return out_q, out_v
 
     def _run(self, b: int, n: int, force: Force, every: int, out_q: Array, out_v: Array) -> None:
@@ -187,14 +196,14 @@ class PybulletModel:
         mode, springs = p.TORQUE_CONTROL, self._springs
         by_state = force if isinstance(force, StateForce) else None
         held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
+        inputs: Any = by_state.inputs[b].tolist() if by_state is not None else None
         driven = bool(springs) or force is not None
         feedback = bool(springs) or by_state is not None
         current: Any = states(body, joints) if feedback else ()
         for i in range(n):
             if driven:
                 if by_state is not None:
-                    z = np.array([s[0] for s in current])
-                    tau = by_state.at(z, by_state.inputs[b, i]).tolist()
+                    tau = list(by_state.at([s[0] for s in current], inputs[i]))
                 else:
                     tau = held[i] if held is not None else [0.0] * size
                 for terms, stiffness, damping, rest in springs:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import importlib.util
+import math
 import sys
 import traceback
 from dataclasses import dataclass
@@ -54,6 +55,13 @@ class PymunkModel:
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
         self._module = _run_file(spec)
         self._build()
+        try:
+            # pymunk's own step checks masses and moments; the call beneath it does not.
+            self._space.step(self.step)
+        except AssertionError as error:
+            raise EngineError(f"{self.path}: {error}") from None
+        if not self._reusable:
+            self._build()
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout: a step moves positions with the old velocity, then updates it."""
@@ -65,70 +73,141 @@ class PymunkModel:
         try:
             space, bodies = self._module.build()
         except Exception as error:
-            raise EngineError(f"{self.path}:{_line(error, self.path)}: build() fails: {error}") from None
+            raise EngineError(
+                f"{self.path}:{_line(error, self.path)}: build() fails: {error}"
+            ) from None
         if not isinstance(space, pymunk.Space) or not isinstance(bodies, dict):
             raise EngineError(f"{self.path}: build() must return (Space, {{name: Body}})")
         if not bodies or not all(isinstance(body, pymunk.Body) for body in bodies.values()):
             raise EngineError(f"{self.path}: build() must name at least one Body")
-        self._space = space
-        self._bodies = list(bodies.values())
+        for name, body in bodies.items():
+            if body.space is not space:
+                raise EngineError(f"{self.path}: body {name!r} is not in the Space: space.add(...)")
+        self._space, self._bodies = space, bodies
+        # The C structs: calls beneath pymunk's own methods take a third of their time.
+        self._handles = [body._body for body in bodies.values()]
         self.coordinates = tuple(f"{name}.{kind}" for name in bodies for kind in _KINDS)
+        self._reusable = _reusable(space, list(bodies.values()))
+        self._joints = [
+            (c._constraint, c.max_force) for c in space.constraints if type(c) in _caching()
+        ]
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
         """Step the Space; forces act for one step, as pymunk clears them after each."""
-        out_q = np.empty((len(q), n // every, q.shape[1]))
-        out_v = np.empty_like(out_q)
-        for b in range(len(q)):
-            # A Space keeps impulses from step to step; a new one starts without.
-            self._build()
-            self._set(q[b], v[b])
-            self._run(b, h, n, force, every, out_q[b], out_v[b])
-        return out_q, out_v
+        places: list[list[float]] = []
+        rates: list[list[float]] = []
+        for b, (start, rate) in enumerate(zip(q.tolist(), v.tolist(), strict=True)):
+            self._forget(h)
+            self._set(start, rate)
+            self._run(b, h, n, force, every, places, rates)
+            # What is not a number may stay in the joints for good.
+            self._reusable &= math.isfinite(sum(places[-1]) + sum(rates[-1]))
+        shape = (len(q), n // every, q.shape[1])
+        return np.array(places).reshape(shape), np.array(rates).reshape(shape)
 
-    def _set(self, q: Array, v: Array) -> None:
-        values, rates = q.tolist(), v.tolist()
-        for i, body in enumerate(self._bodies):
-            body.position = (values[3 * i], values[3 * i + 1])
-            body.angle = values[3 * i + 2]
-            body.velocity = (rates[3 * i], rates[3 * i + 1])
-            body.angular_velocity = rates[3 * i + 2]
+    def _forget(self, h: float) -> None:
+        """Clear the impulses that joints keep from step to step, as in a Space just built.
+
+        A step that allows a joint no force leaves its impulse at zero; what the step does to the
+        bodies is overwritten. Where that might not be all that is kept, build anew, at 50 times
+        the cost of a step.
+        """
+        from pymunk._chipmunk_cffi import lib
+
+        if not self._reusable:
+            self._build()
+        for joint, _ in self._joints:
+            lib.cpConstraintSetMaxForce(joint, 0.0)
+        if self._joints:
+            lib.cpSpaceStep(self._space._space, h)
+        for joint, allowed in self._joints:
+            lib.cpConstraintSetMaxForce(joint, allowed)
+
+    def _set(self, q: list[float], v: list[float]) -> None:
+        from pymunk._chipmunk_cffi import lib
+
+        for i, body in enumerate(self._handles):
+            lib.cpBodySetPosition(body, (q[3 * i], q[3 * i + 1]))
+            lib.cpBodySetAngle(body, q[3 * i + 2])
+            lib.cpBodySetVelocity(body, (v[3 * i], v[3 * i + 1]))
+            lib.cpBodySetAngularVelocity(body, v[3 * i + 2])
 
     def _run(
-        self, b: int, h: float, n: int, force: Force, every: int, out_q: Array, out_v: Array
-    ) -> None:
-        bodies, step = self._bodies, self._space.step
+        self, b: int, h: float, n: int, force: Force, every: int,
+        places: list[list[float]], rates: list[list[float]],
+    ) -> None:  # fmt: skip
+        from pymunk._chipmunk_cffi import lib
+
+        step, space = lib.cpSpaceStep, self._space._space
+        set_force, set_torque = lib.cpBodySetForce, lib.cpBodySetTorque
         by_state = force if isinstance(force, StateForce) else None
         held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
+        inputs: Any = by_state.inputs[b].tolist() if by_state is not None else None
+        push = None
         for i in range(n):
             if by_state is not None:
-                held_now = by_state.at(np.array(self._positions()), by_state.inputs[b, i]).tolist()
-                self._push(held_now)
+                push = by_state.at(self._places(), inputs[i])
             elif held is not None:
-                self._push(held[i])
-            step(h)
+                push = held[i]
+            if push is not None:
+                for j, body in enumerate(self._handles):
+                    set_force(body, (push[3 * j], push[3 * j + 1]))
+                    set_torque(body, push[3 * j + 2])
+            step(space, h)
             if (i + 1) % every == 0:
-                row = i // every
-                out_q[row] = self._positions()
-                out_v[row] = [
-                    rate
-                    for body in bodies
-                    for rate in (body.velocity.x, body.velocity.y, body.angular_velocity)
-                ]
+                places.append(self._places())
+                rates.append(self._rates())
 
-    def _positions(self) -> list[float]:
-        return [
-            value
-            for body in self._bodies
-            for value in (body.position.x, body.position.y, body.angle)
-        ]
+    def _places(self) -> list[float]:
+        from pymunk._chipmunk_cffi import lib
 
-    def _push(self, forces: list[float]) -> None:
-        for i, body in enumerate(self._bodies):
-            body.force = (forces[3 * i], forces[3 * i + 1])
-            if forces[3 * i + 2]:
-                body.torque = forces[3 * i + 2]
+        values: list[float] = []
+        for body in self._handles:
+            at = lib.cpBodyGetPosition(body)
+            values += (at.x, at.y, lib.cpBodyGetAngle(body))
+        return values
+
+    def _rates(self) -> list[float]:
+        from pymunk._chipmunk_cffi import lib
+
+        values: list[float] = []
+        for body in self._handles:
+            rate = lib.cpBodyGetVelocity(body)
+            values += (rate.x, rate.y, lib.cpBodyGetAngularVelocity(body))
+        return values
+
+
+def _caching() -> tuple[type, ...]:
+    """Constraints whose one memory is the impulse of the last step, from which they start."""
+    from pymunk import constraints as c
+
+    return (
+        c.PinJoint, c.PivotJoint, c.GrooveJoint, c.SlideJoint, c.GearJoint, c.RotaryLimitJoint,
+        c.SimpleMotor,
+    )  # fmt: skip
+
+
+def _reusable(space: Any, bodies: list[Any]) -> bool:
+    """Whether the cached impulses and the named bodies' states are all that a Space remembers."""
+    import pymunk
+
+    springs = (pymunk.DampedSpring, pymunk.DampedRotarySpring)
+    still = pymunk.Body.STATIC
+    return (
+        all(body in bodies for body in space.bodies if body.body_type != still)
+        and all(type(c) in (*springs, *_caching()) for c in space.constraints)
+        and not any(c.pre_solve or c.post_solve for c in space.constraints)
+        # Functions of the user's own may remember anything.
+        and all(
+            body.velocity_func == pymunk.Body.update_velocity
+            and body.position_func == pymunk.Body.update_position
+            for body in bodies
+        )
+        # Shapes that can touch keep contacts.
+        and all(shape.sensor or shape.filter.mask == 0 for shape in space.shapes)
+    )
 
 
 def _run_file(spec: ModelSpec) -> Any:

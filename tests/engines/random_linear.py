@@ -56,7 +56,7 @@ class Drawn:
 
 
 def draw(rng, pairing):
-    """Draw a mechanism with its scenario; three periods of its slowest motion."""
+    """Draw a mechanism with its scenario: three of its slowest periods, or six of its fastest."""
     size = int(rng.integers(1, 3))
     regime, signal = str(rng.choice(REGIMES)), str(rng.choice(SIGNALS))
 
@@ -81,9 +81,15 @@ def draw(rng, pairing):
     mass, stiff = np.diag(m), np.diag(k)
     if size == 2:
         stiff = stiff + kc * np.array([[1, -1], [-1, 1]])
+        damp = np.diag(c) + cc * np.array([[1, -1], [-1, 1]])
+    else:
+        damp = np.diag(c)
     rates = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(mass, stiff))))
     slow = float(np.min(rates[rates > 1e-3 * np.max(rates)]))
-    duration = float(f"{3 * 2 * np.pi / slow:.3g}")
+    lower = np.linalg.solve(mass, np.hstack([-stiff, -damp]))
+    full = np.vstack([np.eye(2 * size)[size:], lower])
+    fast = float(np.max(np.abs(np.linalg.eigvals(full))))
+    duration = float(f"{2 * np.pi * min(3 / slow, 6 / fast):.3g}")
     integrator = str(rng.choice(INTEGRATORS)) if pairing.startswith("mujoco") else ""
     system = _system(rng, m, k, c, kc, cc, signal, slow, duration)
     return Drawn(pairing, integrator, regime, signal, m, k, c, kc, cc, system)
@@ -107,7 +113,7 @@ def _system(rng, m, k, c, kc, cc, signal, slow, duration):
         V += pair[0] * (x[1].q - x[0].q) ** 2 / 2
         D += pair[1] * (x[1].v - x[0].v) ** 2 / 2
     force = Input("f", "N", "force", on={x[int(rng.integers(0, size))]: 1})
-    size_of_force = float(f"{0.2 * max(*k, kc) * rng.uniform(0.3, 1):.3g}")
+    size_of_force = float(f"{0.1 * max(*k, kc) * rng.uniform(0.2, 1):.3g}")
     a, b = (float(f"{r:.3g}") for r in slow * rng.uniform(0.3, 2.5, 2))
     terms = {
         "step": Heaviside(t - float(f"{duration * rng.uniform(0.1, 0.6):.3g}")),

@@ -6,7 +6,13 @@ from pathlib import Path
 from sympy import cos
 
 from reference import (
-    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System,
+    Constant,
+    Coordinate,
+    Equilibrium,
+    Input,
+    Output,
+    Scenario,
+    System,
 )  # fmt: skip
 from reference.derive import Equations, derive
 from reference.load import load_system

@@ -10,7 +10,15 @@ import sympy as sp
 from mechanisms import MODELS, NAMES, C, F, K, M, X, built_in, constant, declared
 
 from reference import (
-    Constant, Coordinate, DeclarationError, Equilibrium, Input, Output, Printed, Scenario, System,
+    Constant,
+    Coordinate,
+    DeclarationError,
+    Equilibrium,
+    Input,
+    Output,
+    Printed,
+    Scenario,
+    System,
     t,
 )  # fmt: skip
 from reference.derive import derive

@@ -25,7 +25,9 @@ def symbols(system: System) -> dict[str, sp.Symbol]:
 # Newton's second law, where the source gives it (Eq. 2.4, 2.7, 3.5): m a = sum of the forces.
 
 NEWTON = {
-    "mass_spring_damper": lambda n: n["m"] * n["x''"] - (n["f"] - n["k"] * n["x"] - n["c"] * n["x'"]),
+    "mass_spring_damper": lambda n: (
+        n["m"] * n["x''"] - (n["f"] - n["k"] * n["x"] - n["c"] * n["x'"])
+    ),
     "torsional_disc": lambda n: n["J"] * n["theta''"] - (n["T"] - n["k_theta"] * n["theta"]),
     "simple_pendulum": lambda n: (
         n["m"] * n["l"] ** 2 * n["theta''"]

@@ -6,7 +6,16 @@ import pytest
 import sympy as sp
 
 from reference.units import (
-    ENERGY, FORCE, LENGTH, MASS, ONE, POWER, TIME, UnitError, dimension_of, parse_unit,
+    ENERGY,
+    FORCE,
+    LENGTH,
+    MASS,
+    ONE,
+    POWER,
+    TIME,
+    UnitError,
+    dimension_of,
+    parse_unit,
 )  # fmt: skip
 
 x, y, m, angle = sp.symbols("x y m angle", real=True)

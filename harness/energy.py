@@ -1,0 +1,72 @@
+"""Energy balance of a run: what it holds, what its inputs gave and its dampers took."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.integrate
+
+from reference.motion import Motion
+from reference.numeric import Array, NumericFunction
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Energies over a run, joules.
+
+    Attributes:
+        held: T + V at the samples, (S,).
+        supplied: work of the inputs up to each sample, (S,).
+        dissipated: work of the dampers up to each sample, (S,).
+        scale: the largest of what is exchanged, supplied, dissipated or kinetic.
+    """
+
+    held: Array
+    supplied: Array
+    dissipated: Array
+    scale: float
+
+    @property
+    def error(self) -> float:
+        """Largest imbalance, relative to the scale: of order h^p for a method of order p."""
+        imbalance = self.held - self.held[0] - self.supplied + self.dissipated
+        return float(np.max(np.abs(imbalance))) / self.scale if self.scale else 0.0
+
+
+def energy_balance(
+    t: Array, states: Array, motion: Motion, power: NumericFunction
+) -> EnergyBalance:
+    """Balance the energy of a sampled run.
+
+    Args:
+        t: sample times, (S,).
+        states: (q, v) there, (S, 2n).
+        motion: gives the inputs and their breaks.
+        power: (energy, supplied, dissipated) of (q, v, u, (t,)).
+    """
+    n = states.shape[1] // 2
+
+    def of(times: Array, y: Array, u: Array) -> Array:
+        return power(y[:, :n], y[:, n:], u, times[:, None])
+
+    u = motion.inputs(t)
+    held = of(t, states, u)[:, 0]
+    still = states * (np.arange(2 * n) < n)
+    kinetic = held - of(t, still, u)[:, 0]
+    work = np.zeros((len(t), 2))
+    done = np.zeros(2)
+    for span in motion.spans:
+        # An input that jumps between two samples would cost the quadrature an order: each piece is
+        # integrated by itself, from one break to the next.
+        stop = min(span.start + span.length * span.count, t[-1])
+        inside = (t > span.start) & (t < stop)
+        times = np.concatenate([[span.start], t[inside], [stop]])
+        y = np.stack([np.interp(times, t, column) for column in states.T], axis=1)
+        left = np.minimum(times, stop - 1e-9 * span.length)
+        rates = of(times, y, motion.inputs(left))[:, 1:]
+        summed = scipy.integrate.cumulative_simpson(rates.T, x=times, initial=0.0).T + done
+        work[inside] = summed[1:-1]
+        work[t >= stop] = done = summed[-1]
+    largest = max(float(np.ptp(held)), float(np.max(np.abs(work))), float(np.max(kinetic)))
+    return EnergyBalance(held, work[:, 0], work[:, 1], largest)

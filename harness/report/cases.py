@@ -1,0 +1,182 @@
+"""What the report shows of one case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from harness.report.charts import Chart
+from harness.report.text import NOTHING, agreeing_digits, percent, quantity, sci, shown
+from harness.verdict import Outcome
+
+SYMBOLS = {"AGREES": "✓", "ABSENT": "○", "UNRESOLVED": "?", "DIFFERS": "≠", "FAILED": "✕"}
+
+Fact = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class CaseView:
+    """One case.
+
+    Attributes:
+        id: its permalink.
+        outcome, symbol: what became of it.
+        model, engine, scenario: its name.
+        judged: whether it ran to an end with a discrepancy.
+        digits, discrepancy, uncertainty, raw_error: as the matrix shows them.
+        told: all of these in words.
+        reason: for what is not AGREES.
+        printed: what a failed case printed.
+        facts: titled lists of everything else, (title, ((what, value), ...)).
+        plots: id that the elements of its plots begin with.
+        charts: its plots; none without series.
+    """
+
+    id: str
+    outcome: str
+    symbol: str
+    system: str
+    model: str
+    engine: str
+    scenario: str
+    judged: bool
+    digits: str
+    discrepancy: str
+    uncertainty: str
+    raw_error: str
+    told: str
+    reason: str
+    printed: str
+    facts: tuple[tuple[str, tuple[Fact, ...]], ...]
+    plots: str
+    charts: tuple[Chart, ...]
+
+
+def severity(case: Mapping[str, Any]) -> tuple[int, float]:
+    """Sorts cases worst first."""
+    return -Outcome(case["outcome"]).severity, -(case["discrepancy"] or 0.0)
+
+
+def case_view(
+    case: Mapping[str, Any], identity: str, plots: str, scenario: Mapping[str, Any] | None,
+    charts: Sequence[Chart],
+) -> CaseView:  # fmt: skip
+    """The view of one case.
+
+    Args:
+        case: its record.
+        identity: its permalink.
+        plots: id that the elements of its plots begin with.
+        scenario: the system's record of its scenario; None where the system could not be read.
+        charts: its plots.
+    """
+    outcome = case["outcome"]
+    judged = case["discrepancy"] is not None and outcome != Outcome.FAILED
+    digits = agreeing_digits(case["discrepancy"], case["uncertainty"]) if judged else NOTHING
+    told = outcome
+    if judged:
+        told = (
+            f"{outcome}, {digits} digits, E {sci(case['discrepancy'])},"
+            f" U {sci(case['uncertainty'])}, raw error {percent(case['raw_error'])}"
+        )
+    facts = (
+        ("Verdict", _verdict(case, digits)),
+        ("At the shipped step", _at_shipped_step(case)),
+        ("What the step costs", _steps(case)),
+        ("Run", _run(case, scenario)),
+    )
+    return CaseView(
+        id=identity,
+        outcome=outcome,
+        symbol=SYMBOLS[outcome],
+        system=shown(case["system"]),
+        model=shown(case["model"]),
+        engine=shown(case["engine"]),
+        scenario=shown(case["scenario"]),
+        judged=judged,
+        digits=digits,
+        discrepancy=sci(case["discrepancy"]),
+        uncertainty=sci(case["uncertainty"]),
+        raw_error=percent(case["raw_error"]),
+        told=told,
+        reason=shown(case["reason"]),
+        printed=shown(case.get("printed") or ""),
+        facts=tuple((title, rows) for title, rows in facts if rows),
+        plots=plots,
+        charts=tuple(charts),
+    )
+
+
+def _verdict(case: Mapping[str, Any], digits: str) -> tuple[Fact, ...]:
+    if case["discrepancy"] is None and case["uncertainty"] is None:
+        return ()
+    order = quantity(case["order"], "", 4)
+    if "claimed_order" in case:
+        order = f"{order} seen, {case['claimed_order']} claimed"
+    return (
+        ("agreeing digits", digits),
+        ("discrepancy E", sci(case["discrepancy"])),
+        ("uncertainty U", sci(case["uncertainty"])),
+        ("component", shown(case["component"])),
+        ("segment at", quantity(case.get("time"), "s")),
+        ("order in h", order),
+    )
+
+
+def _at_shipped_step(case: Mapping[str, Any]) -> tuple[Fact, ...]:
+    if case["shipped_step"] is None and case["raw_error"] is None:
+        return ()
+    rows = [
+        ("step", quantity(case["shipped_step"], "s")),
+        ("raw error", percent(case["raw_error"])),
+    ]
+    apart = case.get("apart")
+    if apart is not None:
+        rows += [
+            ("amplitude, at the end", percent(apart["amplitude"])),
+            ("phase, at the end", quantity(apart["phase"], "rad", 3)),
+            ("frequency", percent(apart["frequency"])),
+            ("damping ratio", quantity(apart["damping"], "", 3)),
+            ("of the error, these explain", percent(apart["explained"])),
+        ]
+    if case.get("energy_error") is not None:
+        rows.append(("energy balance", percent(case["energy_error"])))
+    if case.get("constraint_drift") is not None:
+        rows.append(("constraint drift", f"{case['constraint_drift']:.2g} (engine units)"))
+    return tuple(rows)
+
+
+def _steps(case: Mapping[str, Any]) -> tuple[Fact, ...]:
+    rows = [
+        (f"{100 * entry['target']:g} % error at", quantity(entry["step"], "s", 3))
+        for entry in case.get("steps_for", ())
+    ]
+    if case.get("raw_order") is not None:
+        rows.append(("order of whole runs", f"{case['raw_order']:.3f}"))
+    checked = case.get("checked_step")
+    if checked is not None:
+        rows.append(
+            (
+                "checked by a run",
+                f"{percent(checked['measured'])} at {quantity(checked['step'], 's', 3)},"
+                f" {100 * checked['target']:g}\u00a0% foretold",
+            )
+        )
+    return tuple(rows)
+
+
+def _run(case: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> tuple[Fact, ...]:
+    rows = []
+    if scenario is not None:
+        rows.append(("scenario", shown(scenario["description"])))
+        rows += [(shown(name), shown(text)) for name, text in scenario["inputs"].items()]
+    if case.get("integrator"):
+        rows.append(("integrator", shown(case["integrator"])))
+    if case.get("steps") is not None:
+        rows.append(("engine steps for the limits", f"{case['steps']:,}".replace(",", "\u202f")))
+    if case.get("rungs"):
+        rows.append(("steps a segment", ", ".join(str(rung) for rung in case["rungs"])))
+    if case["seconds"]:
+        rows.append(("took", quantity(case["seconds"], "s", 2)))
+    return tuple(rows)

@@ -1,0 +1,196 @@
+"""What the report shows of one system: equations, constants, errata, linearizations, files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from harness.report.text import NOTHING, complex_number, equation, quantity, sci, shown
+
+VERDICTS = {"agrees": "✓", "agrees up to signs": "±", "differs": "≠"}
+
+RIGID = 1e-6
+"""Poles below this share of the largest are those of a rigid mode, which is a double root: rounding
+moves such a pole by the square root of epsilon."""
+
+
+@dataclass(frozen=True)
+class Twin:
+    """A model's own linearization beside Taylor's: errors, and its poles with theirs."""
+
+    model: str
+    engine: str
+    errors: tuple[str, ...]
+    poles: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """The linearizations about one equilibrium: Taylor's poles, then every model's."""
+
+    equilibrium: str
+    poles: tuple[tuple[str, str], ...]
+    twins: tuple[Twin, ...]
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """A model file as it was run, or why its linearization is missing."""
+
+    model: str
+    engines: str
+    text: str
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class SystemView:
+    """One system; tables are rows of strings in the order of their columns."""
+
+    title: str
+    source: str
+    kind: str
+    symbols: tuple[tuple[str, ...], ...]
+    formulas: tuple[tuple[str, str], ...]
+    constants: tuple[tuple[str, ...], ...]
+    errata: tuple[tuple[str, ...], ...]
+    linearizations: tuple[Linearization, ...]
+    scenarios: tuple[tuple[str, ...], ...]
+    files: tuple[ModelFile, ...]
+
+
+def system_view(system: Mapping[str, Any], models: Sequence[Mapping[str, Any]]) -> SystemView:
+    """The view of a system and of the models in its folder."""
+    return SystemView(
+        title=shown(system["title"]),
+        source=shown(system["source"]),
+        kind=shown(system["kind"]),
+        symbols=tuple(
+            (shown(e["name"]), what, shown(e["unit"]), shown(e["description"]))
+            for what in ("coordinate", "input", "output")
+            for e in system[f"{what}s"]
+        ),
+        formulas=_formulas(system),
+        constants=tuple(
+            (
+                shown(c["name"]), repr(c["value"]), shown(c["unit"]), shown(c["description"]),
+                shown(c["source"]),
+            )
+            for c in system["constants"]
+        ),
+        errata=tuple(
+            (
+                shown(e["number"]), shown(e["printed"]), VERDICTS.get(e["verdict"], ""),
+                shown(e["verdict"]), shown(e["derived"]), shown(e["difference"]), shown(e["note"]),
+            )
+            for e in system["errata"]
+        ),
+        linearizations=_linearizations(system, models),
+        scenarios=tuple(
+            (
+                shown(s["name"]), shown(s["description"]), quantity(s["duration"], "s"),
+                "; ".join(f"{shown(name)} = {shown(text)}" for name, text in s["inputs"].items()),
+                str(s["segments"]), shown(s["method"]), sci(s["bound"]),
+            )
+            for s in system["scenarios"]
+        ),
+        files=_files(models),
+    )  # fmt: skip
+
+
+def _formulas(system: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    rows = [(name, shown(formula["text"])) for name, formula in system["energies"].items()]
+    for coordinate, formula in zip(system["coordinates"], system["equations"], strict=True):
+        rows.append((f"motion of {shown(coordinate['name'])}", equation(formula["text"])))
+    for about in system["linearizations"]:
+        for one in about["transfer_functions"]:
+            ratio = f"{one['output']} / {one['input']}, {about['equilibrium']}"
+            rows.append((shown(ratio), shown(one["text"])))
+    return tuple(rows)
+
+
+def _linearizations(
+    system: Mapping[str, Any], models: Sequence[Mapping[str, Any]]
+) -> tuple[Linearization, ...]:
+    found = []
+    for about in system["linearizations"]:
+        name = about["equilibrium"]
+        of_models = [
+            (model, one)
+            for model in models
+            for one in model["linearization"]
+            if one["equilibrium"] == name
+        ]
+        if of_models:
+            taylor = of_models[0][1]["taylor_poles"]
+            size = _size(taylor)
+            poles = tuple(
+                (_pole(taylor[i], size), _pace(taylor[i], size)) for i in _shown_poles(taylor)
+            )
+            twins = tuple(_twin(model, one) for model, one in of_models)
+            found.append(Linearization(shown(name), poles, twins))
+    return tuple(found)
+
+
+def _twin(model: Mapping[str, Any], one: Mapping[str, Any]) -> Twin:
+    poles, taylor = one["poles"], one["taylor_poles"]
+    size = _size(taylor)
+    shapes = one["shapes"]
+    return Twin(
+        shown(model["model"]),
+        shown(model["engine"]),
+        (
+            sci(one["A_error"]), sci(one["B_error"]), sci(one["transfer_error"]),
+            NOTHING if shapes is None else sci(max(0.0, 1.0 - shapes)),
+        ),
+        tuple(
+            (_pole(poles[i], size), sci(abs(_complex(poles[i]) - _complex(taylor[i])) / size))
+            for i in _shown_poles(taylor)
+        ),
+    )  # fmt: skip
+
+
+def _complex(pole: Mapping[str, Any]) -> complex:
+    missing = float("nan")
+    real, imaginary = pole["real"], pole["imaginary"]
+    return complex(missing if real is None else real, missing if imaginary is None else imaginary)
+
+
+def _shown_poles(poles: Sequence[Mapping[str, Any]]) -> list[int]:
+    """One of each conjugate pair, and every real pole."""
+    return [i for i, pole in enumerate(poles) if (pole["imaginary"] or 0.0) >= 0.0]
+
+
+def _size(poles: Sequence[Mapping[str, Any]]) -> float:
+    return max((abs(_complex(pole)) for pole in poles), default=0.0) or 1.0
+
+
+def _pole(pole: Mapping[str, Any], size: float) -> str:
+    if abs(_complex(pole)) < RIGID * size:
+        return "0"
+    return complex_number(pole["real"], pole["imaginary"], bool(pole["imaginary"]))
+
+
+def _pace(pole: Mapping[str, Any], size: float) -> str:
+    if abs(_complex(pole)) < RIGID * size:
+        return "rigid"
+    if not pole["imaginary"]:
+        goes = "grows" if pole["real"] > 0 else "decays"
+        return f"{goes} in {1 / pole['frequency']:.4g} s"
+    damping = pole["damping"] or 0.0
+    told = f"damping ratio {damping:.4g}" if abs(damping) > 1e-9 else "undamped"
+    return f"{pole['frequency']:.5g} rad/s, {told}"
+
+
+def _files(models: Sequence[Mapping[str, Any]]) -> tuple[ModelFile, ...]:
+    names = dict.fromkeys(model["model"] for model in models)
+    found = []
+    for name in names:
+        same = [model for model in models if model["model"] == name]
+        reasons = tuple(
+            f"{shown(m['engine'])}: {shown(m['reason'])}" for m in same if m.get("reason")
+        )
+        engines = ", ".join(shown(model["engine"]) for model in same)
+        found.append(ModelFile(shown(name), engines, shown(same[0]["text"]), reasons))
+    return tuple(found)

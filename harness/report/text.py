@@ -1,0 +1,95 @@
+"""How values and names are written: numbers short, names safe to look at, ids safe to link to."""
+
+from __future__ import annotations
+
+import math
+import re
+import string
+
+NOTHING = "–"
+"""What stands where there is no value."""
+
+_SAFE = frozenset(string.ascii_letters + string.digits + "._-")
+# Embeddings, overrides, isolates and marks: they reorder the text around them.
+_DIRECTION = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+
+
+def shown(value: object) -> str:
+    """Text as it can be put on a page: control and direction characters visible, not in force.
+
+    Markup is left as it is; escaping it is the template's work.
+    """
+    return "".join(_visible(c) for c in str(value))
+
+
+def _visible(c: str) -> str:
+    code = ord(c)
+    if c in "\n\t" or (0x20 <= code < 0x7F):
+        return c
+    if code < 0x20:
+        return chr(0x2400 + code)
+    if code == 0x7F:
+        return "\u2421"
+    if code < 0xA0 or c in _DIRECTION or 0xD800 <= code < 0xE000:
+        return f"⟨U+{code:04X}⟩"
+    return c
+
+
+def slug(*parts: str) -> str:
+    """Parts of a name as one id, joined by slashes; different parts give different ids."""
+    return "/".join("".join(c if c in _SAFE else f"~{ord(c):x}~" for c in part) for part in parts)
+
+
+def sci(value: float | None) -> str:
+    """Two digits and an exponent, as the terminal writes it."""
+    if value is None:
+        return NOTHING
+    return "0" if value == 0 else f"{value:.1e}"
+
+
+def percent(value: float | None) -> str:
+    """Per cent with three digits; what is far from one with an exponent instead."""
+    if value is None:
+        return NOTHING
+    if value == 0 or 1e-6 <= abs(value) < 100:
+        return f"{100 * value:.3g}\u00a0%"
+    return f"{value:.1e}"
+
+
+def quantity(value: float | None, unit: str, digits: int = 4) -> str:
+    """A number and its unit."""
+    return NOTHING if value is None else f"{value:.{digits}g}\u00a0{unit}".rstrip()
+
+
+def agreeing_digits(discrepancy: float | None, uncertainty: float | None) -> str:
+    """How many digits agree: -log10 max(E, U), rounded down, so that no digit is promised."""
+    if discrepancy is None or uncertainty is None:
+        return NOTHING
+    worst = max(discrepancy, uncertainty)
+    if worst <= 0:
+        return "all"
+    return f"{max(0.0, math.floor(-10 * math.log10(worst)) / 10):.1f}"
+
+
+def equation(text: str) -> str:
+    """`Eq(a, b)` as `a = b`; anything else as it is."""
+    inner = re.fullmatch(r"Eq\((.*)\)", text, re.DOTALL)
+    if inner is None:
+        return shown(text)
+    depth = 0
+    for place, c in enumerate(inner[1]):
+        depth += (c == "(") - (c == ")")
+        if c == "," and depth == 0:
+            return shown(f"{inner[1][:place].strip()} = {inner[1][place + 1 :].strip()}")
+    return shown(text)
+
+
+def complex_number(real: float | None, imaginary: float | None, paired: bool) -> str:
+    """A pole; `paired` says that its conjugate is one too. A real part of rounding is left out."""
+    if real is None or imaginary is None:
+        return NOTHING
+    if abs(real) < 1e-9 * abs(imaginary):
+        real = 0.0
+    sign = "±" if paired else ("-" if imaginary < 0 else "+")
+    tail = f" {sign} {abs(imaginary):.6g}i" if imaginary or paired else ""
+    return f"{real:.6g}{tail}"

@@ -1,0 +1,26 @@
+"""The uncertainty is honest on 400 random linear systems, whose limits are known."""
+
+import numpy as np
+import pytest
+from random_linear import PAIRINGS, summary, sweep
+
+CHUNK = 25
+SEED = 2025
+
+
+@pytest.mark.parametrize("chunk", range(4))
+@pytest.mark.parametrize("pairing", PAIRINGS)
+def test_the_true_error_of_random_linear_systems_is_within_the_uncertainty(pairing, chunk, capsys):
+    pytest.importorskip(pairing.split()[0])
+    found = list(sweep(SEED + chunk, CHUNK, pairing))
+    with capsys.disabled():
+        print(f"\n{pairing}: {summary(found)}")
+    wrong = [str(f) for f in found if f.misses or f.outcome == "DIFFERS"]
+    assert not wrong, "\n".join(wrong)
+    alarms = [str(f) for f in found if not f.holds]
+    assert not alarms, "\n".join(alarms)
+    unresolved = [str(f) for f in found if f.outcome != "AGREES"]
+    assert not unresolved, "\n".join(unresolved)
+    # An uncertainty that is honest by being huge would say nothing.
+    assert max(f.uncertainty for f in found) < 1e-9
+    assert np.median([f.ratio for f in found]) < 1000

@@ -1,0 +1,171 @@
+"""Nonlinear motions are integrated twice, by methods that share nothing, and refused if apart."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import sympy as sp
+from mechanisms import CART, EPS, NAMES, SCENARIOS, built_in, equations_of, oscillator
+from sympy import sin
+
+import reference.integrate
+from reference import t
+from reference.closed_form import solve_closed_form
+from reference.derive import derive
+from reference.integrate import (
+    AGREEMENT,
+    ReferenceError,
+    collocate,
+    field_of,
+    solve_numerically,
+    trajectory,
+)
+from reference.linearize import linearize
+from reference.signal import pieces
+from reference.solve import is_linear, solve, tile
+
+NONLINEAR = [
+    *((n, s) for n, s in SCENARIOS if not is_linear(equations_of(n))),
+    (CART.name, "free"),
+]
+HEYOKA = reference.integrate.heyoka_installed()
+
+
+def scenario_of(name: str, scenario: str):
+    equations = equations_of(name)
+    return equations, equations.system.scenario(scenario)
+
+
+def sizes(motion):
+    """Return the motion's size per component: the largest position, the largest velocity."""
+    n = motion.end.shape[1] // 2
+    largest = np.max(np.abs(motion.end), axis=0)
+    return np.concatenate([np.full(n, largest[:n].max()), np.full(n, largest[n:].max())])
+
+
+def test_some_systems_are_nonlinear():
+    assert {name for name, _ in NONLINEAR} >= {"drum_pendulum", "simple_pendulum"}
+
+
+@pytest.mark.parametrize(("name", "scenario"), NONLINEAR)
+@pytest.mark.parametrize("heyoka", [True, False])
+def test_two_integrations_agree_to_1e_12_of_the_motion(name, scenario, heyoka, monkeypatch):
+    if heyoka and not HEYOKA:
+        pytest.skip("heyoka is not installed")
+    monkeypatch.setattr(reference.integrate, "heyoka_installed", lambda: heyoka)
+    motion = solve(*scenario_of(name, scenario))
+    assert AGREEMENT == 1e-12
+    # What is asked is 1e-12; what is found is a hundredth of it, and may not become worse unseen.
+    assert np.all(motion.bound <= 1e-14 * sizes(motion))
+    checked_by = "heyoka's Taylor series" if heyoka else "DOP853"
+    assert motion.method == f"Gauss collocation of order 16, checked by {checked_by}"
+
+
+@pytest.mark.parametrize(("name", "scenario"), NONLINEAR)
+def test_heyoka_and_dop853_end_the_segments_alike(name, scenario):
+    pytest.importorskip("heyoka")
+    equations, declared = scenario_of(name, scenario)
+    motion = solve(equations, declared)
+    first = 0
+    for span, piece in zip(motion.spans, pieces(equations.system, declared), strict=True):
+        chosen = slice(first, first + span.count)
+        first += span.count
+        given = (equations, piece, motion.t[chosen], motion.start[chosen], span.length)
+        apart = reference.integrate._taylor_series(*given) - reference.integrate._runge_kutta(
+            *given
+        )
+        assert np.all(np.max(np.abs(apart), axis=0) <= 1e-14 * sizes(motion))
+
+
+@pytest.mark.parametrize("heyoka", [True, False])
+@pytest.mark.parametrize("off", [1e-11, np.nan, np.inf])
+def test_a_check_that_ends_elsewhere_is_an_error(off, heyoka, monkeypatch):
+    equations, scenario = scenario_of("simple_pendulum", "free")
+    monkeypatch.setattr(reference.integrate, "heyoka_installed", lambda: False)
+    right = solve(equations, scenario)
+    wrong = right.end + np.array([0.0, off * sizes(right)[1]])
+    monkeypatch.setattr(reference.integrate, "heyoka_installed", lambda: heyoka)
+    name = "_taylor_series" if heyoka else "_runge_kutta"
+    monkeypatch.setattr(reference.integrate, name, lambda *_: wrong)
+    with pytest.raises(ReferenceError, match="two integrations of component 1 are"):
+        solve(equations, scenario)
+
+
+def test_a_check_within_the_agreement_widens_the_bound(monkeypatch):
+    monkeypatch.setattr(reference.integrate, "heyoka_installed", lambda: False)
+    equations, scenario = scenario_of("simple_pendulum", "free")
+    right = solve(equations, scenario)
+    off = 5e-13 * sizes(right)
+    monkeypatch.setattr(reference.integrate, "_runge_kutta", lambda *_: right.end + off)
+    assert np.all(solve(equations, scenario).bound >= off * (1 - 1e-3))
+
+
+def falling_apart():
+    """Declare x'' = +b x^3, which reaches infinity within a second."""
+    base = oscillator(1.0, 0.0, 1.0, x=2.0, v=1.0, duration=5.0)
+    (x,) = base.coordinates
+    b = dataclasses.replace(base.constants[2], name="b", value=8.0, unit="N/m^3")
+    return dataclasses.replace(base, V=-b * x.q**4 / 4, constants=(*base.constants, b))
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
+@pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
+@pytest.mark.filterwarnings("ignore:divide by zero encountered:RuntimeWarning")
+def test_a_motion_that_runs_to_infinity_is_an_error_that_tells_when():
+    system = falling_apart()
+    with pytest.raises(ReferenceError, match=r"the equations cannot be integrated past 0\.\d+ s"):
+        solve(derive(system), system.scenarios[0])
+
+
+def test_the_numeric_way_solves_a_linear_system_as_the_closed_form_does():
+    """The only test in which the two ways meet: a harmonic force after a step, with damping."""
+    force = 2 * sp.Heaviside(t - 1) + sin(3 * t)
+    system = oscillator(1.3, 0.9, 47.0, force, duration=4.0)
+    equations = derive(system)
+    signals = pieces(system, system.scenarios[0])
+    spans = tile(signals, 6.0)
+    start = np.array([0.3, -0.2])
+    closed = solve_closed_form(linearize(equations, system.equilibria[0]), start, signals, spans)
+    numeric = solve_numerically(equations, start, signals, spans)
+    size = np.max(np.abs(closed.end), axis=0)
+    # The chains of starts: DOP853 at 1e-13 a step.
+    np.testing.assert_array_less(np.max(np.abs(numeric.start - closed.start), axis=0), 1e-11 * size)
+    # The segments, from the closed form's own starts, to a few eps.
+    first = spans[0].count
+    for span, piece, chosen in zip(
+        spans, signals, (slice(0, first), slice(first, None)), strict=True
+    ):
+        ends, _ = collocate(
+            field_of(equations, piece), closed.t[chosen], closed.start[chosen], span.length
+        )
+        assert np.all(np.max(np.abs(ends - closed.end[chosen]), axis=0) <= 8 * EPS * size)
+
+
+def test_the_collocation_has_order_16():
+    """One coarse segment of y'' = -y from (0, 1), in units of its length: error ~ length^17."""
+
+    def field(times, states):
+        return np.stack([states[..., 1], -states[..., 0]], axis=-1)
+
+    def error(length: float) -> float:
+        end, _ = collocate(field, np.zeros(1), np.array([[0.0, 1.0]]), length)
+        return float(np.hypot(end[0, 0] - np.sin(length), end[0, 1] - np.cos(length)))
+
+    # Between 1e-8 and 1e-12, far above rounding; the next power enters with (length/16)^2.
+    observed = np.log2(error(7.0) / error(3.5))
+    assert abs(observed - 17) < 0.5
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_trajectory_hits_the_breaks_of_its_input(name):
+    """A whole run in pieces ends where the segments' chain says, whatever the requested times."""
+    system, equations = built_in(name), equations_of(name)
+    scenario = next((s for s in system.scenarios
+                     if len(pieces(system, s)) > 1), system.scenarios[0])  # fmt: skip
+    motion = solve(equations, scenario)
+    signals = pieces(system, scenario)
+    times = np.linspace(0.0, scenario.duration, 7)
+    states = trajectory(equations, motion.start[0], signals, times)
+    gap = np.max(np.abs(states - motion.at(times)), axis=0)
+    # DOP853 at 1e-13 a step over 10 s, its dense output of order 7 at 1e-11.
+    assert np.all(gap <= 1e-10 * np.maximum(sizes(motion), 1e-3))

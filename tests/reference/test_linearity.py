@@ -1,0 +1,72 @@
+"""How far the linear equations hold, against elliptic functions and the law of the square."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from mechanisms import NAMES, built_in, equations_of
+
+import reference.linearity
+from reference.linearity import AMPLITUDES, linearity
+from reference.linearize import linearize
+from reference.solve import is_linear
+
+
+def errors_of(name: str):
+    equations = equations_of(name)
+    return linearity(equations, linearize(equations, equations.system.equilibria[0]))
+
+
+def test_the_error_of_the_linear_pendulum_is_what_the_elliptic_functions_say():
+    (found,) = errors_of("simple_pendulum")
+    w = mp.sqrt(mp.mpf(9.81) / mp.mpf(0.75))
+    assert found.period == pytest.approx(float(2 * mp.pi / w), rel=1e-15)
+    for amplitude, error in zip(found.amplitudes, found.errors, strict=True):
+        k = mp.sin(mp.mpf(amplitude) / 2)
+        quarter = mp.ellipk(k**2)
+        exact = max(
+            abs(
+                amplitude * mp.cos(phase)
+                - 2 * mp.asin(k * mp.ellipfun("sn", phase + quarter, m=k**2))
+            )
+            for phase in (mp.mpf(2) * mp.pi * i / 100 for i in range(101))
+        )
+        # Integrated to 1e-10 of the amplitude a step, and an error is relative to the amplitude.
+        assert error == pytest.approx(float(exact) / amplitude, rel=1e-5, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
+def test_the_error_falls_with_the_square_of_the_amplitude(name):
+    for found in errors_of(name):
+        small = [(a, e) for a, e in zip(found.amplitudes, found.errors, strict=True) if a <= 0.05]
+        slope = np.diff(np.log([e for _, e in small])) / np.diff(np.log([a for a, _ in small]))
+        # What the next order adds: some a^2, 0.0025 at most, of the error.
+        assert np.all(np.abs(slope - 2) < 0.01)
+
+
+def test_a_wrong_linearization_does_not_fall(monkeypatch):
+    """A stiffness a thousandth off leaves an error that no small amplitude takes away."""
+    equations = equations_of("simple_pendulum")
+    right = linearize(equations, equations.system.equilibria[0])
+    wrong = type(right)(*(getattr(right, f) for f in right.__dataclass_fields__))
+    wrong.exact["A"] = right.exact["A"] * mp.mpf("1.001")
+    (found,) = linearity(equations, wrong)
+    assert found.errors[0] > 1e-3
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if is_linear(equations_of(n))])
+def test_linear_equations_have_no_such_error(name):
+    assert errors_of(name) == ()
+
+
+@pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
+def test_an_unstable_equilibrium_has_no_such_table(name):
+    equations = equations_of(name)
+    (upright,) = (e for e in built_in(name).equilibria if e.name == "upright")
+    assert linearity(equations, linearize(equations, upright)) == ()
+
+
+def test_each_mode_of_the_drum_has_its_own():
+    first, second = errors_of("drum_pendulum")
+    assert (first.mode, second.mode) == (0, 1)
+    assert first.amplitudes == AMPLITUDES == reference.linearity.AMPLITUDES
+    assert second.period < first.period

@@ -1,0 +1,172 @@
+"""The motion as a value: its segments, its interpolation, and its trip to another process."""
+
+import pickle
+import subprocess
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+import sympy as sp
+from mechanisms import EPS, SCENARIOS, built_in, equations_of
+
+import reference.motion
+from reference.integrate import collocate, field_of
+from reference.linearize import linearize
+from reference.modes import modes, poles
+from reference.motion import NODES, chebyshev_nodes
+from reference.signal import pieces
+from reference.solve import SEGMENTS_A_PERIOD, SEGMENTS_AT_LEAST, is_linear, solve
+
+
+@cache
+def motion_of(name: str, scenario: str):
+    equations = equations_of(name)
+    return solve(equations, equations.system.scenario(scenario))
+
+
+def every(test):
+    return pytest.mark.parametrize(("name", "scenario"), SCENARIOS)(test)
+
+
+@every
+def test_the_segments_tile_the_duration_in_prime_numbers(name, scenario):
+    motion = motion_of(name, scenario)
+    declared = built_in(name).scenario(scenario)
+    assert all(sp.isprime(span.count) for span in motion.spans)
+    assert len(motion.t) == sum(span.count for span in motion.spans) >= SEGMENTS_AT_LEAST == 200
+    assert motion.t[0] == 0
+    assert motion.duration == pytest.approx(declared.duration, rel=4 * EPS)
+    np.testing.assert_allclose(np.diff(motion.t), motion.lengths[:-1], rtol=0,
+                               atol=4 * EPS * motion.duration)  # fmt: skip
+    assert np.all(motion.lengths * motion.fastest <= 2 * np.pi / SEGMENTS_A_PERIOD * (1 + EPS))
+    cuts = [piece.start for piece in pieces(built_in(name), declared)]
+    assert [span.start for span in motion.spans] == cuts
+
+
+@every
+def test_each_segment_starts_where_the_last_has_ended(name, scenario):
+    motion = motion_of(name, scenario)
+    gap = np.max(np.abs(motion.start[1:] - motion.end[:-1]), axis=0)
+    if is_linear(equations_of(name)):
+        # Two roundings, of the start and of the end.
+        assert np.all(gap <= 2 * EPS * motion.amplitude)
+    else:
+        # The starts come from one long DOP853 run, with 1e-13 of a state a step.
+        assert np.all(gap <= 1e-11 * np.maximum(motion.amplitude, 1e-2))
+
+
+@every
+def test_the_nodes_begin_at_the_start_and_stop_at_the_end(name, scenario):
+    motion = motion_of(name, scenario)
+    assert motion.nodes.shape == (len(motion.t), NODES, motion.start.shape[1])
+    np.testing.assert_allclose(motion.nodes[:, 0], motion.start, rtol=0, atol=4 * EPS)
+    gap = np.max(np.abs(motion.nodes[:, -1] - motion.end), axis=0)
+    assert np.all(gap <= 2 * EPS * motion.amplitude)
+
+
+@every
+def test_a_motion_between_its_nodes_is_what_direct_integration_gives(name, scenario):
+    motion, equations = motion_of(name, scenario), equations_of(name)
+    first = 0
+    signals = pieces(equations.system, equations.system.scenario(scenario))
+    for span, piece in zip(motion.spans, signals, strict=True):
+        chosen = slice(first, first + span.count)
+        first += span.count
+        for part in (0.03, 0.31, 0.5, 0.77, 0.97):
+            times, starts = motion.t[chosen], motion.start[chosen]
+            direct, _ = collocate(field_of(equations, piece), times, starts, part * span.length)
+            gap = np.max(np.abs(motion.at(times + part * span.length) - direct), axis=0)
+            # Degree 10 over a twentieth of the fastest period: see `NODES`. And the times, late in
+            # a motion, are rounded: eps of 18 s at 10 rad/s is 4e-14.
+            assert np.all(gap <= 1e-13 * np.maximum(motion.amplitude, 1e-2))
+
+
+def test_two_nodes_fewer_do_not_interpolate_as_well(monkeypatch):
+    monkeypatch.setattr(reference.motion, "NODES", 9)
+    equations = equations_of("drum_pendulum")
+    scenario = equations.system.scenario("free")
+    motion = solve(equations, scenario)
+    ((span,), (piece,)) = motion.spans, pieces(equations.system, scenario)
+    elapsed = 0.97 * span.length
+    direct, _ = collocate(field_of(equations, piece), motion.t, motion.start, elapsed)
+    gap = np.max(np.abs(motion.at(motion.t + elapsed) - direct), axis=0)
+    assert np.any(gap > 1e-13 * motion.amplitude)
+
+
+@every
+def test_the_motion_at_its_nodes_is_its_nodes(name, scenario):
+    motion = motion_of(name, scenario)
+    np.testing.assert_array_equal(motion.at(motion.t), motion.nodes[:, 0])
+    inner = motion.t[3] + motion.lengths[3] * chebyshev_nodes()[1:-1]
+    gap = np.max(np.abs(motion.at(inner) - motion.nodes[3, 1:-1]), axis=0)
+    # The node's time is rounded: eps of the time, at the component's rate.
+    assert np.all(gap <= 8 * EPS * motion.amplitude * max(1, motion.fastest))
+
+
+def test_a_node_a_billionth_off_is_told():
+    motion = motion_of("simple_pendulum", "free")
+    nodes = motion.nodes.copy()
+    nodes[:, 4] *= 1 + 1e-9
+    spoiled = type(motion)(*(nodes if f == "nodes" else getattr(motion, f)
+                             for f in motion.__dataclass_fields__))  # fmt: skip
+    times = motion.t + motion.lengths * 0.37
+    assert np.max(np.abs(spoiled.at(times) - motion.at(times))) > 1e-12
+
+
+@every
+def test_a_motion_travels_without_sympy(name, scenario):
+    motion = motion_of(name, scenario)
+    payload = pickle.dumps(motion)
+    assert b"sympy" not in payload
+    back = pickle.loads(payload)
+    times = np.linspace(0, motion.duration, 50)
+    np.testing.assert_array_equal(back.end, motion.end)
+    np.testing.assert_array_equal(back.inputs(times), motion.inputs(times))
+    np.testing.assert_array_equal(back.at(times), motion.at(times))
+
+
+def test_a_motion_is_unpickled_in_another_process(tmp_path):
+    motion = motion_of("simple_pendulum", "chirp")
+    path = tmp_path / "motion.pickle"
+    path.write_bytes(pickle.dumps(motion))
+    code = (
+        "import pickle, sys, numpy\n"
+        "motion = pickle.load(open(sys.argv[1], 'rb'))\n"
+        "print(motion.inputs(numpy.array([1.5]))[0, 0].hex())\n"
+    )
+    root = str(__file__).split("/tests/")[0]
+    done = subprocess.run([sys.executable, "-c", code, path], cwd=root, check=True, text=True,
+                          capture_output=True)  # fmt: skip
+    assert done.stdout.strip() == float(motion.inputs(np.array([1.5]))[0, 0]).hex()
+
+
+# The built-in scenarios are not timid.
+
+
+@every
+def test_a_scenario_lasts_ten_slow_periods_or_five_decay_times(name, scenario):
+    equations = equations_of(name)
+    rest = linearize(equations, equations.system.equilibria[0])
+    slowest = min(mode.frequency for mode in modes(rest) if not mode.rigid)
+    assert slowest > 0
+    periods = built_in(name).scenario(scenario).duration * slowest / (2 * np.pi)
+    rates = [-p.value.real for p in poles(rest) if p.value != 0]
+    assert periods >= 10 or built_in(name).scenario(scenario).duration * min(rates) >= 5
+
+
+@pytest.mark.parametrize("name", sorted({name for name, _ in SCENARIOS}))
+def test_a_system_has_three_scenarios_of_which_one_is_forced(name):
+    motions = [motion_of(n, s) for n, s in SCENARIOS if n == name]
+    assert len(motions) >= 3
+    grid = np.linspace(0, motions[0].duration, 301)
+    assert any(np.any(m.inputs(grid[grid <= m.duration]) != 0) for m in motions)
+    assert all(np.all(m.movement > 0) for m in motions)
+
+
+@pytest.mark.parametrize("name", ["drum_pendulum", "simple_pendulum"])
+def test_a_pendulum_swings_beyond_two_and_a_half_radians(name):
+    system = built_in(name)
+    (angle,) = (i for i, c in enumerate(system.coordinates) if c.unit == "rad")
+    largest = max(motion_of(n, s).amplitude[angle] for n, s in SCENARIOS if n == name)
+    assert largest >= 2.5
