@@ -62,16 +62,15 @@ class Workers:
         """Value of a finished task, or a `Failure` that says what became of it."""
         log: Path = future.log  # type: ignore[attr-defined]  # set by submit
         try:
-            return future.result()
+            value = future.result()
+            return Failure(value.reason, _tail(log)) if isinstance(value, Failure) else value
         except TimeoutError:
             reason = f"it took more than the {self._limit:g} s allowed and was stopped"
         except pebble.ProcessExpired as error:
             how = _signal(error.exitcode)
             reason = f"the engine's process died ({how}); the cases beside it are not affected"
         except Exception as error:
-            # The worker's own errors carry a sentence; anything else is told with its kind.
-            known = type(error).__module__.startswith(("harness.", "reference."))
-            reason = str(error) if known else f"{type(error).__name__}: {error}"
+            reason = f"{type(error).__name__}: {error}"
         return Failure(reason, _tail(log))
 
     def __enter__(self) -> Workers:
@@ -92,9 +91,18 @@ class Workers:
 
 
 def _captured(function: Callable[[Any], Any], argument: Any, log: str) -> Any:
-    """Run a task with everything printed, C code included, going to a file."""
+    """Run a task with everything printed, C code included, going to a file.
+
+    What it raises comes back as a sentence: an exception may be one that can't be sent, and a
+    `sys.exit` in someone's model file would end the process that asked.
+    """
     with _into(log):
-        return function(argument)
+        try:
+            return function(argument)
+        except (Exception, SystemExit) as error:
+            # The worker's own errors carry a sentence; anything else is told with its kind.
+            known = type(error).__module__.startswith(("harness.", "reference."))
+            return Failure(str(error) if known else f"{type(error).__name__}: {error}", "")
 
 
 @contextlib.contextmanager

@@ -157,7 +157,8 @@ def overhead(console: Console) -> None:
 
             ratio, t_ours, t_bare = paired(ours if engine == "pybullet" else only_ladder, bare)
             table.add_row(
-                engine, f"{name}/{scenario}", f"{found.steps}", f"{t_ours:.3f} s", f"{t_bare:.3f} s",
+                engine, f"{name}/{scenario}", f"{found.steps}", f"{t_ours:.3f} s",
+                f"{t_bare:.3f} s",
                 f"{ratio:.2f}",
             )  # fmt: skip
     console.print(table)

@@ -136,8 +136,8 @@ def _errors(series: Mapping[str, Any], reach: Sequence[float]) -> Chart:
         "Error over time", "t [s]", "relative error", False, True, True, tuple(curves), None,
         "Line: raw error of the whole run at the shipped step, of the amplitude. Marks: defect of"
         " each extrapolated segment, of the movement; thin line: its uncertainty.",
-        f"Of the samples shown: largest raw error {percent(raw)}, largest defect of an extrapolated"
-        f" segment {sci(defect)}, uncertainties up to {sci(uncertainty)}.",
+        f"Largest of any component among these samples: raw error {percent(raw)}, defect of an"
+        f" extrapolated segment {sci(defect)}, its uncertainty {sci(uncertainty)}.",
     )  # fmt: skip
 
 
@@ -164,7 +164,7 @@ def _convergence(case: Mapping[str, Any]) -> Chart:
     return Chart(
         "Convergence", "step h [s]", "relative error", True, True, False, tuple(curves), None,
         "Circles: root mean square over the segments, step by step. Squares: whole runs, largest"
-        " error. Triangles: how far each finer step still moved the extrapolated limit. Dots: the slope.",
+        " error. Triangles: how far each finer step still moved the limit. Dots: the slope.",
         f"As the step falls from {quantity(_at(h, 0), 's')} to {quantity(_at(h, -1), 's')},"
         f" {told}; the last one moved the extrapolated limit by {sci(_at(draws, -1))}.",
     )  # fmt: skip

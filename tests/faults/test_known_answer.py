@@ -27,6 +27,8 @@ FAULTS = {
     "remembers": "[fault]\nremembers = 1e-6\n",
     "dies": "[fault]\nsegfault = true\n",
     "hangs": "[fault]\nhang = 1000\n",
+    "exits": "[fault]\nexits = 3\n",
+    "odd": "[fault]\nodd = true\n",
     "broken": "names =\n",
 } | {f"friction_{e}": f"[fault]\nfriction = {FORCE * 10.0**-e!r}\n" for e in (1, 2, 3, 4)}
 # These replace the good file's lines instead of adding to them.
@@ -152,6 +154,18 @@ def test_what_an_engine_raises_is_told_as_it_stands(ran):
     for case in cases(ran, "raises"):
         assert case["outcome"] == "FAILED"
         assert "<b>no & such</b>" in case["reason"]
+
+
+def test_a_model_that_ends_the_program_fails_its_own_cases_alone(ran):
+    for case in cases(ran, "exits"):
+        assert case["outcome"] == "FAILED"
+        assert case["reason"] == "SystemExit: 3"
+
+
+def test_an_exception_that_cannot_be_sent_between_processes_is_told(ran):
+    for case in cases(ran, "odd"):
+        assert case["outcome"] == "FAILED"
+        assert case["reason"] == "OddError: two arguments"
 
 
 def test_a_broken_model_file_fails_by_name_and_line(ran):

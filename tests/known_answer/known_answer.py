@@ -6,12 +6,21 @@ step, the method and the order it claims, and under [fault] what is to be wrong.
 
 import os
 import signal
+import sys
 import time
 import tomllib
 
 import numpy as np
 
 from harness.engine import EngineError
+
+
+class OddError(Exception):
+    """Can't be rebuilt from its arguments, nor sent: as third parties' errors may be."""
+
+    def __init__(self, first, second):
+        super().__init__(f"{first} {second}")
+        self.unsendable = lambda: None
 
 
 class KnownModel:
@@ -67,6 +76,10 @@ class KnownModel:
             time.sleep(self.fault["hang"])
         if "segfault" in self.fault:
             os.kill(os.getpid(), signal.SIGSEGV)
+        if "exits" in self.fault:
+            sys.exit(self.fault["exits"])
+        if "odd" in self.fault:
+            raise OddError("two", "arguments")
         if "raises" in self.fault:
             raise RuntimeError(self.fault["raises"])
 

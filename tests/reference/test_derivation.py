@@ -261,9 +261,8 @@ def test_heyokas_lagrangian_gives_the_same_accelerations(name):
     ours = derived.numeric_acceleration(
         states[:, :n], states[:, n:], forces, np.zeros((len(states), 1))
     )
-    # Both evaluate some ten terms, and divide by a mass matrix of condition 50 at most; the terms
-    # cancel to a tenth of the largest.
-    assert np.max(np.abs(ours - theirs)) <= 500 * EPS * np.max(np.abs(theirs))
+    # Both round some ten terms of either sign: 1.5 eps apart as measured, 32 at the very most.
+    assert np.max(np.abs(ours - theirs)) <= 32 * EPS * np.max(np.abs(theirs))
 
 
 def test_heyokas_dissipation_function_takes_energy_as_ours_does():
@@ -334,9 +333,9 @@ def test_the_numeric_accelerations_are_the_symbolic_ones(name):
         exact = derived.mass.subs(system.values).subs(place).evalf(40).LUsolve(
             derived.force.subs(system.values).subs(place).evalf(40)
         )  # fmt: skip
-        # As for heyoka: ten terms, a mass matrix of condition 50, cancellation to a tenth.
+        # As for heyoka: ten terms of either sign, each rounded.
         largest = float(max(abs(e) for e in exact))
-        assert np.max(np.abs(found - np.array(exact, dtype=float).ravel())) <= 500 * EPS * largest
+        assert np.max(np.abs(found - np.array(exact, dtype=float).ravel())) <= 32 * EPS * largest
 
 
 def test_a_moving_constraint_enters_the_equations():

@@ -1,0 +1,196 @@
+"""The checks of a declared system: complete, consistent, dimensionally possible, differentiable."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import sympy as sp
+
+from reference.system import DeclarationError, System, t
+from reference.units import ENERGY, POWER, TIME, Dimension, UnitError, dimension_of, parse_unit
+
+_SMOOTHLESS = (
+    sp.Abs, sp.sign, sp.Heaviside, sp.DiracDelta, sp.Piecewise, sp.Max, sp.Min,
+    sp.floor, sp.ceiling, sp.Mod, sp.re, sp.im, sp.arg, sp.conjugate,
+)  # fmt: skip
+
+
+def check(system: System) -> None:
+    """Refuse a system that is incomplete or inconsistent.
+
+    Raises:
+        DeclarationError: with one sentence that names what is missing or wrong.
+    """
+    where = f"system {system.name!r}"
+    _check_names(system, where)
+    _check_smooth(system, where)
+    _check_units(system, where)
+    _check_energies(system, where)
+    _check_maps(system, where)
+
+
+def _check_names(system: System, where: str) -> None:
+    for kind in ("coordinates", "constants", "outputs", "equilibria", "scenarios"):
+        if not getattr(system, kind) and kind != "constants":
+            raise DeclarationError(f"{where} declares no {kind}")
+    seen = {"t": "the time", **{f"{c.name}_dot": "a velocity" for c in system.coordinates}}
+    seen |= {f"{c.name}_ddot": "an acceleration" for c in system.coordinates}
+    for kind, items in (
+        ("coordinate", system.coordinates), ("constant", system.constants), ("input", system.inputs)
+    ):  # fmt: skip
+        for item in items:
+            if not item.name.isidentifier():
+                raise DeclarationError(f"{where}: the {kind} name {item.name!r} is no identifier")
+            if item.name in seen:
+                raise DeclarationError(f"{where}: {item.name!r} is {seen[item.name]} and a {kind}")
+            seen[item.name] = f"a {kind}"
+            if not item.description:
+                raise DeclarationError(f"{where}: the {kind} {item.name} has no description")
+    for kind, named in (
+        ("output", system.outputs), ("scenario", system.scenarios),
+        ("equilibrium", system.equilibria),
+    ):  # fmt: skip
+        names = [item.name for item in named]
+        for name in names:
+            if names.count(name) > 1:
+                raise DeclarationError(f"{where} has two {kind} entries named {name!r}")
+    for constant in system.constants:
+        if not constant.source:
+            raise DeclarationError(f"{where}: the constant {constant.name} states no source")
+        if isinstance(constant.value, bool) or not isinstance(constant.value, (int, float)):
+            raise DeclarationError(f"{where}: the constant {constant.name} has no numeric value")
+        if not math.isfinite(constant.value):
+            raise DeclarationError(f"{where}: the constant {constant.name} is {constant.value}")
+
+
+def dimensions(system: System) -> dict[sp.Symbol, Dimension]:
+    """Dimension of every symbol of the system.
+
+    Raises:
+        UnitError: for a unit that can't be read.
+    """
+    found = {t: TIME}
+    for coordinate in system.coordinates:
+        unit = parse_unit(coordinate.unit)
+        found |= {coordinate.q: unit, coordinate.v: unit / TIME, coordinate.a: unit / TIME / TIME}
+    for constant in system.constants:
+        found[constant.symbol] = parse_unit(constant.unit)
+    for declared in system.inputs:
+        found[declared.symbol] = parse_unit(declared.unit)
+    return found
+
+
+def _check_units(system: System, where: str) -> None:
+    try:
+        known = dimensions(system)
+    except UnitError as error:
+        raise DeclarationError(f"{where}: {error}") from None
+    wanted = {"T": (system.T, ENERGY), "V": (system.V, ENERGY), "D": (system.D, POWER)}
+    for name, (expression, expected) in wanted.items():
+        _check_symbols(expression, known, f"{where}: {name}")
+        _check_dimension(expression, expected, known, f"{where}: {name}")
+    for item in system.inputs:
+        if not item.on:
+            raise DeclarationError(f"{where}: the input {item.name} acts on no coordinate")
+        for coordinate, factor in item.on.items():
+            place = f"{where}: the input {item.name}"
+            if coordinate not in system.coordinates:
+                raise DeclarationError(f"{place} acts on an unknown coordinate {coordinate}")
+            expected = ENERGY / known[coordinate.q]
+            expression = sp.sympify(factor) * item.symbol
+            _check_symbols(expression, known, place)
+            _check_dimension(expression, expected, known, f"{place} on {coordinate.name}")
+    for output in system.outputs:
+        place = f"{where}: the output {output.name}"
+        _check_symbols(sp.sympify(output.expression), known, place)
+        try:
+            expected = parse_unit(output.unit)
+        except UnitError as error:
+            raise DeclarationError(f"{place}: {error}") from None
+        _check_dimension(sp.sympify(output.expression), expected, known, place)
+
+
+def _check_symbols(expression: sp.Expr, known: Mapping[sp.Symbol, Any], place: str) -> None:
+    for symbol in sorted(expression.free_symbols, key=str):
+        if symbol not in known:
+            raise DeclarationError(f"{place} uses {symbol}, which is declared nowhere")
+
+
+def _check_dimension(
+    expression: sp.Expr, expected: Dimension, known: Mapping[sp.Symbol, Dimension], place: str
+) -> None:
+    try:
+        found = dimension_of(expression, known)
+    except UnitError as error:
+        raise DeclarationError(f"{place}: {error}") from None
+    if found is not None and found != expected:
+        raise DeclarationError(f"{place} has the unit {found}, where {expected} belongs")
+
+
+def _check_smooth(system: System, where: str) -> None:
+    for name in ("T", "V", "D"):
+        for bad in (*_SMOOTHLESS, sp.core.function.AppliedUndef):
+            for found in getattr(system, name).atoms(bad):
+                raise DeclarationError(f"{where}: {name} is not differentiable: it has {found}")
+
+
+def _check_energies(system: System, where: str) -> None:
+    for name in ("T", "V", "D"):
+        expression = getattr(system, name)
+        allowed = {*system.q, t, *(c.symbol for c in system.constants)}
+        if name != "V":
+            allowed |= {*system.v}
+        for symbol in sorted(expression.free_symbols - allowed, key=str):
+            raise DeclarationError(f"{where}: {name} must not depend on {symbol}")
+    rest = dict.fromkeys(system.v, sp.Integer(0))
+    for name in ("T", "D"):
+        expression = getattr(system, name)
+        gradient = [sp.diff(expression, v).xreplace(rest) for v in system.v]
+        if name == "D" and any(sp.simplify(g) != 0 for g in (*gradient, expression.xreplace(rest))):
+            raise DeclarationError(f"{where}: D must vanish, with its slope, where nothing moves")
+    hessian = sp.hessian(system.T, system.v)
+    if hessian.free_symbols & {*system.v}:
+        raise DeclarationError(f"{where}: T must be quadratic in the velocities")
+    if sp.simplify(hessian.det().xreplace(system.values)) == 0:
+        names = ", ".join(c.name for c in system.coordinates)
+        raise DeclarationError(
+            f"{where}: the mass matrix of {names} is singular; T lacks an inertia"
+        )
+
+
+def _check_maps(system: System, where: str) -> None:
+    constants = {c.symbol for c in system.constants}
+    for equilibrium in system.equilibria:
+        place = f"{where}, equilibrium {equilibrium.name!r}"
+        _check_map(equilibrium.at, system.coordinates, constants, place)
+    for scenario in system.scenarios:
+        place = f"{where}, scenario {scenario.name!r}"
+        _check_map(scenario.q, system.coordinates, constants, f"{place}, q")
+        _check_map(scenario.v, system.coordinates, constants, f"{place}, v")
+        _check_map(scenario.inputs, system.inputs, constants | {t}, f"{place}, inputs")
+        if not (math.isfinite(scenario.duration) and scenario.duration > 0):
+            raise DeclarationError(f"{place}: the duration is {scenario.duration}")
+        start = {c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates}
+        mass = sp.hessian(system.T, system.v).xreplace(system.values | {t: sp.Integer(0)})
+        if not mass.xreplace(start).evalf().is_positive_definite:
+            raise DeclarationError(f"{place}: the mass matrix there is not positive definite")
+    for printed in system.printed:
+        if printed.states not in {"motion", "linear", "T", "V", "D", "L"}:
+            raise DeclarationError(
+                f"{where}, Eq. {printed.number}: states {printed.states!r} is unknown"
+            )
+
+
+def _check_map(
+    given: Mapping[Any, Any], wanted: tuple[Any, ...], allowed: set[sp.Symbol], place: str
+) -> None:
+    for item in wanted:
+        if item not in given:
+            raise DeclarationError(f"{place}: no value is given for {item.name}")
+    for item, value in given.items():
+        if item not in wanted:
+            raise DeclarationError(f"{place}: {getattr(item, 'name', item)!r} is unknown here")
+        for symbol in sorted(sp.sympify(value).free_symbols - allowed, key=str):
+            raise DeclarationError(f"{place}: the value of {item.name} depends on {symbol}")

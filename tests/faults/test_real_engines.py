@@ -1,0 +1,204 @@
+"""The same faults in real engines, in copies of the built-in model files."""
+
+import pytest
+from bench import off, one_scenario, run_folders, variant
+
+pytestmark = pytest.mark.xdist_group("real engines")
+
+for engine in ("mujoco", "pybullet", "pymunk"):
+    pytest.importorskip(engine)
+
+# Literals off by a millionth, by system and file: name -> text whose last number is moved.
+LITERALS = {
+    ("mass_spring_damper", "mujoco.xml"): {
+        "stiffness": 'stiffness="47.0', "damping": 'damping="0.9', "mass": 'mass="1.3',
+    },
+    ("mass_spring_damper", "robot.urdf"): {
+        "stiffness": "<springStiffness>47.0", "damping": 'damping="0.9', "mass": 'mass value="1.3',
+    },
+    ("mass_spring_damper", "space.py"): {
+        "stiffness": "STIFFNESS = 47.0", "damping": "DAMPING = 0.9", "mass": "MASS = 1.3",
+    },
+    ("simple_pendulum", "mujoco.xml"): {
+        "gravity": 'gravity="0 0 -9.81', "length": 'pos="0 0 -0.75', "mass": 'mass="0.45',
+    },
+    ("simple_pendulum", "robot.urdf"): {
+        "gravity": "gravity = [0, 0, -9.81", "length": 'origin xyz="0 0 -0.75',
+        "mass": 'mass value="0.45',
+    },
+    ("simple_pendulum", "space.py"): {
+        "gravity": "GRAVITY = 9.81", "length": "LENGTH = 0.75", "mass": "MASS = 0.45",
+    },
+    ("drum_pendulum", "mujoco.xml"): {
+        "stiffness": 'stiffness="65.0', "armature": 'armature="1.2', "drum": 'mass="2.4',
+        "rod": 'mass="0.8', "inertia": 'diaginertia="0.024 0.024', "centre": 'pos="0 0 -0.3',
+    },
+    ("drum_pendulum", "robot.urdf"): {
+        "rolling": 'multiplier="5.555555555555555', "turning": 'ixx="0.02744" iyy="0.03888',
+    },
+    ("drum_pendulum", "mujoco_rolling.xml"): {"ratio": 'polycoef="0 5.555555555555555'},
+    ("drum_pendulum", "space.py"): {
+        "stiffness": "STIFFNESS = 65.0", "rest": "REST_LENGTH = 1.1", "inertia": "INERTIA = 0.024",
+    },
+}  # fmt: skip
+
+# The force that friction is a share of: stiffness times amplitude, or weight times length.
+FRICTION = {
+    f"friction_{e}": [('springref="0"', f'springref="0" frictionloss="{12 * 10.0**-e:.3g}"')]
+    for e in (1, 2, 3, 4)
+}
+HARD = 'solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"'
+BOUNDS = '<limit lower="-0.8" upper="0.8" effort="1000" velocity="100"/>'
+HINGE = '<axis xyz="0 -1 0"/>'
+OTHERS = {
+    ("mass_spring_damper", "mujoco.xml"): FRICTION | {
+        "good": [],
+        "range": [('springref="0"', 'springref="0" limited="true" range="-0.2 0.2"')],
+        "far_range": [('springref="0"', 'springref="0" limited="true" range="-2 2"')],
+        "coarse": [('timestep="0.002"', 'timestep="0.5"')],
+        "broken": [("</worldbody>", "</worldbodi>")],
+    },
+    ("mass_spring_damper", "robot.urdf"): {
+        "good": [],
+        "limit": [('lower="-100" upper="100"', 'lower="-0.2" upper="0.2"')],
+        "friction": [('friction="0"', 'friction="0.12"')],
+        "coarse": [("step = 0.002", "step = 0.5")],
+        "broken": [("</robot>", "</robo>")],
+    },
+    ("mass_spring_damper", "space.py"): {
+        "good": [],
+        "drag": [("(0, 0)\n", "(0, 0)\n    space.damping = 0.99\n")],
+        "coarse": [("step = 0.002", "step = 0.5")],
+        "broken": [("pymunk.Body(MASS", "pymunk.Body(MAS")],
+    },
+    ("simple_pendulum", "mujoco.xml"): {
+        "good": [],
+        "range": [('axis="0 -1 0"', 'axis="0 -1 0" limited="true" range="-0.8 0.8"')],
+        "friction": [('axis="0 -1 0"', 'axis="0 -1 0" frictionloss="0.03"')],
+    },
+    ("simple_pendulum", "robot.urdf"): {
+        "good": [], "limit": [('type="continuous"', 'type="revolute"'), (HINGE, HINGE + BOUNDS)],
+    },
+    ("simple_pendulum", "space.py"): {"good": []},
+    ("drum_pendulum", "mujoco.xml"): {
+        "good": [],
+        "range": [('springref="0"', 'springref="0" limited="true" range="-0.05 0.05"')],
+        "springref": [('springref="0"', 'springref="1e-6"')],
+    },
+    ("drum_pendulum", "mujoco_rolling.xml"): {"good": [], "soft": [(HARD, "")]},
+    ("drum_pendulum", "robot.urdf"): {
+        "good": [], "limit": [('lower="-100" upper="100"', 'lower="-0.05" upper="0.05"')],
+    },
+    ("drum_pendulum", "space.py"): {"good": []},
+}  # fmt: skip
+
+SCENARIO = {"mass_spring_damper": "resonance", "simple_pendulum": "driven", "drum_pendulum": "driven"}
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """Run every variant; cases by system, file, name of the variant and engine."""
+    place = tmp_path_factory.mktemp("real")
+    folders = {}
+    for system, scenario in SCENARIO.items():
+        folders[system] = one_scenario(system, place / system, scenario)
+        # A pendulum meets its limit in the scenario that swings far enough.
+        folders["far", system] = one_scenario(system, place / f"{system}_far", "free")
+    for (system, source), names in LITERALS.items():
+        for name, text in names.items():
+            file = f"{source.split('.')[0]}-literal_{name}"
+            variant(folders[system], system, source, file, off(text))
+    for (system, source), names in OTHERS.items():
+        for name, changes in names.items():
+            far = system == "simple_pendulum" and name in {"range", "limit"}
+            folder = folders["far", system] if far else folders[system]
+            variant(folder, system, source, f"{source.split('.')[0]}-{name}", *changes)
+    used = [f for f in folders.values() if any(f.glob("*.toml"))]
+    results = run_folders(*used, out=place / "results.json", limit=60.0)
+    found = {}
+    for case in results["cases"]:
+        stem, suffix = case["model"].split(".")
+        source, name = stem.split("-")
+        found.setdefault((case["system"], f"{source}.{suffix}", name), []).append(case)
+    return found
+
+
+def pairs(table, *names):
+    return [(*key, name) for key, entry in table.items() for name in entry if name in names or not names]
+
+
+@pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "good", "far_range"))
+def test_the_file_as_it_is_agrees(ran, system, source, name):
+    for case in ran[system, source, name]:
+        assert case["outcome"] == "AGREES", case["reason"]
+        assert case["uncertainty"] < 1e-10
+
+
+@pytest.mark.parametrize(("system", "source", "name"), pairs(LITERALS))
+def test_a_literal_off_by_a_millionth_differs(ran, system, source, name):
+    for case in ran[system, source, f"literal_{name}"]:
+        assert case["outcome"] == "DIFFERS", case["reason"]
+        # A number counts by its share of the forces, and a pendulum's length more than once.
+        assert 5e-8 < case["discrepancy"] < 1e-5
+        assert case["uncertainty"] < case["discrepancy"] / 1000
+
+
+@pytest.mark.parametrize("exponent", [1, 2, 3, 4])
+def test_friction_in_a_joint_differs_by_its_share_of_the_force(ran, exponent):
+    (case,) = ran["mass_spring_damper", "mujoco.xml", f"friction_{exponent}"]
+    assert case["outcome"] == "DIFFERS", case["reason"]
+    assert 0.2 < case["discrepancy"] * 10**exponent < 5
+
+
+def test_friction_in_a_pendulums_hinge_differs(ran):
+    (case,) = ran["simple_pendulum", "mujoco.xml", "friction"]
+    assert case["outcome"] == "DIFFERS", case["reason"]
+
+
+def test_friction_in_a_urdf_differs_where_the_engine_applies_it(ran):
+    by_engine = {c["engine"]: c for c in ran["mass_spring_damper", "robot.urdf", "friction"]}
+    assert by_engine["mujoco"]["outcome"] == "DIFFERS"
+    assert 2e-3 < by_engine["mujoco"]["discrepancy"] < 5e-2
+    # PyBullet's joint friction is its default motor, which is off here: the motion has none.
+    assert by_engine["pybullet"]["outcome"] == "AGREES"
+
+
+@pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "range", "limit"))
+def test_a_joint_limit_in_the_way_never_agrees(ran, system, source, name):
+    for case in ran[system, source, name]:
+        assert case["outcome"] in {"DIFFERS", "UNRESOLVED"}
+        assert case["discrepancy"] > 0.01
+        if case["outcome"] == "UNRESOLVED":
+            assert "not smooth" in case["reason"]
+
+
+def test_drag_in_the_space_differs(ran):
+    (case,) = ran["mass_spring_damper", "space.py", "drag"]
+    assert case["outcome"] == "DIFFERS"
+
+
+def test_a_rest_position_off_by_a_micrometre_differs(ran):
+    (case,) = ran["drum_pendulum", "mujoco.xml", "springref"]
+    assert case["outcome"] == "DIFFERS"
+
+
+def test_rolling_held_by_a_soft_equality_differs(ran):
+    (case,) = ran["drum_pendulum", "mujoco_rolling.xml", "soft"]
+    assert case["outcome"] == "DIFFERS", case["reason"]
+    assert case["discrepancy"] > 1e-4
+
+
+@pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "coarse"))
+def test_a_step_at_which_the_motion_blows_up_fails_with_a_sentence(ran, system, source, name):
+    for case in ran[system, source, name]:
+        assert case["outcome"] == "FAILED"
+        assert "at the shipped step of 0.5 s the motion" in case["reason"]
+
+
+@pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "broken"))
+def test_a_broken_file_fails_by_name_and_line(ran, system, source, name):
+    suffix = source.split(".")[1]
+    for case in ran[system, source, name]:
+        assert case["outcome"] == "FAILED"
+        assert f"-broken.{suffix}:" in case["reason"]
+        assert any(character.isdigit() for character in case["reason"].split(f".{suffix}:")[1])
