@@ -68,6 +68,14 @@ class CoordinateMap:
         slope = self.back_slope(z).reshape(len(z), n, -1)
         return np.concatenate([q, np.einsum("bnz,bz->bn", slope, w)], axis=1)
 
+    def follow(self, z: Array, w: Array, start: Array) -> Array:
+        """States (S, 2n) along one run, its angles continuous from `start`, (2n,)."""
+        states = self.from_engine(z, w, np.broadcast_to(start, (len(z), len(start))))
+        for i, periodic in enumerate(self.periodic):
+            if periodic:
+                states[:, i] = np.unwrap(states[:, i])
+        return states
+
     def drift(self, z: Array) -> float:
         """Largest |z - Z(R(z))|: how far the engine's constraints have let go."""
         return float(np.max(np.abs(z - self.forward(self.back(z))), initial=0.0))

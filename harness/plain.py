@@ -119,7 +119,7 @@ def plain_run(
     t: Array = np.minimum(grid, motion.duration)
     reference = motion.at(t)
     zs, ws = np.concatenate([z, zs[0]]), np.concatenate([w, ws[0]])
-    states = coordinates.from_engine(zs, ws, reference)
+    states = coordinates.follow(zs, ws, motion.start[0])
     energy = energy_balance(t, states, motion, power).error
     return PlainRun(
         h, steps, t, states, states - reference, coordinates.drift(zs), energy

@@ -55,6 +55,8 @@ class MujocoEngine:
                     f"{spec.path}: joint {model.joint(joint).name!r} is a"
                     f" {kind.name[6:].lower()} joint; only slides and hinges are supported so far"
                 )
+        if not model.njnt:
+            raise EngineError(f"{spec.path}: it has no moving joint")
         if model.nu or model.na:
             raise EngineError(f"{spec.path}: it has actuators; inputs are applied to joints here")
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
@@ -172,6 +174,8 @@ class MujocoModel:
                 self.model, self._data, state, force, nstep=n,
                 control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
             )  # fmt: skip
+        # A run that blows up ends early, and its last state fills the rest: its clock stands still.
+        states[states[:, :, 0] < h * (np.arange(n) + 0.5)] = np.nan
         kept = states[:, every - 1 :: every]
         return kept[:, :, 1 : 1 + size].copy(), kept[:, :, 1 + size :].copy()
 

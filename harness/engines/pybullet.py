@@ -131,7 +131,7 @@ class PybulletModel:
             # Each link has 0.04 of linear and of angular damping by default, linear and quadratic.
             p.changeDynamics(self._body, link, linearDamping=0, angularDamping=0)
         for joint in self._joints:
-            p.changeDynamics(self._body, joint, maxJointVelocity=1e12)  # clamps at 100 otherwise
+            p.changeDynamics(self._body, joint, maxJointVelocity=1e300)  # clamps at 100 otherwise
         # TORQUE_CONTROL with zero would not switch the default motors off.
         p.setJointMotorControlArray(
             self._body, self._joints, p.VELOCITY_CONTROL, forces=[0.0] * len(self._joints)

@@ -195,7 +195,8 @@ def _python(d):
         lines += [
             f"    b{i} = pymunk.Body({m!r}, float('inf'))",
             f"    b{i}.position = ({GAP * i}, 0)",
-            f"    s.add(b{i}, pymunk.DampedSpring(g, b{i}, {wall[i]}, (0, 0), {GAP}, {k!r}, {c!r}))",
+            f"    s.add(b{i})",
+            f"    s.add(pymunk.DampedSpring(g, b{i}, {wall[i]}, (0, 0), {GAP}, {k!r}, {c!r}))",
         ]
     if len(d.m) == 2:
         lines.append(

@@ -94,7 +94,8 @@ def one_scenario(system, place, scenario):
     place.mkdir(parents=True, exist_ok=True)
     text = (ROOT / "models" / system / "system.py").read_text()
     kept = f"[s for s in system.scenarios if s.name == {scenario!r}]"
-    text += f"\n\nfrom dataclasses import replace\n\nsystem = replace(system, scenarios=tuple({kept}))\n"
+    text += "\n\nfrom dataclasses import replace\n\n"
+    text += f"system = replace(system, scenarios=tuple({kept}))\n"
     (place / "system.py").write_text(text)
     return place
 

@@ -6,9 +6,7 @@ import sys
 import time
 
 import pytest
-from bench import (
-    KNOWN, ROOT, SYSTEM, by_case, environment, known_folder, run_folders,
-)  # fmt: skip
+from bench import KNOWN, ROOT, SYSTEM, by_case, environment, known_folder, run_folders
 
 pytestmark = pytest.mark.xdist_group("known answer")
 

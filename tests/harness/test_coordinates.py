@@ -66,6 +66,12 @@ def test_an_angle_read_by_atan2_is_taken_near_the_reference(pendulum):
     assert found.from_engine(*found.to_engine(states), states) == pytest.approx(states, abs=1e-13)
 
 
+def test_an_angle_is_followed_past_a_turn_that_the_reference_does_not_take(pendulum):
+    found = coordinate_map(pendulum, BOB, NAMES)
+    states = np.stack([np.linspace(2.9, 16.0, 50), np.full(50, 3.0)], axis=1)
+    assert found.follow(*found.to_engine(states), states[0]) == pytest.approx(states, abs=1e-12)
+
+
 def test_the_residual_of_the_map_is_the_constraint_drift(drum):
     rolling = sidecar({"phi": "x/r"})
     found = coordinate_map(drum, rolling, ("x", "phi", "theta"))

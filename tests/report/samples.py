@@ -1,4 +1,4 @@
-"""Results made up for the report's tests: of every outcome, with every field, as a run writes them."""
+"""Results made up for the report's tests: every outcome and every field, as a run writes them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ def system(name: str, coordinates: int) -> dict[str, Any]:
         "name": name, "folder": f"/models/{name}", "title": f"The {name}", "source": "Example 9.1",
         "kind": "SIMO", "coordinates": named,
         "constants": [
-            {"name": "k", "unit": "N/m", "description": "stiffness", "value": 38.25, "source": "chosen"}
+            {
+                "name": "k", "unit": "N/m", "description": "stiffness", "value": 38.25,
+                "source": "chosen",
+            }
         ],
         "inputs": [{"name": "f", "unit": "N", "description": "force"}],
         "outputs": [{**entry, **formula(entry["name"])} for entry in named],
@@ -101,7 +104,11 @@ def case(name: str, file: str, engine: str, scenario: str, coordinates: int) -> 
 def rounded(values: Any, digits: int) -> Any:
     if isinstance(values, np.ndarray):
         return [rounded(value, digits) for value in values.tolist()]
-    return [rounded(v, digits) for v in values] if isinstance(values, list) else float(f"{values:.{digits}g}")
+    return (
+        [rounded(v, digits) for v in values]
+        if isinstance(values, list)
+        else float(f"{values:.{digits}g}")
+    )
 
 
 def series(random: np.random.Generator, coordinates: int) -> dict[str, Any]:
@@ -135,7 +142,9 @@ def results(systems: int = 2) -> dict[str, Any]:
     runs = [(name, *pair) for name in sizes for pair in ENGINES]
     return {
         "schema": 1, "created": "2026-11-21T02:19:33+00:00", "resolution": 1e-9, "seconds": 37.4,
-        "versions": {"physics-crosscheck": "0.1.0", "python": "3.11.7", "mujoco": "4.0.0", "pybullet": None},
+        "versions": {
+            "physics-crosscheck": "0.1.0", "python": "3.11.7", "mujoco": "4.0.0", "pybullet": None,
+        },
         "systems": [system(name, size) for name, size in sizes.items()],
         "models": [model(*run) for run in runs],
         "cases": [case(*run, s, sizes[run[0]]) for run in runs for s in SCENARIOS],
@@ -157,8 +166,15 @@ def mixed() -> dict[str, Any]:
     cases[0] |= {"outcome": "DIFFERS", "discrepancy": 3.1e-6, "reason": "q0 ends 3.1e-06 off"}
     cases[1] |= {"outcome": "UNRESOLVED", "uncertainty": None, "order": None, "reason": "exponents"}
     cases[2] = unjudged(cases[2], "ABSENT", "pybullet is not installed")
-    cases[3] = unjudged(cases[3], "FAILED", "the engine's process died", printed="Segmentation fault")
-    cases[4] |= {"outcome": "FAILED", "reason": "no longer finite", "raw_error": None, "apart": None}
+    cases[3] = unjudged(
+        cases[3], "FAILED", "the engine's process died", printed="Segmentation fault"
+    )
+    cases[4] |= {
+        "outcome": "FAILED",
+        "reason": "no longer finite",
+        "raw_error": None,
+        "apart": None,
+    }
     for key in ("engine", "error"):
         for row in cases[4]["series"][key]:
             row[100:] = [None] * len(row[100:])

@@ -1,0 +1,76 @@
+"""What a format can't say and the adapters add: springs in a URDF, mimic joints."""
+
+import numpy as np
+import pytest
+from protocol_models import GROUND, PAIRINGS, joint, link, urdf_settings
+
+from harness.engine import ModelSpec, Spring
+from harness.engines import engines
+
+ON_URDF = [p for p in PAIRINGS if p.format == "urdf"]
+
+
+def load(pairing, tmp_path, parts, springs=(), **settings):
+    pytest.importorskip(pairing.engine)
+    path = tmp_path / "model.urdf"
+    path.write_text(f'<robot name="r">{GROUND}{"".join(parts)}</robot>')
+    spec = ModelSpec(path, springs, urdf_settings(pairing) | settings)
+    return engines()[pairing.engine].load(spec)
+
+
+def pull(model, q, v=None, h=1e-6):
+    """Accelerations, from one tiny step."""
+    q = np.array([q], dtype=float)
+    v = np.zeros_like(q) if v is None else np.array([v], dtype=float)
+    return (model.rollout(q, v, h, 1, None, 1)[1][0, 0] - v[0]) / h
+
+
+TWO = [link("a", 2.0), joint("q1", "prismatic", "a"), link("b", 0.5), joint("q2", "prismatic", "b")]
+
+
+@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
+def test_gazebos_joint_spring_pulls_towards_its_rest_position(pairing, tmp_path):
+    spring = (
+        '<gazebo reference="q2"><springStiffness>30</springStiffness>'
+        "<springReference>0.2</springReference></gazebo>"
+    )
+    model = load(pairing, tmp_path, [*TWO, spring])
+    assert pull(model, [0.7, 0.5]) == pytest.approx([0.0, -30 * 0.3 / 0.5], rel=1e-5, abs=1e-6)
+    assert pull(model, [0.7, 0.2]) == pytest.approx([0.0, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
+def test_a_sidecars_spring_and_damper_act_on_a_combination_of_joints(pairing, tmp_path):
+    spring = Spring({"q1": -2.0, "q2": 1.0}, 30.0, 4.0, 0.1)
+    model = load(pairing, tmp_path, TWO, (spring,))
+    q, v = [0.1, 0.5], [0.3, -0.2]
+    force = 30 * (-2 * 0.1 + 0.5 - 0.1) + 4 * (-2 * 0.3 - 0.2)
+    expected = [2 * force / 2.0, -force / 0.5]
+    assert pull(model, q, v) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("pairing", ON_URDF, ids=str)
+def test_two_springs_on_one_joint_add_up(pairing, tmp_path):
+    springs = (Spring({"q1": 1.0}, 10.0, 0.0, 0.0), Spring({"q1": 1.0}, 20.0, 0.0, 0.1))
+    model = load(pairing, tmp_path, TWO, springs)
+    assert pull(model, [0.4, 0.0])[0] == pytest.approx(-(10 * 0.4 + 20 * 0.3) / 2.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("pairing", [p for p in ON_URDF if p.integrator != "RK4"], ids=str)
+def test_a_mimic_joint_follows_its_leader_and_brings_its_inertia(pairing, tmp_path):
+    mimic = '<mimic joint="q1" multiplier="3"/>'
+    parts = [
+        link("a", 2.0), joint("q1", "prismatic", "a"),
+        link("b", 0.5), joint("q2", "prismatic", "b", extra=mimic),
+        '<gazebo reference="q1"><springStiffness>30</springStiffness></gazebo>',
+    ]  # fmt: skip
+    hard = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
+    model = load(pairing, tmp_path, parts, **(hard if pairing.engine == "mujoco" else {}))
+    h, n = 1e-4, 4000
+    zs, ws = model.rollout(np.array([[0.2, 0.6]]), np.zeros((1, 2)), h, n, None, 100)
+    assert zs[0, :, 1] == pytest.approx(3 * zs[0, :, 0], abs=2e-5)
+    assert ws[0, :, 1] == pytest.approx(3 * ws[0, :, 0], abs=2e-4)
+    # Both move as one mass of 2 + 3^2 * 0.5 on the spring.
+    rate = np.sqrt(30 / (2.0 + 9 * 0.5))
+    t = h * 100 * np.arange(1, 41)
+    assert zs[0, :, 0] == pytest.approx(0.2 * np.cos(rate * t), abs=2e-4)

@@ -1,0 +1,35 @@
+"""Engines of other distributions come through the entry point `crosscheck.engines`."""
+
+import pytest
+
+from harness.engines import engines
+
+
+def distribution(place, name, module, text):
+    """A distribution with one module and one engine."""
+    (place / f"{module}.py").write_text(text)
+    info = place / f"{name}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[crosscheck.engines]\n{name} = {module}:Engine\n")
+
+
+def test_an_installed_engine_is_known_by_its_name():
+    found = engines()["known"]
+    assert found.version() == "1.0"
+    assert found.formats == (".known",)
+    assert list(engines())[:3] == ["mujoco", "pybullet", "pymunk"]
+
+
+def test_no_entry_point_takes_the_name_of_a_built_in_engine(tmp_path, monkeypatch):
+    distribution(tmp_path, "usurper", "usurper_engine", "class Engine:\n    name = 'mujoco'\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert type(engines()["mujoco"]).__name__ == "MujocoEngine"
+
+
+def test_an_entry_point_that_cannot_be_loaded_is_told_by_name(tmp_path, monkeypatch):
+    distribution(tmp_path, "broken", "broken_engine", "import no_such_module_at_all\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.warns(UserWarning, match="broken.*no_such_module_at_all"):
+        found = engines()
+    assert "known" in found

@@ -1,0 +1,42 @@
+"""A page taken apart."""
+
+from __future__ import annotations
+
+import html.parser
+import json
+from typing import Any
+
+
+class Page(html.parser.HTMLParser):
+    """A page taken apart: its elements, its text, its JSON."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.source = source
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.contents: dict[str, list[str]] = {"script": [], "style": []}
+        self.json: dict[str, Any] = {}
+        self._within: tuple[str, dict[str, str | None]] | None = None
+        self.feed(source)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        self._within = (tag, dict(attrs)) if tag in self.contents else None
+
+    def handle_endtag(self, tag: str) -> None:
+        self._within = None
+
+    def handle_data(self, data: str) -> None:
+        if self._within is None:
+            self.text += data
+            return
+        tag, attrs = self._within
+        if attrs.get("type") == "application/json":
+            self.json[str(attrs["id"])] = json.loads(data)
+        else:
+            self.contents[tag].append(data)
+
+    def ids(self) -> list[str]:
+        return [str(attrs["id"]) for _, attrs in self.elements if "id" in attrs]

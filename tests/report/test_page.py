@@ -1,0 +1,183 @@
+"""The page: whole, safe, alone, the same every time."""
+
+from __future__ import annotations
+
+import copy
+import re
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from harness.report import render, write_report
+from harness.results import schema
+from tests.report.page import Page
+from tests.report.samples import results
+
+HOSTILE = (
+    "<script>alert(1)</script>", "</script><img src=http://evil.example/x onerror=alert(1)>",
+    "\"><b onmouseover='alert(1)'>", "<!--<script>", "a\u202eb\x1b[31m\x00\ud800",
+    "$$x$$ @@0 #010101", "{{ 7 * 7 }}{% raw %}", "]]>&lt;&amp;", "__proto__",
+)  # fmt: skip
+
+
+def hostile(name: str, found: Any) -> Any:
+    """Results in which every text that a user may choose has a hostile name in it."""
+    fixed = {
+        "outcome", "created", "kind", "verdict", "folder", "latex", "unit", "number", "schema",
+    }  # fmt: skip
+
+    def spoil(value: Any, key: str = "") -> Any:
+        if isinstance(value, dict):
+            return {k: spoil(v, k) for k, v in value.items()}
+        if isinstance(value, list):
+            return [spoil(v, key) for v in value]
+        if not isinstance(value, str) or key in fixed or not value:
+            return value
+        return f"{value}{name}"
+
+    spoiled = spoil(copy.deepcopy(found))
+    spoiled["versions"] = {f"{k}{name}": v for k, v in spoiled["versions"].items()}
+    return spoiled
+
+
+def test_the_samples_of_these_tests_are_results(
+    agreeing: dict[str, Any], troubled: dict[str, Any]
+) -> None:
+    jsonschema.validate(agreeing, schema())
+    jsonschema.validate(troubled, schema())
+
+
+def test_every_case_is_on_the_page_and_every_link_leads_somewhere(
+    troubled_page: Page, troubled: dict[str, Any]
+) -> None:
+    ids = troubled_page.ids()
+    assert len(ids) == len(set(ids))
+    cases = [
+        attrs
+        for tag, attrs in troubled_page.elements
+        if tag == "details" and attrs["class"] == "case"
+    ]
+    assert len(cases) == len(troubled["cases"])
+    targets = [str(attrs["href"]) for tag, attrs in troubled_page.elements if tag == "a"]
+    assert all(target.startswith("#") for target in targets)
+    assert {target[1:] for target in targets} <= set(ids)
+    assert {str(attrs["id"]) for attrs in cases} <= {target[1:] for target in targets}
+    assert "case-system_0/mujoco.xml/mujoco/free" in ids
+
+
+def test_everything_but_the_plots_is_there_without_javascript(troubled_page: Page) -> None:
+    text = troubled_page.text
+    for part in (
+        "cases agree", "3 FAILED", "pybullet", "not installed",
+        "the engine's process died", "Segmentation fault", "no unit", "k*q0 + k*q0", "38.25", "N/m",
+        "m*q0_ddot = f*max(0, 1) - k*q0", "-0.1 ± 3.0003i", "it diverges", "<mujoco.xml/>",
+    ):  # fmt: skip
+        assert part in text
+    assert any(tag == "noscript" for tag, _ in troubled_page.elements)
+
+
+def test_every_outcome_has_a_sign_beside_its_colour(troubled_page: Page) -> None:
+    for sign in ("✓ ", "○ ", "? ", "≠ ", "✕ "):
+        assert sign in troubled_page.text
+
+
+def test_every_plot_has_a_place_and_words_for_those_who_do_not_see_it(page: Page) -> None:
+    plots = [attrs for _, attrs in page.elements if attrs.get("role") == "img"]
+    assert len(plots) == sum(3 + i % 2 for i in range(2)) * 9
+    assert all(len(str(attrs["aria-label"])) > 40 for attrs in plots)
+    for _, attrs in page.elements:
+        if "data-plots" in attrs:
+            content = page.json[str(attrs["data-plots"])]
+            assert f"pattern-{content['pattern']}" in page.json
+
+
+@pytest.fixture(scope="module", params=HOSTILE, ids=range(len(HOSTILE)))
+def spoiled(request: pytest.FixtureRequest, troubled: dict[str, Any]) -> tuple[str, Page]:
+    return request.param, Page(render(hostile(request.param, troubled)))
+
+
+def test_names_and_messages_with_markup_are_shown_as_text(
+    spoiled: tuple[str, Page], troubled_page: Page
+) -> None:
+    name, page = spoiled
+    # The same elements with the same attributes, whatever the texts: none was made of a text.
+    assert [(tag, set(attrs)) for tag, attrs in page.elements] == [
+        (tag, set(attrs)) for tag, attrs in troubled_page.elements
+    ]
+    assert len(page.contents["script"]) == 2
+    assert page.contents == troubled_page.contents
+    page.source.encode()
+    if name.isprintable():
+        assert name in page.text
+    assert not re.search("[\x00-\x08\x0b-\x1f\u202a-\u202e\u2066-\u2069]", page.text)
+
+
+def test_the_json_of_the_plots_stays_within_its_element(spoiled: tuple[str, Page]) -> None:
+    element = r'<script type="application/json"[^>]*>(.*?)</script>'
+    contents = re.findall(element, spoiled[1].source, re.DOTALL)
+    assert len(contents) == len(spoiled[1].json) > 2
+    for content in contents:
+        assert not set("<>&'") & set(content)
+
+
+def test_the_page_asks_for_nothing_from_anywhere(troubled_page: Page) -> None:
+    loading = {
+        "src",
+        "srcset",
+        "data",
+        "poster",
+        "background",
+        "action",
+        "formaction",
+        "ping",
+        "manifest",
+    }
+    for tag, attrs in troubled_page.elements:
+        assert tag not in {
+            "link",
+            "img",
+            "iframe",
+            "object",
+            "embed",
+            "base",
+            "audio",
+            "video",
+            "form",
+        }
+        assert not loading & set(attrs)
+        assert str(attrs.get("href", "#")).startswith("#")
+    for style in troubled_page.contents["style"]:
+        assert not re.search(r"@import|url\(|image-set|@font-face", style)
+    policy = next(
+        attrs["content"] for tag, attrs in troubled_page.elements if "http-equiv" in attrs
+    )
+    assert str(policy).startswith("default-src 'none'; script-src 'sha256-")
+    assert "http" not in str(policy).replace("http-equiv", "")
+
+
+def test_the_same_results_give_the_same_page(agreeing: dict[str, Any]) -> None:
+    assert render(agreeing) == render(copy.deepcopy(agreeing))
+
+
+def test_results_without_any_case_make_a_page() -> None:
+    assert "0 of 0 cases agree" in render(results(0))
+
+
+def test_a_report_of_85_cases_stays_below_six_megabytes(tmp_path: Path) -> None:
+    found = results(10)
+    assert len(found["cases"]) == 90
+    write_report(tmp_path / "index.html", found)
+    assert (tmp_path / "index.html").stat().st_size < 6e6
+    assert [path.name for path in tmp_path.iterdir()] == ["index.html"]
+
+
+def test_a_report_that_can_not_be_drawn_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "index.html"
+    path.write_text("old")
+    broken = results(1)
+    del broken["cases"][0]["outcome"]
+    with pytest.raises(KeyError):
+        write_report(path, broken)
+    assert path.read_text() == "old"
