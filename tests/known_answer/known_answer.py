@@ -88,7 +88,7 @@ class KnownModel:
     def disturb(self, q, v, h, steps):
         """What a step does beside the equations."""
         if steps > self.fault.get("drags_after_steps", np.inf):
-            v = v * (1 - 0.05 * h)
+            v = v * (1 - self.fault.get("drag", 0.05) * h)
         if "limit" in self.fault:
             v = np.where(np.abs(q) > self.fault["limit"], 0.0, v)
             q = np.clip(q, -self.fault["limit"], self.fault["limit"])
