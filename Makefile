@@ -9,7 +9,7 @@ report: .venv/.report
 	$(BIN)/crosscheck run --out reports
 
 test: check
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: .venv/.test
 	$(BIN)/ruff check .

@@ -96,6 +96,7 @@ def run_case(task: CaseTask) -> dict[str, Any]:
         "shipped_step": model.step,
         "raw_error": lived.raw_error,
         "raw_order": lived.order,
+        "raw_residual": lived.residual,
         "reason": reason,
         "steps": found.steps,
         "rungs": list(found.rungs),
@@ -121,7 +122,8 @@ def _with_plain_runs(verdict: Verdict, lived: Cost, claimed: int) -> tuple[Outco
         return Outcome.UNRESOLVED, (
             "every segment agrees, but a run from start to end does not converge to the motion"
             f" (order {lived.order:.2f} where {claimed} is claimed, raw error"
-            f" {lived.raw_error:.1e}): something is carried from step to step"
+            f" {lived.raw_error:.1e}, {lived.residual:.1e} of it left as the step falls):"
+            " something is carried from step to step"
         )
     return verdict.outcome, verdict.reason
 

@@ -13,6 +13,7 @@ import numpy as np
 from harness.coordinates import CoordinateMap
 from harness.energy import energy_balance
 from harness.engine import Model
+from harness.ladder import weights
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 
@@ -24,7 +25,11 @@ SMALL = 0.05
 """Errors up to this share of the amplitude count as small: the expansion in h still leads there."""
 
 ROUNDING = 1e-10
+
+RESIDUAL = 1e-8
+"""What rounding, and the samples, may leave of the extrapolated error of plain runs."""
 MOST_STEPS = 60_000
+MOST_RUNS = 6
 
 
 @dataclass(frozen=True)
@@ -34,6 +39,7 @@ class PlainRun:
     Attributes:
         h: step, seconds.
         steps: steps taken.
+        every: steps from sample to sample.
         t: sample times, (S,).
         states: (S, 2n).
         error: engine - reference, (S, 2n).
@@ -43,6 +49,7 @@ class PlainRun:
 
     h: float
     steps: int
+    every: int
     t: Array
     states: Array
     error: Array
@@ -87,7 +94,9 @@ class Cost:
         raw_error: largest position error at the shipped step, relative to the amplitude.
         order: observed order of the raw error between the two finest runs.
         resolved_until: end of the stretch on which the order was read: errors are small there.
-        converges: whether the raw error falls with the claimed order.
+        converges: whether the raw error falls with the claimed order, and to nothing.
+        residual: what is left of it as h -> 0, by extrapolation of the runs where they are small,
+            relative to the amplitude.
         apart: the error taken apart, for the position with the largest error; None where it is
             not small.
         steps_for: step that would give each of `TARGETS`, seconds; None where the order is unknown.
@@ -100,17 +109,19 @@ class Cost:
     order: float
     resolved_until: float
     converges: bool
+    residual: float
     apart: Apart | None
     steps_for: tuple[float | None, ...]
     checked: tuple[float, float, float] | None
 
 
 def plain_run(
-    model: Model, coordinates: CoordinateMap, motion: Motion, power: NumericFunction, h: float
-) -> PlainRun:
-    """Run a motion from start to end with step h."""
+    model: Model, coordinates: CoordinateMap, motion: Motion, power: NumericFunction, h: float,
+    every: int = 0,
+) -> PlainRun:  # fmt: skip
+    """Run a motion from start to end with step h, sampled every so many steps (0: as it fits)."""
     steps = math.floor(motion.duration / h * (1 + 1e-12))
-    every = max(1, steps // SAMPLES)
+    every = every or max(1, steps // SAMPLES)
     steps -= steps % every
     inputs = motion.inputs(h * np.arange(steps, dtype=np.float64), slack=1e-6 * h)[None]
     z, w = coordinates.to_engine(motion.start[:1])
@@ -122,7 +133,7 @@ def plain_run(
     states = coordinates.follow(zs, ws, motion.start[0])
     energy = energy_balance(t, states, motion, power).error
     return PlainRun(
-        h, steps, t, states, states - reference, coordinates.drift(zs), energy
+        h, steps, every, t, states, states - reference, coordinates.drift(zs), energy
     )  # fmt: skip
 
 
@@ -143,18 +154,23 @@ def cost(
         return plain_run(model, coordinates, motion, power, h)
 
     shipped = run(model.step)
-    runs = [shipped, run(model.step / 2)]
+    runs = [shipped]
     raw = _largest(shipped, size)
-    order, until = _order(runs[0], runs[1], size)
-    # Half a step away from its claim, the error may not be small enough yet for the leading term.
-    while len(runs) < 4 and not _bears_out(order, claimed, runs[-1], size) and raw > ROUNDING:
-        runs.append(run(runs[-1].h / 2))
+    order, until = math.nan, 0.0
+    # Three runs to extrapolate; more where errors are not small enough yet for the leading term.
+    while _wants_more(runs, order, claimed, size):
+        half = runs[-1].h / 2, 2 * runs[-1].every
+        runs.append(plain_run(model, coordinates, motion, power, *half))
         order, until = _order(runs[-2], runs[-1], size)
-    converges = shipped.finite and _bears_out(order, claimed, runs[-1], size)
+    until = min(until, _first_break_off(model.step, motion))
+    residual, draw = _residual(runs, until, claimed, size)
+    converges = shipped.finite and _bears_out(order, claimed, runs, size)
+    converges = converges and residual <= draw + RESIDUAL
     predicted = tuple(_step_for(target, runs, size, motion) for target in TARGETS)
     return Cost(
-        shipped, tuple(runs[1:]), raw, order, until, converges, _take_apart(shipped, motion, size),
-        predicted, _check(run, predicted, motion.duration, size),
+        shipped, tuple(runs[1:]), raw, order, until, converges, residual,
+        _take_apart(shipped, motion, size), predicted,
+        _check(run, predicted, motion.duration, size),
     )  # fmt: skip
 
 
@@ -172,17 +188,52 @@ def _order(coarse: PlainRun, fine: PlainRun, size: Array) -> tuple[float, float]
     for run in (coarse, fine):
         large = np.any(np.abs(run.error[:, :n]) > SMALL * size, axis=1)
         if large.any():
-            until = min(until, float(run.t[int(np.argmax(large))]))
+            until = min(until, float(run.t[max(int(np.argmax(large)) - 1, 0)]))
     errors = [float(np.max(np.abs(run.error[run.t <= until, :n]) / size)) for run in (coarse, fine)]
     if min(errors) == 0.0 or until == 0.0:
         return math.nan, until
     return math.log(errors[0] / errors[1]) / math.log(coarse.h / fine.h), until
 
 
-def _bears_out(order: float, claimed: int, finest: PlainRun, size: Array) -> bool:
-    if _largest(finest, size) <= ROUNDING:
+def _wants_more(runs: list[PlainRun], order: float, claimed: int, size: Array) -> bool:
+    last = runs[-1]
+    if len(runs) < 2 or (len(runs) < 3 and last.steps <= MOST_STEPS):
+        return True
+    unsettled = not _bears_out(order, claimed, runs, size)
+    return unsettled and len(runs) < MOST_RUNS and last.steps <= MOST_STEPS
+
+
+def _bears_out(order: float, claimed: int, runs: list[PlainRun], size: Array) -> bool:
+    if _largest(runs[0], size) <= ROUNDING or _largest(runs[-1], size) <= ROUNDING:
         return True
     return order >= claimed - 0.3
+
+
+def _first_break_off(h: float, motion: Motion) -> float:
+    """Time of the first break of the input that steps of h don't reach; else the end.
+
+    From there on the error depends on where between two steps the break falls, not on h alone.
+    """
+    for span in motion.spans[1:]:
+        if abs(span.start / h - round(span.start / h)) > 1e-6:
+            return span.start
+    return motion.duration
+
+
+def _residual(runs: list[PlainRun], until: float, claimed: int, size: Array) -> tuple[float, float]:
+    """Error of the runs extrapolated to h -> 0, and by how much the finest run moved it.
+
+    What is carried from step to step over longer than a segment shows here alone: each finer run
+    of an honest engine leaves less than it moves.
+    """
+    if not all(run.finite for run in runs) or len(runs) < 3:
+        return 0.0, 0.0
+    count = min(int(np.sum(run.t <= until * (1 + 1e-12))) for run in runs)
+    errors = np.stack([run.error[:count, : len(size)] / size for run in runs])
+    rungs = tuple(2**i for i in range(len(runs)))
+    fine = np.tensordot(weights(rungs, (claimed, 1)), errors, axes=1)
+    coarse = np.tensordot(weights(rungs[:-1], (claimed, 1)), errors[:-1], axes=1)
+    return float(np.max(np.abs(fine))), float(np.max(np.abs(fine - coarse)))
 
 
 def _step_for(target: float, runs: list[PlainRun], size: Array, motion: Motion) -> float | None:

@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -44,9 +45,22 @@ class Workers:
         if method == "forkserver":
             context.set_forkserver_preload(["harness.case", "harness.prepare"])
         self._limit = limit
+        self._jobs = jobs
         self._pool = pebble.ProcessPool(max_workers=jobs, context=context)
         self._logs = Path(tempfile.mkdtemp(prefix="crosscheck-"))
         self._count = 0
+
+    def _settle(self) -> None:
+        """Wait until every worker has started: one that is closed before complains on stderr."""
+        if self._count == 0 or self._count > 4 * self._jobs:
+            return
+        seen: set[int] = set()
+        for _ in range(20):
+            naps = [self._pool.schedule(_nap, args=[0.1]) for _ in range(self._jobs)]
+            with contextlib.suppress(Exception):
+                seen |= {nap.result() for nap in naps}
+            if len(seen) >= self._jobs:
+                return
 
     def submit(self, function: Callable[[Any], Any], argument: Any) -> Future[Any]:
         """Start a task; `outcome` turns the finished future into a value or a `Failure`."""
@@ -81,6 +95,7 @@ class Workers:
         trace: TracebackType | None,
     ) -> None:  # fmt: skip
         if kind is None:
+            self._settle()
             self._pool.close()
         else:
             self._pool.stop()
@@ -88,6 +103,11 @@ class Workers:
         for log in self._logs.glob("*.log"):
             log.unlink()
         self._logs.rmdir()
+
+
+def _nap(seconds: float) -> int:
+    time.sleep(seconds)
+    return os.getpid()
 
 
 def _captured(function: Callable[[Any], Any], argument: Any, log: str) -> Any:

@@ -13,8 +13,6 @@ from harness.results import schema
 
 BAR = 1e-10
 
-pytestmark = pytest.mark.xdist_group("matrix")
-
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):

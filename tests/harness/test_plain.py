@@ -84,6 +84,32 @@ def test_a_run_that_does_not_converge_is_a_finding(bench):
     assert not lived(bench(Sleepy())).converges
 
 
+class Tiring(SymplecticEuler):
+    """A little more damping from the hundredth step of a run on: less than the step's own error."""
+
+    def rollout(self, q, v, h, n, force, every):
+        awake = min(n, 100)
+        z, w = super().rollout(q, v, h, awake, None, 1)
+        if n > awake:
+            tired = SymplecticEuler(damping=self.damping * (1 + 1e-3))
+            more_z, more_w = tired.rollout(z[:, -1], w[:, -1], h, n - awake, None, 1)
+            z, w = np.concatenate([z, more_z], axis=1), np.concatenate([w, more_w], axis=1)
+        return z[:, every - 1 :: every], w[:, every - 1 :: every]
+
+
+def test_memory_below_the_steps_own_error_is_a_finding_all_the_same(bench):
+    found = lived(bench(Tiring()))
+    assert found.order > 0.9  # the raw error alone looks well
+    assert found.residual > 1e-4
+    assert not found.converges
+
+
+def test_an_honest_engine_leaves_nothing_as_the_step_falls(bench):
+    found = lived(bench(drive=6 * Heaviside(t - Rational(13, 10))))
+    assert found.converges
+    assert found.residual < 1e-6
+
+
 class Leaning(SymplecticEuler):
     """A force of its own, a thousandth of the spring's: it does not go away with h."""
 
