@@ -9,24 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import sympy as sp
-from sympy.parsing.sympy_parser import parse_expr
 
 from harness.engine import Force, StateForce
+from harness.expressions import parse
 from harness.sidecar import Sidecar, SidecarError
 from reference.numeric import Array, NumericFunction, compile_function
 from reference.system import System
-
-_NAMES: dict[str, Any] = {
-    name: getattr(sp, name)
-    for name in (
-        "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log", "pi",
-        "Integer", "Float", "Rational", "Symbol",
-    )
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -137,19 +128,6 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
     )
 
 
-def _parse(text: str, symbols: dict[str, sp.Symbol], place: str) -> sp.Expr:
-    for dotted in sorted((n for n in symbols if "." in n), key=len, reverse=True):
-        text = text.replace(dotted, symbols[dotted].name)
-    local = {symbol.name if "." in name else name: symbol for name, symbol in symbols.items()}
-    try:
-        expression = sp.sympify(parse_expr(text, local_dict=local, global_dict=_NAMES))
-    except Exception as error:
-        raise SidecarError(f"{place}: can't read {text!r}: {error}") from None
-    for symbol in sorted(expression.free_symbols - {*symbols.values()}, key=str):
-        raise SidecarError(f"{place}: {symbol} is neither a coordinate nor a constant")
-    return expression
-
-
 def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str) -> list[sp.Expr]:
     known = {c.name: c.q for c in system.coordinates} | {c.name: c.symbol for c in system.constants}
     for name in sidecar.coordinates:
@@ -163,7 +141,7 @@ def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str)
     for name in names:
         place = f"{where}: [coordinates] {name}"
         if name in sidecar.coordinates:
-            forward.append(_parse(sidecar.coordinates[name], known, place))
+            forward.append(parse(sidecar.coordinates[name], known, place))
         elif name in own:
             forward.append(own[name])
         else:
@@ -186,7 +164,7 @@ def _back(
     for coordinate in system.coordinates:
         place = f"{where}: [readback] {coordinate.name}"
         if coordinate.name in sidecar.readback:
-            back.append(_parse(sidecar.readback[coordinate.name], known, place))
+            back.append(parse(sidecar.readback[coordinate.name], known, place))
         elif coordinate.name in names:
             back.append(known[coordinate.name])
         else:

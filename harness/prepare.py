@@ -22,6 +22,7 @@ from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 from reference.solve import solve
 from reference.system import System
+from reference.variants import Variants, variants
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class Prepared:
         push: largest input over all scenarios, (inputs,).
         power: (energy, supplied, dissipated) of (q, v, u, (t,)).
         components: names of the state's components, positions then velocities.
+        variants: the equations with every constant and some missing terms free.
         record: the system's entry in results.json.
     """
 
@@ -56,6 +58,7 @@ class Prepared:
     power: NumericFunction
     equilibria: tuple[Equilibrium, ...]
     components: tuple[str, ...]
+    variants: Variants
     record: Mapping[str, Any]
 
 
@@ -88,6 +91,7 @@ def prepare(folder: Path) -> Prepared:
         push=np.where(push > 0, push, 1.0),
         power=equations.numeric_power,
         equilibria=tuple(Equilibrium(e.equilibrium, e.position, e.arrays) for e in linear),
+        variants=variants(equations, np.max([m.amplitude for m in motions.values()], axis=0)),
         components=(*names, *(f"{name}_dot" for name in names)),
         record=record,
     )

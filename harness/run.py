@@ -18,6 +18,7 @@ from typing import Any
 from harness.case import CaseTask, TwinTask, run_case, run_twins
 from harness.engine import Engine
 from harness.engines import engines
+from harness.inquiry import InquiryTask, inquire
 from harness.prepare import Prepared, prepare
 from harness.results import results
 from harness.sidecar import Sidecar, SidecarError, read_sidecar
@@ -39,6 +40,15 @@ class Options:
     limit: float = LIMIT
 
 
+@dataclass(frozen=True)
+class _Inquiry:
+    """What a diagnosis would need, should one of a model's scenarios differ."""
+
+    task: InquiryTask
+    record: Record
+    scenarios: int
+
+
 def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record:
     """Run every model of every folder in every scenario; returns the results.
 
@@ -50,6 +60,7 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
     models: list[Record] = []
     systems: list[Record] = []
     total = 0
+    inquiries: dict[tuple[str, str, str], _Inquiry] = {}
     with Workers(options.jobs or os.cpu_count() or 1, options.limit) as workers:
         waiting: dict[Future[Any], Record | Path] = {
             workers.submit(prepare, folder): folder for folder in folders
@@ -64,22 +75,27 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
                         finished = [_unprepared(about, value)]
                     else:
                         systems.append({**value.record, "folder": str(value.folder)})
-                        finished, started = _plan(value, known, options, workers, models)
+                        finished, started = _plan(value, known, options, workers, models, inquiries)
                         waiting |= started
                         total += len(_cases(started))
                     total += len(finished)
                 elif isinstance(value, Failure):
                     if "scenario" in about:
                         finished = [about | _failed(value)]
+                    elif "diagnosing" in about:
+                        about["diagnosing"]["diagnosis"] = {"reason": value.reason}
                     else:
                         about |= {"linearization": [], "reason": value.reason}
                 elif "scenario" in about:
                     finished = [about | value]
+                elif "diagnosing" in about:
+                    about["diagnosing"]["diagnosis"] = value
                 else:
                     about["linearization"] = value
                 for case in finished:
                     cases.append(case)
                     progress(len(cases), total, case)
+                    waiting |= _diagnose(case, cases, inquiries, workers)
     order = {str(folder): i for i, folder in enumerate(folders)}
     cases.sort(key=lambda c: (order[c["folder"]], c["model"], c["engine"], c["place"]))
     return results(
@@ -98,7 +114,7 @@ def _cases(started: dict[Future[Any], Record | Path]) -> list[Record]:
 
 def _plan(
     prepared: Prepared, known: dict[str, Engine], options: Options, workers: Workers,
-    models: list[Record],
+    models: list[Record], inquiries: dict[tuple[str, str, str], _Inquiry],
 ) -> tuple[list[Record], dict[Future[Any], Record | Path]]:  # fmt: skip
     """Start every case of a folder; returns those that can't be started, and the started ones."""
     ended: list[Record] = []
@@ -133,7 +149,33 @@ def _plan(
                 )  # fmt: skip
                 models.append(model | {"text": found.model.read_text("utf-8", errors="replace")})
                 started[workers.submit(run_twins, twins)] = models[-1]
+                inquiry = InquiryTask(
+                    prepared.system, found, name, prepared.motions, prepared.scales,
+                    prepared.variants,
+                )  # fmt: skip
+                inquiries[_key(model)] = _Inquiry(
+                    inquiry, models[-1], len(prepared.system.scenarios)
+                )
     return ended, started
+
+
+def _key(record: Record) -> tuple[str, str, str]:
+    return record["folder"], record["model"], record["engine"]
+
+
+def _diagnose(
+    case: Record, cases: list[Record], inquiries: dict[tuple[str, str, str], _Inquiry],
+    workers: Workers,
+) -> dict[Future[Any], Record | Path]:  # fmt: skip
+    """Start the diagnosis of a model once its last case is in and one of them differs."""
+    inquiry = inquiries.get(_key(case))
+    if inquiry is None:
+        return {}
+    mine = [c for c in cases if _key(c) == _key(case)]
+    differs = any(c["outcome"] == Outcome.DIFFERS for c in mine)
+    if len(mine) < inquiry.scenarios or not differs:
+        return {}
+    return {workers.submit(inquire, inquiry.task): {"diagnosing": inquiry.record}}
 
 
 def model_files(folder: Path) -> Iterator[Sidecar | Record]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from harness.engine import ModelSpec, Spring
 
-_KNOWN = {"engines", "settings", "coordinates", "readback", "spring"}
+_KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings"}
 
 
 class SidecarError(ValueError):
@@ -31,6 +31,9 @@ class Sidecar:
             empty where joints are named like coordinates.
         readback: coordinate -> expression of engine coordinates (and constants).
         springs: springs on linear combinations of joints.
+        bindings: address of a literal -> what it stands for, an expression of the system's
+            constants. Addresses are those of `harness.places`, in the model file; `sidecar:` leads
+            into the sidecar itself.
     """
 
     model: Path
@@ -40,6 +43,7 @@ class Sidecar:
     coordinates: Mapping[str, str]
     readback: Mapping[str, str]
     springs: tuple[Spring, ...]
+    bindings: Mapping[str, str] = field(default_factory=dict)
 
     def spec(self, engine: str) -> ModelSpec:
         """What the adapter of one engine gets to see: nothing of the system."""
@@ -83,6 +87,7 @@ def read_sidecar(path: Path) -> Sidecar:
         model, tuple(engines), shared, own,
         _expressions(data, "coordinates", path), _expressions(data, "readback", path),
         tuple(_spring(s, f"{path}: [[spring]] {i + 1}") for i, s in enumerate(springs)),
+        _expressions(data, "bindings", path),
     )  # fmt: skip
 
 

@@ -45,10 +45,49 @@ def print_results(console: Console, found: Mapping[str, Any]) -> None:
         console.print(f"  {escape(case['reason'])}", soft_wrap=True)
         for line in (case.get("printed") or "").splitlines()[-6:]:
             console.print(f"  | {escape(line)}", soft_wrap=True)
+    for model in found["models"]:
+        if model.get("diagnosis"):
+            _print_diagnosis(console, model)
     if len(troubled) > MOST_TOLD:
         console.print(f"\nand {len(troubled) - MOST_TOLD} more, in results.json")
     console.print()
     console.print(summary(found))
+
+
+def _print_diagnosis(console: Console, model: Mapping[str, Any]) -> None:
+    where = f"{model['system']}/{model['model']} [{model['engine']}]"
+    diagnosis = model["diagnosis"]
+    console.print(f"\n[bold]cause[/] in {escape(where)}", soft_wrap=True)
+    if not diagnosis.get("findings"):
+        console.print(f"  none found: {escape(diagnosis.get('reason', ''))}", soft_wrap=True)
+        return
+    if not diagnosis["explained"]:
+        console.print("  unexplained; what leaves least is")
+    for sentence in cause_sentences(diagnosis["findings"][0]):
+        console.print(f"  {escape(sentence)}", soft_wrap=True)
+
+
+def cause_sentences(finding: Mapping[str, Any]) -> list[str]:
+    """A finding in words: a sentence a cause, then what it leaves and what it is tied with."""
+    names = finding["cause"].split(" and ")
+    kinds = finding["kind"].split(" and ")
+    columns = (names, kinds, finding["nominal"], finding["estimate"], finding["standard_error"])
+    sentences = []
+    for (name, kind, now, wanted, error), place in zip(
+        zip(*columns, strict=True), finding["where"], strict=True
+    ):
+        at = f" ({place})" if place else ""
+        if kind in ("literal", "setting"):
+            said = f"is {now:.10g}, the motion wants {wanted:.10g} ± {error:.1g}"
+        elif kind == "axis":
+            said = "explains the motion" if abs(wanted - 1) < 0.1 else f"by {wanted:.3g}"
+        else:
+            said = f"is {wanted:.10g} ± {error:.1g} in the model, {now:.10g} in the equations"
+        sentences.append(f"{name}{at} {said}")
+    tail = f"leaves {finding['remaining']:.1e} of the discrepancy"
+    if finding["tied_with"]:
+        tail += f"; no motion here tells it from: {', '.join(finding['tied_with'])}"
+    return [*sentences, tail]
 
 
 def summary(found: Mapping[str, Any]) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import sys
 import traceback
+import types
 from pathlib import Path
 
 from reference.system import DeclarationError, System
@@ -25,13 +25,12 @@ def load_system(folder: Path) -> System:
         raise DeclarationError(f"{path}: no such file; a system folder declares its physics there")
     digest = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
     name = f"_crosscheck_system_{digest}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None  # a .py path always has a loader
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+    module = types.ModuleType(name)
+    module.__file__ = str(path)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        # Compiled from its text: a bytecode cache keeps a file that was rewritten within a second.
+        exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
         raise DeclarationError(f"{path}:{_line(error, path)}: {_sentence(error)}") from error
     system = getattr(module, "system", None)

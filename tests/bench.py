@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from harness.case import load
+from harness.engines import engines
 from harness.folders import builtin, system_folders
 from harness.plain import plain_run
 from harness.prepare import prepare
@@ -149,8 +150,8 @@ def overhead(console: Console) -> None:
             else:
                 bare = lambda m=model, w=work: bare_pymunk(m._module.build, w)  # noqa: E731
 
-            def ours(s=sidecar, e=engine, p=prepared, m=motion, c=scale) -> None:
-                extrapolate(*load(p.system, s, e), m, c, 1e-9)
+            def ours(s=sidecar, e=engine, b=coordinates, m=motion, c=scale) -> None:
+                extrapolate(engines()[e].load(s.spec(e)), b, m, c, 1e-9)
 
             def only_ladder(a=model, b=coordinates, m=motion, c=scale) -> None:
                 extrapolate(a, b, m, c, 1e-9)

@@ -129,6 +129,11 @@ class MujocoModel:
         """Joint names, in the order of qpos."""
         return tuple(self.model.joint(i).name for i in range(self.model.njnt))
 
+    @property
+    def gravity(self) -> tuple[float, ...]:
+        """Gravity of the model, m/s^2."""
+        return tuple(float(component) for component in self.model.opt.gravity)
+
     @cached_property
     def integrator(self) -> str:
         """Name of the integrator, without its prefix."""

@@ -87,6 +87,7 @@ class PybulletModel:
         p.setPhysicsEngineParameter(
             enableFileCaching=0, numSubSteps=0, numSolverIterations=200, solverResidualThreshold=0.0
         )
+        self.gravity: tuple[float, ...] = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
         try:
             # Without the flag the inertia in the file is replaced by one of the collision shapes.

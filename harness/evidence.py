@@ -1,0 +1,130 @@
+"""The evidence of a diagnosis: a few segments of every scenario, and what an engine makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.coordinates import CoordinateMap
+from harness.engine import Model
+from harness.ladder import RUNGS, limits, weights
+from harness.segments import BlownUpError, run_ends
+from reference.motion import Motion
+from reference.numeric import Array
+from reference.signal import Inputs
+from reference.variants import Variants
+
+SEGMENTS_PICKED = 24
+"""Segments a scenario: enough to tell some forty causes apart, few enough to move each literal."""
+
+RUNGS_USED = RUNGS[:8]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Picked segments of one length from one scenario.
+
+    Attributes:
+        scenario: its name.
+        length: of each segment, seconds.
+        t, start, end: start times (B,), states there and where the equations end, (B, 2n).
+        inputs: u(t).
+        scale: what a defect is relative to, (2n,).
+        varying: whether an input changes over time.
+    """
+
+    scenario: str
+    length: float
+    t: Array
+    start: Array
+    end: Array
+    inputs: Inputs
+    scale: Array
+    varying: bool
+
+
+def pick(motions: Mapping[str, Motion], scales: Mapping[str, Array]) -> tuple[Sample, ...]:
+    """Pick segments evenly over every scenario, from each of its spans in proportion."""
+    samples = []
+    for name, motion in motions.items():
+        varying = not all(span.constant_input for span in motion.spans)
+        first = 0
+        for span in motion.spans:
+            share = SEGMENTS_PICKED * span.count / len(motion.t)
+            count = min(span.count, max(2, round(share)))
+            # An even spread, off the ends: a start at rest tells little.
+            chosen = first + np.floor((np.arange(count) + 0.5) * span.count / count).astype(int)
+            first += span.count
+            samples.append(
+                Sample(
+                    name, span.length, motion.t[chosen], motion.start[chosen], motion.end[chosen],
+                    motion.inputs, scales[name], varying,
+                )
+            )  # fmt: skip
+    return tuple(samples)
+
+
+def engine_ends(
+    model: Model, coordinates: CoordinateMap, samples: Sequence[Sample]
+) -> tuple[Array, Array]:
+    """Where an engine ends the segments as h -> 0, with the uncertainty, both scaled and flat.
+
+    Raises:
+        BlownUpError: where the engine returns values that are not finite.
+    """
+    values, uncertainties = [], []
+    for sample in samples:
+        raw = _raw(model, coordinates, sample)
+        z, w = coordinates.to_engine(sample.start)
+        grain = coordinates.grain(z, w)
+        found = limits(raw, RUNGS_USED, model.exponents(sample.varying), sample.scale, grain)
+        values.append((found.value / sample.scale).ravel())
+        uncertainties.append((found.uncertainty / sample.scale).ravel())
+    return np.concatenate(values), np.concatenate(uncertainties)
+
+
+def quick_ends(model: Model, coordinates: CoordinateMap, samples: Sequence[Sample]) -> Array:
+    """The limits alone, scaled and flat: for differences between two models."""
+    values = []
+    for sample in samples:
+        w = weights(RUNGS_USED, model.exponents(sample.varying))
+        limit = np.tensordot(w, np.stack(_raw(model, coordinates, sample)), axes=1)
+        values.append((limit / sample.scale).ravel())
+    return np.concatenate(values)
+
+
+def _raw(model: Model, coordinates: CoordinateMap, sample: Sample) -> list[Array]:
+    z, w = coordinates.to_engine(sample.start)
+    raw = []
+    for rung in RUNGS_USED:
+        h = sample.length / rung
+        times = sample.t[:, None] + h * np.arange(rung)
+        u = sample.inputs(times.ravel(), slack=h / 4).reshape(len(sample.t), rung, -1)
+        ends = run_ends(model, coordinates, z, w, h, rung, u, sample.end)
+        if not np.isfinite(ends).all():
+            raise BlownUpError(f"values that are not finite, in {sample.scenario!r}")
+        raw.append(ends)
+    return raw
+
+
+def reference_ends(samples: Sequence[Sample]) -> Array:
+    """Where the equations end the segments, scaled and flat."""
+    return np.concatenate([(sample.end / sample.scale).ravel() for sample in samples])
+
+
+def variant_ends(variants: Variants, points: Array, samples: Sequence[Sample]) -> Array:
+    """Where the equations end the segments at other parameters: points (K, P) -> (K, N)."""
+    parts = []
+    for sample in samples:
+        batch = len(sample.t)
+        ends = variants.flow(
+            np.repeat(points, batch, axis=0),
+            np.tile(sample.t, len(points)),
+            np.tile(sample.start, (len(points), 1)),
+            sample.length,
+            sample.inputs,
+        )
+        parts.append((ends.reshape(len(points), batch, -1) / sample.scale).reshape(len(points), -1))
+    return np.concatenate(parts, axis=1)

@@ -1,0 +1,142 @@
+"""The equations with every constant free and with terms that they lack: what a model might be.
+
+A discrepancy is explained by moving one of these parameters until the equations do what the model
+does. All of them enter one numeric function, so that segments with many perturbed parameters are
+integrated at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from reference.derive import Equations
+from reference.integrate import collocate
+from reference.numeric import Array, NumericFunction, compile_function
+from reference.system import Coordinate, t
+
+CREEP = 1e-3
+"""Speed below which Coulomb friction is smoothed, as a share of the motion's."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number that might be other than the equations have it.
+
+    Attributes:
+        name: constant's name, or coordinate and term, such as `friction on theta`.
+        kind: `constant`, `inertia`, `damping`, `quadratic damping`, `friction`, `spring` or
+            `offset force`.
+        unit: its unit.
+        nominal: its value in the equations; 0 for a term that they lack.
+        size: a change that matters: the nominal value, or what makes the term as large as the
+            forces that the motion has.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    nominal: float
+    size: float
+
+
+@dataclass(frozen=True)
+class Variants:
+    """Accelerations a(q, v, u, (t,), p) with the parameters p free; picklable.
+
+    Attributes:
+        parameters: in the order of p.
+        acceleration: argument groups q, v, u, (t,), p.
+    """
+
+    parameters: tuple[Parameter, ...]
+    acceleration: NumericFunction
+
+    @property
+    def nominal(self) -> Array:
+        """Parameters of the declared system, (P,)."""
+        return np.array([parameter.nominal for parameter in self.parameters])
+
+    @property
+    def sizes(self) -> Array:
+        """Changes that matter, (P,)."""
+        return np.array([parameter.size for parameter in self.parameters])
+
+    def flow(
+        self, parameters: Array, times: Array, starts: Array, length: float,
+        inputs: Callable[[Array], Array],
+    ) -> Array:  # fmt: skip
+        """Ends (B, 2n) of B segments, each with its own parameters (B, P)."""
+        n = starts.shape[1] // 2
+
+        def field(at: Array, states: Array) -> Array:
+            u = inputs(at.ravel()).reshape(*at.shape, -1)
+            shape = (len(times),) + (1,) * (states.ndim - 2) + (parameters.shape[1],)
+            a = self.acceleration(
+                states[..., :n], states[..., n:], u, at[..., None], parameters.reshape(shape)
+            )
+            return np.concatenate([states[..., n:], a], axis=-1)
+
+        ends, _ = collocate(field, times, starts, length)
+        return ends
+
+
+def variants(equations: Equations, amplitude: Array) -> Variants:
+    """Free every constant, and add to every coordinate the terms that mechanisms have.
+
+    Args:
+        equations: the derived equations.
+        amplitude: size of the system's motions, (2n,): it scales the added terms.
+    """
+    system = equations.system
+    n = len(system.coordinates)
+    parameters = [
+        Parameter(c.name, "constant", c.unit, c.value, abs(c.value) or 1.0)
+        for c in system.constants
+    ]
+    symbols = [c.symbol for c in system.constants]
+    mass = np.array(equations.mass.subs(system.values).subs(_rest(equations)).tolist(), dtype=float)
+    added_mass = sp.zeros(n)
+    added_force = sp.zeros(n, 1)
+    for i, coordinate in enumerate(system.coordinates):
+        speed, reach = max(amplitude[n + i], 1e-9), max(amplitude[i], 1e-9)
+        inertia = abs(float(mass[i, i])) or 1.0
+        force = inertia * speed * max(speed / reach, 1e-3)
+        v, q = coordinate.v, coordinate.q
+        for kind, term, size in (
+            ("inertia", None, inertia),
+            ("damping", v, force / speed),
+            ("quadratic damping", v * sp.Abs(v), force / speed**2),
+            ("friction", sp.tanh(v / (CREEP * speed)), force),
+            ("spring", q, force / reach),
+            ("offset force", sp.Integer(-1), force),
+        ):
+            symbol = sp.Symbol(f"extra_{kind.replace(' ', '_')}_{i}", real=True)
+            symbols.append(symbol)
+            if term is None:
+                added_mass[i, i] += symbol
+            else:
+                added_force[i] -= symbol * term
+            unit = _unit(kind, coordinate)
+            parameters.append(Parameter(f"{kind} on {coordinate.name}", kind, unit, 0.0, size))
+    total = sp.Matrix(equations.mass) + added_mass
+    acceleration = total.adjugate() * (sp.Matrix(equations.force) + added_force) / total.det()
+    function = compile_function(list(acceleration), system.q, system.v, system.u, (t,), symbols)
+    return Variants(tuple(parameters), function)
+
+
+def _rest(equations: Equations) -> dict[sp.Symbol, int]:
+    return dict.fromkeys((*equations.system.q, *equations.system.v, t), 0)
+
+
+def _unit(kind: str, coordinate: Coordinate) -> str:
+    force = "N*m" if coordinate.unit == "rad" else "N"
+    return {
+        "inertia": "kg*m^2" if coordinate.unit == "rad" else "kg",
+        "damping": f"{force}*s/{coordinate.unit}",
+        "quadratic damping": f"{force}*s^2/{coordinate.unit}^2",
+        "spring": f"{force}/{coordinate.unit}",
+    }.get(kind, force)

@@ -1,0 +1,108 @@
+"""A search of its own for numbers that say physics, by text: what bindings must account for."""
+
+import ast
+import re
+import tomllib
+from pathlib import Path
+
+# Attributes that say how a thing looks, how the mechanism is laid out, or how it is computed.
+NO_PHYSICS = {
+    "geom": "contype conaffinity size pos euler fromto rgba",
+    "site": "size pos rgba",
+    "spatial": "width rgba",
+    "material": "rgba texrepeat",
+    "texture": "rgb1 rgb2 width height",
+    "headlight": "ambient diffuse",
+    "global": "offwidth offheight",
+    "light": "pos dir diffuse",
+    "camera": "pos xyaxes",
+    "replicate": "count offset",
+    "color": "rgba",
+    "box": "size",
+    "cylinder": "radius length",
+    "sphere": "radius",
+    "body": "pos",
+    "axis": "xyz",
+    "limit": "lower upper effort velocity",
+    "option": "timestep",
+    "joint": "axis solref solimp",
+    "?xml": "version",
+}
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+
+
+def xml_numbers(text):
+    """(offset, `tag attribute`, number) of everything that may say physics, zeros apart."""
+    # Comments give way to blanks, and with them the numbers in them.
+    text = re.sub(r"<!--.*?-->", lambda m: re.sub(r"[^\n]", " ", m[0]), text, flags=re.DOTALL)
+    inertials = [m.span() for m in re.finditer(r"<inertial>.*?</inertial>", text, re.DOTALL)]
+    for tag in re.finditer(r"<(\??\w+)((?:\s+\w+\s*=\s*\"[^\"]*\")*)", text):
+        for attribute in re.finditer(r"(\w+)\s*=\s*\"([^\"]*)\"", tag[2]):
+            if attribute[1] in NO_PHYSICS.get(tag[1], "").split():
+                continue
+            if tag[1] == "origin" and not any(a < tag.start() < b for a, b in inertials):
+                continue  # where a joint is, or what is drawn
+            first = tag.start(2) + attribute.start(2)
+            for number in re.finditer(rf"(?<!\S){NUMBER}(?!\S)", attribute[2]):
+                if float(number[0]):
+                    yield first + number.start(), f"{tag[1]} {attribute[1]}", number[0]
+    for element in re.finditer(rf"<(\w+)>\s*({NUMBER})\s*</", text):
+        if float(element[2]):
+            yield element.start(2), element[1], element[2]
+
+
+def python_numbers(text):
+    """The same of a `space.py`: its names, and numbers given to bodies and springs unnamed."""
+    for line in re.finditer(rf"^([A-Z_0-9]+) = ({NUMBER})", text, re.MULTILINE):
+        if float(line[2]):
+            yield line.start(2), line[1], line[2]
+    starts = [0, *(m.end() for m in re.finditer("\n", text))]
+    first = {"Body": 0, "DampedSpring": 4, "DampedRotarySpring": 2}
+    for node in ast.walk(ast.parse(text)):
+        given = []
+        if isinstance(node, ast.Call):
+            name = getattr(node.func, "attr", "")
+            if name in first:
+                given = [(name, value) for value in node.args[first[name] :]]
+                given += [(k.arg, k.value) for k in node.keywords]
+        elif isinstance(node, ast.Assign):
+            name = getattr(node.targets[0], "attr", "")
+            if name in ("gravity", "damping", "mass", "moment"):
+                given = [(name, node.value)]
+        for name, value in given:
+            for inner in ast.walk(value):
+                number = getattr(inner, "value", None)
+                if isinstance(number, (int, float)) and number:
+                    yield starts[inner.lineno - 1] + inner.col_offset, name, str(number)
+
+
+def sidecar_numbers(path):
+    """(address, key, number) of a sidecar's settings and springs, zeros apart."""
+    data = tomllib.loads(path.read_text())
+
+    def walk(value, address):
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                yield from walk(inner, f"{address}.{key}" if address else key)
+        elif isinstance(value, list):
+            for i, inner in enumerate(value):
+                yield from walk(inner, f"{address}[{i}]")
+        elif isinstance(value, (int, float)) and value:
+            yield address, str(value)
+
+    kept = {key: data[key] for key in ("settings", "spring") if key in data}
+    for address, number in walk(kept, ""):
+        key = re.sub(r"\[\d+\]", "", address)
+        if key.split(".")[-1] not in ("step", "solref", "solimp"):
+            yield f"sidecar:{address}", key, number
+
+
+def unaccounted(sidecar, places, excepted):
+    """Numbers that are neither at one of the bound places nor excepted: (file, key, number)."""
+    path = Path(f"{sidecar.model}.toml")
+    starts = {p.start for p in places.values() if p.file == sidecar.model}
+    text = sidecar.model.read_bytes().decode("latin-1")  # a character a byte
+    numbers = python_numbers if sidecar.model.suffix == ".py" else xml_numbers
+    left = [(sidecar.model.name, *rest) for at, *rest in numbers(text) if at not in starts]
+    left += [(path.name, *rest) for a, *rest in sidecar_numbers(path) if a not in places]
+    return [item for item in left if item not in excepted]
