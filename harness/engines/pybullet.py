@@ -96,6 +96,7 @@ class PybulletModel:
             raise EngineError(f"{self.path}: PyBullet can't load it: {error}") from None
         self._joints, names = self._moving_joints()
         self.coordinates = tuple(names)
+        self._check_inertias()
         self._free_links()
         self._springs = [self._resolve(spring) for spring in springs]
         self._gears = [self._gear(mimic) for mimic in followers]
@@ -123,6 +124,19 @@ class PybulletModel:
         if not joints:
             raise EngineError(f"{self.path}: it has no moving joint")
         return joints, names
+
+    def _check_inertias(self) -> None:
+        """Refuse a link whose inertia PyBullet has set to zero, which it says on stdout alone."""
+        import pybullet as p
+
+        for link in self._joints:
+            mass, _, inertia = p.getDynamicsInfo(self._body, link)[:3]
+            if mass > 0 and not any(inertia):
+                name = p.getJointInfo(self._body, link)[12].decode()
+                raise EngineError(
+                    f"{self.path}: PyBullet sets the inertia of link {name!r} to zero: its moments"
+                    " can't be a body's (each must be at most the sum of the other two)"
+                )
 
     def _free_links(self) -> None:
         """Switch off what PyBullet adds on its own: link damping, motors, a speed limit."""
