@@ -1,4 +1,4 @@
-"""The command line: `crosscheck run | report | derive | engines`."""
+"""The command line: `crosscheck run | report | derive | audit | mutate | engines`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    command = {"run": _run, "report": _report, "derive": _derive, "engines": _engines}
+    command = {
+        "run": _run, "report": _report, "derive": _derive, "audit": _audit, "mutate": _mutate,
+        "engines": _engines,
+    }  # fmt: skip
     try:
         return command[options.command](options)
     except (FolderError, ResultsError) as error:
@@ -68,19 +71,25 @@ def _parser() -> argparse.ArgumentParser:
     derive = commands.add_parser("derive", help="equations, linearization, modes and errata")
     derive.add_argument("folders", nargs="+", metavar="FOLDER")
     derive.add_argument("--latex", action="store_true", help="as LaTeX instead of text")
+    audit = commands.add_parser("audit", help="no motion: literals, compiled terms, accelerations")
+    audit.add_argument("folders", nargs="+", metavar="FOLDER")
+    audit.add_argument("--engine", action="append", default=[], metavar="NAME")
+    mutate = commands.add_parser(
+        "mutate", help="what the check would catch: each literal made wrong"
+    )
+    mutate.add_argument("folders", nargs="+", metavar="FOLDER")
+    mutate.add_argument("--engine", action="append", default=[], metavar="NAME")
+    mutate.add_argument("--jobs", type=_positive, default=0, metavar="N")
     commands.add_parser("engines", help="what is installed, versions, capabilities")
     return parser
 
 
 def _run(options: argparse.Namespace) -> int:
-    from harness.engines import engines
     from harness.report import write_report
     from harness.run import Options, run
     from harness.table import print_results
 
-    for name in options.engine:
-        if name not in (known := engines()):
-            raise FolderError(f"no engine {name!r} is known; known are {', '.join(sorted(known))}")
+    _check_engines(options.engine)
     folders = system_folders(options.folders)
     wanted = Options(tuple(options.engine), options.resolution, options.jobs, options.time_limit)
     with _Watcher() as watcher:
@@ -95,6 +104,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def exit_code(found: dict[str, Any], require_engines: bool) -> int:
     """The exit code of results; nothing run at all is a failure."""
+    from harness.table import audit_findings
+
     outcomes = {case["outcome"] for case in found["cases"]}
     if Outcome.FAILED in outcomes or not outcomes:
         return FAIL
@@ -102,7 +113,17 @@ def exit_code(found: dict[str, Any], require_engines: bool) -> int:
         return FAIL
     if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED}:
         return DIFFER
+    if any(audit_findings(model) for model in found.get("models", ())):
+        return DIFFER
     return AGREE
+
+
+def _check_engines(names: Sequence[str]) -> None:
+    from harness.engines import engines
+
+    for name in names:
+        if name not in (known := engines()):
+            raise FolderError(f"no engine {name!r} is known; known are {', '.join(sorted(known))}")
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -130,6 +151,44 @@ def _derive(options: argparse.Namespace) -> int:
     return AGREE
 
 
+def _audit(options: argparse.Namespace) -> int:
+    from harness.audit_text import audit_lines
+    from harness.run import Options, audits
+
+    _check_engines(options.engine)
+    folders = system_folders(options.folders)
+    code = AGREE
+    for model in audits(folders, Options(tuple(options.engine))):
+        print(f"{model['system']}/{model['model']} [{model['engine']}]")
+        if model["failed"]:
+            print(f"  failed   {model['failed']}")
+            code = FAIL
+            continue
+        for text in audit_lines(model["audit"]):
+            print(f"  {text}")
+        if any(record["severity"] == "finding" for record in model["audit"]):
+            code = max(code, DIFFER)
+    return code
+
+
+def _mutate(options: argparse.Namespace) -> int:
+    from harness.mutate import MutationError, mutate
+    from harness.mutate_text import mutation_lines
+    from harness.run import Options
+
+    _check_engines(options.engine)
+    folders = system_folders(options.folders)
+    try:
+        with _Watcher() as watcher:
+            rows = mutate(folders, Options(tuple(options.engine), jobs=options.jobs), watcher.count)
+    except MutationError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    for text in mutation_lines(rows):
+        print(text)
+    return AGREE if all(row.verdict != "missed" for row in rows) else DIFFER
+
+
 def _engines(options: argparse.Namespace) -> int:
     from harness.engines import engines
 
@@ -154,6 +213,10 @@ class _Watcher:
             self._task = self._bar.add_task("cases", total=None)
             self._bar.start()
         return self
+
+    def count(self, done: int, total: int, _: object) -> None:
+        """Progress without a case to tell of."""
+        self(done, total, None)
 
     def __call__(self, done: int, total: int, case: dict[str, Any] | None) -> None:
         if self._bar is not None:

@@ -8,7 +8,7 @@ of all scenarios together (Gauss-Newton), and the answer ranks them by what they
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +17,10 @@ from reference.numeric import Array
 
 NAMED = 3e-3
 """A cause is named when it leaves at most this share of the discrepancy, or the uncertainty."""
+
+RESOLVED = 1e-3
+"""Ends that are known no better than this share of the largest defect are left out of the fit,
+such as where friction turns: they would drown the others."""
 
 REFINED = 6
 PAIRS_REFINED = 6
@@ -38,6 +42,7 @@ class Hypothesis:
         where: `file:line` of a literal, "" otherwise.
         shift: scaled change of (engine - reference) when the number is moved by `delta`: what
             must be *added* to the defect.
+        switch: whether it is true or not, a fault of 1 or none, and nothing between.
         correction: sign by which the fitted fault enters the estimate: a literal's right value is
             value - fault, a constant's apparent value is value + fault.
     """
@@ -50,6 +55,7 @@ class Hypothesis:
     where: str
     shift: Callable[[float], Array] = field(repr=False)
     correction: float = 1.0
+    switch: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,12 +104,15 @@ def diagnose(
         slopes: change of the defect per unit of fault, (H, N): a fault b of hypothesis h makes the
             defect b slopes[h] to first order.
     """
+    kept = _resolved(defect, uncertainty)
+    hypotheses = [replace(h, shift=_of(h.shift, kept)) for h in hypotheses]
+    defect, uncertainty, slopes = defect[kept], uncertainty[kept], slopes[:, kept]
     size = float(np.linalg.norm(defect))
     floor = float(np.linalg.norm(uncertainty)) / size
     accepted = max(NAMED, 2 * floor)
     lengths = np.linalg.norm(slopes, axis=1)
     seen = [i for i in range(len(hypotheses)) if lengths[i] * hypotheses[i].size > 1e-9]
-    left = {i: _left_linear(defect, slopes[[i]]) for i in seen}
+    left = {i: _left_linear(defect, [hypotheses[i]], slopes[[i]]) for i in seen}
     order = sorted(seen, key=lambda i: left[i])
     refined = [_refine(defect, uncertainty, [hypotheses[i]], slopes[[i]]) for i in order[:REFINED]]
     findings = list(zip(order[:REFINED], refined, strict=True))
@@ -112,23 +121,42 @@ def diagnose(
     alike = [
         i
         for i in order[REFINED:]
-        if findings and any(_cosine(slopes[i], slopes[j]) > 1 - ALIKE for j, _ in findings)
+        if not hypotheses[i].switch
+        and any(_cosine(slopes[i], slopes[j]) > 1 - ALIKE for j, _ in findings)
     ]
     findings += [(i, _refine(defect, uncertainty, [hypotheses[i]], slopes[[i]])) for i in alike]
     best = min((f.remaining for _, f in findings), default=np.inf)
     single = _ranked(findings, hypotheses, slopes, accepted)
-    if best <= accepted:
+    if accepted < 1 and best <= accepted:
         return Diagnosis(tuple(single), True, floor)
     pairs = _pairs(defect, uncertainty, hypotheses, slopes, order)
-    if pairs and pairs[0].remaining <= accepted:
+    if accepted < 1 and pairs and pairs[0].remaining <= accepted:
         return Diagnosis((*pairs, *single), True, floor)
     return Diagnosis((*single, *pairs[:1]), False, floor)
 
 
-def _left_linear(defect: Array, rows: Array) -> float:
-    scale = np.linalg.norm(rows, axis=1, keepdims=True)
-    fit, *_ = np.linalg.lstsq((rows / scale).T, defect, rcond=1e-10)
-    return float(np.linalg.norm(defect - (rows / scale).T @ fit) / np.linalg.norm(defect))
+def _resolved(defect: Array, uncertainty: Array) -> Array:
+    """Which ends are known well enough to tell causes: all, or those of smooth segments alone."""
+    known = uncertainty <= RESOLVED * np.abs(defect).max()
+    enough = np.linalg.norm(uncertainty) <= RESOLVED * np.linalg.norm(defect)
+    if enough or not defect[known].any():
+        return np.ones(len(defect), dtype=bool)
+    return np.asarray(known)
+
+
+def _of(shift: Callable[[float], Array], kept: Array) -> Callable[[float], Array]:
+    return lambda fault: shift(fault)[kept]
+
+
+def _left_linear(defect: Array, causes: Sequence[Hypothesis], rows: Array) -> float:
+    switches = np.array([cause.switch for cause in causes])
+    left = defect - rows[switches].sum(axis=0)
+    free = rows[~switches]
+    if len(free):
+        scale = np.linalg.norm(free, axis=1, keepdims=True)
+        fit, *_ = np.linalg.lstsq((free / scale).T, left, rcond=1e-10)
+        left = left - (free / scale).T @ fit
+    return float(np.linalg.norm(left) / np.linalg.norm(defect))
 
 
 def _refine(
@@ -136,9 +164,10 @@ def _refine(
 ) -> Finding:
     """Fit one or two faults by Gauss-Newton, each step tried on the models themselves."""
     scales = np.array([cause.size for cause in causes])
-    jacobian = (rows * scales[:, None]).T
-    faults = np.zeros(len(causes))
-    left = defect
+    # Switches are set, and stay.
+    movable = np.array([not cause.switch for cause in causes])
+    jacobian = (rows * (scales * movable)[:, None]).T
+    faults = np.where(movable, 0.0, 1.0)
 
     def residual(values: Array) -> Array:
         total = defect.copy()
@@ -146,6 +175,7 @@ def _refine(
             total = total - cause.shift(float(value))
         return total
 
+    left = residual(faults)
     for _ in range(ITERATIONS):
         step, *_ = np.linalg.lstsq(jacobian, left, rcond=1e-12)
         trial, share = faults, 1.0
@@ -163,6 +193,8 @@ def _refine(
             break
         # The slope at the new place, by a small difference: the faults may be large.
         for j, cause in enumerate(causes):
+            if cause.switch:
+                continue
             delta = 1e-4 * cause.size
             ahead = cause.shift(float(faults[j] + delta)) - cause.shift(float(faults[j]))
             jacobian[:, j] = ahead / delta * cause.size
@@ -201,7 +233,10 @@ def _ranked(
             for j, other in rows
             if j != i
             and (
-                _cosine(slopes[i], slopes[j]) > 1 - ALIKE
+                (
+                    _cosine(slopes[i], slopes[j]) > 1 - ALIKE
+                    and not (hypotheses[i].switch or hypotheses[j].switch)
+                )
                 or (finding.remaining <= accepted and other.remaining <= accepted)
             )
         )
@@ -222,7 +257,8 @@ def _pairs(
     for i, j in combinations(seen, 2):
         if _cosine(slopes[i], slopes[j]) > 1 - 1e-4:
             continue
-        scored.append((_left_linear(defect, slopes[[i, j]]), i, j))
+        causes = [hypotheses[i], hypotheses[j]]
+        scored.append((_left_linear(defect, causes, slopes[[i, j]]), i, j))
     scored.sort()
     found = [
         _refine(defect, uncertainty, [hypotheses[i], hypotheses[j]], slopes[[i, j]])

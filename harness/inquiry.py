@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harness.coordinates import coordinate_map
+from harness.coordinates import CoordinateMap, coordinate_map
 from harness.diagnose import Diagnosis, Finding, diagnose
+from harness.engine import Engine, Model
 from harness.engines import engines
-from harness.evidence import engine_ends, pick, reference_ends
+from harness.evidence import Sample, engine_ends, pick, reference_ends
 from harness.hypotheses import (
+    Suspects,
+    exchange_suspects,
     flip_suspects,
     gravity_suspects,
     literal_suspects,
     reference_suspects,
+    remedy_suspects,
     scratch,
     together,
+    zero_suspects,
 )
 from harness.sidecar import Sidecar
 from reference.motion import Motion
@@ -68,15 +74,31 @@ def diagnosed(task: InquiryTask) -> Diagnosis:
     ends, uncertainty = engine_ends(model, coordinates, samples)
     uncertainty = np.where(np.isfinite(uncertainty), uncertainty, np.max(np.abs(ends)))
     defect = ends - reference_ends(samples)
-    suspects = [reference_suspects(task.variants, samples)]
-    suspects.append(flip_suspects(model, coordinates, samples, ends))
-    suspects.append(gravity_suspects(task.sidecar, engine, model, coordinates, samples, ends))
     with scratch() as folder:
-        suspects.append(
-            literal_suspects(task.system, task.sidecar, engine, coordinates, samples, ends, folder)
-        )
-        everything = together(*suspects)
-        return diagnose(defect, uncertainty, everything.hypotheses, everything.slopes)
+        suspects = everything(task, engine, model, coordinates, samples, ends, folder)
+        return diagnose(defect, uncertainty, suspects.hypotheses, suspects.slopes)
+
+
+def everything(
+    task: InquiryTask, engine: Engine, model: Model, coordinates: CoordinateMap,
+    samples: Sequence[Sample], ends: Array, folder: Path, known: Array | None = None,
+) -> Suspects:  # fmt: skip
+    """All that might be wrong with a model, whose segments end at `ends`.
+
+    Args:
+        folder: for copies of the model.
+        known: slopes of the literals, where a model close by has shown them already.
+    """
+    sidecar = task.sidecar
+    return together(
+        reference_suspects(task.variants, samples),
+        exchange_suspects(task.variants, samples),
+        flip_suspects(model, coordinates, samples, ends),
+        zero_suspects(sidecar, engine, model, coordinates, samples, ends),
+        gravity_suspects(sidecar, engine, model, coordinates, samples, ends),
+        remedy_suspects(sidecar, engine, model, coordinates, samples, ends),
+        literal_suspects(task.system, sidecar, engine, coordinates, samples, ends, folder, known),
+    )
 
 
 def _record(finding: Finding) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from harness.audit import audit_task, run_audit
 from harness.case import CaseTask, TwinTask, run_case, run_twins
 from harness.engine import Engine
 from harness.engines import engines
@@ -84,12 +85,16 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
                         finished = [about | _failed(value)]
                     elif "diagnosing" in about:
                         about["diagnosing"]["diagnosis"] = {"reason": value.reason}
+                    elif "auditing" in about:
+                        about["auditing"]["audit"] = []
                     else:
                         about |= {"linearization": [], "reason": value.reason}
                 elif "scenario" in about:
                     finished = [about | value]
                 elif "diagnosing" in about:
                     about["diagnosing"]["diagnosis"] = value
+                elif "auditing" in about:
+                    about["auditing"]["audit"] = value
                 else:
                     about["linearization"] = value
                 for case in finished:
@@ -149,6 +154,8 @@ def _plan(
                 )  # fmt: skip
                 models.append(model | {"text": found.model.read_text("utf-8", errors="replace")})
                 started[workers.submit(run_twins, twins)] = models[-1]
+                audit = workers.submit(run_audit, audit_task(prepared, found, name))
+                started[audit] = {"auditing": models[-1]}
                 inquiry = InquiryTask(
                     prepared.system, found, name, prepared.motions, prepared.scales,
                     prepared.variants,
@@ -176,6 +183,40 @@ def _diagnose(
     if len(mine) < inquiry.scenarios or not differs:
         return {}
     return {workers.submit(inquire, inquiry.task): {"diagnosing": inquiry.record}}
+
+
+def audits(folders: Sequence[Path], options: Options) -> list[Record]:
+    """Audit every model of the folders, without running a motion.
+
+    A record has system, model, engine, `audit` (its findings) and `failed` (why there are none).
+    """
+    records: list[Record] = []
+    with Workers(options.jobs or os.cpu_count() or 1, options.limit) as workers:
+        prepared = [(folder, workers.submit(prepare, folder)) for folder in folders]
+        pending: list[tuple[Record, Future[Any]]] = []
+        for folder, future in prepared:
+            value = workers.outcome(future)
+            if isinstance(value, Failure):
+                where = {"system": folder.name, "model": "system.py", "engine": "-"}
+                records.append(where | {"failed": value.reason, "audit": []})
+                continue
+            for found in model_files(folder):
+                if isinstance(found, dict):
+                    where = {"system": folder.name, "model": found["model"], "engine": "-"}
+                    records.append(where | {"failed": found["reason"], "audit": []})
+                    continue
+                for name in found.engines:
+                    if not options.engines or name in options.engines:
+                        where = {
+                            "system": value.system.name, "model": found.model.name, "engine": name,
+                        }  # fmt: skip
+                        task = audit_task(value, found, name)
+                        pending.append((where, workers.submit(run_audit, task)))
+        for where, future in pending:
+            value = workers.outcome(future)
+            failed = value.reason if isinstance(value, Failure) else ""
+            records.append(where | {"failed": failed, "audit": [] if failed else value})
+    return records
 
 
 def model_files(folder: Path) -> Iterator[Sidecar | Record]:

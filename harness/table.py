@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from harness.audit_text import audit_lines
 from harness.verdict import Outcome
 
 STYLES = {
@@ -48,10 +49,20 @@ def print_results(console: Console, found: Mapping[str, Any]) -> None:
     for model in found["models"]:
         if model.get("diagnosis"):
             _print_diagnosis(console, model)
+        if audit_findings(model):
+            where = f"{model['system']}/{model['model']} [{model['engine']}]"
+            console.print(f"\n[bold]audit[/] of {escape(where)}", soft_wrap=True)
+            for text in audit_lines(model["audit"], notes=False):
+                console.print(f"  {escape(text)}", soft_wrap=True)
     if len(troubled) > MOST_TOLD:
         console.print(f"\nand {len(troubled) - MOST_TOLD} more, in results.json")
     console.print()
     console.print(summary(found))
+
+
+def audit_findings(model: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The audit's findings of a model, its notes aside."""
+    return [record for record in model.get("audit") or () if record["severity"] == "finding"]
 
 
 def _print_diagnosis(console: Console, model: Mapping[str, Any]) -> None:
@@ -79,8 +90,8 @@ def cause_sentences(finding: Mapping[str, Any]) -> list[str]:
         at = f" ({place})" if place else ""
         if kind in ("literal", "setting"):
             said = f"is {now:.10g}, the motion wants {wanted:.10g} ± {error:.1g}"
-        elif kind == "axis":
-            said = "explains the motion" if abs(wanted - 1) < 0.1 else f"by {wanted:.3g}"
+        elif kind in ("axis", "default", "exchange"):
+            said = "explains the motion"
         else:
             said = f"is {wanted:.10g} ± {error:.1g} in the model, {now:.10g} in the equations"
         sentences.append(f"{name}{at} {said}")

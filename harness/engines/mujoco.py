@@ -134,6 +134,14 @@ class MujocoModel:
         """Gravity of the model, m/s^2."""
         return tuple(float(component) for component in self.model.opt.gravity)
 
+    @property
+    def remedies(self) -> dict[str, dict[str, object]]:
+        """What stiffens equalities: as much as the step allows, and settled after one."""
+        if not self.model.neq:
+            return {}
+        stiff = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
+        return {"soft equality (solref, solimp)": {**stiff}}
+
     @cached_property
     def integrator(self) -> str:
         """Name of the integrator, without its prefix."""

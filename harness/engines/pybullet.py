@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,19 @@ import numpy as np
 from harness.engine import Array, EngineError, Force, ModelSpec, Spring, StateForce
 from harness.urdf import Mimic, joint_springs, mimics, read_urdf
 
-_SETTINGS = {"step", "gravity"}
+_REQUIRED = ("step", "gravity")
+_DEFAULTS: Mapping[str, float | bool] = {
+    # Linear and angular damping of every link; PyBullet's own is 0.04.
+    "link_damping": 0.0,
+    # Whether every joint keeps its velocity motor, which holds it; PyBullet's own is true.
+    "motors": False,
+    # Whether inertias are those of the file, not of its collision shapes; PyBullet's own is false.
+    "inertia_from_file": True,
+}
+_NAMES = {
+    "link_damping": "damping of links", "motors": "motors",
+    "inertia_from_file": "inertias of collision shapes",
+}  # fmt: skip
 _client: int | None = None
 _loaded: object = None
 
@@ -38,10 +51,11 @@ class PybulletEngine:
         """Load a URDF into this process's physics server."""
         text = _read(spec)
         robot = read_urdf(text, spec.path)
-        unknown = set(spec.settings) - _SETTINGS
+        unknown = set(spec.settings) - {*_REQUIRED, *_DEFAULTS}
         if unknown:
             raise EngineError(f"{spec.path}.toml: PyBullet has no setting {', '.join(unknown)}")
-        for key in _SETTINGS:
+        _check_types(spec)
+        for key in _REQUIRED:
             if key not in spec.settings:
                 raise EngineError(
                     f"{spec.path}.toml: [settings] must state {key}: a URDF has none, and"
@@ -59,6 +73,15 @@ def _read(spec: ModelSpec) -> str:
         return spec.path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise EngineError(f"{spec.path}: can't be read: {error}") from None
+
+
+def _check_types(spec: ModelSpec) -> None:
+    for key, default in _DEFAULTS.items():
+        value = spec.settings.get(key, default)
+        wanted = (bool,) if isinstance(default, bool) else (int, float)
+        if not isinstance(value, wanted) or isinstance(value, bool) != isinstance(default, bool):
+            kind = "true or false belongs" if isinstance(default, bool) else "a number belongs"
+            raise EngineError(f"{spec.path}.toml: [settings] {key} is {value!r}, where {kind}")
 
 
 class PybulletModel:
@@ -91,7 +114,8 @@ class PybulletModel:
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
         try:
             # Without the flag the inertia in the file is replaced by one of the collision shapes.
-            self._body = p.loadURDF(self.path, useFixedBase=1, flags=p.URDF_USE_INERTIA_FROM_FILE)
+            own = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
+            self._body = p.loadURDF(self.path, useFixedBase=1, flags=own)
         except p.error as error:
             raise EngineError(f"{self.path}: PyBullet can't load it: {error}") from None
         self._joints, names = self._moving_joints()
@@ -100,6 +124,20 @@ class PybulletModel:
         self._free_links()
         self._springs = [self._resolve(spring) for spring in springs]
         self._gears = [self._gear(mimic) for mimic in followers]
+
+    def _setting(self, key: str) -> float | bool:
+        value = self._declared[0].settings.get(key, _DEFAULTS[key])
+        assert isinstance(value, (int, float))  # checked on loading
+        return value
+
+    @property
+    def remedies(self) -> dict[str, dict[str, object]]:
+        """What PyBullet adds on its own and the settings let stand, with what undoes it."""
+        return {
+            f"PyBullet's own {_NAMES[key]}": {key: default}
+            for key, default in _DEFAULTS.items()
+            if self._setting(key) != default
+        }
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""
@@ -139,14 +177,17 @@ class PybulletModel:
                 )
 
     def _free_links(self) -> None:
-        """Switch off what PyBullet adds on its own: link damping, motors, a speed limit."""
+        """Switch off what PyBullet adds on its own, unless asked for: damping, motors, a limit."""
         import pybullet as p
 
         for link in range(-1, p.getNumJoints(self._body)):
             # Each link has 0.04 of linear and of angular damping by default, linear and quadratic.
-            p.changeDynamics(self._body, link, linearDamping=0, angularDamping=0)
+            damping = self._setting("link_damping")
+            p.changeDynamics(self._body, link, linearDamping=damping, angularDamping=damping)
         for joint in self._joints:
             p.changeDynamics(self._body, joint, maxJointVelocity=1e300)  # clamps at 100 otherwise
+        if self._setting("motors"):
+            return
         # TORQUE_CONTROL with zero would not switch the default motors off.
         p.setJointMotorControlArray(
             self._body, self._joints, p.VELOCITY_CONTROL, forces=[0.0] * len(self._joints)

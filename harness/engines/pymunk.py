@@ -38,11 +38,17 @@ class PymunkEngine:
 
     def load(self, spec: ModelSpec) -> PymunkModel:
         """Run the file, and call its `build`."""
-        unknown = set(spec.settings) - {"step"}
+        unknown = set(spec.settings) - {"step", "gravity"}
         if unknown:
             raise EngineError(f"{spec.path}.toml: pymunk has no setting {', '.join(unknown)}")
         if "step" not in spec.settings:
             raise EngineError(f"{spec.path}.toml: [settings] must state step: a Space has none")
+        gravity = spec.settings.get("gravity", [0, 0, 0])
+        if gravity[2]:  # type: ignore[index]  # three numbers, checked by the sidecar
+            raise EngineError(
+                f"{spec.path}.toml: [settings] gravity is {gravity!r}; a Space is a plane, so that"
+                " its third component must be 0"
+            )
         return PymunkModel(spec)
 
 
@@ -54,6 +60,8 @@ class PymunkModel:
     def __init__(self, spec: ModelSpec) -> None:
         self.path = str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
+        # Overrides that of the file, [gx, gy, 0]; by default the file's counts.
+        self._gravity: Any = spec.settings.get("gravity")
         self._module = _run_file(spec)
         self._build()
         try:
@@ -84,6 +92,9 @@ class PymunkModel:
         for name, body in bodies.items():
             if body.space is not space:
                 raise EngineError(f"{self.path}: body {name!r} is not in the Space: space.add(...)")
+        if self._gravity is not None:
+            space.gravity = tuple(self._gravity[:2])
+        self.gravity: tuple[float, ...] = tuple(space.gravity)
         self._space, self._bodies = space, bodies
         # The C structs: calls beneath pymunk's own methods take a third of their time.
         self._handles = [body._body for body in bodies.values()]

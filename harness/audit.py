@@ -1,0 +1,398 @@
+"""The audit: what a model file says and what an engine makes of it, without any motion.
+
+Three readings: every bound literal against its expression; the compiled mass matrix, damping,
+stiffness, rest forces and accelerations against the equations; and what the engine or the format
+adds or drops on its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import sympy as sp
+
+from harness.audit_engines import Remark, remarks
+from harness.bindings import Binding, bindings
+from harness.coordinates import CoordinateMap, coordinate_map
+from harness.engine import Model
+from harness.engines import engines
+from harness.places import PlaceError
+from harness.prepare import Equilibrium, Prepared
+from harness.probe import RESOLVED, Measured, Probe
+from harness.sidecar import Sidecar, SidecarError
+from reference.derive import derive
+from reference.numeric import Array, NumericFunction
+from reference.system import System
+
+SEED = 20260101
+DRAWS = 24
+"""Random states whose accelerations are compared."""
+
+MOVED, SLOW, QUICKER = 0.2, 0.3, 0.1
+"""Displacement, speed and change of speed of the probes, in amplitudes. They need not be small: the
+equations are taken at the same states."""
+
+EPSILON = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that the audit has to say.
+
+    Attributes:
+        kind: "literal", "inertia", "damping", "friction", "stiffness", "rest", "acceleration",
+            "unresolved" or "default".
+        message: a sentence.
+        where: file:line, or empty.
+        expected, found: numbers, where it is about two.
+        severity: "finding", or "note" for what is no fault in itself.
+    """
+
+    kind: str
+    message: str
+    where: str = ""
+    expected: float | None = None
+    found: float | None = None
+    severity: str = "finding"
+
+    def record(self) -> dict[str, Any]:
+        """As results.json has it."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class AuditTask:
+    """What a worker needs to audit one model in one engine; cheaper to send than a `Prepared`."""
+
+    system: System
+    equilibria: tuple[Equilibrium, ...]
+    states: Array
+    push: Array
+    amplitude: Array
+    fastest: float
+    sidecar: Sidecar
+    engine: str
+
+
+def audit_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> AuditTask:
+    """The part of a folder's physics that an audit needs."""
+    motions = prepared.motions.values()
+    states = np.concatenate([m.nodes.reshape(-1, m.nodes.shape[-1]) for m in motions])
+    extremes = np.concatenate([states.argmax(axis=0), states.argmin(axis=0)])
+    # Every so many states for contacts, and each component's extremes for limits.
+    picked = np.unique(np.concatenate([extremes, np.linspace(0, len(states) - 1, 200).astype(int)]))
+    return AuditTask(
+        prepared.system, prepared.equilibria, states[picked], prepared.push, prepared.amplitude,
+        max(m.fastest for m in motions), sidecar, engine,
+    )  # fmt: skip
+
+
+def run_audit(task: AuditTask) -> list[dict[str, Any]]:
+    """The audit's findings as records: {kind, message, where, expected, found, severity}."""
+    return [finding.record() for finding in _audit(task)]
+
+
+def audit(prepared: Prepared, sidecar: Sidecar, engine: str) -> tuple[Finding, ...]:
+    """Audit a model file in one engine.
+
+    Raises:
+        EngineError, SidecarError: naming file, place and remedy.
+    """
+    return _audit(audit_task(prepared, sidecar, engine))
+
+
+def _audit(task: AuditTask) -> tuple[Finding, ...]:
+    declared, lost = _declared(task)
+    literals = (*_literals(declared), *lost)
+    model = engines()[task.engine].load(task.sidecar.spec(task.engine))
+    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    compiled = tuple(_Compiled.of(task, model, coordinates).findings())
+    rounded = max((abs(b.error) for b in declared if b.rounded), default=0.0)
+    compiled = tuple(_explained(finding, rounded) for finding in compiled)
+    z, w = coordinates.to_engine(task.states)
+    wrong = {finding.kind for finding in compiled if finding.severity == "finding"}
+    defaults = tuple(_default(r, wrong) for r in remarks(task, model, z, w))
+    return (*literals, *compiled, *defaults)
+
+
+def _declared(task: AuditTask) -> tuple[tuple[Binding, ...], tuple[Finding, ...]]:
+    """Every binding that can be read, and a finding for each that can't."""
+    try:
+        return bindings(task.system, task.sidecar), ()
+    except (PlaceError, SidecarError):
+        found: list[Binding] = []
+        lost = []
+        for address, expression in task.sidecar.bindings.items():
+            try:
+                alone = replace(task.sidecar, bindings={address: expression})
+                found += bindings(task.system, alone)
+            except (PlaceError, SidecarError) as error:
+                lost.append(Finding("literal", f"the binding can't be read: {error}"))
+        if not lost:
+            raise  # what is wrong is between two of them
+        return tuple(found), tuple(lost)
+
+
+def _literals(declared: tuple[Binding, ...]) -> Iterator[Finding]:
+    for b in declared:
+        if b.exact:
+            continue
+        says = f"{b.address} is {b.place.text}"
+        is_to_be = f"{b.expression} = {b.correction!r}"
+        off = f"{abs(b.error):.1e} {'relative' if b.expected else 'off'}"
+        if b.rounded:
+            message = f"{says}, {is_to_be} rounded to its digits ({off})"
+        else:
+            message = f"{says} where {is_to_be} ({off})"
+        severity = "note" if b.rounded else "finding"
+        yield Finding("literal", message, str(b.place), b.expected, b.value, severity)
+
+
+def _explained(finding: Finding, rounded: float) -> Finding:
+    """A note for a difference that rounded literals account for; they have notes of their own."""
+    if finding.expected is None or finding.found is None or finding.severity != "finding":
+        return finding
+    if abs(finding.found - finding.expected) > 10 * rounded * abs(finding.expected):
+        return finding
+    message = f"{finding.message}; no more than its rounded literals"
+    return replace(finding, message=message, severity="note")
+
+
+def _default(remark: Remark, wrong: Set[str]) -> Finding:
+    """A remark that enters a wrong term is a finding; one that enters right ones is a note."""
+    severity = "finding" if remark.fault or wrong & set(remark.shows_in) else "note"
+    return Finding("default", remark.message, remark.where, None, remark.value, severity)
+
+
+@dataclass(frozen=True)
+class _Compiled:
+    """What the engine compiled, beside the equations.
+
+    Attributes:
+        equations: M, flattened, and the generalized forces, of (q, v, u, (t,)).
+        inertia: the diagonal of M, a scale.
+    """
+
+    task: AuditTask
+    probe: Probe
+    equations: NumericFunction
+    names: tuple[str, ...]
+    inertia: Array
+
+    @staticmethod
+    def of(task: AuditTask, model: Model, coordinates: CoordinateMap) -> _Compiled:
+        equations = derive(task.system)
+        n = len(task.system.q)
+        speed = np.where(task.amplitude[n:] > 0, task.amplitude[n:], 1.0)
+        probe = Probe(model, coordinates, speed, max(task.fastest, 1e-6))
+        entries: list[sp.Expr] = [*equations.mass, *equations.force]
+        names = tuple(c.name for c in task.system.coordinates)
+        # Any equilibrium's will do for a scale.
+        inertia = np.abs(np.diagonal(task.equilibria[0].matrices["M"]))
+        return _Compiled(task, probe, equations.compile(entries), names, inertia)
+
+    def findings(self) -> Iterator[Finding]:
+        terms = []
+        for equilibrium in self.task.equilibria:
+            terms += list(self._about(equilibrium))
+        # The same term is often wrong about every equilibrium: said once.
+        seen: dict[tuple[str, str], Finding] = {}
+        for about, finding in terms:
+            seen.setdefault((finding.kind, about), finding)
+        yield from seen.values()
+        yield from self._anywhere(any(f.severity == "finding" for f in seen.values()))
+
+    def _reference(self, states: Array, inputs: Array) -> tuple[Array, Array]:
+        """Mass matrices (B, n, n) and generalized forces (B, n) of the equations."""
+        n = len(self.names)
+        both = self.equations(states[:, :n], states[:, n:], inputs, np.zeros((len(states), 1)))
+        return both[:, : n * n].reshape(-1, n, n), both[:, n * n :]
+
+    def _about(self, equilibrium: Equilibrium) -> Iterator[tuple[str, Finding]]:
+        """Terms about an equilibrium, each with what it is about."""
+        n = len(self.names)
+        step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
+        going, more = SLOW * self.probe.speed, np.diag(QUICKER * self.probe.speed)
+        at, still = equilibrium.position, np.zeros((1, n))
+        places = np.concatenate([at[None], at + np.diag(step), at - np.diag(step)])
+        speeds = np.concatenate([going[None], going + more, going - more])
+        # Inertia is measured on the move: what sticks at rest would hold it.
+        ends = np.concatenate([speeds, -speeds])
+        rest = np.hstack([places, np.tile(still, (len(places), 1))])
+        states = np.concatenate([
+            np.hstack([places, np.tile(going, (len(places), 1))]),
+            np.hstack([np.tile(at, (len(ends), 1)), ends]),
+        ])  # fmt: skip
+        masses, forces = self._reference(states, np.zeros((len(states), len(self.task.push))))
+        sizes = np.abs(np.diagonal(masses[0])) * self.probe.speed * self.probe.fastest
+        mass, force = self.probe.mechanics(states, sizes)
+        k = len(places)
+        ahead, astern = slice(k, 2 * k), slice(2 * k, 3 * k)
+        yield from self._entries("inertia", equilibrium.name, masses[0], mass.value[0],
+                                mass.uncertainty[0])  # fmt: skip
+        # Odd in the velocity: damping, and what is constant but for its sign.
+        odd = (force.value[ahead] - force.value[astern]) / 2
+        odd_error = (force.uncertainty[ahead] + force.uncertainty[astern]) / 2
+        wanted = (forces[ahead] - forces[astern]) / 2
+        miss, miss_error = odd - wanted, odd_error + 16 * EPSILON * np.abs(wanted)
+        slope = -_slopes(miss, np.diag(more))
+        slope_error = _slope_errors(miss_error, np.diag(more))
+        expected = equilibrium.matrices["C"]
+        yield from self._entries("damping", equilibrium.name, expected, expected + slope,
+                                 slope_error)  # fmt: skip
+        left = -(miss[0] + slope @ going)
+        left_error = miss_error[0] + slope_error @ going
+        sticky = False
+        for i, name in enumerate(self.names):
+            if abs(left[i]) > left_error[i]:
+                sticky = True
+                yield name, Finding(
+                    "friction", f"a friction of {left[i]:.6g} acts on {name}, whatever its speed;"
+                    " the equations have none", "", 0.0, float(left[i]),
+                )  # fmt: skip
+        if sticky:
+            yield "all", Finding(
+                "unresolved", "stiffness and rest forces can't be told from friction, which holds"
+                " what is at rest", severity="note",
+            )  # fmt: skip
+            return
+        # At rest: the engine's accelerations there, times the inertia found on the move.
+        pull = self._times(rest, Measured(mass.value[:k], mass.uncertainty[:k]))
+        wanted = self._reference(rest, np.zeros((k, len(self.task.push))))[1]
+        miss, miss_error = pull.value - wanted, pull.uncertainty + 16 * EPSILON * np.abs(wanted)
+        for i, name in enumerate(self.names):
+            if abs(miss[0, i]) > miss_error[0, i]:
+                yield name, Finding(
+                    "rest", f"at rest in equilibrium {equilibrium.name!r} {name} is pulled with"
+                    f" {pull.value[0, i]:.6g}; the equations have no force there",
+                    "", float(wanted[0, i]), float(pull.value[0, i]),
+                )  # fmt: skip
+        expected = equilibrium.matrices["K"]
+        yield from self._entries("stiffness", equilibrium.name, expected,
+                                 expected - _slopes(miss, step),
+                                 _slope_errors(miss_error, step))  # fmt: skip
+
+    def _times(self, states: Array, mass: Measured) -> Measured:
+        """Forces at states, from the accelerations there and inertias known already."""
+        none = np.zeros((len(states), len(self.task.push)))
+        found = self.probe.accelerations(states, none, np.zeros((len(states), len(self.names))))
+        with np.errstate(invalid="ignore"):
+            force = np.einsum("bij,bj->bi", mass.value, found.value)
+            error = np.einsum("bij,bj->bi", np.abs(mass.value), found.uncertainty)
+            error += np.einsum("bij,bj->bi", mass.uncertainty, np.abs(found.value))
+        return Measured(force, np.where(np.isnan(error), np.inf, error))
+
+    def _entries(
+        self, kind: str, equilibrium: str, expected: Array, found: Array, error: Array
+    ) -> Iterator[tuple[str, Finding]]:
+        """Each entry of a matrix that differs, and one note for those without a limit."""
+        error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
+        # What an entry is small or large beside: the inertia, by the fastest rate.
+        inertia = np.sqrt(np.outer(self.inertia, self.inertia))
+        resolved = error <= RESOLVED * inertia * self.probe.fastest ** _RATES[kind]
+        unresolved = []
+        differing = np.abs(found - expected) > error
+        for i, one in enumerate(self.names):
+            for j, other in enumerate(self.names):
+                if j < i and (differing[j, i] or not resolved[j, i]):
+                    continue  # symmetric: said already
+                about = one if i == j else f"{one} and {other}"
+                if differing[i, j]:
+                    here, there = float(found[i, j]), float(expected[i, j])
+                    message = _sentence(kind, about, i == j, here, there, float(error[i, j]))
+                    if len(self.task.equilibria) > 1:
+                        message += f" (about {equilibrium!r})"
+                    yield about, Finding(kind, message, "", there, here)
+                elif not resolved[i, j]:
+                    unresolved.append(about)
+        if unresolved:
+            yield kind, Finding(
+                "unresolved", f"{kind} of {', '.join(unresolved)} is not resolved without motion",
+                severity="note",
+            )  # fmt: skip
+
+    def _anywhere(self, known: bool) -> Iterator[Finding]:
+        """Accelerations at random states and inputs, of the size of the system's motions."""
+        n = len(self.names)
+        random = np.random.default_rng(SEED)
+        # Positions that the motions pass, with velocities that they have elsewhere: drawn one by
+        # one, coordinates could be where the mechanism never is.
+        places, speeds = random.integers(0, len(self.task.states), (2, DRAWS))
+        states = np.hstack([self.task.states[places, :n], self.task.states[speeds, n:]])
+        inputs = random.uniform(-1, 1, (DRAWS, len(self.task.push))) * self.task.push
+        masses, forces = self._reference(states, inputs)
+        wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
+        found = self.probe.accelerations(states, inputs, np.zeros((DRAWS, n)))
+        if not np.isfinite(found.value).all():
+            yield Finding("acceleration", "accelerations at random states are not finite")
+            return
+        scale = np.max(np.abs(wanted), axis=0)
+        error = found.uncertainty + 16 * EPSILON * scale
+        miss = np.abs(found.value - wanted)
+        differing = miss > error
+        natural = np.maximum(scale, self.probe.speed * self.probe.fastest)
+        lost = (error > RESOLVED * natural).any(axis=1) & ~differing.any(axis=1)
+        if lost.any():
+            yield Finding(
+                "unresolved", f"accelerations at {int(lost.sum())} of {DRAWS} random states are not"
+                " resolved without motion", severity="note",
+            )  # fmt: skip
+        if not differing.any():
+            return
+        share = np.where(differing, miss / np.where(scale > 0, scale, 1.0), 0.0)
+        row, i = np.unravel_index(int(np.argmax(share)), share.shape)
+        at = ", ".join(
+            f"{name} = {value:.4g}"
+            for name, value in zip((*self.names, *(f"{x}_dot" for x in self.names)), states[row],
+                                   strict=True)
+        )  # fmt: skip
+        here, there = float(found.value[row, i]), float(wanted[row, i])
+        shown = _apart(here, there)
+        yield Finding(
+            "acceleration", f"{self.names[i]} accelerates with {shown[0]} in the model, {shown[1]}"
+            f" in the equations, at {at} (one of {int(differing.any(axis=1).sum())} of {DRAWS}"
+            " random states)", "", there, here, "note" if known else "finding",
+        )  # fmt: skip
+
+
+def _slopes(values: Array, steps: Array) -> Array:
+    """Central differences: column j from the rows moved by +steps[j] and -steps[j]."""
+    n = len(steps)
+    slopes: Array = ((values[1 : n + 1] - values[n + 1 :]) / (2 * steps[:, None])).T
+    return slopes
+
+
+def _slope_errors(errors: Array, steps: Array) -> Array:
+    n = len(steps)
+    found: Array = ((errors[1 : n + 1] + errors[n + 1 :]) / (2 * steps[:, None])).T
+    return found
+
+
+_RATES: Mapping[str, int] = {"inertia": 0, "damping": 1, "stiffness": 2}
+
+_COUPLING: Mapping[str, str] = {
+    "inertia": "inertial coupling", "damping": "damping between", "stiffness": "stiffness between",
+}  # fmt: skip
+
+
+def _sentence(
+    kind: str, about: str, own: bool, found: float, expected: float, error: float
+) -> str:  # fmt: skip
+    name = f"{kind} of {about}" if own else f"{_COUPLING[kind]} {about}"
+    nothing = max(error, 1e-9 * abs(expected - found))
+    if abs(found) <= nothing:
+        return f"{name} is missing; it is {expected:.6g} in the equations"
+    if abs(expected) <= nothing:
+        return f"{name} is {found:.6g} in the model; the equations have none"
+    shown = _apart(found, expected)
+    return f"{name} is {shown[0]} in the model, {shown[1]} in the equations"
+
+
+def _apart(found: float, expected: float) -> tuple[str, str]:
+    """Both numbers, with as many digits as show the difference."""
+    share = abs(found - expected) / max(abs(found), abs(expected))
+    digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
+    return f"{found:.{digits}g}", f"{expected:.{digits}g}"

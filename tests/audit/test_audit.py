@@ -1,0 +1,317 @@
+"""The audit finds what is wrong in a model without a motion, and nothing in the built-in ones."""
+
+import json
+import shutil
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.audit import _Compiled, audit, audit_task, run_audit
+from harness.audit_engines import Remark, remarks
+from harness.audit_text import audit_lines
+from harness.bindings import bindings, with_literals
+from harness.coordinates import coordinate_map
+from harness.prepare import prepare
+from harness.sidecar import read_sidecar
+
+MODELS = Path(__file__).parents[2] / "models"
+
+BUILT_IN = [
+    (sidecar.parent.name, sidecar.name.removesuffix(".toml"), engine)
+    for sidecar in sorted(MODELS.glob("*/*.toml"))
+    for engine in read_sidecar(sidecar).engines
+]
+
+
+@cache
+def prepared(system):
+    return prepare(MODELS / system)
+
+
+@pytest.fixture
+def look(tmp_path):
+    """Audit a copy of a built-in model after (old, new) changes of its text, or its sidecar's."""
+
+    def run(system, name, engine, *changes):
+        for file in (name, f"{name}.toml"):
+            shutil.copy(MODELS / system / file, tmp_path / file)
+        for old, new in changes:
+            files = [tmp_path / name, tmp_path / f"{name}.toml"]
+            file = next(f for f in files if old in f.read_text())
+            file.write_text(file.read_text().replace(old, new, 1))
+        return audit(prepared(system), read_sidecar(tmp_path / f"{name}.toml"), engine)
+
+    return run
+
+
+def said(found, kind, severity="finding"):
+    """The messages of one kind, as one text."""
+    return "\n".join(f.message for f in found if f.kind == kind and f.severity == severity)
+
+
+def grave(found):
+    return [f for f in found if f.severity == "finding"]
+
+
+@pytest.mark.parametrize(("system", "name", "engine"), BUILT_IN)
+def test_a_built_in_model_has_no_finding(system, name, engine):
+    found = audit(prepared(system), read_sidecar(MODELS / system / f"{name}.toml"), engine)
+    assert grave(found) == []
+    assert said(found, "unresolved", "note") == ""
+
+
+@pytest.mark.parametrize(
+    ("system", "name", "engine", "address", "message"),
+    [
+        ("drum_pendulum", "mujoco.xml", "mujoco", "body[rod]/inertial@diaginertia[1]",
+         "inertia of theta is 0.096000024 in the model, 0.096 in the equations"),
+        ("drum_pendulum", "space.py", "pymunk", "STIFFNESS", "stiffness of x is 65.00006"),
+        ("drum_pendulum", "mujoco_rolling.xml", "mujoco", "equality/joint[rolling]@polycoef[1]",
+         "inertia of x is 4.4000024"),
+        ("drum_pendulum", "robot.urdf", "pybullet", "sidecar:settings.gravity[2]",
+         "stiffness of theta is 2.3544"),
+        ("anchored_pair", "robot.urdf", "pybullet", "sidecar:spring[0].damping",
+         "damping between x1 and x2 is -1.1000011"),
+        ("simple_pendulum", "space.py", "pymunk", "MASS", "inertia of theta is 0.25"),
+    ],
+)  # fmt: skip
+def test_a_literal_off_by_a_millionth_is_read_and_measured(
+    system, name, engine, address, message, tmp_path
+):
+    sidecar = read_sidecar(MODELS / system / f"{name}.toml")
+    place = next(b for b in bindings(prepared(system).system, sidecar) if b.address == address)
+    wrong = with_literals(sidecar, {address: place.value * (1 + 1e-6)}, tmp_path)
+    found = audit(prepared(system), wrong, engine)
+    literal = next(f for f in found if f.kind == "literal")
+    assert literal.severity == "finding"
+    assert f"{address} is" in literal.message
+    assert "1.0e-06 relative" in literal.message
+    assert literal.where == f"{tmp_path / place.place.file.name}:{place.place.line}"
+    assert literal.expected == pytest.approx(place.value, rel=1e-12)
+    assert literal.found == pytest.approx(place.value * (1 + 1e-6), rel=1e-12)
+    compiled = [f for f in grave(found) if f.kind in ("inertia", "damping", "stiffness")]
+    assert any(message in f.message for f in compiled), compiled
+
+
+def test_a_literal_that_no_motion_depends_on_is_a_finding_all_the_same(tmp_path):
+    sidecar = read_sidecar(MODELS / "mass_spring_damper" / "mujoco.xml.toml")
+    address = next(a for a in sidecar.bindings if a.endswith("diaginertia[0]"))
+    value = next(b.value for b in bindings(prepared("mass_spring_damper").system, sidecar)
+                 if b.address == address)  # fmt: skip
+    wrong = with_literals(sidecar, {address: value * 1.01}, tmp_path)
+    found = audit(prepared("mass_spring_damper"), wrong, "mujoco")
+    assert [f.kind for f in grave(found)] == ["literal"]
+
+
+def test_a_rounded_literal_is_a_note_and_so_is_what_it_does(look):
+    found = look("drum_pendulum", "mujoco_rolling.xml", "mujoco",
+                 ("5.555555555555555", "5.55556"))  # fmt: skip
+    assert grave(found) == []
+    assert "rounded to its digits" in said(found, "literal", "note")
+    assert "no more than its rounded literals" in said(found, "inertia", "note")
+
+
+def test_a_missing_damper(look):
+    found = look("mass_spring_damper", "mujoco.xml", "mujoco", ("damping=", "margin="))
+    assert "damping of x is missing; it is" in said(found, "damping")
+    assert "the binding can't be read" in said(found, "literal")
+    assert len(grave(found)) == 2
+
+
+def test_a_damper_too_many(look):
+    found = look("simple_pendulum", "robot.urdf", "pybullet", ('damping="0"', 'damping="0.02"'))
+    assert "damping of theta is 0.02 in the model; the equations have none" in said(
+        found, "damping"
+    )
+
+
+def test_an_armature_that_should_not_be_is_named_beside_the_inertia(look):
+    change = ('name="theta" type="hinge"', 'name="theta" type="hinge" armature="0.001"')
+    found = look("simple_pendulum", "mujoco.xml", "mujoco", change)
+    assert "inertia of theta" in said(found, "inertia")
+    assert "armature of theta adds an inertia of 0.001" in said(found, "default")
+
+
+def test_an_armature_that_should_be_is_a_note(look):
+    found = look("drum_pendulum", "mujoco.xml", "mujoco")
+    assert "armature of x adds an inertia of 1.2" in said(found, "default", "note")
+
+
+def test_friction_is_told_from_damping_and_inertia(look):
+    change = ('name="x" type="slide"', 'name="x" type="slide" frictionloss="0.3"')
+    found = look("mass_spring_damper", "mujoco.xml", "mujoco", change)
+    assert "frictionloss of x holds it with 0.3" in said(found, "default")
+    assert "a friction of 0.3" in said(found, "friction")
+    assert {f.kind for f in grave(found)} <= {"default", "friction"}
+
+
+def test_a_joint_limit_that_the_motions_reach(look):
+    change = ('name="theta" type="hinge"', 'name="theta" type="hinge" range="-2 2"')
+    found = look("simple_pendulum", "mujoco.xml", "mujoco", change)
+    assert "theta is limited to [-2, 2], and the motions reach" in said(found, "default")
+    wide = (change[0], change[0] + ' range="-90 90"')
+    assert grave(look("simple_pendulum", "mujoco.xml", "mujoco", wide)) == []
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_urdf_limit_that_the_motions_reach(look, engine):
+    change = ('lower="-100" upper="100"', 'lower="-0.01" upper="100"')
+    found = look("mass_spring_damper", "robot.urdf", engine, change)
+    assert "x is limited to [-0.01, 100]" in said(found, "default")
+    where = next(f.where for f in found if "is limited to" in f.message)
+    assert where.rpartition(":")[2].isdigit()
+
+
+def test_friction_that_pybullet_ignores(look):
+    change = ('friction="0"', 'friction="0.4"')
+    found = look("mass_spring_damper", "robot.urdf", "pybullet", change)
+    assert "<dynamics friction> of x is 0.4; PyBullet ignores it" in said(found, "default")
+
+
+def test_a_link_without_inertial(look):
+    text = (MODELS / "mass_spring_damper" / "robot.urdf").read_text()
+    first = text.index("<inertial>", text.index('<link name="mass"'))
+    gone = text[first : text.index("</inertial>", first) + len("</inertial>")]
+    sidecar = (MODELS / "mass_spring_damper" / "robot.urdf.toml").read_text()
+    bound = sidecar[sidecar.index("[bindings]") :]
+    found = look("mass_spring_damper", "robot.urdf", "pybullet", (text[first - 40 : first] + gone,
+                 text[first - 40 : first]), (bound, ""))  # fmt: skip
+    assert "link mass moves and has no <inertial>" in said(found, "default")
+
+
+def test_a_tendon_without_springlength_is_named_where_it_pulls(look):
+    shifted = ('springlength="0"', "")
+    found = look("free_pair", "mujoco.xml", "mujoco", shifted)
+    assert grave(found) == []  # its length there is the one meant
+    assert "states no springlength" in said(found, "default", "note")
+    ref = ('name="x2" type="slide"', 'name="x2" type="slide" springref="0.1"')
+    found = look("free_pair", "mujoco.xml", "mujoco", shifted, ref)
+    assert "is pulled with 3.8" in said(found, "rest")
+    assert "states no springlength: its spring rests at 0.1" in said(found, "default")
+
+
+def test_a_spring_that_rests_elsewhere(look):
+    change = ('springref="0"', 'springref="0.05"')
+    found = look("mass_spring_damper", "mujoco.xml", "mujoco", change)
+    assert "at rest in equilibrium" in said(found, "rest")
+    assert "the spring of x rests at 0.05" in said(found, "default")
+
+
+def test_the_soft_equality_of_mujocos_default(look):
+    found = look("drum_pendulum", "mujoco_rolling.xml", "mujoco",
+                 ('solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"', ""))  # fmt: skip
+    assert "equality rolling is soft: solref is MuJoCo's default" in said(found, "default")
+    assert "inertia of x" in said(found, "inertia")
+
+
+def test_gravity_that_is_tilted(look):
+    change = ('gravity="0 0 -9.81"', 'gravity="0.1 0 -9.81"')
+    found = look("drum_pendulum", "mujoco.xml", "mujoco", change)
+    assert "x is pulled with" in said(found, "rest")
+    assert "gravity is tilted: (0.1, 0, -9.81)" in said(found, "default")
+    change = ("space.gravity = (0, ", "space.gravity = (0.1, ")
+    found = look("drum_pendulum", "space.py", "pymunk", change)
+    assert "x is pulled with" in said(found, "rest")
+    assert "gravity is tilted" in said(found, "default")
+
+
+def test_geoms_that_touch(look):
+    change = ('contype="0" conaffinity="0" mass="0"', 'mass="0"')
+    found = look("drum_pendulum", "mujoco.xml", "mujoco", change)
+    assert "touch along the motions" in said(found, "default")
+
+
+def test_a_space_that_damps(look):
+    change = ("    space = pymunk.Space()\n",
+              "    space = pymunk.Space()\n    space.damping = 0.99\n")  # fmt: skip
+    found = look("simple_pendulum", "space.py", "pymunk", change)
+    assert "Space.damping is 0.99" in said(found, "default")
+    assert "damping of theta is 0.00" in said(found, "damping")
+
+
+def test_a_joint_with_pymunks_own_error_bias(look):
+    found = look("simple_pendulum", "space.py", "pymunk", ("rod.error_bias = 1e-10", "pass"))
+    assert "error_bias of a PinJoint is pymunk's default" in said(found, "default", "note")
+
+
+def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path):
+    """A spring that is stiff far out alone, which no linearization has."""
+
+    class Stiffening:
+        coordinates, step, integrator = ("theta",), 0.002, "euler"
+
+        def exponents(self, varying_input):
+            return 1, 1
+
+        def rollout(self, q, v, h, n, force, every):
+            places, speeds = [], []
+            for i in range(n):
+                push = 0.0 if force is None else force[:, i]
+                far = np.where(np.abs(q) > 0.8, 0.1, 0.0)
+                v = v + h * (-(9.81 / 0.75) * np.sin(q) - far + push / (0.45 * 0.75**2))
+                q = q + h * v
+                places.append(q)
+                speeds.append(v)
+            return np.stack(places, axis=1), np.stack(speeds, axis=1)
+
+    sidecar = read_sidecar(MODELS / "simple_pendulum" / "mujoco.xml.toml")
+    task = audit_task(prepared("simple_pendulum"), sidecar, "mujoco")
+    task = replace(task, equilibria=task.equilibria[:1])
+    model = Stiffening()
+    found = list(_Compiled.of(task, model, coordinate_map(task.system, sidecar, ("theta",)))
+                 .findings())  # fmt: skip
+    assert [f.kind for f in grave(found)] == ["acceleration"]
+
+
+def test_a_third_party_may_remark_on_itself():
+    class Talkative:
+        def remarks(self, z, w):
+            yield Remark("a word", False)
+
+    assert [r.message for r in remarks(None, Talkative(), None, None)] == ["a word"]
+
+
+def test_records_are_json_and_lines_are_read(look, tmp_path):
+    look("torsional_disc", "robot.urdf", "mujoco", ('damping="', 'damping="1'))
+    sidecar = read_sidecar(tmp_path / "robot.urdf.toml")
+    records = run_audit(audit_task(prepared("torsional_disc"), sidecar, "mujoco"))
+    assert json.loads(json.dumps(records, allow_nan=False)) == records
+    assert set(records[0]) == {"kind", "message", "where", "expected", "found", "severity"}
+    lines = audit_lines(records)
+    assert lines[0].startswith("finding  damping      damping of theta is 10 in the model")
+    assert lines[-1].startswith("note")
+    assert audit_lines([]) == [
+        "nothing to say: literals and compiled terms are those of the equations"
+    ]
+
+
+def test_a_model_far_stiffer_than_meant_is_measured_with_shorter_steps(look):
+    found = look(
+        "mass_spring_damper", "space.py", "pymunk", ("STIFFNESS = ", "STIFFNESS = 1000 * ")
+    )
+    assert "stiffness of x is" in said(found, "stiffness")
+
+
+def test_what_has_no_limit_is_said_to_be_unresolved():
+    """An engine whose accelerations depend on the step."""
+
+    class Stepwise:
+        coordinates, step, integrator = ("theta",), 0.002, "euler"
+
+        def exponents(self, varying_input):
+            return 1, 1
+
+        def rollout(self, q, v, h, n, force, every):
+            pushed = 0.0 if force is None else force[:, 0]
+            rates = np.stack([v + (i + 1) * h * (np.sin(1 / h) + pushed) for i in range(n)], axis=1)
+            return np.repeat(q[:, None], n, axis=1), rates
+
+    sidecar = read_sidecar(MODELS / "simple_pendulum" / "mujoco.xml.toml")
+    task = audit_task(prepared("simple_pendulum"), sidecar, "mujoco")
+    map_ = coordinate_map(task.system, sidecar, ("theta",))
+    found = list(_Compiled.of(task, Stepwise(), map_).findings())
+    assert "random states are not resolved without motion" in said(found, "unresolved", "note")
+    assert said(found, "acceleration") == ""

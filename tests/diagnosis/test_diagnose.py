@@ -1,0 +1,89 @@
+"""The ranking of causes, on made-up sensitivities where the truth is known."""
+
+import numpy as np
+import pytest
+
+from harness.diagnose import Hypothesis, diagnose
+
+N = 400
+RNG = np.random.default_rng(5)
+SHAPES = RNG.standard_normal((6, N))
+
+
+def hypothesis(index, kind="constant", curve=0.0, shape=None):
+    """A cause whose effect is b s + curve b^2 s', with s' another shape."""
+    row = SHAPES[index] if shape is None else shape
+
+    def shift(fault):
+        return fault * row + curve * fault**2 * np.roll(row, 7)
+
+    rank = 0 if kind == "literal" else 2
+    return Hypothesis(f"cause {index}", kind, 2.0, 1.0, rank, "", shift, 1.0)
+
+
+def ask(defect, causes, noise=1e-10):
+    uncertainty = np.full(N, noise)
+    slopes = np.array([(c.shift(1e-6) - c.shift(-1e-6)) / 2e-6 for c in causes])
+    return diagnose(defect, uncertainty, causes, slopes)
+
+
+def noisy(defect, noise=1e-11):
+    return defect + noise * RNG.standard_normal(N)
+
+
+@pytest.mark.parametrize("fault", [1e-6, 1e-3, 0.05, -0.5])
+def test_the_one_wrong_number_is_first_with_its_value(fault):
+    causes = [hypothesis(i, curve=0.5) for i in range(6)]
+    found = ask(noisy(causes[3].shift(fault)), causes)
+    first = found.findings[0]
+    assert found.explained
+    assert first.causes[0].cause == "cause 3"
+    assert first.estimates[0] == pytest.approx(2.0 + fault, abs=abs(fault) * 1e-4)
+    assert first.remaining < 1e-4
+    assert first.tied_with == ()
+    assert found.findings[1].remaining > 0.5
+
+
+def test_the_estimate_lies_within_some_standard_errors():
+    causes = [hypothesis(i) for i in range(6)]
+    misses = []
+    for _ in range(40):
+        found = ask(noisy(causes[1].shift(1e-3), noise=1e-6), causes, noise=1e-6)
+        first = found.findings[0]
+        misses.append((first.estimates[0] - 2.001) / first.standard_errors[0])
+    assert 0.2 < np.std(misses) < 1.5
+
+
+def test_causes_that_no_data_tell_apart_are_tied_and_the_literal_leads():
+    causes = [hypothesis(i) for i in range(5)]
+    causes.append(hypothesis(5, kind="literal", shape=3 * SHAPES[2]))
+    found = ask(noisy(causes[2].shift(1e-3)), causes)
+    first = found.findings[0]
+    assert first.causes[0].cause == "cause 5"
+    assert first.tied_with == ("cause 2",)
+    assert "cause 5" in found.findings[1].tied_with
+
+
+def test_two_faults_at_once_are_named_as_a_pair():
+    causes = [hypothesis(i, curve=0.1) for i in range(6)]
+    found = ask(noisy(causes[0].shift(1e-4) + causes[4].shift(1e-2)), causes)
+    first = found.findings[0]
+    assert found.explained
+    assert {cause.cause for cause in first.causes} == {"cause 0", "cause 4"}
+    values = dict(zip((c.cause for c in first.causes), first.estimates, strict=True))
+    assert values["cause 0"] == pytest.approx(2.0001, abs=1e-6)
+    assert values["cause 4"] == pytest.approx(2.01, abs=1e-6)
+
+
+def test_what_nothing_explains_is_told_as_that():
+    causes = [hypothesis(i) for i in range(5)]
+    found = ask(noisy(1e-3 * SHAPES[5]), causes)
+    assert not found.explained
+    assert found.findings[0].remaining > 0.5
+
+
+def test_a_cause_without_any_effect_is_never_named():
+    causes = [hypothesis(i) for i in range(5)]
+    causes.append(hypothesis(5, shape=np.zeros(N)))
+    found = ask(noisy(causes[0].shift(1e-3)), causes)
+    assert all(c.cause != "cause 5" for f in found.findings for c in f.causes)

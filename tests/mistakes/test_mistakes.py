@@ -1,0 +1,116 @@
+"""Known mistakes: each is caught, and its cause is named from the motions alone."""
+
+import shutil
+from functools import cache
+
+import pytest
+
+from harness.case import load
+from harness.engine import EngineError
+from harness.engines import engines
+from harness.folders import builtin
+from harness.inquiry import InquiryTask, diagnosed
+from harness.prepare import prepare
+from harness.segments import extrapolate
+from harness.sidecar import read_sidecar
+from harness.verdict import Outcome, judge
+from tests.mistakes.mistakes import MISTAKES, NO_MISTAKES, REFUSED, URDF
+
+FEW = 8
+"""Segments a scenario: enough for these, and soon done."""
+
+SCENARIOS = 2
+"""The first two: one is free, one is forced."""
+
+
+def cases(mistakes):
+    return [
+        pytest.param(
+            m,
+            id=f"{m.name}-{m.system}-{m.engine}",
+            marks=pytest.mark.skipif(
+                engines()[m.engine].version() is None, reason=f"{m.engine} is not installed"
+            ),
+        )
+        for m in mistakes
+    ]
+
+
+@cache
+def prepared(system):
+    return prepare(builtin() / system)
+
+
+@pytest.fixture
+def edited(tmp_path):
+    """A copy of a built-in folder with texts replaced; returns the model's sidecar."""
+
+    def make(mistake, edits):
+        folder = tmp_path / f"copy{len(list(tmp_path.iterdir()))}"
+        shutil.copytree(builtin() / mistake.system, folder)
+        for name, old, new in edits:
+            text = (folder / name).read_text(encoding="utf-8")
+            assert old in text
+            (folder / name).write_text(text.replace(old, new), encoding="utf-8")
+        return read_sidecar(folder / f"{mistake.model}.toml")
+
+    return make
+
+
+def outcome(mistake, sidecar):
+    """Of the second scenario, which has a known force."""
+    physics = prepared(mistake.system)
+    name = list(physics.motions)[1]
+    motion, scale = physics.motions[name], physics.scales[name]
+    model, coordinates = load(physics.system, sidecar, mistake.engine)
+    claimed, _ = model.exponents(not all(span.constant_input for span in motion.spans))
+    found = extrapolate(model, coordinates, motion, scale, 1e-9)
+    return judge(found.limit, motion, scale, physics.components, claimed, 1e-9).outcome
+
+
+@pytest.mark.parametrize("mistake", cases(MISTAKES))
+def test_a_mistake_is_caught_and_named(mistake, edited, monkeypatch):
+    monkeypatch.setattr("harness.evidence.SEGMENTS_PICKED", FEW)
+    physics = prepared(mistake.system)
+    sidecar = edited(mistake, (*mistake.needs, *mistake.edits))
+    assert outcome(mistake, sidecar) is Outcome.DIFFERS
+    motions = dict(list(physics.motions.items())[:SCENARIOS])
+    diagnosis = diagnosed(
+        InquiryTask(
+            physics.system, sidecar, mistake.engine, motions, physics.scales, physics.variants
+        )
+    )
+    first = diagnosis.findings[0]
+    named = {*(cause.cause for cause in first.causes), *first.tied_with}
+    assert named & set(mistake.causes), (named, first.remaining)
+    assert first.remaining < mistake.leaves
+    assert diagnosis.explained is (mistake.leaves < 3e-3)
+
+
+@pytest.mark.parametrize("mistake", cases([m for m in MISTAKES if m.needs]))
+def test_what_a_mistake_is_made_on_top_of_is_none(mistake, edited):
+    assert outcome(mistake, edited(mistake, mistake.needs)) is Outcome.AGREES
+
+
+@pytest.mark.parametrize("change", cases(NO_MISTAKES))
+def test_what_changes_the_error_of_a_step_alone_still_agrees(change, edited):
+    sidecar = edited(change, change.edits)
+    assert outcome(change, sidecar) is Outcome.AGREES
+
+
+@pytest.mark.parametrize("mistake", cases(REFUSED))
+def test_a_mistake_that_an_engine_would_repair_in_silence_is_refused(mistake, edited):
+    sidecar = edited(mistake, mistake.edits)
+    with pytest.raises(EngineError) as refusal:
+        engines()[mistake.engine].load(sidecar.spec(mistake.engine))
+    assert all(word in str(refusal.value) for word in mistake.causes)
+
+
+def test_a_file_rewritten_under_its_name_is_read_again_by_pybullet(edited):
+    if engines()["pybullet"].version() is None:
+        pytest.skip("pybullet is not installed")
+    mistake = next(m for m in MISTAKES if m.engine == "pybullet" and m.edits[0][0] == URDF)
+    sidecar = edited(mistake, mistake.edits)
+    assert outcome(mistake, sidecar) is Outcome.DIFFERS
+    shutil.copy(builtin() / mistake.system / mistake.model, sidecar.model)
+    assert outcome(mistake, sidecar) is Outcome.AGREES
