@@ -22,6 +22,10 @@ RESOLVED = 1e-3
 """Ends that are known no better than this share of the largest defect are left out of the fit,
 such as where friction turns: they would drown the others."""
 
+SETTLED = 1e-6
+"""A cause that leaves at most this share, or the uncertainty, is all there is; what leaves more may
+hide a second one."""
+
 REFINED = 6
 PAIRS_REFINED = 6
 ITERATIONS = 8
@@ -127,9 +131,14 @@ def diagnose(
     findings += [(i, _refine(defect, uncertainty, [hypotheses[i]], slopes[[i]])) for i in alike]
     best = min((f.remaining for _, f in findings), default=np.inf)
     single = _ranked(findings, hypotheses, slopes, accepted)
-    if accepted < 1 and best <= accepted:
+    alone = accepted < 1 and best <= accepted
+    if alone and best <= max(SETTLED, 3 * floor):
         return Diagnosis(tuple(single), True, floor)
     pairs = _pairs(defect, uncertainty, hypotheses, slopes, order)
+    if alone:
+        # A second, smaller fault may hide in what the first leaves.
+        better = bool(pairs) and pairs[0].remaining < best / 100
+        return Diagnosis((*pairs, *single) if better else tuple(single), True, floor)
     if accepted < 1 and pairs and pairs[0].remaining <= accepted:
         return Diagnosis((*pairs, *single), True, floor)
     return Diagnosis((*single, *pairs[:1]), False, floor)
@@ -253,15 +262,38 @@ def _pairs(
     seen: Sequence[int],
 ) -> list[Finding]:  # fmt: skip
     """The pairs that leave least, refined; pairs of causes that look alike say nothing new."""
+    classes = _classes(hypotheses, slopes, seen)
     scored = []
-    for i, j in combinations(seen, 2):
+    for i, j in combinations(classes, 2):
         if _cosine(slopes[i], slopes[j]) > 1 - 1e-4:
             continue
         causes = [hypotheses[i], hypotheses[j]]
         scored.append((_left_linear(defect, causes, slopes[[i, j]]), i, j))
     scored.sort()
     found = [
-        _refine(defect, uncertainty, [hypotheses[i], hypotheses[j]], slopes[[i, j]])
+        replace(
+            _refine(defect, uncertainty, [hypotheses[i], hypotheses[j]], slopes[[i, j]]),
+            tied_with=tuple(hypotheses[k].cause for k in (*classes[i], *classes[j])),
+        )
         for _, i, j in scored[:PAIRS_REFINED]
     ]
-    return sorted(found, key=lambda f: (f.remaining, sum(c.rank for c in f.causes)))
+    # Among pairs that explain it all, the most specific.
+    return sorted(
+        found, key=lambda f: (max(f.remaining, SETTLED), sum(c.rank for c in f.causes), f.remaining)
+    )
+
+
+def _classes(
+    hypotheses: Sequence[Hypothesis], slopes: Array, seen: Sequence[int]
+) -> dict[int, list[int]]:
+    """The most specific of each class of causes that look alike, with the others of its class."""
+    classes: dict[int, list[int]] = {}
+    for i in sorted(seen, key=lambda k: hypotheses[k].rank):
+        for j, others in classes.items():
+            same = hypotheses[i].switch == hypotheses[j].switch
+            if same and _cosine(slopes[i], slopes[j]) > 1 - ALIKE:
+                others.append(i)
+                break
+        else:
+            classes[i] = []
+    return classes
