@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.coordinates import CoordinateMap, coordinate_map
+from harness.case import load
+from harness.coordinates import CoordinateMap
 from harness.diagnose import Diagnosis, Finding, diagnose
 from harness.engine import Engine, Model
 from harness.engines import engines
@@ -68,8 +69,7 @@ def inquire(task: InquiryTask) -> dict[str, Any]:
 def diagnosed(task: InquiryTask) -> Diagnosis:
     """The same as objects."""
     engine = engines()[task.engine]
-    model = engine.load(task.sidecar.spec(task.engine))
-    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    model, coordinates = load(task.system, task.sidecar, task.engine)
     samples = pick(task.motions, task.scales)
     ends, uncertainty = engine_ends(model, coordinates, samples)
     uncertainty = np.where(np.isfinite(uncertainty), uncertainty, np.max(np.abs(ends)))

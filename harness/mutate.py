@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from harness.bindings import Binding, bindings, with_literals
-from harness.coordinates import coordinate_map
+from harness.case import load
 from harness.diagnose import Diagnosis, diagnose
 from harness.engine import EngineError
 from harness.engines import engines
@@ -91,8 +91,7 @@ class Mutation:
 def survey(task: InquiryTask) -> Survey:
     """Move every literal of the sound model a little."""
     engine = engines()[task.engine]
-    model = engine.load(task.sidecar.spec(task.engine))
-    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    model, coordinates = load(task.system, task.sidecar, task.engine)
     samples = pick(task.motions, task.scales)
     ends, uncertainty = engine_ends(model, coordinates, samples)
     found = bindings(task.system, task.sidecar)
@@ -123,8 +122,7 @@ def mutated(task: MutationTask) -> Mutation:
     with scratch() as copies, scratch() as variants:
         wrong = with_literals(inquiry.sidecar, {binding.address: value}, copies)
         try:
-            model = engine.load(wrong.spec(engine.name))
-            coordinates = coordinate_map(inquiry.system, wrong, model.coordinates)
+            model, coordinates = load(inquiry.system, wrong, inquiry.engine)
             ends, uncertainty = engine_ends(model, coordinates, samples)
         except (EngineError, BlownUpError) as error:
             return result(REFUSED, float("inf"), str(error))
