@@ -11,7 +11,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from harness.cli import exit_code
+from harness.commands.codes import exit_code
 from harness.folders import builtin
 from harness.results import schema
 

@@ -1,0 +1,1 @@
+"""The commands of `crosscheck`, one module each: `add` declares its arguments, `main` runs it."""

@@ -1,0 +1,25 @@
+"""What the commands end with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from harness.table import audit_findings
+from harness.verdict import Outcome
+
+AGREE, DIFFER, USAGE, FAIL = 0, 1, 2, 3
+"""Exit codes: all agree; a difference or nothing certain; wrong usage; something could not run."""
+
+
+def exit_code(found: dict[str, Any], require_engines: bool) -> int:
+    """The exit code of results; nothing run at all is a failure."""
+    outcomes = {case["outcome"] for case in found["cases"]}
+    if Outcome.FAILED in outcomes or not outcomes:
+        return FAIL
+    if require_engines and Outcome.ABSENT in outcomes:
+        return FAIL
+    if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED}:
+        return DIFFER
+    if any(audit_findings(model) for model in found.get("models", ())):
+        return DIFFER
+    return AGREE
