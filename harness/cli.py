@@ -18,6 +18,7 @@ COMMANDS = {
     "derive": "equations, linearization, modes and errata",
     "audit": "no motion: literals, compiled terms, accelerations",
     "mutate": "what the check would catch: each literal made wrong",
+    "new": "a commented folder that runs, or one from a model file of yours",
     "engines": "what is installed, versions, capabilities",
 }
 
