@@ -21,17 +21,20 @@ _TAG = re.compile(rb"<[^\s/>]+")
 
 
 @dataclass
-class _Element:
+class Element:
+    """An element of a file, with the offset of its first byte."""
+
     tag: str
     attributes: Mapping[str, str]
     start: int
-    parent: _Element | None
-    children: list[_Element] = field(default_factory=list)
+    parent: Element | None
+    children: list[Element] = field(default_factory=list)
     text: str = ""
     end: int = 0
 
     @property
     def identity(self) -> str | None:
+        """What it is called in an address: its name, or what stands for one."""
         return next((self.attributes[k] for k in _IDENTITIES if k in self.attributes), None)
 
     def spelled(self, steps: int) -> str:
@@ -44,7 +47,7 @@ class _Element:
 
 def xml_paths(source: Source) -> Resolve:
     """Numbers in attributes and elements; expat reads them and tells where elements begin."""
-    elements = _elements(source)
+    elements = elements_of(source)
 
     def resolve(address: str) -> tuple[Span, float]:
         match = _ADDRESS.fullmatch(address)
@@ -81,11 +84,11 @@ def xml_paths(source: Source) -> Resolve:
     return resolve
 
 
-def _elements(source: Source) -> list[_Element]:
+def elements_of(source: Source) -> list[Element]:
     """Every element of a file, in its order; entity expansion off."""
     parser = expat.ParserCreate()
-    elements: list[_Element] = []
-    open_: list[_Element] = []
+    elements: list[Element] = []
+    open_: list[Element] = []
 
     def declare(_version: str, encoding: str | None, _standalone: int) -> None:
         if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
@@ -97,7 +100,7 @@ def _elements(source: Source) -> list[_Element]:
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         parent = open_[-1] if open_ else None
-        element = _Element(tag, attributes, parser.CurrentByteIndex, parent)
+        element = Element(tag, attributes, parser.CurrentByteIndex, parent)
         if parent is not None:
             parent.children.append(element)
         elements.append(element)
@@ -124,10 +127,10 @@ def _elements(source: Source) -> list[_Element]:
 
 
 def _walk(
-    elements: list[_Element], steps: list[tuple[str, str | None]], address: str, source: Source
-) -> list[_Element]:
+    elements: list[Element], steps: list[tuple[str, str | None]], address: str, source: Source
+) -> list[Element]:
     """The elements that the steps of an address lead to; at least one."""
-    pool, parents = elements, list[_Element]()
+    pool, parents = elements, list[Element]()
     for tag, name in steps:
         found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
         if not found:
@@ -145,7 +148,7 @@ def _walk(
 
 
 def _attribute_words(
-    element: _Element, attribute: str, source: Source, address: str
+    element: Element, attribute: str, source: Source, address: str
 ) -> tuple[list[Span], list[str]]:
     """Where the words of an attribute's value are, and what the parser reads there."""
     tag = _TAG.match(source.data, element.start)
@@ -161,7 +164,7 @@ def _attribute_words(
     raise AssertionError(f"{source.file}: the parser has found {attribute}, the scan has not")
 
 
-def _text_words(element: _Element, source: Source, address: str) -> tuple[list[Span], list[str]]:
+def _text_words(element: Element, source: Source, address: str) -> tuple[list[Span], list[str]]:
     """The same of an element's text."""
     if element.children:
         remedy = "end the address with an attribute, as in '@mass', or with one of its elements"
