@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 from xml.parsers import expat
@@ -17,6 +18,7 @@ _ADDRESS = re.compile(
     r"(?:@(?P<attribute>[^\s/@\[\]]+)(?:\[(?P<index>\d+)\])?)?"
 )
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _TAG = re.compile(rb"<[^\s/>]+")
 
 
@@ -33,6 +35,11 @@ class _Element:
     @property
     def identity(self) -> str | None:
         return next((self.attributes[k] for k in _IDENTITIES if k in self.attributes), None)
+
+    @property
+    def depth(self) -> int:
+        """How many steps lead to it from the root, the root's own included."""
+        return 1 if self.parent is None else 1 + self.parent.depth
 
     def spelled(self, steps: int) -> str:
         """An address of it, of so many steps."""
@@ -79,6 +86,34 @@ def xml_paths(source: Source) -> Resolve:
         return _component(spans, words, match["index"], what, address, source)
 
     return resolve
+
+
+def xml_numbers(source: Source, kinds: re.Pattern[str]) -> Iterator[str]:
+    """Addresses of the numbers whose element and attribute, as in `joint@damping`, are of `kinds`.
+
+    Of an element's text, the kind is its tag. Those that no names tell apart have no address.
+    """
+    resolve = xml_paths(source)
+    for element in _elements(source):
+        words = {f"@{name}": text.split() for name, text in element.attributes.items()}
+        text = [] if element.children else element.text.split()
+        words[""] = text if len(text) == 1 else []  # an address has no component of a text
+        for attribute, values in words.items():
+            if kinds.fullmatch(element.tag + attribute):
+                for index, value in enumerate(values):
+                    if _DECIMAL.fullmatch(value):
+                        ending = attribute + (f"[{index}]" if len(values) > 1 else "")
+                        yield from _address(resolve, element, ending)
+
+
+def _address(resolve: Resolve, element: _Element, ending: str) -> Iterator[str]:
+    """The shortest address that means this element and begins with a name, where there is one."""
+    spelled = [element.spelled(steps) for steps in range(1, element.depth + 1)]
+    for path in sorted(spelled, key=lambda path: "[" not in path.split("/")[0]):
+        with suppress(PlaceError):
+            resolve(path + ending)
+            yield path + ending
+            return
 
 
 def _elements(source: Source) -> list[_Element]:
