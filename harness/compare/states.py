@@ -1,0 +1,354 @@
+"""States of a model's own motion: where runs start, how long they are, and where they end.
+
+Where every coordinate moves by itself, starts are drawn at random; where some are held together (a
+mimic, a rolling wheel, the bodies of a Space), the mechanism is pushed from where its file draws it.
+Each chain of runs is driven by a known random force, held, or left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.compare.match import Match
+from harness.compare.runs import Runs, ends, identity, movement
+from harness.compare.side import CompareError, Side, home, reach
+from harness.engine import Array, Model
+from harness.ladder import Limit
+from harness.probe import Probe
+
+SEED = 20260101
+DRAWN = 20
+"""Random starts, each once driven and once released."""
+
+PUSHED = 12
+"""Random pushes of a mechanism whose coordinates are held together."""
+
+LINKS_DRAWN, LINKS_PUSHED = 2, 12
+"""Runs in a chain; of a pushed one the second half is released."""
+
+SHARE = 1 / 20
+"""Length of a run, in periods of the fastest rate."""
+
+SHORTER = (1.0, 2.0, 4.0, 16.0)
+"""By how much runs are shortened until their limits are resolved."""
+
+INDEPENDENT = 1e-6
+"""Directions in which a push moves less than this share of the easiest are held."""
+
+
+@dataclass(frozen=True)
+class SourceTask:
+    """What a worker needs to record states: `given` are starts by coordinate (`x`, `x_dot`)."""
+
+    side: Side
+    match: Match
+    given: tuple[Mapping[str, float], ...]
+    resolution: float
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Runs of the source, and where they end.
+
+    Attributes:
+        runs: K runs, in its own coordinates.
+        end, uncertainty: in the coordinates of the comparison, (K, 2m).
+        scale: how far each component moves at most, (2m,).
+        driven: whether a force acts, (K,).
+        lost: runs that were left out since the source's motion is not smooth there.
+        fastest, typical: fastest and typical rate of its motions, rad/s.
+        unit: size of its motions, in the coordinates of the comparison, (m,).
+        independent: indices of the coordinates that the others follow from.
+        order, holds: leading order seen, and whether it is the one claimed.
+    """
+
+    runs: Runs
+    end: Array
+    uncertainty: Array
+    scale: Array
+    driven: Array
+    lost: int
+    fastest: float
+    typical: float
+    unit: Array
+    independent: tuple[int, ...]
+    order: float
+    holds: bool
+
+
+@dataclass(frozen=True)
+class Nature:
+    """What a model's responses at home tell: W is its inverse mass matrix."""
+
+    inverse: Array
+    tangent: Array
+    fastest: float
+    typical: float
+    unit: Array
+
+
+def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Array:
+    """Response of the accelerations to a force on each coordinate, (B, nz, nz)."""
+    n = len(sizes)
+    pushes = np.concatenate([np.diag(sizes), -np.diag(sizes)])
+    states = np.repeat(np.concatenate([z, w], axis=1), 2 * n, axis=0)
+    found = probe.accelerations(
+        states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1))
+    )  # fmt: skip
+    value, error = (
+        one.reshape(len(z), 2, n, n).swapaxes(2, 3) / (2 * sizes)
+        for one in (found.value, found.uncertainty)
+    )
+    response: Array = value[:, 0] - value[:, 1]
+    # What moves no more than is uncertain is held; its rounding would pass for an inertia.
+    held = np.diagonal(np.abs(response) <= 10 * (error[:, 0] + error[:, 1]), axis1=1, axis2=2)
+    response[held[:, :, None] | held[:, None, :]] = 0.0
+    return response
+
+
+def free_directions(inverse: Array) -> Array:
+    """Columns (nz, r): velocities that a mechanism with this inverse mass matrix can have."""
+    size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2 / np.outer(safe, safe))
+    kept: Array = vectors[:, values > INDEPENDENT * max(float(values[-1]), 1e-300)]
+    return kept * safe[:, None]
+
+
+def nature(model: Model, rng: np.random.Generator) -> Nature:
+    """Inertia, rates and sizes of a model, from small motions about where it is drawn.
+
+    Raises:
+        CompareError: where a push moves nothing.
+    """
+    start, extent = home(model), reach(model)
+    unit = (extent[:, 1] - extent[:, 0]) / 2
+    plain = 2 * np.pi / (1000 * model.step)
+    probe = Probe(model, identity(len(start)), unit * plain, plain)
+    # On the move: what sticks at rest would hold it.
+    going = 0.1 * unit * plain * rng.uniform(0.5, 1.0, len(unit))
+    here = start[None], going[None]
+    first = inverse_mass(probe, *here, np.ones(len(unit)))[0]
+    ease = np.diagonal(first)
+    if not np.isfinite(first).all() or not (ease > 0).any():
+        raise CompareError("forces on the joints move nothing, or nothing finite")
+    sizes = unit * plain**2 / np.where(ease > 0, ease, np.max(ease))
+    inverse = inverse_mass(probe, *here, sizes)[0]
+    tangent = free_directions(inverse)
+    tangent /= np.max(np.abs(tangent) / unit[:, None], axis=0)
+    rates = _rates(probe, start, tangent, plain)
+    fastest = max(float(np.max(rates)), plain)
+    moving = rates[rates > 1e-3 * fastest]
+    typical = float(np.median(moving)) if len(moving) else plain
+    return Nature(inverse, tangent, fastest, max(typical, plain / 3), unit)
+
+
+def _rates(probe: Probe, start: Array, tangent: Array, plain: float) -> Array:
+    """Magnitudes of the eigenvalues of the linearization along the free directions."""
+    r = tangent.shape[1]
+    step = 1e-3
+    moves = np.concatenate([tangent.T, -tangent.T]) * step
+    none = np.zeros_like(moves)
+    going = np.tile(0.1 * plain * tangent.sum(axis=1), (len(moves), 1))
+    states = np.concatenate([
+        np.hstack([start + moves, going]), np.hstack([start + none, going + moves * plain]),
+    ])  # fmt: skip
+    found = probe.accelerations(
+        states, np.zeros((len(states), 0)), np.zeros((len(states), len(start)))
+    ).value.reshape(2, 2, r, len(start))
+    if not np.isfinite(found).all():
+        return np.array([plain])
+    slopes = (found[:, 0] - found[:, 1]) / (2 * step)
+    back = np.linalg.pinv(tangent)
+    stiffness, damping = (back @ slopes[0].T), (back @ slopes[1].T) / plain
+    matrix = np.block([[np.zeros((r, r)), np.eye(r)], [stiffness, damping]])
+    return np.abs(np.linalg.eigvals(matrix))
+
+
+def record(task: SourceTask) -> Recorded:
+    """Run the source from states of its own.
+
+    Raises:
+        EngineError, BlownUpError: naming what could not be run.
+        CompareError: for joints of the source that move on their own and have no match.
+    """
+    model = task.side.load()
+    rng = np.random.default_rng(SEED)
+    found = nature(model, rng)
+    names = tuple(model.coordinates)
+    z, w, driven, links = _starts(model, found, task.given, names, rng)
+    reduced = task.match.slopes(home(model)[None])[0]
+    compared = reduced @ found.inverse @ reduced.T
+    independent = _independent(compared)
+    unit = np.abs(reduced) @ found.unit
+    push = np.zeros((len(z), len(unit)))
+    picked = np.ix_(independent, independent)
+    mass = np.linalg.inv(compared[picked])
+    wish = rng.uniform(-1, 1, (len(z), len(independent))) * unit[list(independent)]
+    push[:, independent] = (wish * found.typical**2) @ mass
+    push[~driven] = 0.0
+    chain = _chain(model, task, found, Runs(0.0, z, w, push), links)
+    recorded = _gathered(task, chain, found, unit, independent, driven)
+    _check_left_out(task, model, found, recorded, names)
+    return recorded
+
+
+def _starts(
+    model: Model, found: Nature, given: tuple[Mapping[str, float], ...], names: tuple[str, ...],
+    rng: np.random.Generator,
+) -> tuple[Array, Array, Array, int]:  # fmt: skip
+    """Starts (B, nz), whether each is driven (B,), and how many runs follow each other."""
+    start, extent, n = home(model), reach(model), len(names)
+    own = [_one(start, names, state) for state in given]
+    still = np.zeros(n)
+    if found.tangent.shape[1] == n:
+        middle, half = extent.mean(axis=1), 0.8 * found.unit
+        drawn = middle + half * rng.uniform(-1, 1, (DRAWN, n))
+        going = 0.5 * found.unit * found.typical * rng.uniform(-1, 1, (DRAWN, n))
+        pairs = [*own, (start, still), *zip(drawn, going, strict=True)]
+        starts = [pair for pair in pairs for _ in range(2)]
+        driven = np.tile([False, True], len(pairs))
+        links = LINKS_DRAWN
+    else:
+        starts = [*own, *[(start, still)] * (PUSHED + 1)]
+        driven = np.array([False] * (len(own) + 1) + [True] * PUSHED)
+        links = LINKS_PUSHED
+    z, w = (np.array([s[i] for s in starts], dtype=float) for i in range(2))
+    return z, w, driven, links
+
+
+def _one(start: Array, names: tuple[str, ...], state: Mapping[str, float]) -> tuple[Array, Array]:
+    z, w = start.copy(), np.zeros(len(start))
+    for name, value in state.items():
+        if name in names:
+            z[names.index(name)] = value
+        elif name.endswith("_dot") and name[:-4] in names:
+            w[names.index(name[:-4])] = value
+        else:
+            raise CompareError(
+                f"--start: {name!r} is no joint of the model that the states are taken of, nor"
+                f" one's velocity; its joints are {', '.join(names)}"
+            )
+    return z, w
+
+
+def _independent(inverse: Array) -> tuple[int, ...]:
+    """Coordinates that the others follow from: pivoted Cholesky of the scaled matrix."""
+    size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    rest = inverse / np.outer(safe, safe)
+    chosen: list[int] = []
+    for _ in range(len(rest)):
+        # Of those about as free, the first.
+        free = np.diagonal(rest)
+        pivot = int(np.argmax(free > 0.5 * np.max(free)))
+        if not free[pivot] > 10 * INDEPENDENT:
+            break
+        chosen.append(pivot)
+        column = rest[:, pivot].copy()
+        rest = rest - np.outer(column, column) / column[pivot]
+    return tuple(sorted(chosen))
+
+
+def _chain(
+    model: Model, task: SourceTask, found: Nature, first: Runs, links: int
+) -> list[tuple[Runs, Limit]]:
+    """Runs that follow each other, as long as the fastest rate allows."""
+    best: tuple[float, list[tuple[Runs, Limit]]] | None = None
+    for shorter in SHORTER:
+        length = 2 * np.pi / found.fastest * SHARE / shorter
+        chain = _links(model, task, found, replace(first, length=length), links)
+        sizes = [np.max(_relative(*link), axis=1) for link in chain]
+        worst = float(np.quantile(np.concatenate(sizes), 0.9))
+        if best is None or worst < best[0]:
+            best = worst, chain
+        if worst <= 0.05 * task.resolution:
+            break
+    assert best is not None
+    return best[1]
+
+
+def _links(
+    model: Model, task: SourceTask, found: Nature, runs: Runs, links: int
+) -> list[tuple[Runs, Limit]]:
+    chain: list[tuple[Runs, Limit]] = []
+    for link in range(links):
+        if chain:
+            runs, limit = chain[-1]
+            n = runs.z.shape[1]
+            lost = ~np.isfinite(limit.uncertainty).all(axis=1)
+            state = np.where(lost[:, None], np.hstack([runs.z, runs.w]), limit.value)
+            released = links > LINKS_DRAWN and link >= links // 2
+            push = np.zeros_like(runs.push) if released else runs.push
+            runs = Runs(runs.length, state[:, :n], state[:, n:], push)
+        chain.append((runs, ends(model, runs, task.match, found.fastest, task.resolution)))
+    return chain
+
+
+def _relative(runs: Runs, limit: Limit) -> Array:
+    starts = np.hstack([runs.z, runs.w])
+    known = np.isfinite(limit.uncertainty).all(axis=1)
+    scale = movement(limit.value[known], starts[known])
+    return limit.uncertainty / scale
+
+
+def _gathered(
+    task: SourceTask, chain: list[tuple[Runs, Limit]], found: Nature, unit: Array,
+    independent: tuple[int, ...], driven: Array,
+) -> Recorded:  # fmt: skip
+    match, m = task.match, len(task.match.names)
+    z, w, push = (
+        np.concatenate([getattr(runs, key) for runs, _ in chain]) for key in ("z", "w", "push")
+    )
+    value = np.concatenate([limit.value for _, limit in chain])
+    error = np.concatenate([limit.uncertainty for _, limit in chain])
+    n = z.shape[1]
+    end = np.hstack(match.over(value[:, :n], value[:, n:]))
+    start = np.hstack(match.over(z, w))
+    wrapped = unwrapped(end, start, match.periodic)
+    uncertainty = match.errors(value[:, :n], value[:, n:], error)
+    relative = uncertainty / movement(wrapped, start)
+    kept = np.max(relative, axis=1) <= task.resolution
+    scale = movement(wrapped[kept], start[kept]) if kept.any() else np.ones(2 * m)
+    limit = chain[0][1]
+    return Recorded(
+        Runs(chain[0][0].length, z[kept], w[kept], push[kept]), wrapped[kept], uncertainty[kept],
+        scale, push[kept].any(axis=1), int((~kept).sum()), found.fastest, found.typical,
+        unit, independent, limit.order, limit.holds,
+    )  # fmt: skip
+
+
+def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
+    """States whose angles are known modulo 2 pi, each taken near another."""
+    end = end.copy()
+    for i, turns in enumerate(periodic):
+        if turns:
+            end[:, i] += 2 * np.pi * np.round((near[:, i] - end[:, i]) / (2 * np.pi))
+    return end
+
+
+def _check_left_out(
+    task: SourceTask, model: Model, found: Nature, recorded: Recorded, names: tuple[str, ...]
+) -> None:
+    """Refuse joints of the source without a match, unless they follow from others or stay put."""
+    match = task.match
+    if not match.left_out or not len(recorded.runs.z):
+        return
+    if found.tangent.shape[1] == len(recorded.independent):
+        return
+    places = [names.index(name) for name in match.left_out]
+    moved = np.abs(recorded.runs.z[:, places] - home(model)[places]).max(axis=0)
+    free = [
+        name for name, by, i in zip(match.left_out, moved, places, strict=True)
+        if by > 1e-9 * found.unit[i]
+    ]  # fmt: skip
+    if not free:
+        return
+    other = "B" if match.source == "A" else "A"
+    raise CompareError(
+        f"joint {', '.join(free)} of {match.source} moves on its own and has no match in {other},"
+        f" whose joints are {', '.join(match.names)}; lock it, or add it to {other}"
+    )
