@@ -164,9 +164,7 @@ def _read(text: str, symbols: Mapping[str, sp.Symbol], label: str) -> sp.Expr:
         raise CompareError(f"{error}; the joints of {label} are {names}") from None
 
 
-def _unmatched(
-    a: Sequence[str], b: Sequence[str], of_b: Sequence[str], of_a: Sequence[str]
-) -> str:
+def _unmatched(a: Sequence[str], b: Sequence[str], of_b: Sequence[str], of_a: Sequence[str]) -> str:
     parts = []
     for label, missing in (("A", of_a), ("B", of_b)):
         if missing:

@@ -87,9 +87,7 @@ def movement(ends: Array, starts: Array) -> Array:
     return np.where(reach > 0, reach, 1.0)
 
 
-def ends(
-    model: Model, runs: Runs, match: Match | None, fastest: float, resolution: float
-) -> Limit:
+def ends(model: Model, runs: Runs, match: Match | None, fastest: float, resolution: float) -> Limit:
     """Where the runs end as h -> 0, in the model's own coordinates.
 
     Rungs are added until the uncertainty is far below the resolution, or stops falling. A run that
@@ -107,7 +105,9 @@ def ends(
         found = raw(model, runs, match, rung)
         alive &= np.isfinite(found).all(axis=1)
         if not alive.any():
-            raise BlownUpError(f"no motion is finite, in {rung} steps of {runs.length / rung:.3g} s")
+            raise BlownUpError(
+                f"no motion is finite, in {rung} steps of {runs.length / rung:.3g} s"
+            )
         values.append(found)
         if count < FIRST_JUDGED:
             continue

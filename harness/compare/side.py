@@ -20,7 +20,7 @@ PREFERRED = {".urdf": ("pybullet", "mujoco")}
 
 
 class CompareError(ValueError):
-    """Wrong usage: a file that isn't there, an engine that can't read it, joints without a match."""
+    """Wrong usage: no such file, an engine that can't read it, joints without a match."""
 
 
 class NotInstalledError(RuntimeError):

@@ -1,8 +1,8 @@
 """States of a model's own motion: where runs start, how long they are, and where they end.
 
 Where every coordinate moves by itself, starts are drawn at random; where some are held together (a
-mimic, a rolling wheel, the bodies of a Space), the mechanism is pushed from where its file draws it.
-Each chain of runs is driven by a known random force, held, or left alone.
+mimic, a rolling wheel, the bodies of a Space), the mechanism is pushed from where the file draws
+it. Each chain of runs is driven by a known random force, held, or left alone.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.compare.match import Match
-from harness.compare.runs import Runs, ends, identity, movement
+from harness.compare.nature import HELD, Nature, nature
+from harness.compare.runs import Runs, ends, movement
 from harness.compare.side import CompareError, Side, home, reach
 from harness.engine import Array, Model
 from harness.ladder import Limit
-from harness.probe import Probe
 
 SEED = 20260101
 DRAWN = 20
@@ -34,9 +35,6 @@ SHARE = 1 / 20
 
 SHORTER = (1.0, 2.0, 4.0, 16.0)
 """By how much runs are shortened until their limits are resolved."""
-
-INDEPENDENT = 1e-6
-"""Directions in which a push moves less than this share of the easiest are held."""
 
 
 @dataclass(frozen=True)
@@ -79,95 +77,6 @@ class Recorded:
     holds: bool
 
 
-@dataclass(frozen=True)
-class Nature:
-    """What a model's responses at home tell: W is its inverse mass matrix."""
-
-    inverse: Array
-    tangent: Array
-    fastest: float
-    typical: float
-    unit: Array
-
-
-def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Array:
-    """Response of the accelerations to a force on each coordinate, (B, nz, nz)."""
-    n = len(sizes)
-    pushes = np.concatenate([np.diag(sizes), -np.diag(sizes)])
-    states = np.repeat(np.concatenate([z, w], axis=1), 2 * n, axis=0)
-    found = probe.accelerations(
-        states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1))
-    )  # fmt: skip
-    value, error = (
-        one.reshape(len(z), 2, n, n).swapaxes(2, 3) / (2 * sizes)
-        for one in (found.value, found.uncertainty)
-    )
-    response: Array = value[:, 0] - value[:, 1]
-    # What moves no more than is uncertain is held; its rounding would pass for an inertia.
-    held = np.diagonal(np.abs(response) <= 10 * (error[:, 0] + error[:, 1]), axis1=1, axis2=2)
-    response[held[:, :, None] | held[:, None, :]] = 0.0
-    return response
-
-
-def free_directions(inverse: Array) -> Array:
-    """Columns (nz, r): velocities that a mechanism with this inverse mass matrix can have."""
-    size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
-    safe = np.where(size > 0, size, 1.0)
-    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2 / np.outer(safe, safe))
-    kept: Array = vectors[:, values > INDEPENDENT * max(float(values[-1]), 1e-300)]
-    return kept * safe[:, None]
-
-
-def nature(model: Model, rng: np.random.Generator) -> Nature:
-    """Inertia, rates and sizes of a model, from small motions about where it is drawn.
-
-    Raises:
-        CompareError: where a push moves nothing.
-    """
-    start, extent = home(model), reach(model)
-    unit = (extent[:, 1] - extent[:, 0]) / 2
-    plain = 2 * np.pi / (1000 * model.step)
-    probe = Probe(model, identity(len(start)), unit * plain, plain)
-    # On the move: what sticks at rest would hold it.
-    going = 0.1 * unit * plain * rng.uniform(0.5, 1.0, len(unit))
-    here = start[None], going[None]
-    first = inverse_mass(probe, *here, np.ones(len(unit)))[0]
-    ease = np.diagonal(first)
-    if not np.isfinite(first).all() or not (ease > 0).any():
-        raise CompareError("forces on the joints move nothing, or nothing finite")
-    sizes = unit * plain**2 / np.where(ease > 0, ease, np.max(ease))
-    inverse = inverse_mass(probe, *here, sizes)[0]
-    tangent = free_directions(inverse)
-    tangent /= np.max(np.abs(tangent) / unit[:, None], axis=0)
-    rates = _rates(probe, start, tangent, plain)
-    fastest = max(float(np.max(rates)), plain)
-    moving = rates[rates > 1e-3 * fastest]
-    typical = float(np.median(moving)) if len(moving) else plain
-    return Nature(inverse, tangent, fastest, max(typical, plain / 3), unit)
-
-
-def _rates(probe: Probe, start: Array, tangent: Array, plain: float) -> Array:
-    """Magnitudes of the eigenvalues of the linearization along the free directions."""
-    r = tangent.shape[1]
-    step = 1e-3
-    moves = np.concatenate([tangent.T, -tangent.T]) * step
-    none = np.zeros_like(moves)
-    going = np.tile(0.1 * plain * tangent.sum(axis=1), (len(moves), 1))
-    states = np.concatenate([
-        np.hstack([start + moves, going]), np.hstack([start + none, going + moves * plain]),
-    ])  # fmt: skip
-    found = probe.accelerations(
-        states, np.zeros((len(states), 0)), np.zeros((len(states), len(start)))
-    ).value.reshape(2, 2, r, len(start))
-    if not np.isfinite(found).all():
-        return np.array([plain])
-    slopes = (found[:, 0] - found[:, 1]) / (2 * step)
-    back = np.linalg.pinv(tangent)
-    stiffness, damping = (back @ slopes[0].T), (back @ slopes[1].T) / plain
-    matrix = np.block([[np.zeros((r, r)), np.eye(r)], [stiffness, damping]])
-    return np.abs(np.linalg.eigvals(matrix))
-
-
 def record(task: SourceTask) -> Recorded:
     """Run the source from states of its own.
 
@@ -189,7 +98,7 @@ def record(task: SourceTask) -> Recorded:
     mass = np.linalg.inv(compared[picked])
     wish = rng.uniform(-1, 1, (len(z), len(independent))) * unit[list(independent)]
     push[:, independent] = (wish * found.typical**2) @ mass
-    push[~driven] = 0.0
+    push[np.logical_not(driven)] = 0.0
     chain = _chain(model, task, found, Runs(0.0, z, w, push), links)
     recorded = _gathered(task, chain, found, unit, independent, driven)
     _check_left_out(task, model, found, recorded, names)
@@ -245,7 +154,7 @@ def _independent(inverse: Array) -> tuple[int, ...]:
         # Of those about as free, the first.
         free = np.diagonal(rest)
         pivot = int(np.argmax(free > 0.5 * np.max(free)))
-        if not free[pivot] > 10 * INDEPENDENT:
+        if not free[pivot] > 10 * HELD:
             break
         chosen.append(pivot)
         column = rest[:, pivot].copy()
@@ -262,7 +171,8 @@ def _chain(
         length = 2 * np.pi / found.fastest * SHARE / shorter
         chain = _links(model, task, found, replace(first, length=length), links)
         sizes = [np.max(_relative(*link), axis=1) for link in chain]
-        worst = float(np.quantile(np.concatenate(sizes), 0.9))
+        ordered = np.sort(np.concatenate(sizes))
+        worst = float(ordered[int(0.9 * (len(ordered) - 1))])
         if best is None or worst < best[0]:
             best = worst, chain
         if worst <= 0.05 * task.resolution:
@@ -311,7 +221,7 @@ def _gathered(
     wrapped = unwrapped(end, start, match.periodic)
     uncertainty = match.errors(value[:, :n], value[:, n:], error)
     relative = uncertainty / movement(wrapped, start)
-    kept = np.max(relative, axis=1) <= task.resolution
+    kept: NDArray[np.bool_] = np.max(relative, axis=1) <= task.resolution
     scale = movement(wrapped[kept], start[kept]) if kept.any() else np.ones(2 * m)
     limit = chain[0][1]
     return Recorded(
