@@ -163,9 +163,7 @@ class _Following:
     def judged(self, signs: Array) -> tuple[Followed, Judgement]:
         task = TargetTask(self.target, self.runs, self.recorded.fastest, self.resolution, signs)
         followed = _one(self.ask, self.target, follow, task)
-        return followed, judge(
-            self.recorded, followed, self.match.names, self.match.periodic, self.resolution
-        )
+        return followed, judge(self.recorded, followed, self.match, self.resolution)
 
 
 def _turned(
@@ -192,7 +190,7 @@ def _turned(
         if best is None or sizes[best] > 0.1 * left:
             break
         # A mechanism that is its own mirror image doesn't tell which of its joints is turned.
-        like = [i for i, size in sizes.items() if size <= max(10 * sizes[best], trial.resolution)]
+        like = [i for i, size in sizes.items() if size <= max(1.5 * sizes[best], trial.resolution)]
         left = sizes[best]
         signs[best] = -1.0
         turned.append(" or ".join(names[i] for i in like))

@@ -251,8 +251,8 @@ def _bound(a: Side, b: Side) -> Iterator[Edit]:
     one, other = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
     for expression in one.keys() & other.keys():
         try:
-            ours = find_bound(a, one[expression])
-            theirs = find_bound(b, other[expression])
+            ours = _find_bound(a, one[expression])
+            theirs = _find_bound(b, other[expression])
         except PlaceError:
             continue
         for address, place in ours.items():
@@ -265,7 +265,7 @@ def _bound(a: Side, b: Side) -> Iterator[Edit]:
                     )  # fmt: skip
 
 
-def find_bound(side: Side, addresses: list[str]) -> dict[str, Any]:
+def _find_bound(side: Side, addresses: list[str]) -> dict[str, Any]:
     """Places in the model file itself; the sidecar's own literals are compared as settings."""
     own = [address for address in addresses if not address.startswith("sidecar:")]
     return dict(find(side.sidecar.model, own))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from harness.compare.match import Match
 from harness.compare.runs import Runs, ends
 from harness.compare.side import Side
 from harness.compare.states import Recorded, unwrapped
@@ -67,18 +67,15 @@ class Judgement:
     reason: str
 
 
-def judge(
-    recorded: Recorded, followed: Followed, names: Sequence[str], periodic: tuple[bool, ...],
-    resolution: float,
-) -> Judgement:  # fmt: skip
+def judge(recorded: Recorded, followed: Followed, match: Match, resolution: float) -> Judgement:
     """Judge by the rule of `harness.verdict`: DIFFERS where E > U, AGREES where U is small enough.
 
     A run differs where its difference exceeds its own uncertainty; one that could not be resolved
     doesn't hide one that was.
     """
     limit = followed.limit
-    components = (*names, *(f"{name}_dot" for name in names))
-    value = unwrapped(limit.value, recorded.end, periodic)
+    components = (*match.names, *(f"{name}_dot" for name in match.names))
+    value = unwrapped(limit.value, recorded.end, match.periodic)
     defect = np.abs(value - recorded.end) / recorded.scale
     uncertainty = (limit.uncertainty + recorded.uncertainty) / recorded.scale
     uncertainty = np.maximum(uncertainty, 16 * EPSILON)
@@ -88,7 +85,8 @@ def judge(
         e, u = float(defect[run, i]), float(uncertainty[run, i])
         return Judgement(outcome, e, u, components[i], run, by_component, reason)
 
-    trouble = _trouble(recorded, followed)
+    source, target = ("A", "B") if match.source == "A" else ("B", "A")
+    trouble = _trouble(recorded, followed, source, target)
     if trouble:
         run, i = _place(defect)
         return judgement(Outcome.UNRESOLVED, run, i, trouble)
@@ -108,8 +106,8 @@ def judge(
     if uncertainty[run, worst] > resolution:
         known = float(uncertainty[run, worst])
         reason = (
-            "the ladder diverges in the second model from states where it doesn't in the first:"
-            " a contact, a limit or friction"
+            f"the ladder diverges in {target} from states where it doesn't in {source}: a contact,"
+            " a limit or friction"
             if known == float("inf")
             else f"{components[worst]} is known to {known:.1e} at best, where {resolution:.0e} was"
             " asked"
@@ -124,26 +122,25 @@ def _place(values: Array) -> tuple[int, int]:
     return int(run), int(i)
 
 
-def _trouble(recorded: Recorded, followed: Followed) -> str:
+def _trouble(recorded: Recorded, followed: Followed, source: str, target: str) -> str:
     """Why no digit can be claimed, or nothing."""
     limit = followed.limit
     if recorded.lost > len(recorded.runs.z):
         return (
-            f"the first model's own motion is not smooth in {recorded.lost} of"
+            f"the motion of {source} is not smooth in {recorded.lost} of"
             f" {recorded.lost + len(recorded.runs.z)} runs: a contact, a limit or friction"
         )
     if not recorded.holds:
         return (
-            "the exponents don't hold in the first model: its rungs fall with order"
-            f" {recorded.order:.2f}"
+            f"the exponents don't hold in {source}: its rungs fall with order {recorded.order:.2f}"
         )
     if float(limit.draws[0]) == 0.0:
-        return "every rung returned the same values: the second model's engine did not step"
+        return f"every rung returned the same values: the engine of {target} did not step"
     if not limit.converges:
-        return "the ladder diverges in the second model: a contact, a limit or friction"
+        return f"the ladder diverges in {target}: a contact, a limit or friction"
     if not limit.holds:
         return (
-            f"the exponents don't hold in the second model: its rungs fall with order"
-            f" {limit.order:.2f}, {followed.claimed} is claimed"
+            f"the exponents don't hold in {target}: its rungs fall with order {limit.order:.2f},"
+            f" {followed.claimed} is claimed"
         )
     return ""

@@ -107,16 +107,16 @@ def match(
     for source, names, others, own in (("A", a, b, readback[0]), ("B", b, a, readback[1])):
         z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
         found = _given(source, names, others, given, z) if any(given) else {}
+        taken = _paired(source, given[0], z)
         for name in others:
             if name in found:
                 continue
-            taken = set[sp.Basic]().union(*(e.free_symbols for e in found.values()))
             if name in own and name not in z:
                 try:
                     found[name] = parse(own[name], z, f"[readback] {name}")
                 except SidecarError:
                     continue  # it needs the constants of a system
-            elif name in z and z[name] not in taken:
+            elif name in z and name not in taken:
                 found[name] = z[name]
         missing = [name for name in others if name not in found]
         if not missing:
@@ -149,6 +149,14 @@ def _given(
         other = next(n for n, symbol in c.items() if symbol == free[0])
         found[other] = (z[name] - expression.subs(free[0], 0)) / slope
     return found
+
+
+def _paired(source: str, pairs: Mapping[str, str], z: Mapping[str, sp.Symbol]) -> set[str]:
+    """The source's coordinates that --joints has given a partner: not to be matched by name."""
+    if source == "A":
+        return set(pairs)
+    used = set[sp.Basic]().union(*(_read(text, z, source).free_symbols for text in pairs.values()))
+    return {name for name, symbol in z.items() if symbol in used}
 
 
 def _known(name: str, names: Sequence[str], label: str) -> None:

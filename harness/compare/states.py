@@ -67,7 +67,7 @@ class Recorded:
     end: Array
     uncertainty: Array
     scale: Array
-    driven: Array
+    driven: NDArray[np.bool_]
     lost: int
     fastest: float
     typical: float
@@ -100,7 +100,7 @@ def record(task: SourceTask) -> Recorded:
     push[:, independent] = (wish * found.typical**2) @ mass
     push[np.logical_not(driven)] = 0.0
     chain = _chain(model, task, found, Runs(0.0, z, w, push), links)
-    recorded = _gathered(task, chain, found, unit, independent, driven)
+    recorded = _gathered(task, chain, found, unit, independent)
     _check_left_out(task, model, found, recorded, names)
     return recorded
 
@@ -200,14 +200,15 @@ def _links(
 
 def _relative(runs: Runs, limit: Limit) -> Array:
     starts = np.hstack([runs.z, runs.w])
-    known = np.isfinite(limit.uncertainty).all(axis=1)
+    known = np.flatnonzero(np.max(limit.uncertainty, axis=1) < np.inf)
     scale = movement(limit.value[known], starts[known])
-    return limit.uncertainty / scale
+    relative: Array = limit.uncertainty / scale
+    return relative
 
 
 def _gathered(
     task: SourceTask, chain: list[tuple[Runs, Limit]], found: Nature, unit: Array,
-    independent: tuple[int, ...], driven: Array,
+    independent: tuple[int, ...],
 ) -> Recorded:  # fmt: skip
     match, m = task.match, len(task.match.names)
     z, w, push = (
@@ -221,13 +222,13 @@ def _gathered(
     wrapped = unwrapped(end, start, match.periodic)
     uncertainty = match.errors(value[:, :n], value[:, n:], error)
     relative = uncertainty / movement(wrapped, start)
-    kept: NDArray[np.bool_] = np.max(relative, axis=1) <= task.resolution
-    scale = movement(wrapped[kept], start[kept]) if kept.any() else np.ones(2 * m)
+    kept = np.flatnonzero(np.max(relative, axis=1) <= task.resolution)
+    scale = movement(wrapped[kept], start[kept]) if len(kept) else np.ones(2 * m)
     limit = chain[0][1]
     return Recorded(
         Runs(chain[0][0].length, z[kept], w[kept], push[kept]), wrapped[kept], uncertainty[kept],
-        scale, push[kept].any(axis=1), int((~kept).sum()), found.fastest, found.typical,
-        unit, independent, limit.order, limit.holds,
+        scale, np.not_equal(push[kept], 0.0).any(axis=1), len(z) - len(kept),
+        found.fastest, found.typical, unit, independent, limit.order, limit.holds,
     )  # fmt: skip
 
 

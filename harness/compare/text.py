@@ -33,12 +33,14 @@ def print_comparison(console: Console, found: Comparison) -> None:
 
     sides = (found.wish.a, found.wish.b)
     for side, told in zip(sides, found.facts, strict=True):
-        say(f"{side.label}  {side.sidecar.model} in {side.engine}, {told.integrator}")
+        pull = ", ".join(f"{g:g}" for g in told.gravity)
+        said = f", gravity ({pull})" if pull else ""
+        say(f"{side.label}  {side.sidecar.model} in {side.engine}{said}")
     for note in (*found.notes, *found.match.told):
         say(f"   {note}", "dim")
     if found.match.left_out:
         names = ", ".join(found.match.left_out)
-        say(f"   {names} of {found.match.source} follow from the others, or stay put", "dim")
+        say(f"   left out of {found.match.source}: {names}, which follow or stay put", "dim")
     recorded, judged = found.recorded, found.judgement
     say(
         f"   {len(recorded.runs.z)} runs of {recorded.runs.length:.3g} s from states of"
