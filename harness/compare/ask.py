@@ -17,13 +17,18 @@ def in_workers(workers: Workers) -> Callable[[str, Callable[[Any], Any], list[An
         futures = [workers.submit(_Guarded(function), argument) for argument in arguments]
         values = [workers.outcome(future) for future in futures]
         return [
-            Trouble(f"{who}: {value.reason}", value.printed)
+            Trouble(_named(who, value.reason), value.printed)
             if isinstance(value, Failure)
             else value
             for value in values
         ]
 
     return ask
+
+
+def _named(who: str, reason: str) -> str:
+    """A reason that names the file already needs no other name for it."""
+    return reason if who.rpartition(" [")[0] in reason else f"{who}: {reason}"
 
 
 class _Guarded:
@@ -46,5 +51,5 @@ def at_once(who: str, function: Callable[[Any], Any], arguments: list[Any]) -> l
         try:
             values.append(_Guarded(function)(argument))
         except (RuntimeError, ValueError) as error:
-            values.append(Trouble(f"{who}: {error}", ""))
+            values.append(Trouble(_named(who, str(error)), ""))
     return values

@@ -189,8 +189,8 @@ def _links(
         if chain:
             runs, limit = chain[-1]
             n = runs.z.shape[1]
-            lost = ~np.isfinite(limit.uncertainty).all(axis=1)
-            state = np.where(lost[:, None], np.hstack([runs.z, runs.w]), limit.value)
+            lost = np.max(limit.uncertainty, axis=1, keepdims=True) == np.inf
+            state = np.where(lost, np.hstack([runs.z, runs.w]), limit.value)
             released = links > LINKS_DRAWN and link >= links // 2
             push = np.zeros_like(runs.push) if released else runs.push
             runs = Runs(runs.length, state[:, :n], state[:, n:], push)

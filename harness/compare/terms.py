@@ -149,9 +149,10 @@ class _Pair:
                 else:
                     about = (one,) if i == j else (one, other)
                     name = f"damping of {one}" if i == j else f"damping between {one} and {other}"
+                    varies = np.ptp(a.value[:, 1, j, i]) > 10 * np.max(error[:, 1, j, i])
                     yield self._term(
                         "damping", about, name, here / speed, there / speed, doubt / speed, effect,
-                        None,
+                        base if varies else None,
                     )  # fmt: skip
 
     def springs(self, a: Measured, b: Measured, kind: str) -> Iterator[Term]:

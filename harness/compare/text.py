@@ -123,7 +123,7 @@ def _effect(trial: Trial, agrees: bool) -> str:
         return f"moves the motions by {trial.moved:.1e}, which others undo"
     if trial.explained == 1.0:
         return "explains all of it"
-    return f"explains {_share(trial.explained)} of it"
+    return f"explains {_share(trial.explained)} of it, moves by {trial.moved:.1e}"
 
 
 def _share(explained: float) -> str:

@@ -82,7 +82,7 @@ def _element(source: Source, raw: RawElement, key: tuple[str, str | None, int]) 
         attributes[name] = _value(source, raw.attributes[name], span, match.span())
         at = match.end()
     close = data.index(b">", at)
-    closed = data[raw.end : raw.end + 2] == b"</"
+    closed = data[at:close].strip() != b"/"
     end = data.index(b">", raw.end) + 1 if closed else close + 1
     text = Value("", (at, at), (at, at), (), 0)
     if closed and not raw.children and raw.text.strip():
