@@ -118,13 +118,15 @@ def compare(wish: Wish, ask: Ask) -> Comparison:
     )
     notes = [*a.notes, *b.notes]
     if not len(recorded.runs.z):
-        raise TroubleError(Trouble(
-            f"{source.name}: its motion is smooth at none of {recorded.lost} states", ""
-        ))  # fmt: skip
+        reason = (
+            f"its motion is resolved in none of {recorded.lost} runs (contact, limit, friction)"
+        )
+        raise TroubleError(Trouble(f"{source.name}: {reason}", ""))
     if recorded.lost:
         notes.append(
-            f"{recorded.lost} of {recorded.lost + len(recorded.runs.z)} runs are left out: the"
-            f" motion of {matched.source} is not smooth there (a contact, a limit, friction)"
+            f"{recorded.lost} of {recorded.lost + len(recorded.runs.z)} runs are left out: there"
+            f" the motion of {matched.source} is not resolved (a contact, a limit, friction, or"
+            " too quick)"
         )
     z, w = matched.over(recorded.runs.z, recorded.runs.w)
     runs = replace(recorded.runs, z=z, w=w)

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engine import Array, Engine, Model
+from harness.engine import Array, Engine, EngineError, Model
 from harness.engines import engines
 from harness.sidecar import Sidecar, read_sidecar
+from harness.urdf import read_urdf
 
 STEP = 0.002
 GRAVITY = [0.0, 0.0, -9.81]
@@ -17,6 +18,12 @@ GRAVITY = [0.0, 0.0, -9.81]
 
 PREFERRED = {".urdf": ("pybullet", "mujoco")}
 """Which installed engine runs a format that several read, unless a sidecar or the user says."""
+
+
+PRODUCTS = ("ixy", "ixz", "iyz")
+"""Products of inertia in a URDF. Bullet turns them into principal axes by an iteration that stops
+short: against the file's own numbers, 16 random links were up to 6e-11 off, a chain's accelerations
+up to 3e-9. MuJoCo is exact to rounding."""
 
 
 class CompareError(ValueError):
@@ -97,10 +104,11 @@ def side(label: str, path: Path, engine: str | None) -> Side:
     beside = Path(f"{path}.toml")
     sidecar = read_sidecar(beside) if beside.is_file() else None
     name = _engine(label, path, engine, sidecar)
+    own = _quirks(path, name)
     if sidecar is None:
         bare, notes = _bare(path, name)
-        return Side(label, bare, name, notes)
-    return Side(label, sidecar, name)
+        return Side(label, bare, name, (*notes, *own))
+    return Side(label, sidecar, name, own)
 
 
 def _engine(label: str, path: Path, asked: str | None, sidecar: Sidecar | None) -> str:
@@ -153,6 +161,23 @@ def _bare(path: Path, engine: str) -> tuple[Sidecar, tuple[str, ...]]:
         settings = {"step": STEP}
         notes = (f"{path.name} has no sidecar: a step of {STEP:g} s is assumed",)
     return Sidecar(path, (engine,), settings, {}, {}, {}, ()), notes
+
+
+def _quirks(path: Path, engine: str) -> tuple[str, ...]:
+    """What an engine is known to lose of a file's digits."""
+    if engine != "pybullet":
+        return ()
+    try:
+        robot = read_urdf(path.read_text(encoding="utf-8"), path)
+    except (OSError, UnicodeDecodeError, EngineError):
+        return ()  # loading it will say so
+    products = (inertia.get(key, "0") for inertia in robot.iter("inertia") for key in PRODUCTS)
+    if not any(word.strip("+-0. \n\t") for word in products):
+        return ()
+    return (
+        f"{path.name} has products of inertia, whose principal axes PyBullet finds to 1e-9 or so:"
+        " a discrepancy of that size may be its own",
+    )
 
 
 def home(model: Model) -> Array:

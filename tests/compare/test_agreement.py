@@ -5,6 +5,7 @@ import pytest
 from harness.verdict import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
+from tests.compare.chains import chain
 
 SYSTEMS = (
     "mass_spring_damper", "simple_pendulum", "torsional_disc", "anchored_pair", "free_pair",
@@ -118,3 +119,33 @@ def test_a_state_of_the_users_own_is_run_too():
     found = agrees(compared(path, path, starts=({"theta": 2.9, "theta_dot": 0.25},)))
     here = found.recorded.runs
     assert any(z == 2.9 and w == 0.25 for z, w in zip(here.z[:, 0], here.w[:, 0], strict=True))
+
+
+@pytest.mark.parametrize(("seed", "joints"), [(1, 2), (3, 4), (5, 7)])
+def test_random_chains_agree_across_formats(tmp_path, seed, joints):
+    mjcf, urdf = chain(seed, joints)
+    a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)
+    agrees(compared(a, b, engine_b="mujoco"))
+
+
+def test_what_pybullet_loses_of_turned_inertias_is_told(tmp_path):
+    mjcf, urdf = chain(1, 2)
+    a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)
+    found = compared(a, b, engine_b="pybullet")
+    assert found.judgement.discrepancy < 1e-8
+    assert "principal axes PyBullet finds to 1e-9" in found.notes[-1]
+
+
+def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path):
+    path = model("simple_pendulum", "mujoco.xml")
+    wall = '<geom type="sphere" pos="0.6 0 0.55" size="0.1" contype="1" conaffinity="1"/>\n'
+    bob = '<geom name="bob" type="sphere" pos="0 0 -0.75" size="0.05"'
+    touching = changed(
+        tmp_path, path, ('<body name="pendulum"', f"{wall}<body name='pendulum'"),
+        (bob, f'{bob} contype="1" conaffinity="1"'),
+    )  # fmt: skip
+    found = agrees(compared(touching, touching))
+    assert 0 < found.recorded.lost < len(found.recorded.runs.z)
+    assert "runs are left out" in found.notes[0]
+    # Well within the contact the motion is smooth again: the wall is a difference.
+    assert compared(touching, path).judgement.outcome is Outcome.DIFFERS
