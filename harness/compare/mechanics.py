@@ -21,8 +21,9 @@ from harness.probe import Measured, Probe
 SPEEDS = (0.3, 0.6)
 """Speeds at which forces that resist are measured, in units of the size of the motions by rate."""
 
-WINDOWS = (1.0, 2.0)
-"""Each acceleration is taken over two times: what is not a limit differs between them."""
+WINDOWS = (1.0, 2.0, 4.0, 8.0)
+"""Each acceleration is taken over several times, shorter by these: long ones are free of rounding,
+short ones of everything else. Of the two known best, what they differ by is uncertain too."""
 
 BASES = 2
 """States where these are measured."""
@@ -133,10 +134,15 @@ class _Lens:
 
     @staticmethod
     def _agreed(found: list[Measured]) -> Measured:
-        """The one that is known best; what another says else is part of what is uncertain."""
-        best = min(found, key=lambda one: float(np.median(one.uncertainty)))
-        error = best.uncertainty + np.max([np.abs(one.value - best.value) for one in found], axis=0)
-        return Measured(best.value, _known(error))
+        """Each value from where it is known best; what the next best says else is uncertain."""
+        value, error = (
+            np.stack([getattr(one, key) for one in found]) for key in ("value", "uncertainty")
+        )
+        order = np.argsort(error, axis=0)[:2]
+        best, next_best = np.take_along_axis(value, order, axis=0)
+        with np.errstate(invalid="ignore"):
+            doubt = np.take_along_axis(error, order, axis=0)[0] + np.abs(best - next_best)
+        return Measured(best, _known(doubt))
 
     def forces(self, model: Model, z: Array, w: Array, at: Sequence[int]) -> Measured:
         """Mass times acceleration (B, r) at states, with the mass known at those numbered `at`."""
