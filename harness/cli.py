@@ -17,6 +17,7 @@ COMMANDS = {
     "report": "HTML from results, without running anything",
     "derive": "equations, linearization, modes and errata",
     "audit": "no motion: literals, compiled terms, accelerations",
+    "compare": "two models, no equations: do they move alike, and what differs",
     "mutate": "what the check would catch: each literal made wrong",
     "engines": "what is installed, versions, capabilities",
 }

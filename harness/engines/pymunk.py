@@ -80,6 +80,17 @@ class PymunkModel:
         if not self._reusable:
             self._build()
 
+    @property
+    def home(self) -> Array:
+        """Positions as the file builds the Space, (nz,)."""
+        return np.array(self._home)
+
+    @property
+    def reach(self) -> Array:
+        """Where positions may be drawn, (nz, 2): 1 m about where a body is built, and a turn."""
+        half = np.tile([1.0, 1.0, np.pi], len(self._bodies))
+        return np.stack([self.home - half, self.home + half], axis=1)
+
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout: a step moves positions with the old velocity, then updates it."""
         return 1, 1
@@ -114,6 +125,7 @@ class PymunkModel:
         # The C structs: calls beneath pymunk's own methods take a third of their time.
         self._handles = [body._body for body in bodies.values()]
         self.coordinates = tuple(f"{name}.{kind}" for name in bodies for kind in _KINDS)
+        self._home = self._places()
         self._reusable = _reusable(space, list(bodies.values()))
         self._joints = [
             (c._constraint, c.max_force) for c in space.constraints if type(c) in _caching()
