@@ -28,6 +28,7 @@ from harness.hypotheses import (
     together,
     zero_suspects,
 )
+from harness.prepare import Prepared
 from harness.sidecar import Sidecar
 from reference.motion import Motion
 from reference.numeric import Array
@@ -48,6 +49,13 @@ class InquiryTask:
     motions: Mapping[str, Motion]
     scales: Mapping[str, Array]
     variants: Variants
+
+
+def inquiry_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> InquiryTask:
+    """Gather what a diagnosis needs of the prepared system."""
+    return InquiryTask(
+        prepared.system, sidecar, engine, prepared.motions, prepared.scales, prepared.variants
+    )
 
 
 def inquire(task: InquiryTask) -> dict[str, Any]:

@@ -1,0 +1,81 @@
+"""Which system folders are meant, and what pytest is told to collect for them."""
+
+from __future__ import annotations
+
+import fnmatch
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from harness.folders import FolderError, system_folders
+
+DECLARATION = "system.py"
+
+
+def folders_under(name: str, unwanted: Sequence[str]) -> list[Path]:
+    """Every system folder that is `name`, or lies under it at any depth, sorted.
+
+    A bare name that is no path stands for the built-in system, as in `crosscheck run`.
+
+    Args:
+        unwanted: patterns of folder names that are not entered, pytest's `norecursedirs`.
+
+    Raises:
+        FolderError: where there is none.
+    """
+    path = Path(os.path.abspath(name))
+    if path.name == DECLARATION and path.is_file():
+        path = path.parent
+    if not path.is_dir() or (path / DECLARATION).is_file():
+        return [Path(os.path.abspath(folder)) for folder in system_folders([name])]
+    found = []
+    for here, inner, files in os.walk(path):
+        if DECLARATION in files:
+            found.append(Path(here))
+            inner.clear()
+        # Sorted and in place: the walk is then the same in every xdist worker.
+        inner[:] = sorted(n for n in inner if not any(fnmatch.fnmatch(n, u) for u in unwanted))
+    if not found:
+        raise FolderError(f"{name}: neither it nor a folder under it has a {DECLARATION}")
+    return sorted(found)
+
+
+def meant(config: pytest.Config) -> dict[str, list[Path]]:
+    """System folders by the path that was named, on the command line or else in the ini file.
+
+    Raises:
+        pytest.UsageError: for a path without a system folder.
+    """
+    named = config.getoption("crosscheck") or [str(p) for p in config.getini("crosscheck_paths")]
+    unwanted = [*config.getini("norecursedirs"), "__pycache__"]
+    try:
+        return {name: folders_under(name, unwanted) for name in named}
+    except FolderError as error:
+        raise pytest.UsageError(f"--crosscheck {error}") from None
+
+
+def arguments(config: pytest.Config, folders: dict[str, list[Path]]) -> list[str]:
+    """What pytest shall collect: the command line's arguments, and the folders' declarations.
+
+    `--crosscheck PATH` counts as an argument PATH: without others, nothing else is collected. An
+    argument inside PATH, such as a test's id, selects from it. The ini file's paths, like
+    `testpaths`, serve where the command line names nothing.
+    """
+    given = list(config.args) if config.args_source is config.ArgsSource.ARGS else []
+    if not config.getoption("crosscheck"):
+        if given:
+            return given
+        given = list(config.args)
+    inside = [Path(argument.split("::")[0]).resolve() for argument in given]
+    for name, found in folders.items():
+        # With the ini file's paths, `given` are the test paths, which select nothing.
+        selected = config.getoption("crosscheck") and any(
+            path.is_relative_to(root)
+            for path in inside
+            for root in (Path(name).resolve(), *(folder.resolve() for folder in found))
+        )
+        if not selected:
+            given += [str(folder / DECLARATION) for folder in found]
+    return list(dict.fromkeys(given))
