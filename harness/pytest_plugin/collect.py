@@ -14,17 +14,11 @@ from typing import Any
 
 import pytest
 
-from harness.pytest_plugin.decide import (
-    Ending,
-    decide,
-    diagnosis_lines,
-    figures,
-    in_brief,
-    told,
-)
+from harness.decide import Ending, decide
 from harness.pytest_plugin.keys import LABORATORY
 from harness.run import Record, model_files
 from harness.sidecar import Sidecar
+from harness.told import diagnosis_lines, figures, in_brief, told
 from harness.verdict import Outcome
 from reference.load import load_system
 from reference.system import DeclarationError

@@ -13,6 +13,7 @@ from harness.audit import audit_task, run_audit
 from harness.case import case_task, run_case
 from harness.engines import engines
 from harness.inquiry import inquire, inquiry_task
+from harness.main_module import without_main
 from harness.prepare import Prepared, prepare
 from harness.run import Record, failed, hurdle
 from harness.sidecar import Sidecar
@@ -72,10 +73,12 @@ class Laboratory:
     def close(self, *, at_once: bool) -> None:
         """End the worker process, if one was needed; `at_once`: with what it is doing."""
         if self._workers is not None:
-            self._workers.__exit__(KeyboardInterrupt if at_once else None, None, None)
+            with without_main():
+                self._workers.__exit__(KeyboardInterrupt if at_once else None, None, None)
             self._workers = None
 
     def _run(self, function: Callable[[Any], Any], argument: Any) -> Any:
-        if self._workers is None:
-            self._workers = Workers(1, self._limit).__enter__()
-        return self._workers.outcome(self._workers.submit(function, argument))
+        with without_main():
+            if self._workers is None:
+                self._workers = Workers(1, self._limit).__enter__()
+            return self._workers.outcome(self._workers.submit(function, argument))

@@ -32,10 +32,8 @@ class CrosscheckSession:
         except (argparse.ArgumentTypeError, ValueError) as error:
             raise pytest.UsageError(f"--crosscheck: {error}") from None
         folders = meant(config)
-        # A worker of xdist is given the arguments that its controller ended up with.
-        if not hasattr(config, "workerinput"):
-            config.args = arguments(config, folders)
-            config.args_source = config.ArgsSource.ARGS
+        config.args = arguments(config, folders)
+        config.args_source = config.ArgsSource.ARGS
         self._folders = {f.resolve() for found in folders.values() for f in found}
         self._laboratory = Laboratory(resolution, limit)
         config.stash[LABORATORY] = self._laboratory
