@@ -13,7 +13,8 @@ from harness.table import audit_findings, cause_sentences
 def told(record: Mapping[str, Any], decision: Decision, diagnosis: Mapping[str, Any] | None) -> str:
     """What a failing test prints: the verdict, its numbers, the cause, what the engine printed."""
     head = "audit" if "audit" in record else record["outcome"]
-    lines = [f"{head}: {decision.reason}"]
+    but = ", but" if head == "AGREES" else ":"  # to a project's demands
+    lines = [f"{head}{but} {decision.reason}"]
     if "audit" in record:
         lines += [f"  {text}" for text in audit_lines(record["audit"], notes=False)]
     numbers = {name: text for name, text in figures(record).items() if name != "outcome"}

@@ -28,7 +28,9 @@ def folders_under(name: str, unwanted: Sequence[str]) -> list[Path]:
     path = Path(os.path.abspath(name))
     if path.name == DECLARATION and path.is_file():
         path = path.parent
-    if not path.is_dir() or (path / DECLARATION).is_file():
+    if (path / DECLARATION).is_file():
+        return [path]
+    if not path.is_dir():
         return [Path(os.path.abspath(folder)) for folder in system_folders([name])]
     found = []
     for here, inner, files in os.walk(path):
