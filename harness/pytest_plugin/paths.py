@@ -38,7 +38,7 @@ def folders_under(name: str, unwanted: Sequence[str]) -> list[Path]:
             found.append(Path(here))
             inner.clear()
         # Sorted and in place: the walk is then the same in every xdist worker.
-        inner[:] = sorted(n for n in inner if not any(fnmatch.fnmatch(n, u) for u in unwanted))
+        inner[:] = sorted(name for name in inner if _enters(name, unwanted))
     if not found:
         raise FolderError(f"{name}: neither it nor a folder under it has a {DECLARATION}")
     return sorted(found)
@@ -51,9 +51,8 @@ def meant(config: pytest.Config) -> dict[str, list[Path]]:
         pytest.UsageError: for a path without a system folder.
     """
     named = config.getoption("crosscheck") or [str(p) for p in config.getini("crosscheck_paths")]
-    unwanted = [*config.getini("norecursedirs"), "__pycache__"]
     try:
-        return {name: folders_under(name, unwanted) for name in named}
+        return {name: folders_under(name, _unwanted(config)) for name in named}
     except FolderError as error:
         raise pytest.UsageError(f"--crosscheck {error}") from None
 
@@ -65,19 +64,36 @@ def arguments(config: pytest.Config, folders: dict[str, list[Path]]) -> list[str
     argument inside PATH, such as a test's id, selects from it. The ini file's paths, like
     `testpaths`, serve where the command line names nothing.
     """
-    given = list(config.args) if config.args_source is config.ArgsSource.ARGS else []
-    if not config.getoption("crosscheck"):
-        if given:
-            return given
-        given = list(config.args)
+    asked = bool(config.getoption("crosscheck"))
+    named = config.args_source is config.ArgsSource.ARGS
+    given = [] if asked and not named else list(config.args)
+    if named and not asked:
+        return given
     inside = [Path(argument.split("::")[0]).resolve() for argument in given]
+    unwanted = _unwanted(config)
     for name, found in folders.items():
-        # With the ini file's paths, `given` are the test paths, which select nothing.
-        selected = config.getoption("crosscheck") and any(
-            path.is_relative_to(root)
-            for path in inside
-            for root in (Path(name).resolve(), *(folder.resolve() for folder in found))
-        )
-        if not selected:
-            given += [str(folder / DECLARATION) for folder in found]
+        roots = [Path(name).resolve(), *(folder.resolve() for folder in found)]
+        if named and any(path.is_relative_to(root) for path in inside for root in roots):
+            continue
+        # Not what pytest comes by anyway: pytest 8 loses tests where arguments overlap.
+        given += [
+            str(folder / DECLARATION)
+            for folder in found
+            if not any(_reached(folder.resolve(), path, unwanted) for path in inside)
+        ]
     return list(dict.fromkeys(given))
+
+
+def _unwanted(config: pytest.Config) -> list[str]:
+    return [*config.getini("norecursedirs"), "__pycache__"]
+
+
+def _enters(name: str, unwanted: Sequence[str]) -> bool:
+    return not any(fnmatch.fnmatch(name, pattern) for pattern in unwanted)
+
+
+def _reached(folder: Path, start: Path, unwanted: Sequence[str]) -> bool:
+    """Whether pytest, collecting `start`, enters a folder."""
+    if not folder.is_relative_to(start):
+        return False
+    return all(_enters(name, unwanted) for name in folder.relative_to(start).parts)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from harness.commands import arguments as limits
-from harness.pytest_plugin.collect import CrosscheckItem, SystemFile
+from harness.pytest_plugin.collect import SystemFile
 from harness.pytest_plugin.keys import LABORATORY
 from harness.pytest_plugin.laboratory import Laboratory
 from harness.pytest_plugin.paths import DECLARATION, arguments, meant
@@ -50,17 +50,6 @@ class CrosscheckSession:
         if file_path.name == DECLARATION:
             return [SystemFile.from_parent(parent, path=file_path)]
         return [] if file_path.with_name(f"{file_path.name}.toml").is_file() else found
-
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Keep each case once: pytest 8 collects a file twice that two arguments lead to."""
-        seen: set[str] = set()
-        kept = []
-        for item in items:
-            if not isinstance(item, CrosscheckItem) or item.nodeid not in seen:
-                kept.append(item)
-            seen.add(item.nodeid)
-        items[:] = kept
 
     def pytest_sessionfinish(self, exitstatus: int | pytest.ExitCode) -> None:
         """End the worker process."""
