@@ -21,7 +21,7 @@ from harness.sidecar import Sidecar
 from harness.told import diagnosis_lines, figures, in_brief, told
 from harness.verdict import Outcome
 from reference.load import load_system
-from reference.system import DeclarationError
+from reference.system import DeclarationError, System
 
 WORDS = {"and", "or", "not", "True", "False", "None"}
 """What -m reads as something else than a marker's name."""
@@ -39,15 +39,11 @@ class SystemFile(pytest.File):
         # warnings are errors, that is meant for the project's own tests.
         with warnings.catch_warnings():
             warnings.simplefilter("default")
-            try:
-                system = load_system(folder)
-            except (DeclarationError, SystemExit) as error:
-                said = str(error)
-                if isinstance(error, SystemExit):
-                    said = f"{self.path}: it ends the process, exit code {error.code}"
-                yield self._unread(folder.name, self.path.name, said)
-                return
+            system, said = self._load(folder)
             found = list(model_files(folder))
+        if system is None:
+            yield self._unread(folder.name, self.path.name, said)
+            return
         scenarios = [scenario.name for scenario in system.scenarios]
         audit = "audit" if "audit" not in scenarios else "audit of the model"
         for one in found:
@@ -63,6 +59,14 @@ class SystemFile(pytest.File):
                         self, name=_plain(case) + tail, system=system.name, sidecar=one,
                         engine=engine, scenario=scenario,
                     )  # fmt: skip
+
+    def _load(self, folder: Path) -> tuple[System | None, str]:
+        try:
+            return load_system(folder), ""
+        except DeclarationError as error:
+            return None, str(error)
+        except SystemExit as error:
+            return None, f"{self.path}: it ends the process, exit code {error.code}"
 
     def _unread(self, system: str, file: str, reason: str) -> UnreadItem:
         return UnreadItem.from_parent(
