@@ -51,3 +51,23 @@ def test_the_engines_linearizations_are_taylors(folder):
                 assert twin["B_error"] <= 1e-8
                 assert twin["transfer_error"] <= 1e-6
                 assert twin["shapes"] > 1 - 1e-9
+
+
+SOUND = {
+    "system": "torsional_disc", "model": "mujoco.xml", "engine": "mujoco", "scenario": "free",
+    "discrepancy": 1e-13, "uncertainty": 1e-12, "claimed_order": 1, "order": 1.0, "raw_order": 1.0,
+    "checked_step": {"target": 0.001, "step": 1e-4, "measured": 0.001}, "energy_error": 0.01,
+    "constraint_drift": 0.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("fault", "count"), [
+    ({}, 0), ({"discrepancy": 2e-10}, 1), ({"uncertainty": 2e-10}, 1), ({"order": 1.4}, 1),
+    ({"order": float("nan")}, 1), ({"raw_order": 0.6}, 1), ({"checked_step": None}, 1),
+    ({"checked_step": {"target": 0.001, "step": 1e-4, "measured": 0.002}}, 1),
+    ({"energy_error": 0.3}, 1), ({"constraint_drift": 0.1}, 1),
+    ({"system": "drum_pendulum", "model": "mujoco_rolling.xml"}, 1),
+])  # fmt: skip
+def test_more_than_agreement_is_demanded_of_them(pytestconfig, fault, count):
+    (demands,) = pytestconfig.hook.pytest_crosscheck_case(record=SOUND | fault)
+    assert len(demands) == count
