@@ -15,6 +15,7 @@ from harness.diagnose import Diagnosis, diagnose
 from harness.engines import engines
 from harness.evidence import engine_ends, pick, reference_ends
 from harness.fit import Finding
+from harness.prepare import Prepared
 from harness.sidecar import Sidecar
 from harness.suspects import Bench, everything
 from harness.suspects.bench import scratch
@@ -37,6 +38,13 @@ class InquiryTask:
     motions: Mapping[str, Motion]
     scales: Mapping[str, Array]
     variants: Variants
+
+
+def inquiry_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> InquiryTask:
+    """Gather what a diagnosis needs of the prepared system."""
+    return InquiryTask(
+        prepared.system, sidecar, engine, prepared.motions, prepared.scales, prepared.variants
+    )
 
 
 def inquire(task: InquiryTask) -> dict[str, Any]:

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from harness.audit import audit_task, run_audit
-from harness.case import CaseTask, TwinTask, run_case, run_twins
+from harness.case import TwinTask, case_task, run_case, run_twins
 from harness.engine import Engine
 from harness.engines import engines
-from harness.inquiry import InquiryTask, inquire
+from harness.inquiry import InquiryTask, inquire, inquiry_task
 from harness.prepare import Prepared, prepare
 from harness.results import results
 from harness.sidecar import Sidecar, SidecarError, read_sidecar
@@ -82,7 +82,7 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
                     total += len(finished)
                 elif isinstance(value, Failure):
                     if "scenario" in about:
-                        finished = [about | _failed(value)]
+                        finished = [about | failed(value)]
                     elif "diagnosing" in about:
                         about["diagnosing"]["diagnosis"] = {"reason": value.reason}
                     elif "auditing" in about:
@@ -135,19 +135,15 @@ def _plan(
                 "system": prepared.system.name, "folder": str(prepared.folder),
                 "model": found.model.name, "engine": name,
             }  # fmt: skip
-            hurdle = _hurdle(known, name, found)
+            barred = hurdle(known, name, found)
             for place, scenario in enumerate(prepared.system.scenarios):
                 case = model | {"scenario": scenario.name, "place": place}
-                if hurdle is not None:
-                    ended.append(case | hurdle)
+                if barred is not None:
+                    ended.append(case | barred)
                     continue
-                task = CaseTask(
-                    prepared.system, found, name, scenario.name, prepared.motions[scenario.name],
-                    prepared.scales[scenario.name], prepared.amplitude, prepared.power,
-                    prepared.components, options.resolution,
-                )  # fmt: skip
+                task = case_task(prepared, found, name, scenario.name, options.resolution)
                 started[workers.submit(run_case, task)] = case
-            if hurdle is None:
+            if barred is None:
                 twins = TwinTask(
                     prepared.system, found, name, prepared.equilibria, prepared.amplitude,
                     prepared.push,
@@ -156,12 +152,8 @@ def _plan(
                 started[workers.submit(run_twins, twins)] = models[-1]
                 audit = workers.submit(run_audit, audit_task(prepared, found, name))
                 started[audit] = {"auditing": models[-1]}
-                inquiry = InquiryTask(
-                    prepared.system, found, name, prepared.motions, prepared.scales,
-                    prepared.variants,
-                )  # fmt: skip
                 inquiries[_key(model)] = _Inquiry(
-                    inquiry, models[-1], len(prepared.system.scenarios)
+                    inquiry_task(prepared, found, name), models[-1], len(prepared.system.scenarios)
                 )
     return ended, started
 
@@ -239,17 +231,18 @@ def model_files(folder: Path) -> Iterator[Sidecar | Record]:
         yield _not_run("-", f"{folder}: it has no model file with a sidecar, so nothing was run")
 
 
-def _hurdle(known: dict[str, Engine], name: str, sidecar: Sidecar) -> Record | None:
+def hurdle(known: dict[str, Engine], name: str, sidecar: Sidecar) -> Record | None:
+    """Why a model can't be run in an engine, as the fields of its cases; None where it can."""
     engine = known.get(name)
     if engine is None:
         names = ", ".join(sorted(known))
         reason = f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}"
-        return _failed(Failure(reason, ""))
+        return failed(Failure(reason, ""))
     if engine.version() is None:
         return _empty() | {"outcome": str(Outcome.ABSENT), "reason": f"{name} is not installed"}
     if sidecar.model.suffix not in engine.formats:
         reads = ", ".join(engine.formats)
-        return _failed(Failure(f"{sidecar.model}: {name} reads {reads} files alone", ""))
+        return failed(Failure(f"{sidecar.model}: {name} reads {reads} files alone", ""))
     return None
 
 
@@ -261,10 +254,11 @@ def _unprepared(folder: Path, failure: Failure) -> Record:
 
 def _not_run(model: str, reason: str) -> Record:
     case = {"model": model, "engine": "-", "scenario": "-", "place": 0}
-    return case | _failed(Failure(reason, ""))
+    return case | failed(Failure(reason, ""))
 
 
-def _failed(failure: Failure) -> Record:
+def failed(failure: Failure) -> Record:
+    """The fields of a case that could not be run."""
     return _empty() | {
         "outcome": str(Outcome.FAILED), "reason": failure.reason, "printed": failure.printed,
     }  # fmt: skip
