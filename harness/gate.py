@@ -32,6 +32,7 @@ class Terms:
         baseline: folder of the accepted baseline.
         engines: only these; none: all.
         every: run every case, changed or not.
+        diagnose: name the cause where a model differs, which takes a while.
         resolution, jobs, limit: as in `harness.run.Options`.
         parents: folders all of whose systems are given, so that one that is missing is gone;
             None: every system of the baseline is expected.
@@ -40,6 +41,7 @@ class Terms:
     baseline: Path
     engines: tuple[str, ...] = ()
     every: bool = False
+    diagnose: bool = False
     resolution: float = 1e-9
     jobs: int = 0
     limit: float = 120.0
@@ -53,7 +55,7 @@ class Gated:
     Attributes:
         changes: a `Change` for every case, worst first.
         stories: what changed in the files, a model or declaration each.
-        results: results of what was run; None where nothing was.
+        results: records of what was run, without what a report needs; None where nothing was.
         folders: hashes of every folder given, by name of its system.
         baseline: what was accepted, by name of the system.
         seconds: how long it took.
@@ -214,7 +216,7 @@ def _run(
         for name, one in baseline.items()
         for key, entry in one.cases.items()
     }
-    selection = Selection(models, _Tracks(tracks, baseline))
+    selection = Selection(models, _Tracks(tracks), terms.diagnose)
     return run(
         folders,
         Options(
@@ -227,7 +229,7 @@ def _run(
 class _Tracks(dict[str, Any]):
     """Tracks by case id; a new case takes the one that its scenario has in the baseline."""
 
-    def __init__(self, tracks: Mapping[str, Any], baseline: Mapping[str, SystemBaseline]) -> None:
+    def __init__(self, tracks: Mapping[str, Any]) -> None:
         super().__init__(tracks)
         self._scenarios = {(case.split("/")[0], one.scenario): one for case, one in tracks.items()}
 

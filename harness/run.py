@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,10 +43,12 @@ class Selection:
     Attributes:
         models: (folder, model file, engine) of those to run.
         tracks: accepted tracks, by case id.
+        diagnose: whether models that differ are diagnosed.
     """
 
     models: frozenset[tuple[str, str, str]]
     tracks: Mapping[str, Track] = field(default_factory=dict)
+    diagnose: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,9 +85,10 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
     total = 0
     inquiries: dict[tuple[str, str, str], _Inquiry] = {}
     tracks = known_tracks(options.baseline) if options.selection is None else {}
+    preparing = partial(prepare, described=options.selection is None)
     with Workers(options.jobs or os.cpu_count() or 1, options.limit) as workers:
         waiting: dict[Future[Any], Record | Path] = {
-            workers.submit(prepare, folder): folder for folder in folders
+            workers.submit(preparing, folder): folder for folder in folders
         }
         while waiting:
             done, _ = wait(waiting, return_when=FIRST_COMPLETED)
@@ -199,6 +203,8 @@ def _plan(
                     started[workers.submit(run_twins, twins)] = models[-1]
                     audit = workers.submit(run_audit, audit_task(prepared, found, name))
                     started[audit] = {"auditing": models[-1]}
+                if selection is not None and not selection.diagnose:
+                    continue
                 inquiry = InquiryTask(
                     prepared.system, found, name, prepared.motions, prepared.scales,
                     prepared.variants,

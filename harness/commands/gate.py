@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from harness.annotations import commands, write_summary
-from harness.baseline import DEFAULT, case_key
+from harness.baseline import DEFAULT
 from harness.changes import Status
 from harness.commands import arguments
 from harness.commands.codes import AGREE, DIFFER, FAIL
 from harness.folders import system_folders
 from harness.gate import Gated, Terms, accepted_folders, gate
 from harness.gate_text import gate_lines, notes, summary
-from harness.results import write_results, write_whole
+from harness.results import write_whole
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -30,11 +30,13 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.limits(command)
     arguments.jobs(command)
     baseline(command)
+    command.add_argument("--diagnose", action="store_true",
+                         help="name the cause where a model differs; takes a while")  # fmt: skip
     command.add_argument("--all", action="store_true", dest="every",
                          help="run every case, changed or not")  # fmt: skip
     command.add_argument(
         "--out", type=Path, default=Path("reports/gate"), metavar="DIR",
-        help="where gate.json, summary.md and results.json go (reports/gate)",
+        help="where gate.json and summary.md go (reports/gate)",
     )  # fmt: skip
 
 
@@ -61,13 +63,6 @@ def main(options: argparse.Namespace) -> int:
     write_summary(text, os.environ)
     write_whole(options.out / "summary.md", text)
     write_whole(options.out / "gate.json", json.dumps(_plain(found), indent=1) + "\n")
-    results = options.out / "results.json"
-    ran = published(found)
-    if ran is None:
-        # What an earlier gate ran is not what this one found.
-        results.unlink(missing_ok=True)
-    else:
-        write_results(results, ran)
     return code(found)
 
 
@@ -95,6 +90,7 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], Terms]:
             folders = system_folders([])
     terms = Terms(
         options.baseline, tuple(options.engine), getattr(options, "every", False),
+        getattr(options, "diagnose", False),
         options.resolution, options.jobs, options.time_limit, parents,
     )  # fmt: skip
     return folders, terms
@@ -118,19 +114,6 @@ class Watch:
     def __exit__(self, *_: object) -> None:
         if self._shown is not None:
             self._shown.__exit__(*_)
-
-
-def published(found: Gated) -> dict[str, Any] | None:
-    """The results of what was run, as every report reads them: known differences marked."""
-    if found.results is None:
-        return None
-    known = {c.case: c.entry["reason"] for c in found.of(Status.KNOWN) if c.entry is not None}
-    cases = []
-    for case in found.results["cases"]:
-        plain = {key: value for key, value in case.items() if key != "measured"}
-        key = f"{case['system']}/{case_key(case['model'], case['scenario'], case['engine'])}"
-        cases.append(plain | ({"accepted": known[key]} if key in known else {}))
-    return {**found.results, "cases": cases}
 
 
 def _plain(found: Gated) -> dict[str, Any]:
