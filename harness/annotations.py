@@ -9,6 +9,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 MOST = 10
 """Annotations that GitHub shows of a step and level."""
@@ -40,6 +41,37 @@ class Annotation:
             f"::{self.level} file={where},line={self.line},title={title}"
             f"::{_data(self.message[:_LONGEST])}"
         )
+
+
+def case_notes(results: Mapping[str, Any]) -> list[Annotation]:
+    """An annotation for each model of a run that does not agree, worst first, at its cause."""
+    ranks = ("FAILED", "DIFFERS", "UNRESOLVED", "ABSENT")
+    bad = [c for c in results["cases"] if c["outcome"] in ranks and not c.get("accepted")]
+    bad.sort(key=lambda c: (ranks.index(c["outcome"]), -(c["discrepancy"] or 0.0)))
+    causes = {
+        (m["folder"], m["model"], m["engine"]): m["diagnosis"]
+        for m in results["models"]
+        if (m.get("diagnosis") or {}).get("findings")
+    }
+    made: dict[tuple[str, str, str], Annotation] = {}
+    for case in bad:
+        about = case["folder"], case["model"], case["engine"]
+        if about in made:
+            continue
+        folder = Path(case["folder"])
+        file = folder / case["model"]
+        path, line, message = (file if file.is_file() else folder), 1, case["reason"]
+        diagnosis = causes.get(about)
+        if diagnosis and diagnosis["explained"]:
+            cause = diagnosis["findings"][0]
+            message = f"{cause['cause']}: {message}"
+            name, _, number = next((w for w in cause["where"] if w), "").rpartition(":")
+            if number.isdigit() and (folder / Path(name).name).is_file():
+                path, line = folder / Path(name).name, int(number)
+        level = "warning" if case["outcome"] == "ABSENT" else "error"
+        title = f"{case['outcome']} {case['system']}/{case['model']}/{case['scenario']}"
+        made[about] = Annotation(level, path, line, f"{title} [{case['engine']}]", message)
+    return list(made.values())
 
 
 def in_ci(environment: Mapping[str, str] | None = None) -> bool:

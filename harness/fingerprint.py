@@ -66,15 +66,15 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
     Raises:
         OSError: for a file that can't be read. What can't be read is not taken as unchanged.
     """
-    sidecars, broken = {}, []
+    sidecars, broken, own = {}, [], {"system.py"}
     for path in sorted(folder.glob("*.toml")):
+        own |= {path.name, path.with_suffix("").name}
         try:
             sidecars[path.with_suffix("").name] = read_sidecar(path)
         except SidecarError as error:
             broken.append(str(error))
     models = [p.name for p in sorted(folder.iterdir()) if p.suffix in _MODEL]
     broken += [f"{folder / name}: has no sidecar" for name in models if name not in sidecars]
-    own = {"system.py", *sidecars, *(f"{name}.toml" for name in sidecars)}
     beside = {
         name: digest(folder / name)
         for name in _inside(folder, apart)

@@ -73,6 +73,12 @@ class Gated:
         """Whether every case passes, and there is one at all."""
         return bool(self.changes) and all(change.status.passes for change in self.changes)
 
+    @property
+    def diagnosed(self) -> list[Record]:
+        """Records of the models that were diagnosed."""
+        models = [] if self.results is None else self.results["models"]
+        return [model for model in models if model.get("diagnosis")]
+
     def of(self, *statuses: Status) -> tuple[Change, ...]:
         """The changes of some statuses."""
         return tuple(change for change in self.changes if change.status in statuses)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.annotations import Annotation
+from harness.annotations import Annotation, case_notes
 from harness.changes import Change, Status
 from harness.gate import Gated
 
@@ -120,8 +120,12 @@ def _causes(found: Gated) -> list[str]:
 
 
 def _place(found: Gated, change: Change) -> tuple[Path, int, str]:
-    """Where a change is to be shown: its first changed spot, or the model file."""
+    """Where a change is to be shown: the diagnosed cause, a changed spot, or the model file."""
     model = change.key.split("/", 1)[0]
+    if change.record is not None and change.record["outcome"] == "DIFFERS":
+        for note in case_notes({"cases": [change.record], "models": found.diagnosed}):
+            if note.line > 1:
+                return note.file, note.line, note.message
     first = ["system.py", model] if "equations" in change.kinds else [model, f"{model}.toml"]
     mine = [s for s in found.stories if s.system == change.system and model in s.models]
     for story in sorted(mine, key=lambda s: first.index(s.name) if s.name in first else 2):

@@ -8,7 +8,7 @@ import sys
 from harness.annotations import in_ci
 from harness.commands import arguments
 from harness.commands.codes import AGREE, FAIL, USAGE
-from harness.commands.gate import Watch, baseline, meant
+from harness.commands.gate import Watch, meant
 from harness.gate import gate
 
 
@@ -25,7 +25,7 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.engine(command)
     arguments.limits(command)
     arguments.jobs(command)
-    baseline(command)
+    arguments.baseline(command)
 
 
 def main(options: argparse.Namespace) -> int:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from harness.annotations import commands, write_summary
-from harness.baseline import DEFAULT
 from harness.changes import Status
 from harness.commands import arguments
 from harness.commands.codes import AGREE, DIFFER, FAIL
@@ -29,7 +28,7 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.engine(command)
     arguments.limits(command)
     arguments.jobs(command)
-    baseline(command)
+    arguments.baseline(command)
     command.add_argument("--diagnose", action="store_true",
                          help="name the cause where a model differs; takes a while")  # fmt: skip
     command.add_argument("--all", action="store_true", dest="every",
@@ -38,12 +37,6 @@ def add(command: argparse.ArgumentParser) -> None:
         "--out", type=Path, default=Path("reports/gate"), metavar="DIR",
         help="where gate.json and summary.md go (reports/gate)",
     )  # fmt: skip
-
-
-def baseline(command: argparse.ArgumentParser) -> None:
-    """Add --baseline DIR."""
-    command.add_argument("--baseline", type=Path, default=DEFAULT, metavar="DIR",
-                         help=f"the accepted baseline ({DEFAULT.as_posix()})")  # fmt: skip
 
 
 def main(options: argparse.Namespace) -> int:
