@@ -152,10 +152,7 @@ def compare(system: str, key: str, entry: Record, track: Record, now: Now) -> Ch
     elif settled and outcome != "AGREES" and _discrepancy_moved(entry, record):
         worse = True
         kinds += _blamed(causes)
-        told.append(
-            f"the discrepancy is {record['discrepancy']:.3e} where {entry['discrepancy']:.3e} was"
-            " accepted"
-        )
+        told.append(f"the discrepancy is {_known_to(record)} where {_known_to(entry)} was accepted")
     worse_numbers, better_numbers, sentences = _numbers(entry, record, settled)
     if sentences:
         kinds.append("numbers")
@@ -192,7 +189,7 @@ def is_known(entry: Record, track: Record, record: Record) -> str:
     if _moved(track["end"], nothing, by_equations, track):
         return "the equations' motion moved"
     if _discrepancy_moved(entry, record):
-        return f"its discrepancy was {entry['discrepancy']:.3e}"
+        return f"its discrepancy was {_known_to(entry)}"
     return ""
 
 
@@ -277,6 +274,12 @@ def _discrepancy_moved(entry: Record, record: Record) -> bool:
         # No digit is claimed of a case whose uncertainty is infinite, before and after alike.
         return [value is None for value in bounds] not in ([True, True], [False, False])
     return bool(abs(values[0] - values[1]) > sum(bounds) + ROUNDING)
+
+
+def _known_to(record: Record) -> str:
+    """A discrepancy with its uncertainty, either of which may have no finite value."""
+    size, bound = record["discrepancy"], record["uncertainty"]
+    return " ± ".join("unknown" if x is None else f"{x:.3e}" for x in (size, bound))
 
 
 def _numbers_kind(entry: Record, record: Record) -> list[str]:

@@ -21,6 +21,13 @@ def exit_code(found: dict[str, Any], require_engines: bool) -> int:
         return FAIL
     if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED}:
         return DIFFER
-    if any(audit_findings(model) for model in found.get("models", ())):
+    # What the audit finds in a model whose difference was accepted is what was accepted.
+    accepted = {_model(case) for case in found["cases"] if case.get("accepted")}
+    models = [model for model in found.get("models", ()) if _model(model) not in accepted]
+    if any(audit_findings(model) for model in models):
         return DIFFER
     return AGREE
+
+
+def _model(record: dict[str, Any]) -> tuple[str, ...]:
+    return tuple(str(record.get(name)) for name in ("folder", "model", "engine"))
