@@ -8,12 +8,15 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from harness.baseline import BaselineError
 from harness.commands.codes import FAIL, USAGE
 from harness.folders import FolderError
 from harness.results import ResultsError
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",
+    "gate": "run what changed, and compare it with what was accepted",
+    "accept": "accept the present results as the baseline, with a reason",
     "report": "HTML from results, without running anything",
     "derive": "equations, linearization, modes and errata",
     "audit": "no motion: literals, compiled terms, accelerations",
@@ -32,6 +35,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (FolderError, ResultsError) as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return USAGE
+    except BaselineError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
     except OSError as error:
         print(f"crosscheck: {error.filename or ''}: {error.strerror}", file=sys.stderr)
         return FAIL

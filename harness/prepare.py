@@ -62,8 +62,11 @@ class Prepared:
     record: Mapping[str, Any]
 
 
-def prepare(folder: Path) -> Prepared:
+def prepare(folder: Path, described: bool = True) -> Prepared:
     """Load `folder/system.py`, derive, linearize and solve every scenario.
+
+    Without `described` the record has names, constants and scenarios alone: formulas as text cost
+    more than all the rest, and only a report shows them.
 
     Raises:
         DeclarationError, ReferenceError: naming what is wrong and where.
@@ -80,7 +83,7 @@ def prepare(folder: Path) -> Prepared:
     names = [c.name for c in system.coordinates]
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
-    record = describe_system(equations, linear, motions)
+    record = describe_system(equations, linear, motions) if described else _brief(system)
     record["seconds"] = time.perf_counter() - began
     return Prepared(
         folder=folder,
@@ -136,6 +139,14 @@ def describe_system(
             for s in system.scenarios
         ],
     }  # fmt: skip
+
+
+def _brief(system: System) -> dict[str, Any]:
+    return {
+        "name": system.name,
+        "constants": [{**_named(c), "value": float(c.value)} for c in system.constants],
+        "scenarios": [{"name": s.name} for s in system.scenarios],
+    }
 
 
 def _named(item: Any) -> dict[str, str]:
