@@ -29,6 +29,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--crosscheck-time-limit", metavar="S", default="120",
         help="seconds that one case may take (120)",
     )  # fmt: skip
+    group.addoption(
+        "--crosscheck-baseline", metavar="DIR", default="reports/baseline",
+        help="where known differences are looked up, in the root folder (reports/baseline)",
+    )  # fmt: skip
     parser.addini(
         "crosscheck_paths", type="paths", default=[],
         help="paths for --crosscheck, where the command line names neither tests nor paths",

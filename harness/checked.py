@@ -13,9 +13,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from harness.audit_text import audit_lines
+from harness.baseline import DEFAULT
 from harness.commands.arguments import check_engines
 from harness.decide import Ending, decide
 from harness.folders import system_folders
@@ -145,7 +147,7 @@ class Checked:
 
 def check(
     *paths: str | PathLike[str], engines: Sequence[str] = (), resolution: float = 1e-9,
-    jobs: int = 0, time_limit: float = LIMIT,
+    jobs: int = 0, time_limit: float = LIMIT, baseline: str | PathLike[str] = DEFAULT,
 ) -> Checked:  # fmt: skip
     """Run every model of the system folders at `paths` in every scenario, and judge it.
 
@@ -155,16 +157,18 @@ def check(
         resolution: relative discrepancy to resolve.
         jobs: worker processes; 0: one per processor.
         time_limit: seconds that one case may take.
+        baseline: where differences that were accepted are looked up.
 
     Raises:
         FolderError: for a path that is no system folder, or an engine that nobody knows.
+        BaselineError: for a baseline that can't be believed.
         ValueError: for a resolution that double precision can't serve.
     """
     check_engines(engines)
     if not 1e-13 <= resolution <= 1e-2:
         raise ValueError(f"the resolution {resolution} is not between 1e-13 and 1e-2")
     folders = system_folders([str(path) for path in paths])
-    options = Options(tuple(engines), resolution, jobs, time_limit)
+    options = Options(tuple(engines), resolution, jobs, time_limit, Path(baseline))
     with without_main():
         found = run(folders, options, lambda *_: None)
     return Checked(

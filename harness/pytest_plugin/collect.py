@@ -155,8 +155,7 @@ class CrosscheckItem(pytest.Item):
         if self.scenario is None:
             return record | (hurdle or laboratory.audit(folder, self.sidecar, self.engine))
         record["scenario"] = self.scenario
-        found = hurdle or laboratory.case(folder, self.sidecar, self.engine, self.scenario)
-        return record | found
+        return record | hurdle if hurdle else laboratory.case(record, folder, self.sidecar)
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Where it is: the model file; and its name as `crosscheck run` has it."""

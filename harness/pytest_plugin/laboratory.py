@@ -13,18 +13,22 @@ from harness.audit import audit_task, run_audit
 from harness.case import case_task, run_case
 from harness.engines import engines
 from harness.inquiry import inquire, inquiry_task
+from harness.known import known_tracks, mark_known
 from harness.main_module import without_main
+from harness.measure import MeasureTask, measure
 from harness.prepare import Prepared, prepare
 from harness.run import Record, failed, hurdle
 from harness.sidecar import Sidecar
+from harness.table import case_id
 from harness.workers import Failure, Workers
 
 
 class Laboratory:
     """Runs one case or audit at a time, apart from pytest: a crash there is an outcome here."""
 
-    def __init__(self, resolution: float, limit: float) -> None:
-        self._resolution, self._limit = resolution, limit
+    def __init__(self, resolution: float, limit: float, baseline: Path | None) -> None:
+        self._resolution, self._limit, self._baseline = resolution, limit, baseline
+        self._tracks = known_tracks(baseline)
         self._workers: Workers | None = None
         self._engines = engines()
         self._prepared: dict[Path, Prepared | Failure] = {}
@@ -40,14 +44,29 @@ class Laboratory:
             self._prepared[folder] = self._run(prepare, folder)
         return self._prepared[folder]
 
-    def case(self, folder: Path, sidecar: Sidecar, engine: str, scenario: str) -> Record:
-        """Run a case; returns what a record of it has beyond its name."""
+    def case(self, named: Record, folder: Path, sidecar: Sidecar) -> Record:
+        """Run the case that a record names; returns the whole record.
+
+        A difference that the baseline knows has `accepted`, the reason it was accepted with.
+        """
         found = self.prepared(folder)
         if isinstance(found, Failure):
-            return failed(found)
+            return named | failed(found)
+        engine, scenario = named["engine"], named["scenario"]
         task = case_task(found, sidecar, engine, scenario, self._resolution)
         value = self._run(run_case, task)
-        return failed(value) if isinstance(value, Failure) else value
+        if isinstance(value, Failure):
+            return named | failed(value)
+        record: Record = named | value
+        if case_id(record) in self._tracks:
+            measuring = MeasureTask(
+                found.system, sidecar, engine, scenario, task.motion, task.scale, found.components,
+                found.variants, self._tracks[case_id(record)],
+            )  # fmt: skip
+            seen = self._run(measure, measuring)
+            record["measured"] = {"failed": seen.reason} if isinstance(seen, Failure) else seen
+            mark_known([record], self._baseline)
+        return record
 
     def audit(self, folder: Path, sidecar: Sidecar, engine: str) -> Record:
         """Audit a model; returns `audit`, its findings and notes, or why there is none."""

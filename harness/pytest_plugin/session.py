@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from harness.baseline import BaselineError
 from harness.commands import arguments as limits
 from harness.pytest_plugin.collect import SystemFile
 from harness.pytest_plugin.keys import LABORATORY
@@ -35,7 +36,11 @@ class CrosscheckSession:
         config.args = arguments(config, folders)
         config.args_source = config.ArgsSource.ARGS
         self._folders = {f.resolve() for found in folders.values() for f in found}
-        self._laboratory = Laboratory(resolution, limit)
+        try:
+            baseline = config.rootpath / config.getoption("crosscheck_baseline")
+            self._laboratory = Laboratory(resolution, limit, baseline)
+        except BaselineError as error:
+            raise pytest.UsageError(f"--crosscheck: {error}") from None
         config.stash[LABORATORY] = self._laboratory
         config.addinivalue_line("markers", ABOUT)
 

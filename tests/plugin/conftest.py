@@ -55,9 +55,8 @@ def answers(monkeypatch):
     monkeypatch.setattr(Laboratory, "prepared", lambda *_: None)
     monkeypatch.setattr(Laboratory, "audit", lambda *_: {"audit": told.get("audit", [])})
     monkeypatch.setattr(
-        Laboratory, "case", lambda _, folder, sidecar, engine, scenario: RECORD
-        | told.get(scenario, {}),
-    )  # fmt: skip
+        Laboratory, "case", lambda _, named, *rest: named | RECORD | told.get(named["scenario"], {})
+    )
     monkeypatch.setattr(Laboratory, "diagnosis", lambda *_: {"findings": [], "reason": "untold"})
     return told
 

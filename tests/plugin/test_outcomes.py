@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
+from harness.cli import main
 from harness.decide import Ending, decide
 from harness.inquiry import inquire
 from harness.pytest_plugin.laboratory import Laboratory
@@ -132,6 +133,28 @@ def test_a_known_difference_passes_and_is_shown(project, answers):
         p.get("name"): p.get("value") for p in ET.parse(project.path / "j.xml").iter("property")
     }
     assert told["accepted"] == "a soft joint"
+
+
+def test_what_was_accepted_passes_until_it_changes(project, monkeypatch):
+    monkeypatch.chdir(project.path)
+    # What no person sits at may not accept.
+    for name in ("CI", "GITHUB_ACTIONS"):
+        monkeypatch.delenv(name, raising=False)
+    path = project.add() / "mujoco.xml"
+    project.edit(path, 'stiffness="47.0"', 'stiffness="47.01"')
+    arguments = ("--crosscheck", "models", "-k", "free")
+    project.run(*arguments).assert_outcomes(failed=1, deselected=3)
+    assert main(["accept", "--folder", "models", "--reason", "a worn spring"]) == 0
+    done = project.run(*arguments)
+    done.assert_outcomes(passed=1, deselected=3)
+    done.stdout.fnmatch_lines([f"accepted: DIFFERS {MSD}/mujoco.xml/free: a worn spring"])
+    project.edit(path, 'stiffness="47.01"', 'stiffness="47.02"')
+    done = project.run(*arguments)
+    done.assert_outcomes(failed=1, deselected=3)
+    done.stdout.fnmatch_lines(["DIFFERS: *a known difference was accepted here (a worn spring)*"])
+    entry = next((project.path / "reports/baseline").glob("*.json"))
+    entry.write_text(entry.read_text().replace("a worn spring", "nothing"))
+    assert project.run(*arguments).ret == pytest.ExitCode.USAGE_ERROR
 
 
 def test_a_projects_conftest_may_demand_more_of_the_models_below_it(project, answers):
