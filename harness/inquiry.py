@@ -28,6 +28,7 @@ from harness.hypotheses import (
     together,
     zero_suspects,
 )
+from harness.redraw import RedrawTask, redraw
 from harness.sidecar import Sidecar
 from reference.motion import Motion
 from reference.numeric import Array
@@ -58,10 +59,14 @@ def inquire(task: InquiryTask) -> dict[str, Any]:
     """
     began = time.perf_counter()
     diagnosis = diagnosed(task)
+    shown = RedrawTask(
+        task.system, task.sidecar, task.engine, task.motions, task.scales, task.variants
+    )
     return {
         "explained": diagnosis.explained,
         "floor": diagnosis.floor,
         "findings": [_record(finding) for finding in diagnosis.findings[:TOLD]],
+        "redrawn": redraw(shown, diagnosis),
         "seconds": time.perf_counter() - began,
     }
 
