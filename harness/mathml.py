@@ -29,7 +29,8 @@ def writer(system: System) -> Write:
 
     def write(expression: Any) -> str:
         text = str(printer.doprint(sp.sympify(expression)))
-        return f"<mrow>{text.replace('&InvisibleTimes;', INVISIBLE_TIMES)}</mrow>"
+        text = text.replace("&InvisibleTimes;", INVISIBLE_TIMES).replace("<mo>-</mo>", "<mo>−</mo>")
+        return f"<mrow>{text}</mrow>"
 
     return write
 

@@ -75,7 +75,7 @@ system = System(
         Link("wall", (-0.8, -r), (0.8, -r)),
         Link("wall", (-0.8, r), (-0.8, -r)),
         Link("spring", (-0.8, 0), (x.q, 0), "k"),
-        Body("disc", (x.q, 0), 2 * r, 2 * r, -x.q / r, "M"),
+        Body("disc", (x.q, 0), 2 * r, 2 * r, pi / 2 - x.q / r, "M"),
         Link("rod", (x.q, 0), (x.q + l * sin(theta.q), -l * cos(theta.q)), "m"),
         Link("line", (x.q, 0), (x.q, -l)),
         Angle((x.q, 0), l / 2, -pi / 2, theta.q - pi / 2, "theta"),
