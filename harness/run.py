@@ -152,7 +152,7 @@ def _plan(
                     prepared.system, found, name, prepared.equilibria, prepared.amplitude,
                     prepared.push,
                 )  # fmt: skip
-                models.append(model | {"text": found.model.read_text("utf-8", errors="replace")})
+                models.append(model | texts(found))
                 started[workers.submit(run_twins, twins)] = models[-1]
                 audit = workers.submit(run_audit, audit_task(prepared, found, name))
                 started[audit] = {"auditing": models[-1]}
@@ -164,6 +164,15 @@ def _plan(
                     inquiry, models[-1], len(prepared.system.scenarios)
                 )
     return ended, started
+
+
+def texts(sidecar: Sidecar) -> Record:
+    """A model file and its sidecar, as they are run."""
+    files = {
+        "text": sidecar.model,
+        "sidecar": sidecar.model.with_name(f"{sidecar.model.name}.toml"),
+    }
+    return {name: path.read_text("utf-8", errors="replace") for name, path in files.items()}
 
 
 def _key(record: Record) -> tuple[str, str, str]:

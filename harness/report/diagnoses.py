@@ -42,7 +42,8 @@ class DiagnosisView:
         sentence: the cause.
         explained: whether it leaves no more than the uncertainty.
         findings: ranked.
-        lines: those of the file about the marked ones; None stands for what is left out.
+        files: the model file, or its sidecar, with the lines about the marked ones; None stands
+            for what is left out.
         audit: what was found by reading, (severity, message, where).
         cases: permalinks of the cases that differ, with their scenarios.
         pack: id of its numbers and plots; empty without.
@@ -55,7 +56,7 @@ class DiagnosisView:
     sentence: str
     explained: bool
     findings: tuple[FindingView, ...]
-    lines: tuple[Line | None, ...]
+    files: tuple[tuple[str, tuple[Line | None, ...]], ...]
     audit: tuple[tuple[str, str, str], ...]
     cases: tuple[tuple[str, str], ...]
     pack: str
@@ -89,7 +90,7 @@ def diagnosis_view(
         sentence=sentence(model),
         explained=bool(diagnosis.get("explained")),
         findings=tuple(_finding(one) for one in findings),
-        lines=_lines(model["text"], _marked(named, model["model"])),
+        files=_files(model, named),
         audit=tuple(
             (shown(e["kind"]), shown(e["message"]), _short(e["where"])) for e in audit
         ),
@@ -144,11 +145,19 @@ def _short(where: str) -> str:
     return shown(where.replace("\\", "/").rsplit("/", 1)[-1])
 
 
-def _marked(places: Sequence[str], model: str) -> set[int]:
+def _files(model: Record, places: Sequence[str]) -> tuple[tuple[str, tuple[Line | None, ...]], ...]:
+    """The model file and its sidecar, those of them that a place names."""
+    name = model["model"]
+    texts = {name: model["text"], f"{name}.toml": model.get("sidecar", "")}
+    found = ((file, _lines(text, _marked(places, file))) for file, text in texts.items())
+    return tuple((shown(file), lines) for file, lines in found if lines)
+
+
+def _marked(places: Sequence[str], file: str) -> set[int]:
     found = set()
     for place in places:
         name, _, line = place.rpartition(":")
-        if name.endswith(model) and line.isdigit():
+        if name.endswith(file) and line.isdigit():
             found.add(int(line))
     return found
 

@@ -299,8 +299,8 @@ def test_each_plot_has_words_and_a_table_of_its_numbers(
 def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> None:
     tab.open(f"{address}#{CASE}")
     colours = """[getComputedStyle(document.body).backgroundColor,
-      [...Bokeh.index].filter((view) => view.frame).map((v) => v.model.xaxes[0].axis_label_text_color)
-        .map((colour) => colour.value ?? colour)]"""
+      [...Bokeh.index].filter((view) => view.frame).map((view) => view.model.xaxes[0])
+        .map((axis) => axis.axis_label_text_color.value ?? axis.axis_label_text_color)]"""
     drawn = "document.querySelectorAll('.view.current [data-drawn]').length > 1"
     tab.until(drawn)
     light = tab.run(colours)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from harness.report.cases import CaseView
+from harness.report.diagnoses import DiagnosisView
 from harness.report.text import agreeing_digits, equation, percent, shown, slug
 from harness.report.view import Report, report
 from tests.report.samples import results
@@ -20,6 +21,11 @@ def seen(troubled: dict[str, Any]) -> Report:
 
 def of(seen: Report, identity: str) -> CaseView:
     return next(case for case in seen.cases if case.id == identity)
+
+
+def marked(view: DiagnosisView) -> list[tuple[str, int]]:
+    return [(file, line.number) for file, lines in view.files for line in lines
+            if line and line.marked]  # fmt: skip
 
 
 def facts(view: Any) -> dict[str, str]:
@@ -191,7 +197,7 @@ def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
     ]
     view = seen.groups[0].models[1].diagnosis
     assert view is not None
-    assert [line.number for line in view.lines if line and line.marked] == [7]
+    assert marked(view) == [("robot.urdf", 7)]
 
 
 def test_an_unexplained_difference_is_not_given_a_cause(troubled: dict[str, Any]) -> None:
@@ -201,15 +207,27 @@ def test_an_unexplained_difference_is_not_given_a_cause(troubled: dict[str, Any]
     view = report(found).groups[0].models[0].diagnosis
     assert view is not None
     assert view.sentence.startswith("Unexplained: the best single cause, joint[x]@stiffness,")
-    assert view.lines == (), "no line is blamed"
+    assert view.files == (), "no line is blamed"
 
 
 def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> None:
     view = seen.groups[0].models[0].diagnosis
     assert view is not None
-    numbers = [line and line.number for line in view.lines]
-    assert numbers == [*range(17, 26), None]
-    assert [line.text.strip() for line in view.lines if line and line.marked] == ["<line n='21'/>"]
+    ((file, lines),) = view.files
+    assert file == "mujoco.xml"
+    assert [line and line.number for line in lines] == [*range(17, 26), None]
+    assert [line.text.strip() for line in lines if line and line.marked] == ["<line n='21'/>"]
+
+
+def test_a_cause_in_the_sidecar_is_marked_there(troubled: dict[str, Any]) -> None:
+    found = copy.deepcopy(troubled)
+    model = found["models"][0]
+    model["audit"] = []
+    model["sidecar"] = "[[spring]]\nstiffness = 38.0\n"
+    model["diagnosis"]["findings"][0]["where"] = ["mujoco.xml.toml:2"]
+    view = report(found).groups[0].models[0].diagnosis
+    assert view is not None
+    assert marked(view) == [("mujoco.xml.toml", 2)]
 
 
 def test_changes_since_the_baseline_lead_to_their_cases(seen: Report) -> None:
