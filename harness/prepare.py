@@ -205,6 +205,10 @@ def _transfers(one: Linearization, system: System) -> dict[tuple[Any, Any], Any]
 def _linear_mathml(one: Linearization, system: System) -> str:
     """M a + C v + K q = F u, the matrices written out and terms of zeros left out."""
     write = writer(system)
+    if len(system.q) == 1:
+        left = one.mass[0] * system.a[0] + one.damping[0] * system.v[0]
+        pushed = sum((f * u for f, u in zip(one.input, system.u, strict=True)), sp.Integer(0))
+        return equal(write(left + one.stiffness[0] * system.q[0]), write(pushed))
 
     def column(symbols: Any) -> str:
         return matrix(write, [[symbol] for symbol in symbols])

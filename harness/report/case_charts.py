@@ -36,7 +36,7 @@ def case_charts(
     shown_others = others[:OVERLAID]
     return (
         *(_motion(run, shown_others, i, units[i]) for i in range(half)),
-        *(_phase(run, shown_others, i, units) for i in range(half)),
+        *(_phase(run, i, units) for i in range(half)),
         *(_error(run, i, units[i], reach[i]) for i in range(2 * half)),
         *_energy(run),
         _convergence(run),
@@ -71,7 +71,7 @@ def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
     )  # fmt: skip
 
 
-def _phase(run: Run, others: Sequence[Run], i: int, units: Sequence[str]) -> Chart:
+def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
     names = [shown(name) for name in run.case["series"]["components"]]
     half = len(names) // 2
     position, speed = (values(run.case["series"]["reference"][k]) for k in (i, half + i))
@@ -82,10 +82,6 @@ def _phase(run: Run, others: Sequence[Run], i: int, units: Sequence[str]) -> Cha
         f"{names[i]} [{shown(units[i])}]", f"{names[half + i]} [{shown(units[half + i])}]",
         (
             Curve("reference", "reference", 0, run.reference[i], run.reference[half + i]),
-            *(
-                Curve(other.label, "other", place, other.engine[i], other.engine[half + i])
-                for place, other in enumerate(others)
-            ),
             Curve(
                 f"this: {run.label}, {run.step}", "engine", 0, run.engine[i], run.engine[half + i]
             ),
@@ -162,7 +158,8 @@ def _convergence(run: Run) -> Chart:
     wanted = [(e["step"], e["target"]) for e in case.get("steps_for", ()) if e["step"]]
     if wanted:
         x, y = np.array(wanted).T
-        curves.append(Curve("1 %, 0.1 %, 0.01 %", "target", 0, column(x, 6), column(y, 6)))
+        targets = ", ".join(f"{100 * target:g} %" for _, target in wanted)
+        curves.append(Curve(targets, "target", 0, column(x, 6), column(y, 6)))
     slope, whose = case["order"], "observed"
     if slope is None:
         slope, whose = case.get("claimed_order"), "claimed"
@@ -174,8 +171,8 @@ def _convergence(run: Run) -> Chart:
     return Chart(
         COST, "Convergence", "step h [s]", "relative error", tuple(curves),
         "Circles: root mean square over the segments, step by step. Squares: whole runs, largest"
-        " error. Diamonds: the steps that would give 1 %, 0.1 % and 0.01 %. Triangles: how far each"
-        " finer step still moved the limit. Dots: the slope.",
+        " error. Triangles: how far each finer step still moved the limit. Dots: the slope."
+        + (" Diamonds: the steps that would give these errors." if wanted else ""),
         f"As the step falls from {quantity(_at(h, 0), 's')} to {quantity(_at(h, -1), 's')}, the"
         f" error of the segments falls from {sci(_at(raw, 0))} to {sci(_at(raw, -1))}; the last one"
         f" moved the extrapolated limit by {sci(_at(draws, -1))}.",

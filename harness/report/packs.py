@@ -123,7 +123,7 @@ def compressed(content: Mapping[str, Any]) -> str:
     """JSON, compressed, in letters that no element ends with; the same content, the same text."""
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     data = text.encode("ascii")
-    return base64.b64encode(gzip.compress(data, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
 
 
 def not_tex(text: str) -> str:

@@ -31,7 +31,7 @@ async function plot(chart, element, xRange) {
   const entries = [...items].map(([label, renderers]) => new LegendItem({ label: { value: label }, renderers }));
   figure.add_layout(new Legend({
     items: entries, click_policy: "hide", orientation: "horizontal", ncols: columns, padding: 0, margin: 2,
-    spacing: columns > 1 ? 12 : 0, label_standoff: 4, glyph_width: 26, background_fill_alpha: 0,
+    spacing: columns > 1 ? 4 : 0, label_standoff: 4, glyph_width: 26, background_fill_alpha: 0,
     border_line_alpha: 0, label_text_color: ink("--ink"), label_text_font: "system-ui", label_text_font_size: "12px",
     label_height: 15, glyph_height: 15,
   }), "below");
