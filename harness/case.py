@@ -168,6 +168,7 @@ def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) 
     uncertainty = (found.limit.uncertainty + motion.bound) / task.scale
     raw = np.sqrt(np.mean(((found.raw - motion.end) / task.scale) ** 2, axis=1))
     runs = (shipped, *lived.finer)
+    balance = shipped.balance
     n = len(amplitude) // 2
     return {
         "t": _tidy(t, 7),
@@ -188,6 +189,12 @@ def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) 
             "h": [run.h for run in runs],
             "error": [_round(float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])), 5)
                       for run in runs],
+            "seconds": [_round(run.seconds, 3) for run in runs],
+        },
+        "energy": {
+            "held": _tidy(balance.held[picked] - balance.held[0], 5),
+            "supplied": _tidy(balance.supplied[picked], 5),
+            "dissipated": _tidy(balance.dissipated[picked], 5),
         },
     }  # fmt: skip
 

@@ -16,6 +16,7 @@ from harness.engines import engines
 from harness.evidence import engine_ends, pick, reference_ends
 from harness.fit import Finding
 from harness.prepare import Prepared
+from harness.redraw import redraw
 from harness.sidecar import Sidecar
 from harness.suspects import Bench, everything
 from harness.suspects.bench import scratch
@@ -54,11 +55,14 @@ def inquire(task: InquiryTask) -> dict[str, Any]:
         EngineError, SidecarError, PlaceError, BlownUpError: naming what could not be run.
     """
     began = time.perf_counter()
-    diagnosis = diagnosed(task)
+    with bench(task) as (whole, uncertainty):
+        diagnosis = diagnose(whole, uncertainty)
+        redrawn = redraw(whole, task.motions, diagnosis)
     return {
         "explained": diagnosis.explained,
         "floor": diagnosis.floor,
         "findings": [_record(finding) for finding in diagnosis.findings[:TOLD]],
+        "redrawn": redrawn,
         "seconds": time.perf_counter() - began,
     }
 

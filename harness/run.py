@@ -189,7 +189,7 @@ def _plan(
                     )  # fmt: skip
                     started[workers.submit(measure, measuring)] = {"measuring": case}
             if barred is None:
-                models.append(model | {"text": found.model.read_text("utf-8", errors="replace")})
+                models.append(model | texts(found))
                 models[-1] |= {"linearization": []}
                 if selection is None:
                     twins = TwinTask(
@@ -205,6 +205,15 @@ def _plan(
                     inquiry_task(prepared, found, name), models[-1], len(prepared.system.scenarios)
                 )
     return ended, started
+
+
+def texts(sidecar: Sidecar) -> Record:
+    """A model file and its sidecar, as they are run."""
+    files = {
+        "text": sidecar.model,
+        "sidecar": sidecar.model.with_name(f"{sidecar.model.name}.toml"),
+    }
+    return {name: path.read_text("utf-8", errors="replace") for name, path in files.items()}
 
 
 def _key(record: Record) -> tuple[str, str, str]:

@@ -25,7 +25,7 @@ from harness.fit import Hypothesis
 from harness.segments import BlownUpError
 from harness.sidecar import Sidecar
 from harness.suspects.seen import Seen
-from harness.suspects.suspect import Suspect
+from harness.suspects.suspect import Change, Suspect
 from reference.integrate import ReferenceError
 from reference.numeric import Array
 from reference.variants import Variants
@@ -74,7 +74,7 @@ class Bench:
 
     def defect(self, faults: Faults) -> Array:
         """Engine - reference at the ends once these faults are repaired, scaled and flat, (N,)."""
-        return self._repaired(faults, RUNGS_USED) - self._moved(self._point(faults))
+        return self._repaired(faults, RUNGS_USED) - self._moved(self.point(faults))
 
     def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
         """How much of the defect a unit of each fault makes, near these faults, (len(of), N)."""
@@ -92,7 +92,7 @@ class Bench:
             else:
                 rows[row] = self._slope(faults, index)
         if free:
-            point = self._point(faults)
+            point = self.point(faults)
             rows[list(free)] = self._parameter_slopes(point, list(free.values()))
         return rows
 
@@ -119,8 +119,8 @@ class Bench:
         slopes: Array = (ahead - behind) / (2 * steps[:, None])
         return slopes
 
-    def _point(self, faults: Faults) -> Array:
-        """Parameters of the equations at these faults."""
+    def point(self, faults: Faults) -> Array:
+        """Parameters of the equations with these faults repaired, (P,)."""
         point = self.variants.nominal.copy()
         for row, fault in faults.items():
             for index, unit in self.suspects[row].change.parameters.items():
@@ -144,59 +144,56 @@ class Bench:
             return np.full(len(self.ends), REFUSED)
         return ends if np.isfinite(ends).all() else np.full_like(ends, REFUSED)
 
+    def repaired(self, faults: Faults) -> Model | None:
+        """The model with these faults repaired; None where that can't be.
+
+        Raises:
+            EngineError: where the engine refuses it.
+        """
+        return self._load(self._repair(faults))
+
     def _repaired(self, faults: Faults, rungs: tuple[int, ...]) -> Array:
         """Where the engine ends with these faults repaired, or `REFUSED` where it refuses."""
-        literals: dict[str, float] = {}
-        gravity = np.zeros(3)
-        settings: dict[str, object] = {}
-        sign, offset = np.ones(len(self.model.coordinates)), np.zeros(len(self.model.coordinates))
-        for row, fault in faults.items():
-            change = self.suspects[row].change
-            for address, unit in change.literals.items():
-                literals[address] = literals.get(address, 0.0) + fault * unit
-            gravity += fault * np.array(change.gravity)
-            if fault:
-                settings |= change.settings
-            if change.reversed >= 0 and fault:
-                sign[change.reversed] *= -1
-            if change.zero >= 0:
-                offset[change.zero] -= fault
-        key = (
-            tuple(sorted(literals.items())), gravity.tobytes(), repr(sorted(settings.items())),
-            sign.tobytes(), offset.tobytes(), rungs,
-        )  # fmt: skip
+        repair = self._repair(faults)
+        key = (repair.key, rungs)
         if key not in self._engine_ends:
-            self._engine_ends[key] = self._run(literals, gravity, settings, sign, offset, rungs)
+            self._engine_ends[key] = self._run(repair, rungs)
         return self._engine_ends[key]
 
-    def _run(
-        self, literals: Mapping[str, float], gravity: Array, settings: Mapping[str, object],
-        sign: Array, offset: Array, rungs: tuple[int, ...],
-    ) -> Array:  # fmt: skip
-        refused = np.full_like(self.ends, REFUSED)
-        sidecar = self.sidecar
-        literals = {address: change for address, change in literals.items() if change}
+    def _repair(self, faults: Faults) -> _Repair:
+        count = len(self.model.coordinates)
+        repair = _Repair(sign=np.ones(count), offset=np.zeros(count))
+        for row, fault in faults.items():
+            repair.take(self.suspects[row].change, fault)
+        return repair
+
+    def _run(self, repair: _Repair, rungs: tuple[int, ...]) -> Array:
+        if repair.nothing and rungs == RUNGS_USED:
+            return self.ends
+        try:
+            model = self._load(repair)
+            if model is not None:
+                return quick_ends(model, self.coordinates, self.samples, rungs)
+        except (EngineError, BlownUpError):
+            pass
+        return np.full_like(self.ends, REFUSED)
+
+    def _load(self, repair: _Repair) -> Model | None:
+        sidecar, settings = self.sidecar, repair.settings
+        literals = {address: change for address, change in repair.literals.items() if change}
         if literals:
             moved = self._literals(literals)
             if moved is None:
-                return refused
+                return None
             sidecar = with_literals(sidecar, moved, self.folder)
-        if gravity.any():
+        if repair.gravity.any():
             own = [*getattr(self.model, "gravity", ()), 0.0][:3]  # a planar engine has two
-            settings = {**settings, "gravity": [float(g) for g in np.array(own) + gravity]}
+            settings = {**settings, "gravity": [float(g) for g in np.array(own) + repair.gravity]}
         if settings:
             sidecar = at(sidecar, self.engine.name, **settings)
-        turned = bool(offset.any() or (sign < 0).any())
         same = sidecar is self.sidecar
-        if same and not turned and rungs == RUNGS_USED:
-            return self.ends
-        try:
-            model = self.model if same else self.engine.load(sidecar.spec(self.engine.name))
-            if turned:
-                model = Seen(model, sign, offset)
-            return quick_ends(model, self.coordinates, self.samples, rungs)
-        except (EngineError, BlownUpError):
-            return refused
+        model = self.model if same else self.engine.load(sidecar.spec(self.engine.name))
+        return Seen(model, repair.sign, repair.offset) if repair.turned else model
 
     def _literals(self, changes: Mapping[str, float]) -> dict[str, float] | None:
         """New values, or None where one would change its sign for one that is not meant."""
@@ -213,6 +210,48 @@ class Bench:
         for suspect in self.suspects:
             if address in suspect.change.literals and suspect.meant is not None:
                 yield float(np.sign(suspect.meant))
+
+
+@dataclass
+class _Repair:
+    """What is to be changed of a model, all faults together."""
+
+    sign: Array
+    offset: Array
+    literals: dict[str, float] = field(default_factory=dict)
+    gravity: Array = field(default_factory=lambda: np.zeros(3))
+    settings: dict[str, object] = field(default_factory=dict)
+
+    def take(self, change: Change, fault: float) -> None:
+        """Add the repair of one fault."""
+        for address, unit in change.literals.items():
+            self.literals[address] = self.literals.get(address, 0.0) + fault * unit
+        self.gravity += fault * np.array(change.gravity)
+        if fault:
+            self.settings |= change.settings
+        if change.reversed >= 0 and fault:
+            self.sign[change.reversed] *= -1
+        if change.zero >= 0:
+            self.offset[change.zero] -= fault
+
+    @property
+    def turned(self) -> bool:
+        """Whether coordinates are seen otherwise."""
+        return bool(self.offset.any() or (self.sign < 0).any())
+
+    @property
+    def nothing(self) -> bool:
+        """Whether it changes nothing."""
+        return not (any(self.literals.values()) or self.gravity.any() or self.settings
+                    or self.turned)  # fmt: skip
+
+    @property
+    def key(self) -> object:
+        """Equal for equal repairs."""
+        return (
+            tuple(sorted(self.literals.items())), self.gravity.tobytes(),
+            repr(sorted(self.settings.items())), self.sign.tobytes(), self.offset.tobytes(),
+        )  # fmt: skip
 
 
 def at(sidecar: Sidecar, engine: str, **settings: object) -> Sidecar:
