@@ -14,7 +14,7 @@ from harness.coordinates import CoordinateMap, coordinate_map
 from harness.engine import Model
 from harness.engines import engines
 from harness.plain import TARGETS, Cost, cost
-from harness.prepare import Equilibrium
+from harness.prepare import Equilibrium, Prepared
 from harness.segments import Extrapolated, extrapolate
 from harness.sidecar import Sidecar
 from harness.twin import Twin, twin
@@ -56,6 +56,17 @@ class TwinTask:
     equilibria: tuple[Equilibrium, ...]
     amplitude: Array
     push: Array
+
+
+def case_task(
+    prepared: Prepared, sidecar: Sidecar, engine: str, scenario: str, resolution: float
+) -> CaseTask:
+    """Gather what one case needs of its prepared system."""
+    return CaseTask(
+        prepared.system, sidecar, engine, scenario, prepared.motions[scenario],
+        prepared.scales[scenario], prepared.amplitude, prepared.power, prepared.components,
+        resolution,
+    )  # fmt: skip
 
 
 def load(system: System, sidecar: Sidecar, engine: str) -> tuple[Model, CoordinateMap]:
@@ -157,6 +168,7 @@ def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) 
     uncertainty = (found.limit.uncertainty + motion.bound) / task.scale
     raw = np.sqrt(np.mean(((found.raw - motion.end) / task.scale) ** 2, axis=1))
     runs = (shipped, *lived.finer)
+    balance = shipped.balance
     n = len(amplitude) // 2
     return {
         "t": _tidy(t, 7),
@@ -177,6 +189,12 @@ def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) 
             "h": [run.h for run in runs],
             "error": [_round(float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])), 5)
                       for run in runs],
+            "seconds": [_round(run.seconds, 3) for run in runs],
+        },
+        "energy": {
+            "held": _tidy(balance.held[picked] - balance.held[0], 5),
+            "supplied": _tidy(balance.supplied[picked], 5),
+            "dissipated": _tidy(balance.dissipated[picked], 5),
         },
     }  # fmt: skip
 

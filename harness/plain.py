@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -11,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from harness.coordinates import CoordinateMap
-from harness.energy import energy_balance
+from harness.energy import EnergyBalance, energy_balance
 from harness.engine import Model
 from harness.ladder import weights
 from reference.motion import Motion
@@ -44,7 +45,8 @@ class PlainRun:
         states: (S, 2n).
         error: engine - reference, (S, 2n).
         drift: largest constraint drift, in engine units.
-        energy: largest imbalance of the energy, relative to what is exchanged.
+        balance: of the energy.
+        seconds: that the engine took, of wall-clock time.
     """
 
     h: float
@@ -54,7 +56,13 @@ class PlainRun:
     states: Array
     error: Array
     drift: float
-    energy: float
+    balance: EnergyBalance
+    seconds: float
+
+    @property
+    def energy(self) -> float:
+        """Largest imbalance of the energy, relative to what is exchanged."""
+        return self.balance.error
 
     @property
     def finite(self) -> bool:
@@ -120,21 +128,38 @@ def plain_run(
     every: int = 0,
 ) -> PlainRun:  # fmt: skip
     """Run a motion from start to end with step h, sampled every so many steps (0: as it fits)."""
+    t, states, zs, steps, every, seconds = _rolled(model, coordinates, motion, h, every)
+    reference = motion.at(t)
+    balance = energy_balance(t, states, motion, power)
+    return PlainRun(
+        h, steps, every, t, states, states - reference, coordinates.drift(zs), balance, seconds
+    )  # fmt: skip
+
+
+def follow(
+    model: Model, coordinates: CoordinateMap, motion: Motion, h: float
+) -> tuple[Array, Array]:
+    """Sample times (S,) and states (S, 2n) of a motion's run from start to end with step h."""
+    return _rolled(model, coordinates, motion, h, 0)[:2]
+
+
+def _rolled(
+    model: Model, coordinates: CoordinateMap, motion: Motion, h: float, every: int
+) -> tuple[Array, Array, Array, int, int, float]:
     steps = math.floor(motion.duration / h * (1 + 1e-12))
     every = every or max(1, steps // SAMPLES)
     steps -= steps % every
     inputs = motion.inputs(h * np.arange(steps, dtype=np.float64), slack=1e-6 * h)[None]
     z, w = coordinates.to_engine(motion.start[:1])
-    zs, ws = model.rollout(z, w, h, steps, coordinates.force(inputs), every)
+    force = coordinates.force(inputs)
+    began = time.perf_counter()
+    zs, ws = model.rollout(z, w, h, steps, force, every)
+    seconds = time.perf_counter() - began
     grid: Array = h * every * np.arange(steps // every + 1, dtype=np.float64)
     t: Array = np.minimum(grid, motion.duration)
-    reference = motion.at(t)
     zs, ws = np.concatenate([z, zs[0]]), np.concatenate([w, ws[0]])
     states = coordinates.follow(zs, ws, motion.start[0])
-    energy = energy_balance(t, states, motion, power).error
-    return PlainRun(
-        h, steps, every, t, states, states - reference, coordinates.drift(zs), energy
-    )  # fmt: skip
+    return t, states, zs, steps, every, seconds
 
 
 def cost(

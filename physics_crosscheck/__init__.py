@@ -46,16 +46,6 @@ def claim() -> None:
         sys.meta_path.insert(0, _Own())
 
 
-def rivals(*folders: str) -> tuple[Path, ...]:
-    """Packages of others that bear one of our names, in these folders or on `sys.path`."""
-    found = []
-    for name in OWN:
-        spec = importlib.machinery.PathFinder.find_spec(name, [*folders, *sys.path])
-        if spec is not None and spec.origin is not None and not _ours(spec.origin, name):
-            found.append(Path(spec.origin))
-    return tuple(found)
-
-
 def _ours(file: str | None, name: str) -> bool:
     return file is not None and Path(file).resolve().parent == BESIDE / name
 

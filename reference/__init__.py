@@ -1,11 +1,12 @@
 """Reference equations: declared, derived, linearized and solved; no engine is known here."""
 
+from reference.sketch import Angle, Body, Link
 from reference.system import (
     Constant, Coordinate, DeclarationError, Equilibrium, Input, Output, Printed, Scenario, System,
     t,
 )  # fmt: skip
 
 __all__ = [
-    "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Output", "Printed",
-    "Scenario", "System", "t",
+    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
+    "Output", "Printed", "Scenario", "System", "t",
 ]  # fmt: skip

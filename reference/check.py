@@ -8,6 +8,7 @@ from typing import Any
 
 import sympy as sp
 
+from reference.sketch import BODIES, LINKS, Angle, Body, Link, expressions
 from reference.system import DeclarationError, System, t
 from reference.units import ENERGY, POWER, TIME, Dimension, UnitError, dimension_of, parse_unit
 
@@ -29,6 +30,7 @@ def check(system: System) -> None:
     _check_units(system, where)
     _check_energies(system, where)
     _check_maps(system, where)
+    _check_sketch(system, where)
 
 
 def _check_names(system: System, where: str) -> None:
@@ -194,6 +196,30 @@ def _check_maps(system: System, where: str) -> None:
             raise DeclarationError(
                 f"{where}, Eq. {printed.number}: states {printed.states!r} is unknown"
             )
+
+
+DRAWN = (sp.Symbol, sp.Number, sp.NumberSymbol, sp.Add, sp.Mul, sp.Pow, sp.sin, sp.cos, sp.tan)
+"""What the places of a sketch may be made of."""
+
+
+def _check_sketch(system: System, where: str) -> None:
+    known = {*system.q, *(c.symbol for c in system.constants)}
+    for number, shape in enumerate(system.sketch, 1):
+        place = f"{where}, shape {number} of the sketch"
+        if not isinstance(shape, (Link, Body, Angle)):
+            raise DeclarationError(f"{place}: {shape!r} is no Link, Body or Angle")
+        kinds = () if isinstance(shape, Angle) else BODIES if isinstance(shape, Body) else LINKS
+        if not isinstance(shape, Angle) and shape.kind not in kinds:
+            raise DeclarationError(f"{place}: {shape.kind!r} is unknown, it may be {list(kinds)}")
+        try:
+            found = expressions(shape)
+        except (TypeError, ValueError, sp.SympifyError) as error:
+            raise DeclarationError(f"{place}: a point is a pair (x, y): {error}") from None
+        for name, expression in found.items():
+            _check_symbols(expression, dict.fromkeys(known), f"{place}, {name},")
+            for part in sp.preorder_traversal(expression):
+                if not isinstance(part, DRAWN):
+                    raise DeclarationError(f"{place}, {name}: {part} can't be drawn")
 
 
 def _check_map(

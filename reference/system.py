@@ -13,6 +13,8 @@ from typing import Any
 
 import sympy as sp
 
+from reference.sketch import Shape
+
 t = sp.Symbol("t", real=True)
 """Time, in seconds: the variable of inputs and of explicitly time-dependent energies."""
 
@@ -176,7 +178,8 @@ class System:
     """A mechanism: everything from which its equations of motion follow.
 
     T, V and D are the kinetic energy, the potential energy and Rayleigh's dissipation function,
-    as sympy expressions of the coordinates' `q` and `v`, the constants and `t`.
+    as sympy expressions of the coordinates' `q` and `v`, the constants and `t`. A sketch may show
+    what it looks like.
 
     Raises:
         DeclarationError: with one sentence that names what is missing or wrong.
@@ -195,6 +198,7 @@ class System:
     equilibria: tuple[Equilibrium, ...]
     scenarios: tuple[Scenario, ...]
     printed: tuple[Printed, ...]
+    sketch: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("T", "V", "D"):

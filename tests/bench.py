@@ -4,14 +4,18 @@
    does the same steps from the same states.
 2. Engine steps to certify a trajectory to 1e-9 against the steps that plain refinement would need.
 3. The whole matrix with two workers against one.
+4. The report of it, and one of two thousand cases: size, time to draw it up, and in a headless
+   Chromium until it can be used, and until a case's first plots are drawn.
 """
 
 from __future__ import annotations
 
 import math
 import statistics
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -22,9 +26,11 @@ from harness.engines import engines
 from harness.folders import builtin, system_folders
 from harness.plain import plain_run
 from harness.prepare import prepare
+from harness.report import write_report
 from harness.run import Options, model_files, run
 from harness.segments import extrapolate
 from harness.sidecar import Sidecar
+from tests.report.chromium import CHROMIUM, running
 
 REPEATS = 5
 MODELS = {"mujoco": "mujoco.xml", "pybullet": "robot.urdf", "pymunk": "space.py"}
@@ -196,7 +202,65 @@ def certification(console: Console) -> None:
     console.print(table)
 
 
-def matrix(console: Console) -> None:
+def multiplied(found: dict, times: int) -> dict:
+    """The same results with each system several times, under other names."""
+    made = {**found, "systems": [], "models": [], "cases": []}
+    for i in range(times):
+        for kind in ("systems", "models", "cases"):
+            for one in found[kind]:
+                copied = {**one, "folder": f"{one['folder']}_{i}"}
+                name = "name" if kind == "systems" else "system"
+                made[kind].append({**copied, name: f"{one[name]}_{i}"})
+    return made
+
+
+def report(console: Console, found: dict) -> None:
+    table = Table("cases", "HTML", "drawn up in", "usable after", "a case's first plots after",
+                  "filtered in", title="Report")  # fmt: skip
+    for times in (1, math.ceil(2000 / len(found["cases"]))):
+        results = multiplied(found, times)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "index.html"
+            began = time.perf_counter()
+            write_report(path, results)
+            drawn_up = time.perf_counter() - began
+            size = f"{path.stat().st_size / 1e6:.1f} MB"
+            seen = looked_at(path) if CHROMIUM else ("no browser",) * 3
+        table.add_row(str(len(results["cases"])), size, f"{drawn_up:.1f} s", *seen)
+    console.print(table)
+
+
+FILTER = """(() => {
+  const began = performance.now();
+  const field = document.getElementById("search");
+  field.value = "pybullet";
+  field.dispatchEvent(new Event("input"));
+  document.body.offsetHeight;
+  return (performance.now() - began) / 1000;
+})()"""
+
+
+def looked_at(path: Path) -> tuple[str, ...]:
+    """Median times of a page in a browser: until usable, a case drawn, the list filtered."""
+    usable, opened, filtered = [], [], []
+    with running(path.parent) as browser:
+        for _ in range(REPEATS):
+            with browser.tab() as tab:
+                began = time.perf_counter()
+                tab.open(path.as_uri())
+                usable.append(time.perf_counter() - began)
+                began = time.perf_counter()
+                tab.go(
+                    tab.run("document.querySelector('[data-pack^=pack-case]').closest('.case').id")
+                )
+                tab.until("document.querySelector('.view.current [data-drawn]')")
+                opened.append(time.perf_counter() - began)
+                tab.go("overview")
+                filtered.append(tab.run(FILTER))
+    return tuple(f"{statistics.median(times):.2f} s" for times in (usable, opened, filtered))
+
+
+def matrix(console: Console) -> dict:
     folders = system_folders([])
     times = {}
     for jobs in (1, 2):
@@ -216,13 +280,14 @@ def matrix(console: Console) -> None:
         by_engine[case["engine"]] = by_engine.get(case["engine"], 0.0) + case["seconds"]
     for engine, seconds in sorted(by_engine.items()):
         console.print(f"    {engine}: {seconds:.1f} s")
+    return found
 
 
 def main() -> None:
     console = Console(width=140)
     overhead(console)
     certification(console)
-    matrix(console)
+    report(console, matrix(console))
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from harness.new.folder import NewError
 from harness.new.ledger import Ledger
 from harness.new.mechanism import Body, Joint, Mechanism, Triple, Turn
 from harness.places.place import PlaceError, Source
-from harness.places.xml import Element, elements_of
+from harness.places.xml import RawElement, read_elements
 
 _FOREIGN = {
     "include": "parts in other files", "replicate": "bodies made by repetition",
@@ -47,7 +47,7 @@ class _Reader:
 
         self.source, self.ledger, self.path = Source(path, data), ledger, path
         try:
-            self.elements = elements_of(self.source)
+            self.elements = read_elements(self.source)
         except PlaceError as error:
             raise NewError(str(error)) from None
         self._refuse_foreign()
@@ -63,7 +63,7 @@ class _Reader:
         if len(self.bodies) + 1 != self.m.nbody or len(self.joints) != self.m.njnt:
             raise NewError(f"{path}: MuJoCo makes other bodies or joints of it than stand in it")
 
-    def refuse(self, element: Element, sentence: str) -> NewError:
+    def refuse(self, element: RawElement, sentence: str) -> NewError:
         return NewError(f"{self.path}:{self.source.line(element.start)}: {sentence}")
 
     def _refuse_foreign(self) -> None:
@@ -89,7 +89,7 @@ class _Reader:
             bodies.append(self._body(i, element, frames))
         return Mechanism(tuple(bodies), (gravity[0], gravity[1], gravity[2]), tuple(self.remarks))
 
-    def _body(self, i: int, element: Element, frames: dict[int, str]) -> Body:
+    def _body(self, i: int, element: RawElement, frames: dict[int, str]) -> Body:
         m = self.m
         name = element.attributes.get("name") or f"body_{i}"
         address = self._address(element)
@@ -106,7 +106,7 @@ class _Reader:
         )  # fmt: skip
 
     def _inertial(
-        self, i: int, element: Element, address: str | None, name: str
+        self, i: int, element: RawElement, address: str | None, name: str
     ) -> tuple[str, Triple, tuple[Turn, ...], Triple, Triple]:
         m = self.m
         none: Triple = ("0", "0", "0")
@@ -185,7 +185,7 @@ class _Reader:
         )  # fmt: skip
 
     def _first(
-        self, value: Any, m: Any, higher: str, index: int, element: Element, what: str
+        self, value: Any, m: Any, higher: str, index: int, element: RawElement, what: str
     ) -> float:
         """A stiffness or damping; MuJoCo 4 has polynomials, whose higher terms are refused."""
         terms = [
@@ -196,7 +196,7 @@ class _Reader:
             raise self.refuse(element, f"its {what} is a polynomial; only the first term is read")
         return float(terms[0])
 
-    def _of_joint(self, element: Element, name: str) -> Any:
+    def _of_joint(self, element: RawElement, name: str) -> Any:
         degrees = not self._radians()
 
         def number(value: float, key: str, unit: str, angle: bool) -> str:
@@ -209,12 +209,12 @@ class _Reader:
         return any(e.tag == "compiler" and e.attributes.get("angle") == "radian"
                    for e in self.elements)  # fmt: skip
 
-    def _attribute(self, element: Element, key: str) -> str | None:
+    def _attribute(self, element: RawElement, key: str) -> str | None:
         """Where an attribute stands: in the element, or in the defaults of its class."""
         address = self._address(element)
         if key in element.attributes:
             return address and f"{address}@{key}"
-        holder: Element | None = element
+        holder: RawElement | None = element
         wanted = element.attributes.get("class")
         while wanted is None and holder is not None:
             wanted, holder = holder.attributes.get("childclass"), holder.parent
@@ -228,7 +228,7 @@ class _Reader:
             found = found.parent
         return None
 
-    def _address(self, element: Element) -> str | None:
+    def _address(self, element: RawElement) -> str | None:
         """The shortest path that means this element alone."""
         depth, above = 1, element.parent
         while True:
@@ -250,7 +250,7 @@ class _Reader:
         return x, y, z
 
     def _turns(
-        self, quaternion: Any, element: Element | None, address: str | None, name: str
+        self, quaternion: Any, element: RawElement | None, address: str | None, name: str
     ) -> tuple[Turn, ...]:
         """One turn about one axis; its angle is bound where the file states it as such."""
         w, vector = float(quaternion[0]), np.array(quaternion[1:], dtype=float)
@@ -278,7 +278,7 @@ class _Reader:
         return any(key in e.attributes for e in self.elements if e.tag == "compiler")
 
 
-def _own(element: Element, tag: str) -> list[Element]:
+def _own(element: RawElement, tag: str) -> list[RawElement]:
     """Children of a tag; <frame> is no more than a bracket around them."""
     found = []
     for child in element.children:
@@ -289,7 +289,7 @@ def _own(element: Element, tag: str) -> list[Element]:
     return found
 
 
-def _below(element: Element, tag: str) -> list[Element]:
+def _below(element: RawElement, tag: str) -> list[RawElement]:
     """Elements of a tag at any depth, in the order of the file."""
     found = []
     for child in element.children:

@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 
 from harness.new.folder import NewError
 from harness.places.place import PlaceError, Source
-from harness.places.xml import Element, elements_of
+from harness.places.xml import RawElement, read_elements
 
 
 def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
@@ -17,7 +17,7 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
     """
     source = Source(model, data)
     try:
-        elements = elements_of(source)
+        elements = read_elements(source)
     except PlaceError as error:
         raise NewError(str(error)) from None
     folders = {
@@ -40,6 +40,6 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
     return found
 
 
-def _folder(element: Element, folders: dict[str, str]) -> str:
+def _folder(element: RawElement, folders: dict[str, str]) -> str:
     key = "texturedir" if element.tag == "texture" else "meshdir"
     return folders.get(key, folders.get("assetdir", ""))

@@ -8,7 +8,7 @@ from harness.new.folder import NewError
 from harness.new.ledger import Ledger, quarter
 from harness.new.mechanism import Body, Joint, Mechanism, Triple, Turn
 from harness.places.place import PlaceError, Source
-from harness.places.xml import Element, elements_of
+from harness.places.xml import RawElement, read_elements
 
 _AXES: tuple[tuple[float, float, float], ...] = ((0, 0, 1), (0, 1, 0), (1, 0, 0))
 _ZERO: Triple = ("0", "0", "0")
@@ -27,7 +27,7 @@ class _Reader:
     def __init__(self, path: Path, data: bytes, ledger: Ledger) -> None:
         self.source, self.ledger = Source(path, data), ledger
         try:
-            elements = elements_of(self.source)
+            elements = read_elements(self.source)
         except PlaceError as error:
             raise NewError(str(error)) from None
         if not elements or elements[0].tag != "robot":
@@ -35,13 +35,13 @@ class _Reader:
         self.top = elements[0].children
         self.remarks: list[str] = []
 
-    def refuse(self, element: Element, sentence: str) -> NewError:
+    def refuse(self, element: RawElement, sentence: str) -> NewError:
         return NewError(f"{self.source.file}:{self.source.line(element.start)}: {sentence}")
 
     def mechanism(self) -> Mechanism:
         links = self._named("link")
         joints = self._named("joint")
-        above: dict[str, Element] = {}
+        above: dict[str, RawElement] = {}
         for joint in joints.values():
             for end in ("parent", "child"):
                 element = _child(joint, end)
@@ -71,8 +71,8 @@ class _Reader:
                            f" {roots[0]!r}")  # fmt: skip
         return Mechanism(tuple(bodies), _ZERO, tuple(self.remarks))
 
-    def _named(self, tag: str) -> dict[str, Element]:
-        found: dict[str, Element] = {}
+    def _named(self, tag: str) -> dict[str, RawElement]:
+        found: dict[str, RawElement] = {}
         for element in self.top:
             if element.tag != tag:
                 continue
@@ -82,7 +82,7 @@ class _Reader:
             found[name] = element
         return found
 
-    def _body(self, link: Element, joint: Element, frames: dict[str, str]) -> Body:
+    def _body(self, link: RawElement, joint: RawElement, frames: dict[str, str]) -> Body:
         name, joint_name = link.attributes["name"], joint.attributes["name"]
         at, turns = self._origin(joint, f"joint[{joint_name}]", name)
         moving = self._joint(joint)
@@ -113,7 +113,7 @@ class _Reader:
             centre, principal, moments, products,
         )  # fmt: skip
 
-    def _tensor(self, element: Element, keys: Triple, within: str, name: str) -> Triple:
+    def _tensor(self, element: RawElement, keys: Triple, within: str, name: str) -> Triple:
         one, two, three = (
             self._number(element, key, f"{within}/inertia", (name, key), "kg*m^2",
                          f"{key} of {name} about its centre")
@@ -121,7 +121,7 @@ class _Reader:
         )  # fmt: skip
         return one, two, three
 
-    def _joint(self, joint: Element) -> Joint | None:
+    def _joint(self, joint: RawElement) -> Joint | None:
         name, kind = joint.attributes["name"], joint.attributes.get("type", "")
         if kind == "fixed":
             return None
@@ -156,10 +156,10 @@ class _Reader:
             self._limits(joint, kind, name), f"{self.source.file.name}:{self._line(joint)}",
         )  # fmt: skip
 
-    def _line(self, element: Element) -> int:
+    def _line(self, element: RawElement) -> int:
         return self.source.line(element.start)
 
-    def _axis(self, joint: Element, name: str) -> tuple[float, float, float]:
+    def _axis(self, joint: RawElement, name: str) -> tuple[float, float, float]:
         element = _child(joint, "axis")
         if element is None:
             return (1.0, 0.0, 0.0)
@@ -168,7 +168,7 @@ class _Reader:
             raise self.refuse(element, f"the axis of joint {name!r} has no length")
         return x, y, z
 
-    def _limits(self, joint: Element, kind: str, name: str) -> tuple[float, float] | None:
+    def _limits(self, joint: RawElement, kind: str, name: str) -> tuple[float, float] | None:
         if kind == "continuous":
             return None
         limit = _child(joint, "limit")
@@ -177,7 +177,9 @@ class _Reader:
                               " hold it at 0: state them, or make it continuous")  # fmt: skip
         return self._value(limit, "lower"), self._value(limit, "upper")
 
-    def _origin(self, element: Element, within: str, name: str) -> tuple[Triple, tuple[Turn, ...]]:
+    def _origin(
+        self, element: RawElement, within: str, name: str
+    ) -> tuple[Triple, tuple[Turn, ...]]:
         origin = _child(element, "origin")
         if origin is None:
             return _ZERO, ()
@@ -206,18 +208,24 @@ class _Reader:
                 turns.append(Turn(axis, angle))
         return (at[0], at[1], at[2]), tuple(turns)
 
-    def _wanted(self, inertial: Element, tag: str) -> Element:
+    def _wanted(self, inertial: RawElement, tag: str) -> RawElement:
         element = _child(inertial, tag)
         if element is None:
             raise self.refuse(inertial, f"this <inertial> has no <{tag}>")
         return element
 
     def _number(
-        self, element: Element, key: str, within: str, name: tuple[str, ...], unit: str, what: str
+        self,
+        element: RawElement,
+        key: str,
+        within: str,
+        name: tuple[str, ...],
+        unit: str,
+        what: str,
     ) -> str:
         return self.ledger.number(self._value(element, key), name, unit, what, f"{within}@{key}")
 
-    def _text(self, gazebo: Element, tag: str, joint: str, what: str, unit: str) -> str:
+    def _text(self, gazebo: RawElement, tag: str, joint: str, what: str, unit: str) -> str:
         element = _child(gazebo, tag)
         if element is None:
             return "0"
@@ -228,14 +236,14 @@ class _Reader:
         return self.ledger.number(value, (joint, what), unit, f"spring of {joint}: {what}",
                                   f"gazebo[{joint}]/{tag}")  # fmt: skip
 
-    def _value(self, element: Element, key: str) -> float:
+    def _value(self, element: RawElement, key: str) -> float:
         text = element.attributes.get(key, "0")
         try:
             return float(text)
         except ValueError:
             raise self.refuse(element, f"{key} is {text!r}, where a number belongs") from None
 
-    def _three(self, element: Element, key: str, default: str) -> tuple[float, float, float]:
+    def _three(self, element: RawElement, key: str, default: str) -> tuple[float, float, float]:
         text = element.attributes.get(key, default)
         try:
             x, y, z = map(float, text.split())
@@ -244,10 +252,10 @@ class _Reader:
         return x, y, z
 
 
-def _child(element: Element, tag: str) -> Element | None:
+def _child(element: RawElement, tag: str) -> RawElement | None:
     return next((child for child in element.children if child.tag == tag), None)
 
 
-def _child_link(joint: Element, tag: str) -> str:
+def _child_link(joint: RawElement, tag: str) -> str:
     element = _child(joint, tag)
     return "" if element is None else element.attributes.get("link", "")

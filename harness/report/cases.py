@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from harness.report.charts import Chart
 from harness.report.text import NOTHING, agreeing_digits, percent, quantity, sci, shown
 from harness.verdict import Outcome
 
@@ -28,9 +27,12 @@ class CaseView:
         told: all of these in words.
         reason: for what is not AGREES.
         printed: what a failed case printed.
+        accepted: why its difference is accepted, where it is.
         facts: titled lists of everything else, (title, ((what, value), ...)).
-        plots: id that the elements of its plots begin with.
-        charts: its plots; none without series.
+        cost: what its step costs, in one sentence.
+        steps: (error, step that gives it).
+        pack: id of its numbers and plots; empty without series.
+        sorts: of digits, E, U, raw error and step, as numbers that sort.
     """
 
     id: str
@@ -48,9 +50,13 @@ class CaseView:
     told: str
     reason: str
     printed: str
+    accepted: str
     facts: tuple[tuple[str, tuple[Fact, ...]], ...]
-    plots: str
-    charts: tuple[Chart, ...]
+    cost: str
+    steps: tuple[Fact, ...]
+    step: str
+    pack: str
+    sorts: tuple[str, ...]
 
 
 def severity(case: Mapping[str, Any]) -> tuple[int, float]:
@@ -59,17 +65,15 @@ def severity(case: Mapping[str, Any]) -> tuple[int, float]:
 
 
 def case_view(
-    case: Mapping[str, Any], identity: str, plots: str, scenario: Mapping[str, Any] | None,
-    charts: Sequence[Chart],
-) -> CaseView:  # fmt: skip
+    case: Mapping[str, Any], identity: str, pack: str, scenario: Mapping[str, Any] | None
+) -> CaseView:
     """The view of one case.
 
     Args:
         case: its record.
         identity: its permalink.
-        plots: id that the elements of its plots begin with.
+        pack: id of its numbers and plots; empty without series.
         scenario: the system's record of its scenario; None where the system could not be read.
-        charts: its plots.
     """
     outcome = case["outcome"]
     judged = case["discrepancy"] is not None and outcome != Outcome.FAILED
@@ -83,7 +87,7 @@ def case_view(
     facts = (
         ("Verdict", _verdict(case, digits)),
         ("At the shipped step", _at_shipped_step(case)),
-        ("What the step costs", _steps(case)),
+        ("Other steps", _steps(case)),
         ("Run", _run(case, scenario)),
     )
     return CaseView(
@@ -102,10 +106,56 @@ def case_view(
         told=told,
         reason=shown(case["reason"]),
         printed=shown(case.get("printed") or ""),
+        accepted=shown(case.get("accepted") or ""),
         facts=tuple((title, rows) for title, rows in facts if rows),
-        plots=plots,
-        charts=tuple(charts),
+        cost=_cost(case) if judged else "",
+        steps=tuple(
+            (f"{100 * entry['target']:g}\u00a0%", quantity(entry["step"], "s", 3))
+            for entry in case.get("steps_for", ())
+            if entry["step"] is not None
+        ),
+        step=quantity(case["shipped_step"], "s", 3),
+        pack=pack,
+        sorts=_sorts(case, judged),
     )
+
+
+def _sorts(case: Mapping[str, Any], judged: bool) -> tuple[str, ...]:
+    """Numbers that sort: what is missing is worse than any number."""
+    worst = max(case["discrepancy"] or 0.0, case["uncertainty"] or 0.0)
+    known = judged and case["uncertainty"] is not None
+    columns = (worst if known else None, case["discrepancy"], case["uncertainty"],
+               case["raw_error"], case["shipped_step"])  # fmt: skip
+    return tuple("" if value is None else f"{value:.6g}" for value in columns)
+
+
+def _cost(case: Mapping[str, Any]) -> str:
+    """What the step costs, and where the cost goes."""
+    if case["raw_error"] is None:
+        return ""
+    told = (
+        f"The step of {quantity(case['shipped_step'], 's', 3)} costs you"
+        f" {percent(case['raw_error'])} of the amplitude over the whole motion"
+    )
+    apart = case.get("apart")
+    if apart is None:
+        return f"{told}."
+    return (
+        f"{told}: by the end the amplitude is {_signed(apart['amplitude'])} off and the phase"
+        f" {quantity(_size(apart['phase']), 'rad', 2)} {_late(apart['phase'])}."
+    )
+
+
+def _signed(value: float | None) -> str:
+    return percent(value) if value is None or value < 0 else f"+{percent(value)}"
+
+
+def _size(value: float | None) -> float | None:
+    return None if value is None else abs(value)
+
+
+def _late(phase: float | None) -> str:
+    return "" if phase is None else "late" if phase > 0 else "early"
 
 
 def _verdict(case: Mapping[str, Any], digits: str) -> tuple[Fact, ...]:
@@ -148,10 +198,7 @@ def _at_shipped_step(case: Mapping[str, Any]) -> tuple[Fact, ...]:
 
 
 def _steps(case: Mapping[str, Any]) -> tuple[Fact, ...]:
-    rows = [
-        (f"{100 * entry['target']:g} % error at", quantity(entry["step"], "s", 3))
-        for entry in case.get("steps_for", ())
-    ]
+    rows = []
     if case.get("raw_order") is not None:
         rows.append(("order of whole runs", f"{case['raw_order']:.3f}"))
     checked = case.get("checked_step")

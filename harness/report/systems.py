@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from markupsafe import Markup
+
+from harness.report.drawing import Drawing, drawing
+from harness.report.maths import maths
 from harness.report.text import NOTHING, complex_number, equation, quantity, sci, shown
 
 VERDICTS = {"agrees": "✓", "agrees up to signs": "±", "differs": "≠"}
@@ -27,9 +32,18 @@ class Twin:
 
 @dataclass(frozen=True)
 class Linearization:
-    """The linearizations about one equilibrium: Taylor's poles, then every model's."""
+    """The linearizations about one equilibrium: Taylor's poles, then every model's.
+
+    Attributes:
+        equations: the linear equations; empty where they are not recorded.
+        transfers: transfer functions.
+        modes: (rad/s, Hz, shape) without damping.
+    """
 
     equilibrium: str
+    equations: Markup
+    transfers: tuple[Markup, ...]
+    modes: tuple[tuple[str, ...], ...]
     poles: tuple[tuple[str, str], ...]
     twins: tuple[Twin, ...]
 
@@ -46,43 +60,69 @@ class ModelFile:
 
 @dataclass(frozen=True)
 class SystemView:
-    """One system; tables are rows of strings in the order of their columns."""
+    """One system; tables are rows of strings in the order of their columns.
+
+    Attributes:
+        drawing: its sketch; None without.
+        lagrangian: L = T - V, and what is not in it.
+        equations: of motion.
+        pack: id of its numbers and plots.
+    """
 
     title: str
     source: str
     kind: str
-    symbols: tuple[tuple[str, ...], ...]
-    formulas: tuple[tuple[str, str], ...]
-    constants: tuple[tuple[str, ...], ...]
+    drawing: Drawing | None
+    symbols: tuple[tuple[Markup | str, ...], ...]
+    lagrangian: tuple[tuple[str, Markup], ...]
+    equations: tuple[Markup, ...]
+    constants: tuple[tuple[Markup | str, ...], ...]
     errata: tuple[tuple[str, ...], ...]
     linearizations: tuple[Linearization, ...]
     scenarios: tuple[tuple[str, ...], ...]
     files: tuple[ModelFile, ...]
+    pack: str
 
 
-def system_view(system: Mapping[str, Any], models: Sequence[Mapping[str, Any]]) -> SystemView:
-    """The view of a system and of the models in its folder."""
+def system_view(
+    system: Mapping[str, Any], models: Sequence[Mapping[str, Any]], pack: str
+) -> SystemView:
+    """The view of a system and of the models in its folder.
+
+    Args:
+        pack: id of its numbers and plots.
+    """
+    sketch = system.get("sketch")
     return SystemView(
         title=shown(system["title"]),
         source=shown(system["source"]),
         kind=shown(system["kind"]),
+        drawing=sketch and drawing(sketch, [c["name"] for c in system["coordinates"]]),
         symbols=tuple(
-            (shown(e["name"]), what, shown(e["unit"]), shown(e["description"]))
+            (maths(e.get("mathml"), e["name"]), what, shown(e["unit"]), shown(e["description"]))
             for what in ("coordinate", "input", "output")
             for e in system[f"{what}s"]
         ),
-        formulas=_formulas(system),
+        lagrangian=tuple(
+            (name, maths(found.get("mathml"), found["text"], block=True))
+            for name, found in sorted(system["energies"].items(), key=lambda e: "LTVD".find(e[0]))
+        ),
+        equations=tuple(
+            maths(one.get("mathml"), equation(one["text"]), block=True)
+            for one in system["equations"]
+        ),
         constants=tuple(
             (
-                shown(c["name"]), repr(c["value"]), shown(c["unit"]), shown(c["description"]),
-                shown(c["source"]),
+                maths(c.get("mathml"), c["name"]), repr(c["value"]), shown(c["unit"]),
+                shown(c["description"]), shown(c["source"]),
             )
             for c in system["constants"]
         ),
         errata=tuple(
             (
-                shown(e["number"]), shown(e["printed"]), VERDICTS.get(e["verdict"], ""),
-                shown(e["verdict"]), shown(e["derived"]), shown(e["difference"]), shown(e["note"]),
+                shown(e["number"]), shown(e["printed"]), _as_printed(e["derived"], system),
+                f"{VERDICTS.get(e['verdict'], '')} {shown(e['verdict'])}",
+                _as_printed(e["difference"], system) or NOTHING, shown(e["note"]),
             )
             for e in system["errata"]
         ),
@@ -96,18 +136,15 @@ def system_view(system: Mapping[str, Any], models: Sequence[Mapping[str, Any]]) 
             for s in system["scenarios"]
         ),
         files=_files(models),
+        pack=pack,
     )  # fmt: skip
 
 
-def _formulas(system: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    rows = [(name, shown(formula["text"])) for name, formula in system["energies"].items()]
-    for coordinate, formula in zip(system["coordinates"], system["equations"], strict=True):
-        rows.append((f"motion of {shown(coordinate['name'])}", equation(formula["text"])))
-    for about in system["linearizations"]:
-        for one in about["transfer_functions"]:
-            ratio = f"{one['output']} / {one['input']}, {about['equilibrium']}"
-            rows.append((shown(ratio), shown(one["text"])))
-    return tuple(rows)
+def _as_printed(text: str, system: Mapping[str, Any]) -> str:
+    """A derived equation with primes and carets, as the printed one beside it has them."""
+    for name in sorted((c["name"] for c in system["coordinates"]), key=len, reverse=True):
+        text = text.replace(f"{name}_ddot", f"{name}''").replace(f"{name}_dot", f"{name}'")
+    return shown(text.replace("**", "^"))
 
 
 def _linearizations(
@@ -122,20 +159,46 @@ def _linearizations(
             for one in model["linearization"]
             if one["equilibrium"] == name
         ]
-        if of_models:
-            taylor = of_models[0][1]["taylor_poles"]
-            size = _size(taylor)
-            poles = tuple(
-                (_pole(taylor[i], size), _pace(taylor[i], size)) for i in _shown_poles(taylor)
+        taylor = of_models[0][1]["taylor_poles"] if of_models else about["poles"]
+        size = _largest(taylor)
+        poles = tuple(
+            (_pole(taylor[i], size), _pace(taylor[i], size)) for i in _shown_poles(taylor)
+        )
+        linear = about.get("mathml")
+        found.append(
+            Linearization(
+                shown(name),
+                maths(linear, "", block=True) if linear else Markup(""),
+                tuple(_transfer(one) for one in about["transfer_functions"]),
+                tuple(_mode(mode, system["coordinates"]) for mode in about["modes"]),
+                poles,
+                tuple(_twin(model, one) for model, one in of_models),
             )
-            twins = tuple(_twin(model, one) for model, one in of_models)
-            found.append(Linearization(shown(name), poles, twins))
+        )
     return tuple(found)
+
+
+def _transfer(one: Mapping[str, Any]) -> Markup:
+    text = f"{shown(one['output'])} / {shown(one['input'])} = {one['text']}"
+    return maths(one.get("mathml"), text, block=True)
+
+
+def _mode(mode: Mapping[str, Any], coordinates: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    shape = ", ".join(
+        f"{shown(c['name'])} {0.0 if abs(value) < 1e-12 else value:.4g}"
+        for c, value in zip(coordinates, mode["shape"], strict=True)
+    )
+    if mode["rigid"]:
+        return "0", "0", shape, "rigid body"
+    if mode["growth"]:
+        return NOTHING, NOTHING, shape, f"grows, {mode['growth']:.5g} 1/s"
+    pace = mode["frequency"]
+    return f"{pace:.6g}", f"{pace / (2 * math.pi):.5g}", shape, ""
 
 
 def _twin(model: Mapping[str, Any], one: Mapping[str, Any]) -> Twin:
     poles, taylor = one["poles"], one["taylor_poles"]
-    size = _size(taylor)
+    size = _largest(taylor)
     shapes = one["shapes"]
     return Twin(
         shown(model["model"]),
@@ -162,7 +225,7 @@ def _shown_poles(poles: Sequence[Mapping[str, Any]]) -> list[int]:
     return [i for i, pole in enumerate(poles) if (pole["imaginary"] or 0.0) >= 0.0]
 
 
-def _size(poles: Sequence[Mapping[str, Any]]) -> float:
+def _largest(poles: Sequence[Mapping[str, Any]]) -> float:
     return max((abs(_complex(pole)) for pole in poles), default=0.0) or 1.0
 
 

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from harness.report.cases import SYMBOLS, CaseView, case_view, severity
-from harness.report.charts import amplitudes, charts
+from harness.report.content import Content
+from harness.report.diagnoses import DiagnosisView, diagnosis_view
+from harness.report.overview import Change, Matrix, Trouble, changes, matrix, troubles
 from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
 from harness.table import summary
@@ -36,32 +38,37 @@ class Count:
 
 
 @dataclass(frozen=True)
-class MatrixRow:
-    """One model file in one engine: a cell for each scenario, None where there is no case."""
+class Beside:
+    """Other cases that a reader may want next: (permalink, what)."""
+
+    engines: tuple[tuple[str, str], ...]
+    scenarios: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class ModelGroup:
+    """One model file in one engine, with its cases and what is wrong with it."""
 
     model: str
     engine: str
-    cells: tuple[CaseView | None, ...]
+    diagnosis: DiagnosisView | None
+    cases: tuple[tuple[CaseView, Beside], ...]
 
 
 @dataclass(frozen=True)
 class Group:
-    """One folder: its rows of the matrix, its section, its cases.
+    """One folder: its page, and those of its models.
 
     Attributes:
-        id: of the section.
+        id: of its page.
         name: of the system; with its folder where two systems have the same name.
-        columns: scenarios.
-        spare: columns that the widest system has and this one has not.
-        rows: one for each model file and engine.
+        models: one for each model file and engine.
         about: the system itself; None where it could not be read.
     """
 
     id: str
     name: str
-    columns: tuple[str, ...]
-    spare: int
-    rows: tuple[MatrixRow, ...]
+    models: tuple[ModelGroup, ...]
     about: SystemView | None
 
 
@@ -70,78 +77,83 @@ class Report:
     """The whole page.
 
     Attributes:
+        settings: (what, value) of the run.
         absent: engines that are not installed.
-        absences: (cases, reason) of what is ABSENT.
-        troubled: cases that are neither ABSENT nor AGREES, worst first.
+        troubles: what needs a look, worst first.
+        changes: since the baseline; None without one.
+        baseline: which one.
+        matrix: systems by models.
+        cases: every case, worst first.
         groups: in the order of the run.
+        packs: numbers and plots, by the ids of their elements.
     """
 
     title: str
     summary: str
-    created: str
-    resolution: str
-    versions: tuple[tuple[str, str], ...]
+    settings: tuple[tuple[str, str], ...]
     absent: tuple[str, ...]
     counts: tuple[Count, ...]
-    absences: tuple[tuple[int, str], ...]
-    troubled: tuple[CaseView, ...]
+    troubles: tuple[Trouble, ...]
+    changes: tuple[Change, ...] | None
+    baseline: str
+    matrix: Matrix
+    cases: tuple[CaseView, ...]
+    engines: tuple[str, ...]
+    systems: tuple[str, ...]
     groups: tuple[Group, ...]
-
-    @property
-    def cases(self) -> tuple[CaseView, ...]:
-        """Every case, in the order of the page."""
-        rows = (row for group in self.groups for row in group.rows)
-        return tuple(cell for row in rows for cell in row.cells if cell is not None)
+    packs: Mapping[str, str]
 
 
 def report(found: Record) -> Report:
     """The view of results."""
     systems = {system["folder"]: system for system in found["systems"]}
-    folders = dict.fromkeys([*systems, *(case["folder"] for case in found["cases"])])
+    folders = list(dict.fromkeys([*systems, *(case["folder"] for case in found["cases"])]))
     names = {case["folder"]: case["system"] for case in found["cases"]}
     names |= {folder: system["name"] for folder, system in systems.items()}
-    views = _views(found["cases"], systems)
-    columns = {folder: _columns(folder, found["cases"], systems) for folder in folders}
-    width = max((len(each) for each in columns.values()), default=0)
     ids = _Ids()
+    content = Content(found)
+    groups_ids = {folder: ids.new(f"system-{slug(names[folder])}") for folder in folders}
+    views = _views(found["cases"], systems, ids, content)
+    pairs = list(zip(found["cases"], views, strict=True))
+    diagnoses = _diagnoses(found["models"], pairs, ids, content)
+    worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
+    counts = Counter(case["outcome"] for case in found["cases"])
+    by_folder: dict[str, list[tuple[Record, CaseView]]] = {folder: [] for folder in folders}
+    for case, view in pairs:
+        by_folder[case["folder"]].append((case, view))
     groups = []
     for folder in folders:
-        cases = [
-            (c, v) for c, v in zip(found["cases"], views, strict=True) if c["folder"] == folder
-        ]
         models = [model for model in found["models"] if model["folder"] == folder]
-        system = systems.get(folder)
+        about = None
+        if folder in systems:
+            about = system_view(systems[folder], models, content.system_pack(folder))
         groups.append(
             Group(
-                id=ids.new(f"system-{slug(names[folder])}"),
-                name=_name(folder, names),
-                columns=tuple(shown(column) for column in columns[folder]),
-                spare=width - len(columns[folder]),
-                rows=_rows(cases, columns[folder]),
-                about=None if system is None else system_view(system, models),
+                groups_ids[folder], _name(folder, names),
+                _model_groups(folder, by_folder[folder], diagnoses), about,
             )
-        )
-    worst_first = sorted(
-        zip(found["cases"], views, strict=True), key=lambda pair: severity(pair[0])
-    )
-    counts = Counter(case["outcome"] for case in found["cases"])
-    absences = Counter(c["reason"] for c in found["cases"] if c["outcome"] == Outcome.ABSENT)
-    versions = found["versions"]
+        )  # fmt: skip
+    shown_names = {folder: _name(folder, names) for folder in folders}
+    baseline = found.get("baseline")
     return Report(
         title=f"{counts[Outcome.AGREES]} of {len(views)} cases agree",
         summary=shown(summary(found)),
-        created=shown(found["created"]),
-        resolution=quantity(found["resolution"], ""),
-        versions=tuple((shown(k), shown(v)) for k, v in versions.items() if v is not None),
-        absent=tuple(shown(k) for k, v in versions.items() if v is None),
-        counts=tuple(Count(o, SYMBOLS[o], MEANINGS[o], counts[o]) for o in Outcome),
-        absences=tuple((count, shown(reason)) for reason, count in absences.items()),
-        troubled=tuple(
-            view
-            for case, view in worst_first
-            if case["outcome"] not in (Outcome.AGREES, Outcome.ABSENT)
+        settings=(
+            ("created", shown(found["created"])),
+            ("resolution asked", quantity(found["resolution"], "")),
+            *((shown(k), shown(v)) for k, v in found["versions"].items() if v is not None),
         ),
+        absent=tuple(shown(k) for k, v in found["versions"].items() if v is None),
+        counts=tuple(Count(o, SYMBOLS[o], MEANINGS[o], counts[o]) for o in Outcome),
+        troubles=troubles(worst_first, found["models"], diagnoses),
+        changes=None if baseline is None else changes(baseline, pairs),
+        baseline="" if baseline is None else shown(baseline.get("name") or "the baseline"),
+        matrix=matrix(pairs, groups_ids, shown_names),
+        cases=tuple(view for _, view in worst_first),
+        engines=tuple(sorted({view.engine for view in views})),
+        systems=tuple(dict.fromkeys(view.system for view in views)),
         groups=tuple(groups),
+        packs=content.packs(),
     )
 
 
@@ -158,53 +170,81 @@ class _Ids:
         return wanted if count == 1 else f"{wanted}={count}"
 
 
-def _views(cases: Sequence[Record], systems: Mapping[str, Record]) -> list[CaseView]:
-    reach = amplitudes(cases)
-    ids = _Ids()
-    views = []
-    for place, case in enumerate(cases):
-        system = systems.get(case["folder"])
-        scenarios = [] if system is None else system["scenarios"]
-        scenario = next((s for s in scenarios if s["name"] == case["scenario"]), None)
-        name = slug(case["system"], case["model"], case["engine"], case["scenario"])
-        drawn = charts(case, _units(case, system), reach.get(case["folder"], []))
-        views.append(case_view(case, ids.new(f"case-{name}"), f"plots-{place}", scenario, drawn))
-    return views
+def _views(
+    cases: Sequence[Record], systems: Mapping[str, Record], ids: _Ids, content: Content
+) -> list[CaseView]:
+    scenarios = {
+        (folder, scenario["name"]): scenario
+        for folder, system in systems.items()
+        for scenario in system["scenarios"]
+    }
+    return [
+        case_view(
+            case,
+            ids.new(f"case-{slug(*(case[k] for k in ('system', 'model', 'engine', 'scenario')))}"),
+            content.case_pack(place), scenarios.get((case["folder"], case["scenario"])),
+        )
+        for place, case in enumerate(cases)
+    ]  # fmt: skip
 
 
-def _units(case: Record, system: Record | None) -> list[str]:
-    """Units of the components: the coordinates', then those of their rates."""
-    if case["series"] is None:
-        return []
-    if system is None:
-        return ["?"] * len(case["series"]["components"])
-    units = [coordinate["unit"] for coordinate in system["coordinates"]]
-    return units + [f"{unit}/s" for unit in units]
+Key = tuple[str, str, str]
+
+
+def _key(record: Record) -> Key:
+    return record["folder"], record["model"], record["engine"]
+
+
+def _diagnoses(
+    models: Sequence[Record], pairs: Sequence[tuple[Record, CaseView]], ids: _Ids, content: Content
+) -> dict[Key, DiagnosisView]:
+    """Of the models that a motion or the audit finds wrong."""
+    differing: dict[Key, list[tuple[str, str]]] = {}
+    for case, view in pairs:
+        if case["outcome"] == Outcome.DIFFERS:
+            differing.setdefault(_key(case), []).append((view.id, view.scenario))
+    found = {}
+    for place, model in enumerate(models):
+        audited = any(entry["severity"] == "finding" for entry in model.get("audit") or ())
+        if model.get("diagnosis") or audited:
+            name = slug(model["system"], model["model"], model["engine"])
+            found[_key(model)] = diagnosis_view(
+                model, ids.new(f"diagnosis-{name}"), content.diagnosis_pack(place),
+                differing.get(_key(model), ()),
+            )  # fmt: skip
+    return found
+
+
+BESIDE = 12
+"""Links to other cases at most: a longer row is no help."""
+
+
+def _model_groups(
+    folder: str, pairs: Sequence[tuple[Record, CaseView]], diagnoses: Mapping[Key, DiagnosisView]
+) -> tuple[ModelGroup, ...]:
+    rows: dict[Key, list[tuple[Record, CaseView]]] = {}
+    same: dict[str, list[CaseView]] = {}
+    for case, view in pairs:
+        rows.setdefault(_key(case), []).append((case, view))
+        same.setdefault(case["scenario"], []).append(view)
+    groups = []
+    for key, mine in rows.items():
+        cases = []
+        for case, view in mine:
+            engines = [v for v in same[case["scenario"]] if v is not view][:BESIDE]
+            scenarios = [v for _, v in mine if v is not view][:BESIDE]
+            beside = Beside(
+                tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
+                tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
+            )
+            cases.append((view, beside))
+        groups.append(
+            ModelGroup(shown(key[1]), shown(key[2]), diagnoses.get(key), tuple(cases))
+        )  # fmt: skip
+    return tuple(groups)
 
 
 def _name(folder: str, names: Mapping[str, str]) -> str:
     name = names[folder]
     alone = list(names.values()).count(name) == 1
     return shown(name if alone else f"{name} in {folder}")
-
-
-def _columns(folder: str, cases: Sequence[Record], systems: Mapping[str, Record]) -> list[str]:
-    declared = [s["name"] for s in systems[folder]["scenarios"]] if folder in systems else []
-    run = [case["scenario"] for case in cases if case["folder"] == folder]
-    return [name for name in dict.fromkeys([*declared, *run]) if name in run]
-
-
-def _rows(
-    cases: Sequence[tuple[Record, CaseView]], columns: Sequence[str]
-) -> tuple[MatrixRow, ...]:
-    """Rows in the order of the cases; a case whose place is taken begins a further row."""
-    rows: dict[tuple[str, str, int], dict[str, CaseView]] = {}
-    for case, view in cases:
-        again = 0
-        while case["scenario"] in rows.get((case["model"], case["engine"], again), {}):
-            again += 1
-        rows.setdefault((case["model"], case["engine"], again), {})[case["scenario"]] = view
-    return tuple(
-        MatrixRow(shown(model), shown(engine), tuple(cells.get(column) for column in columns))
-        for (model, engine, _), cells in rows.items()
-    )

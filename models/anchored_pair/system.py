@@ -3,7 +3,7 @@
 from sympy import Heaviside, Rational, sin
 
 from reference import (
-    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+    Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System, t,
 )  # fmt: skip
 
 x1 = Coordinate("x1", "m", "displacement of the first mass from its spring's equilibrium")
@@ -54,5 +54,18 @@ system = System(
                 "number within the range not told; signs lost in the transcript"),
         Printed("2.26-2.33", "m2*x2'' ± c*(x1' ± x2') + k2*x2 = f", "motion", "x2", True,
                 "number within the range not told; signs lost in the transcript"),
+    ),
+    sketch=(
+        Link("wall", (-0.9, 0.25), (-0.9, -0.25)),
+        Link("spring", (-0.9, 0), (x1.q - 0.15, 0), "k1"),
+        Body("block", (x1.q, 0), 0.3, 0.3, label="m1"),
+        Link("damper", (x1.q + 0.15, 0), (x2.q + 0.85, 0), "c"),
+        Body("block", (x2.q + 1, 0), 0.3, 0.3, label="m2"),
+        Link("spring", (x2.q + 1.15, 0), (1.9, 0), "k2"),
+        Link("wall", (1.9, -0.25), (1.9, 0.25)),
+        Link("line", (0, 0.15), (0, 0.33)),
+        Link("measure", (0, 0.28), (x1.q, 0.28), "x1"),
+        Link("line", (1, 0.15), (1, 0.33)),
+        Link("measure", (1, 0.28), (x2.q + 1, 0.28), "x2"),
     ),
 )  # fmt: skip

@@ -1,9 +1,10 @@
 """Example 2.5: a drum on a spring rolls without slipping; a rod swings from its centre."""
 
-from sympy import Heaviside, cos, sin
+from sympy import Heaviside, cos, pi, sin
 
 from reference import (
-    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System,
+    t,
 )  # fmt: skip
 
 x = Coordinate("x", "m", "displacement of the drum's centre from the spring's equilibrium")
@@ -69,5 +70,16 @@ system = System(
         Printed("3.13", "(3*M/2 + m)*x'' + (m*l/2)*theta'' + k*x = 0", "linear", "hanging", False,
                 ""),
         Printed("3.14", "x'' + (2*l/3)*theta'' + g*theta = 0", "linear", "hanging", False, ""),
+    ),
+    sketch=(
+        Link("wall", (-0.8, -r), (0.8, -r)),
+        Link("wall", (-0.8, r), (-0.8, -r)),
+        Link("spring", (-0.8, 0), (x.q, 0), "k"),
+        Body("disc", (x.q, 0), 2 * r, 2 * r, pi / 2 - x.q / r, "M"),
+        Link("rod", (x.q, 0), (x.q + l * sin(theta.q), -l * cos(theta.q)), "m"),
+        Link("line", (x.q, 0), (x.q, -l)),
+        Angle((x.q, 0), l / 2, -pi / 2, theta.q - pi / 2, "theta"),
+        Link("line", (0, r), (0, 2 * r)),
+        Link("measure", (0, r * 1.6), (x.q, r * 1.6), "x"),
     ),
 )  # fmt: skip

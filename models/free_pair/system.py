@@ -3,7 +3,7 @@
 from sympy import Heaviside, cos, sin
 
 from reference import (
-    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+    Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System, t,
 )  # fmt: skip
 
 x1 = Coordinate("x1", "m", "displacement of the pushed mass")
@@ -56,5 +56,16 @@ system = System(
                 "number within the range not told; signs lost in the transcript"),
         Printed("2.25", "m2*x2'' ± c*x1' + c*x2' ± k*x2 ± k*x2 = 0", "motion", "x2", False,
                 "ends in k x2 twice, where k x1 belongs once; signs lost in the transcript"),
+    ),
+    sketch=(
+        Link("spring", (x1.q + 0.15, 0.12), (x2.q + 0.85, 0.12), "k"),
+        Link("damper", (x1.q + 0.15, -0.06), (x2.q + 0.85, -0.06), "c"),
+        Body("block", (x1.q, 0), 0.3, 0.5, label="m1"),
+        Body("block", (x2.q + 1, 0), 0.3, 0.5, label="m2"),
+        Link("line", (0, 0.25), (0, 0.43)),
+        Link("measure", (0, 0.38), (x1.q, 0.38), "x1"),
+        Link("line", (1, 0.25), (1, 0.43)),
+        Link("measure", (1, 0.38), (x2.q + 1, 0.38), "x2"),
+        Link("wall", (-0.5, -0.25), (1.5, -0.25)),
     ),
 )  # fmt: skip

@@ -3,7 +3,7 @@
 from sympy import Heaviside, Rational, sin
 
 from reference import (
-    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+    Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System, t,
 )  # fmt: skip
 
 x = Coordinate("x", "m", "displacement of the mass from the spring's equilibrium")
@@ -39,5 +39,13 @@ system = System(
         Printed("2.5", "f ± k*x ± c*x' = m*x''", "motion", "x", True,
                 "signs lost in the transcript"),
         Printed("2.6", "m*x'' + c*x' + k*x = f", "motion", "x", True, ""),
+    ),
+    sketch=(
+        Link("wall", (-0.9, 0.3), (-0.9, -0.3)),
+        Link("spring", (-0.9, 0.1), (x.q - 0.2, 0.1), "k"),
+        Link("damper", (-0.9, -0.1), (x.q - 0.2, -0.1), "c"),
+        Body("block", (x.q, 0), 0.4, 0.4, label="m"),
+        Link("line", (0, 0.2), (0, 0.42)),
+        Link("measure", (0, 0.36), (x.q, 0.36), "x"),
     ),
 )  # fmt: skip

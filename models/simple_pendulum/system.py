@@ -3,7 +3,8 @@
 from sympy import cos, pi, sin
 
 from reference import (
-    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System,
+    t,
 )  # fmt: skip
 
 theta = Coordinate("theta", "rad", "angle from the vertical, positive toward +x")
@@ -46,5 +47,12 @@ system = System(
                 "number within the range not told; the source has no torque"),
         Printed("3.3-3.12", "theta'' + (g/l)*theta = 0", "linear", "hanging", False,
                 "number within the range not told; the source has no torque"),
+    ),
+    sketch=(
+        Link("wall", (-0.15, 0), (0.15, 0)),
+        Link("rod", (0, 0), (l * sin(theta.q), -l * cos(theta.q)), "l"),
+        Body("disc", (l * sin(theta.q), -l * cos(theta.q)), l / 8, l / 8, theta.q, "m"),
+        Link("line", (0, 0), (0, -l)),
+        Angle((0, 0), l / 2, -pi / 2, theta.q - pi / 2, "theta"),
     ),
 )  # fmt: skip

@@ -3,7 +3,8 @@
 from sympy import Heaviside, Rational, exp, sin
 
 from reference import (
-    Constant, Coordinate, Equilibrium, Input, Output, Printed, Scenario, System, t,
+    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System,
+    t,
 )  # fmt: skip
 
 theta = Coordinate("theta", "rad", "rotation of the disc from the shaft's equilibrium")
@@ -41,5 +42,11 @@ system = System(
         Printed("2.8", "T ± k_theta*theta = J*theta''", "motion", "theta", True,
                 "signs lost in the transcript"),
         Printed("2.9", "J*theta'' + k_theta*theta = T", "motion", "theta", True, ""),
+    ),
+    sketch=(
+        Body("disc", (0, 0), 0.2, 0.2, theta.q, label="J"),
+        Body("spiral", (0, 0), 0.07, 0.07, label="k_theta"),
+        Link("line", (0, 0), (0.13, 0)),
+        Angle((0, 0), 0.12, 0, theta.q, "theta"),
     ),
 )  # fmt: skip

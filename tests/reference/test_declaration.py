@@ -10,11 +10,14 @@ import sympy as sp
 from mechanisms import MODELS, NAMES, C, F, K, M, X, built_in, constant, declared
 
 from reference import (
+    Angle,
+    Body,
     Constant,
     Coordinate,
     DeclarationError,
     Equilibrium,
     Input,
+    Link,
     Output,
     Printed,
     Scenario,
@@ -256,6 +259,30 @@ FAULTS = {
     ),
     "no duration": (declared(scenarios=(scenario(duration=0.0),)), "the duration is 0"),
     "a negative duration": (declared(scenarios=(scenario(duration=-1.0),)), "the duration is -1"),
+    "a sketch of a strange kind": (
+        declared(sketch=(Link("rope", (0, 0), (X.q, 0)),)),
+        "shape 1 of the sketch: 'rope' is unknown, it may be ['spring',",
+    ),
+    "a sketch of what is no shape": (
+        declared(sketch=((0, 0),)),
+        "shape 1 of the sketch: (0, 0) is no Link, Body or Angle",
+    ),
+    "a point of a sketch with three numbers": (
+        declared(sketch=(Body("disc", (0, 0, 0), 1, 1),)),
+        "shape 1 of the sketch: a point is a pair (x, y)",
+    ),
+    "a sketch of an undeclared symbol": (
+        declared(sketch=(Link("rod", (0, 0), (1, 0)), Body("disc", (STRAY, 0), 1, 1))),
+        "shape 2 of the sketch, at x, uses stray, which is declared nowhere",
+    ),
+    "a sketch that depends on a speed": (
+        declared(sketch=(Angle((0, 0), 1, 0, X.v),)),
+        "shape 1 of the sketch, end, uses x_dot, which is declared nowhere",
+    ),
+    "a sketch of a function that can't be drawn": (
+        declared(sketch=(Body("block", (0, sp.exp(X.q)), 1, 1),)),
+        "shape 1 of the sketch, at y: exp(x) can't be drawn",
+    ),
     "an endless duration": (declared(scenarios=(scenario(duration=math.inf),)), "duration is inf"),
 }  # fmt: skip
 
@@ -275,7 +302,10 @@ def test_the_faultless_system_passes():
     assert System(**two()).q == (X.q, Y.q)
 
 
-@pytest.mark.parametrize("field", [f.name for f in dataclasses.fields(System)])
+# Nothing is computed from a sketch: a system may do without.
+@pytest.mark.parametrize(
+    "field", [f.name for f in dataclasses.fields(System) if f.name != "sketch"]
+)
 def test_no_field_of_a_system_has_a_default(field):
     fields = declared()
     del fields[field]

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import html.parser
-import json
-from typing import Any
 
 
 class Page(html.parser.HTMLParser):
-    """A page taken apart: its elements, its text, its JSON."""
+    """A page taken apart: its elements, its text, its packed numbers."""
 
     def __init__(self, source: str) -> None:
         super().__init__(convert_charrefs=True)
@@ -16,7 +14,7 @@ class Page(html.parser.HTMLParser):
         self.elements: list[tuple[str, dict[str, str | None]]] = []
         self.text = ""
         self.contents: dict[str, list[str]] = {"script": [], "style": []}
-        self.json: dict[str, Any] = {}
+        self.packs: dict[str, str] = {}
         self._within: tuple[str, dict[str, str | None]] | None = None
         self.feed(source)
         self.close()
@@ -33,8 +31,8 @@ class Page(html.parser.HTMLParser):
             self.text += data
             return
         tag, attrs = self._within
-        if attrs.get("type") == "application/json":
-            self.json[str(attrs["id"])] = json.loads(data)
+        if attrs.get("type") == "text/plain":
+            self.packs[str(attrs["id"])] = data
         else:
             self.contents[tag].append(data)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import html
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,25 @@ SCENARIOS = ("free", "driven", "large")
 
 
 def formula(text: str) -> dict[str, str]:
-    return {"text": text, "latex": text}
+    return {"text": text, "latex": text, "mathml": f"<mrow><mi>{html.escape(text)}</mi></mrow>"}
+
+
+def sketch(coordinates: int) -> dict[str, Any]:
+    """Blocks on springs, the first of them turned."""
+    shapes: list[dict[str, Any]] = [
+        {"kind": "wall", "label": "", "start": [-1.0, 0.5], "end": [-1.0, -0.5]},
+        {"kind": "measure", "label": "q0", "start": [0.0, 0.4], "end": [["q", 0], 0.4]},
+        {"kind": "angle", "label": "theta", "at": [0.0, 0.0], "radius": 0.3, "start": 0.0,
+         "end": ["*", 2.0, ["q", 0]]},
+    ]  # fmt: skip
+    for i in range(coordinates):
+        here = ["+", ["q", i], float(i)]
+        shapes += [
+            {"kind": "spring", "label": "k", "start": [i - 1.0, 0.0], "end": [here, 0.0]},
+            {"kind": "block", "label": f"m_{i}", "at": [here, ["sin", ["*", 0.5, ["q", i]]]],
+             "width": 0.3, "height": 0.2, "angle": ["^", ["q", i], 2.0]},
+        ]  # fmt: skip
+    return {"pose": [0.5] * coordinates, "shapes": shapes}
 
 
 def pole(real: float, imaginary: float) -> dict[str, float]:
@@ -44,11 +63,17 @@ def system(name: str, coordinates: int) -> dict[str, Any]:
         "linearizations": [
             {
                 "equilibrium": "rest", "position": [0.0] * coordinates, "matrices": {},
-                "poles": [pole(-0.1, 3.0)], "modes": [],
+                "mathml": "<mrow><mi>M</mi></mrow>",
+                "poles": [pole(-0.1, 3.0)], "modes": [
+                    {"frequency": 3.0, "growth": 0.0, "shape": [1.0] * coordinates, "rigid": False}
+                ],
                 "transfer_functions": [{"output": "q0", "input": "f", **formula("1/(k + m*s**2)")}],
             }
         ],
-        "linearity": [],
+        "linearity": [
+            {"equilibrium": "rest", "mode": 0, "period": 2.0, "amplitudes": [0.01, 0.1, 1.0],
+             "errors": [1e-5, 1e-3, 0.1]}
+        ],
         "errata": [
             {
                 "number": "9.2", "printed": "k*q0 + k*q0", "verdict": "differs", "derived": "k*q0",
@@ -62,21 +87,24 @@ def system(name: str, coordinates: int) -> dict[str, Any]:
             }
             for scenario in SCENARIOS
         ],
+        "sketch": sketch(coordinates),
         "seconds": 1.0,
     }  # fmt: skip
 
 
-def model(name: str, file: str, engine: str) -> dict[str, Any]:
+def model(name: str, file: str, engine: str, coordinates: int) -> dict[str, Any]:
     return {
         "system": name, "folder": f"/models/{name}", "model": file, "engine": engine,
-        "text": f"<{file}/>",
+        "text": f"<{file}/>\n" + "\n".join(f"  <line n='{i}'/>" for i in range(2, 41)),
+        "audit": [],
         "linearization": [
             {
                 "equilibrium": "rest", "A": [[0.0]], "B": [[0.0]], "A_error": 2.5e-14,
                 "B_error": 3.5e-15, "poles": [pole(-0.1, -3.0), pole(-0.1, 3.0003)],
                 "taylor_poles": [pole(-0.1, -3.0), pole(-0.1, 3.0)], "transfer_error": None,
-                "shapes": 1.0, "frequencies": [1.0], "response": [[[1.0]]],
-                "taylor_response": [[[1.0]]],
+                "shapes": 1.0, "frequencies": [1.0, 2.0],
+                "response": [[[1.0]] * coordinates, [[2.0]] * coordinates],
+                "taylor_response": [[[1.0]] * coordinates, [[2.0]] * coordinates],
             }
         ],
     }  # fmt: skip
@@ -132,7 +160,13 @@ def series(random: np.random.Generator, coordinates: int) -> dict[str, Any]:
             "rungs": list(RUNGS), "h": rounded(h, 6), "raw": rounded(0.3 * h, 4),
             "draws": rounded(10.0 ** -np.arange(1.0, len(RUNGS)), 4),
         },
-        "plain": {"h": [0.002, 0.001], "error": [0.0091, 0.0045]},
+        "plain": {
+            "h": [0.002, 0.001], "error": [0.0091, 0.0045], "seconds": [0.11, 0.23],
+        },
+        "energy": {
+            "held": rounded(np.sin(t), 5), "supplied": rounded(np.sin(t) + 0.01, 5),
+            "dissipated": rounded(0.01 * t, 5),
+        },
     }  # fmt: skip
 
 
@@ -146,7 +180,7 @@ def results(systems: int = 2) -> dict[str, Any]:
             "physics-crosscheck": "0.1.0", "python": "3.11.7", "mujoco": "4.0.0", "pybullet": None,
         },
         "systems": [system(name, size) for name, size in sizes.items()],
-        "models": [model(*run) for run in runs],
+        "models": [model(*run, sizes[run[0]]) for run in runs],
         "cases": [case(*run, s, sizes[run[0]]) for run in runs for s in SCENARIOS],
     }  # fmt: skip
 
@@ -159,11 +193,62 @@ def unjudged(case: dict[str, Any], outcome: str, reason: str, **more: str) -> di
     return place | nothing | rest | more
 
 
+def diagnosis(case: dict[str, Any]) -> dict[str, Any]:
+    """A literal with its line, a constant that is tied with it, and what they leave."""
+    series = case["series"]
+    segment_t = np.linspace(0.2, 11.8, 24)
+    size = len(series["components"])
+
+    def finding(cause: str, kind: str, remaining: float, tied: str, where: str) -> dict[str, Any]:
+        return {
+            "cause": cause, "kind": kind, "nominal": [38.25], "estimate": [39.5],
+            "standard_error": [1e-9], "remaining": remaining, "tied_with": [tied], "where": [where],
+        }  # fmt: skip
+
+    return {
+        "explained": True, "floor": 1e-9, "seconds": 2.0,
+        "findings": [
+            finding("joint[x]@stiffness", "literal", 1e-10, "k", f"{case['model']}:21"),
+            finding("k", "constant", 1.1e-10, "joint[x]@stiffness", ""),
+            finding("mass", "constant", 0.4, "", ""),
+        ],
+        "redrawn": {
+            "cause": "k", "estimate": [39.5], "what": "equations",
+            "scenarios": [
+                {
+                    "scenario": case["scenario"], "t": series["t"], "redrawn": series["engine"],
+                    "segment_t": rounded(segment_t, 6),
+                    "before": [[3.1e-6] * 24] * size, "after": [[2e-14] * 24] * size,
+                }
+            ],
+        },
+    }  # fmt: skip
+
+
 def mixed() -> dict[str, Any]:
     """One case of each outcome, one blown up, and a folder that could not be read."""
     found = copy.deepcopy(results())
     cases = found["cases"]
     cases[0] |= {"outcome": "DIFFERS", "discrepancy": 3.1e-6, "reason": "q0 ends 3.1e-06 off"}
+    found["models"][0]["diagnosis"] = diagnosis(cases[0])
+    found["models"][0]["audit"] = [
+        {
+            "kind": "literal",
+            "message": "joint[x]@stiffness is 39.5 where k = 38.25",
+            "where": "/models/system_0/mujoco.xml:21",
+            "expected": 38.25,
+            "found": 39.5,
+            "severity": "finding",
+        }
+    ]
+    found["baseline"] = {
+        "name": "baseline.json",
+        "changes": [
+            {k: cases[0][k] for k in ("system", "model", "engine", "scenario")}
+            | {"kind": "regression", "message": "it agreed to 11.9 digits"}
+        ],
+    }
+    cases[5]["accepted"] = "the vendor knows"
     cases[1] |= {"outcome": "UNRESOLVED", "uncertainty": None, "order": None, "reason": "exponents"}
     cases[2] = unjudged(cases[2], "ABSENT", "pybullet is not installed")
     cases[3] = unjudged(
@@ -183,4 +268,6 @@ def mixed() -> dict[str, Any]:
     unread |= {"system": "unread", "folder": "/models/unread", "engine": "-", "scenario": "-"}
     cases.append(unread)
     found["models"][1] |= {"linearization": [], "reason": "it diverges"}
+    # A system without a sketch, as an older run recorded it.
+    del found["systems"][1]["sketch"]
     return found

@@ -1,82 +1,400 @@
-"""The page in a real browser, if there is one."""
+"""The page in a real browser, if there is one: what a reader does with it."""
 
 from __future__ import annotations
 
+import json
 import re
-import shutil
-import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from harness.report import write_report
+from tests.report.chromium import CHROMIUM, NAMES, Browser, Tab, running
 from tests.report.test_page import HOSTILE, hostile
-
-NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), None)
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason=f"no browser found: {', '.join(NAMES)}")
 
+CASE = "case-system_0/mujoco.xml/mujoco/free"
+BOTH = "case-system_1/robot.urdf/pybullet/driven"
+SYSTEM, DIAGNOSIS = "system-system_0", "diagnosis-system_0/mujoco.xml/mujoco"
+TALL = 5000
+"""A window in which every plot of a case is near: plots are drawn when they come near."""
 
-def opened(tmp_path: Path, found: dict[str, Any], fragment: str) -> str:
-    """The page as the browser has it after a while."""
-    path = tmp_path / "index.html"
-    write_report(path, found)
-    done = subprocess.run(
-        [
-            str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic",
-            "--no-first-run", "--disable-background-networking", "--disable-component-update",
-            "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}",
-            "--virtual-time-budget=15000", "--dump-dom", f"{path.as_uri()}#{fragment}",
-        ],
-        capture_output=True, text=True, timeout=120, check=True,
-    )  # fmt: skip
-    return done.stdout
+BUILT = """(() => {
+  const boxes = [...document.querySelectorAll(".view.current [data-pack]")];
+  const figures = [...document.querySelectorAll(".view.current figure:has(.plot)")];
+  return boxes.every((box) => /plots/.test(box.dataset.built ?? ""))
+    && figures.every((figure) => figure.dataset.drawn);
+})()"""
+"""Whether everything in the view is drawn."""
 
 
-def page_tag(dom: str) -> str:
-    found = re.search(r"<html[^>]*>", dom)
-    assert found
-    return found[0]
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with running(tmp_path_factory.mktemp("browser")) as found:
+        yield found
 
 
-def drawn(dom: str) -> list[str]:
-    return re.findall(r'data-drawn="([^"]*)"', dom)
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory, troubled: dict[str, Any]) -> str:
+    path = tmp_path_factory.mktemp("report") / "index.html"
+    write_report(path, troubled)
+    return path.as_uri()
 
 
-def test_a_case_opened_by_its_permalink_draws_its_plots_and_no_other(
-    tmp_path: Path, troubled: dict[str, Any]
+@pytest.fixture
+def tab(browser: Browser, address: str) -> Iterator[Tab]:
+    with browser.tab() as tab:
+        yield tab
+        sound(tab, address)
+
+
+def sound(tab: Tab, address: str) -> None:
+    """Nothing went wrong, and nothing was asked for but the page itself."""
+    assert tab.problems == []
+    # Bokeh's icons are in its style sheets: `data:` addresses, which ask nobody.
+    asked = {r.partition("#")[0] for r in tab.requests if not r.startswith("data:")}
+    assert asked <= {address}
+    assert tab.run("document.documentElement.dataset.errors") is None
+    assert tab.run("document.documentElement.dataset.blocked") is None
+
+
+def shown(tab: Tab) -> list[str]:
+    return tab.run("[...document.querySelectorAll('.view')].filter(v => v.checkVisibility())"
+                   ".map(v => v.id)")  # fmt: skip
+
+
+def rows(tab: Tab) -> list[str]:
+    script = "[...document.querySelectorAll('#cases tbody tr:not([hidden])')].map(r => r.innerText)"
+    return tab.run(script)
+
+
+def test_every_case_system_and_diagnosis_opens_with_all_its_plots(
+    tab: Tab, address: str, troubled: dict[str, Any]
 ) -> None:
-    dom = opened(tmp_path, troubled, "case-system_1/robot.urdf/mujoco/driven")
-    assert page_tag(dom) == '<html lang="en">', "an error, or something asked for, is noted there"
-    # 2 coordinates: 2 x 2 motions, 4 components x 3 kinds, 3 x 2 of convergence, its slope.
-    counts = re.fullmatch(r"(\d+) curves, (\d+) points", *drawn(dom))
-    assert counts
-    assert int(counts[1]) == 2 * 2 + 4 * 3 + 3 * 2 + 1
-    # Every curve has its samples: a plot without data would count next to none.
-    assert int(counts[2]) == 16 * 240 + 2 * (8 + 7 + 2) + 2
+    tab.window(height=TALL)
+    tab.open(address)
+    views = tab.run("[...document.querySelectorAll('.view')].map(v => v.id)")
+    assert len([v for v in views if v.startswith("case-")]) == len(troubled["cases"])
+    drawn = []
+    for view in views:
+        tab.go(view)
+        tab.until(BUILT)
+        assert shown(tab) == [view]
+        drawn += tab.run("[...document.querySelectorAll('[data-drawn]')].map(f => f.dataset.drawn)")
+    # Seven cases of one coordinate, two of them of a model without linearization; nine of two
+    # coordinates; two systems; a ranking, a motion redrawn and its defects.
+    one, two = 1 + 1 + 2 + 1 + 2 + 2, 2 + 2 + 4 + 1 + 2 + 2
+    assert len(drawn) == 7 * one - 2 + 9 * two + 2 + 3
+    assert all(int(found.split()[0]) >= 1 and int(found.split()[2]) >= 2 for found in drawn)
 
 
-def test_without_a_permalink_nothing_is_drawn(tmp_path: Path, troubled: dict[str, Any]) -> None:
-    dom = opened(tmp_path, troubled, "")
-    assert page_tag(dom) == '<html lang="en">'
-    assert drawn(dom) == []
+def test_nothing_is_drawn_before_it_is_looked_at(tab: Tab, address: str) -> None:
+    tab.open(address)
+    assert tab.run("document.querySelectorAll('figure:has(.plot)').length") == 0
+    tab.go(CASE)
+    tab.until("document.querySelector('.view.current [data-drawn]')")
+    drawn, all_of_them = (
+        tab.run(f"document.querySelectorAll('.view.current figure{s}').length")
+        for s in ("[data-drawn]", ":has(.plot)")
+    )
+    assert 0 < drawn < all_of_them
 
 
-def test_a_case_that_blew_up_is_drawn(tmp_path: Path, troubled: dict[str, Any]) -> None:
-    dom = opened(tmp_path, troubled, "case-system_0/robot.urdf/mujoco/driven")
-    assert page_tag(dom) == '<html lang="en">'
-    assert len(drawn(dom)) == 1
+def test_a_permalink_opens_its_case_and_the_way_back_the_overview(tab: Tab, address: str) -> None:
+    tab.open(f"{address}#{BOTH}")
+    assert shown(tab) == [BOTH]
+    assert "system_1/robot.urdf/driven" in tab.run("document.title")
+    tab.go("overview")
+    tab.until("document.querySelector('#overview').checkVisibility()")
+    assert shown(tab) == ["overview"]
+    tab.run("history.back()")
+    tab.until(f"document.getElementById('{BOTH}').checkVisibility()")
+    tab.go("case-of/nothing")
+    tab.until("document.querySelector('#overview').checkVisibility()")
+    assert shown(tab) == ["overview"]
+
+
+def test_cases_are_filtered_searched_and_sorted(tab: Tab, address: str) -> None:
+    tab.open(address)
+    assert len(rows(tab)) == 19
+    assert "FAILED" in rows(tab)[0]
+    choose = (
+        "document.getElementById('filter-{}').value = {!r};"
+        "document.getElementById('filter-{}').dispatchEvent(new Event('change'))"
+    )
+    tab.run(choose.format("outcome", "DIFFERS", "outcome"))
+    assert len(rows(tab)) == 1
+    assert tab.run("document.getElementById('matching').textContent") == "1 of 19 cases"
+    faded = "document.querySelectorAll('.matrix .cell.faded').length"
+    assert tab.run(faded) == tab.run("document.querySelectorAll('.matrix [data-cell]').length") - 1
+    tab.run("document.getElementById('clear').click()")
+    tab.run("document.getElementById('search').focus()")
+    tab.send("Input.insertText", text="SYSTEM_1 pybullet large")
+    assert [row.split()[2] for row in rows(tab)] == ["system_1/robot.urdf/large"]
+    tab.run("document.getElementById('clear').click()")
+    press = "[...document.querySelectorAll('#cases th button')].find(b => b.textContent === {!r})"
+    tab.run(press.format("U") + ".focus()")
+    tab.key("Enter", 13)
+    tab.run(press.format("E") + ".click()")
+    tab.run(press.format("E") + ".click()")
+    assert "DIFFERS" in rows(tab)[0], "the largest discrepancy first"
+    assert "ABSENT" in "".join(rows(tab)[-4:]), "what has none last"
+    head = press.format("E") + ".closest('th').ariaSort"
+    assert tab.run(head) == "descending"
+
+
+PLOTS = "[...Bokeh.index].filter((view) => view.frame)"
+RANGES = f"""{PLOTS}.map((view) => view.model)
+  .filter((model) => model.xaxes[0].axis_label === "t [s]")
+  .map((model) => [model.x_range.start, model.x_range.end])"""
+
+
+def box(tab: Tab, place: int = 0) -> dict[str, float]:
+    """Where the frame of a plot of the present view is, and what it shows."""
+    return tab.run(f"""(() => {{
+      const canvas = document.querySelectorAll(".view.current .plot")[{place}];
+      canvas.scrollIntoView({{block: "center", behavior: "instant"}});
+      const rect = canvas.getBoundingClientRect();
+      const view = [...Bokeh.index].find((v) => canvas.contains(v.el));
+      const {{left, top, width, height}} = view.frame.bbox;
+      return {{left: rect.left + left, top: rect.top + top, width, height,
+        start: view.model.x_range.start, end: view.model.x_range.end}};
+    }})()""")
+
+
+def test_zooming_one_plot_zooms_all_over_time_and_resetting_all_resets(
+    tab: Tab, address: str
+) -> None:
+    tab.window(height=TALL)
+    tab.open(f"{address}#{BOTH}")
+    tab.until(BUILT)
+    before = tab.run(RANGES)
+    assert len(before) == 2 + 4 + 1
+    at = box(tab)
+    y = at["top"] + at["height"] / 2
+    ends = [at["left"] + share * at["width"] for share in (0.25, 0.5)]
+    tab.drag((ends[0], y - 40), (ends[1], y + 40))
+    wide = at["end"] - at["start"]
+    expected = [at["start"] + share * wide for share in (0.25, 0.5)]
+    tab.until(f"{RANGES}.every(([a]) => Math.abs(a - {expected[0]}) < 0.05)")
+    np.testing.assert_allclose(tab.run(RANGES), [expected] * 7, atol=0.05)
+
+
+TIPS = """(() => {
+  const found = [];
+  const walk = (element) => {
+    if (element.classList?.contains("bk-tooltip-content")) found.push(element.textContent);
+    for (const child of [...(element.shadowRoot?.children ?? []), ...element.children]) walk(child);
+  };
+  walk(document.body);
+  return found;
+})()"""
+
+
+def test_hovering_shows_the_values_of_the_data_in_every_plot(
+    tab: Tab, address: str, troubled: dict[str, Any]
+) -> None:
+    tab.window(height=TALL)
+    tab.open(f"{address}#{BOTH}")
+    tab.until(BUILT)
+    record = next(c for c in troubled["cases"] if c["system"] == "system_1"
+                  and (c["model"], c["engine"], c["scenario"]) == ("robot.urdf", "pybullet",
+                                                                   "driven"))  # fmt: skip
+    series = record["series"]
+    at = box(tab)
+    k = 97
+    t = series["t"][k]
+    x = at["left"] + (t - at["start"]) / (at["end"] - at["start"]) * at["width"]
+    low, high = tab.run("""(() => { const view = [...Bokeh.index].find((v) =>
+      document.querySelector(".view.current .plot").contains(v.el));
+      return [view.model.y_range.start, view.model.y_range.end]; })()""")
+    value = series["reference"][0][k]
+    y = at["top"] + (high - value) / (high - low) * at["height"]
+    tab.mouse("mouseMoved", x + 3, y)
+    tab.mouse("mouseMoved", x, y)
+    tab.until("document.querySelector('.view.current .readout').textContent.startsWith('t = 4.8')")
+    texts = tab.run(
+        "[...document.querySelectorAll('.view.current .readout')].map(r => r.textContent)"
+    )
+    assert len(texts) == 7, "every plot over time tells its own"
+    for i in (0, 1):
+        told = dict(re.findall(r"(?:: |; )([^;]+?) (\S+)(?=;|$)", texts[i]))
+        assert float(told["reference"]) == pytest.approx(series["reference"][i][k], rel=1e-4)
+        mine = next(value for name, value in told.items() if name.startswith("this"))
+        assert float(mine) == pytest.approx(series["engine"][i][k], rel=1e-4)
+    cursors = "[...document.querySelectorAll('.view.current .cursor')].map(c => c.style.left)"
+    assert len(set(tab.run(cursors))) <= 4, "one time in all plots, in few columns"
+    tab.until(f"{TIPS}.some((tip) => tip.startsWith('reference'))")
+    (tip,) = (tip for tip in tab.run(TIPS) if tip.startswith("reference"))
+    found = re.search(r"t: (\S+) value: (\S+)", tip)
+    assert found
+    assert float(found[1]) == pytest.approx(t, rel=1e-4)
+    assert float(found[2]) == pytest.approx(value, rel=1e-3)
+
+
+def test_the_mechanism_moves_as_the_data_and_stops_and_scrubs_by_keyboard(
+    tab: Tab, address: str, troubled: dict[str, Any]
+) -> None:
+    tab.open(f"{address}#{CASE}")
+    tab.until("document.querySelector('.view.current .moving')")
+    time = "Number(document.querySelector('.view.current .controls input').value)"
+    tab.until(f"{time} === 0")
+    tab.run("document.querySelector('.view.current .play').click()")
+    tab.until(f"{time} > 0.2")
+    tab.run("document.querySelector('.view.current .play').click()")
+    stopped = tab.run(time)
+    assert tab.run(f"new Promise((ok) => setTimeout(() => ok({time}), 200))") == stopped
+    tab.run("document.querySelector('.view.current .controls input').focus()")
+    tab.key("ArrowRight", 39)
+    tab.until(f"{time} > {stopped}")
+    tab.key("Home", 36)
+    tab.until(f"{time} === 0")
+    series = troubled["cases"][0]["series"]
+    k = 60
+    tab.run(f"""(() => {{ const slider = document.querySelector(".view.current .controls input");
+      slider.step = "any"; slider.value = {series["t"][k]};
+      slider.dispatchEvent(new Event("input")); }})()""")
+    script = "document.querySelector('.moving .{} .block').getAttribute('transform')"
+    for role, row in (("reference", "reference"), ("engine", "engine")):
+        q = series[row][0][k]
+        numbers = [float(n) for n in tab.run(script.format(role))[7:-1].split()]
+        w, h, angle = 0.3, 0.2, q**2
+        c, s = np.cos(angle), np.sin(angle)
+        expected = [w * c, w * s, -h * s, h * c, q, np.sin(0.5 * q)]
+        np.testing.assert_allclose(numbers, expected, rtol=1e-4, atol=1e-6)
+
+
+def test_a_system_without_a_sketch_says_so_and_its_cursor_still_moves(
+    tab: Tab, address: str
+) -> None:
+    tab.open(f"{address}#{BOTH}")
+    tab.until("document.querySelector('.view.current .controls')")
+    assert "declares no sketch" in tab.run("document.querySelector('.view.current').innerText")
+    assert tab.run("document.querySelector('.view.current .moving')") is None
+
+
+def test_each_plot_has_words_and_a_table_of_its_numbers(
+    tab: Tab, address: str, troubled: dict[str, Any]
+) -> None:
+    tab.open(f"{address}#{CASE}")
+    tab.until("document.querySelector('.view.current .data')")
+    told = tab.run("[...document.querySelectorAll('.view.current .plot')].map(p => p.ariaLabel)")
+    assert all(len(text) > 40 for text in told)
+    tab.run("document.querySelector('.view.current .data').open = true")
+    tab.until("document.querySelector('.view.current .data table')")
+    cells = tab.run(
+        "[...document.querySelectorAll('.view.current .data table')].map(t =>"
+        " [...t.tBodies[0].rows].map(r => [...r.cells].map(c => Number(c.textContent))))"
+    )
+    series = troubled["cases"][0]["series"]
+    table = np.array(cells[0])
+    np.testing.assert_allclose(table[:, 0], series["t"])
+    np.testing.assert_allclose(table[:, 1], series["reference"][0])
+
+
+def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> None:
+    tab.open(f"{address}#{CASE}")
+    colours = """[getComputedStyle(document.body).backgroundColor,
+      [...Bokeh.index].filter((view) => view.frame).map((view) => view.model.xaxes[0])
+        .map((axis) => axis.axis_label_text_color.value ?? axis.axis_label_text_color)]"""
+    drawn = "document.querySelectorAll('.view.current [data-drawn]').length > 1"
+    tab.until(drawn)
+    light = tab.run(colours)
+    tab.window(scheme="dark")
+    tab.until(f"JSON.stringify({colours}[1]) !== {json.dumps(json.dumps(light[1]))}"
+              f" && {colours}[1].length >= {len(light[1])}")  # fmt: skip
+    dark = tab.run(colours)
+    assert light[0] == "rgb(255, 255, 255)"
+    assert sum(map(int, re.findall(r"\d+", dark[0]))) < 120
+    tab.window(scheme="light")
+    tab.until(f"{colours}[1].length >= {len(light[1])}"
+              f" && {colours}[1].every((c) => c === {light[1][0]!r})")  # fmt: skip
+
+
+def look(tab: Tab) -> None:
+    """Scroll to the first plot, if there is one, and wait until it is drawn."""
+    if tab.run("document.querySelector('.view.current [data-pack]') !== null"):
+        tab.until("document.querySelector('.view.current figure:has(.plot)')")
+        tab.run("document.querySelector('.view.current .plot').scrollIntoView()")
+        tab.until("document.querySelector('.view.current [data-drawn]')")
+
+
+@pytest.mark.parametrize("view", ["overview", SYSTEM, CASE, DIAGNOSIS])
+def test_a_narrow_screen_needs_no_scrolling_sideways(tab: Tab, address: str, view: str) -> None:
+    tab.window(390, 844)
+    tab.open(f"{address}#{view}")
+    look(tab)
+    assert tab.run("document.documentElement.scrollWidth") <= 390
+
+
+def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(tab: Tab, address: str) -> None:
+    tab.window(scheme="dark", media="print")
+    tab.open(address)
+    assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    for hidden in (".filters", ".bar nav", ".skip"):
+        assert not tab.run(f"document.querySelector('{hidden}').checkVisibility()")
+    assert tab.run("document.querySelector('.matrix').checkVisibility()")
+    pdf = tab.send("Page.printToPDF", landscape=True)["data"]
+    assert len(pdf) > 10_000
+
+
+def test_without_javascript_everything_but_the_plots_is_there(
+    browser: Browser, address: str, troubled: dict[str, Any]
+) -> None:
+    with browser.tab(scripts=False) as tab:
+        tab.send("Page.navigate", url=address)
+        tab.until("document.querySelectorAll('footer').length === 1")
+        assert len(shown(tab)) == tab.run("document.querySelectorAll('.view').length")
+        text = tab.run("document.body.innerText")
+        assert "JavaScript is off" in text
+        assert "13 of 19 cases agree" in text
+        assert "is 38.25 where the motion wants 39.5" in text
+        assert len(rows(tab)) == len(troubled["cases"])
+        assert not tab.run("document.querySelector('.filters').checkVisibility()")
+        tab.run(f"document.getElementById('{CASE}').open = true")
+        assert "These steps would give" in tab.run("document.body.innerText")
+        assert tab.run("document.querySelectorAll('canvas').length") == 0
+
+
+CHECK = """axe.run(document, {resultTypes: ["violations"]}).then((found) => found.violations
+  .filter((v) => ["serious", "critical"].includes(v.impact))
+  .map((v) => [v.id, v.nodes.slice(0, 3).map((n) => n.html.slice(0, 200) + n.failureSummary)]))"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_an_accessibility_checker_finds_nothing_serious(
+    tab: Tab, address: str, scheme: str
+) -> None:
+    axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
+    tab.window(scheme=scheme)
+    tab.open(address)
+    tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
+    for view in ("overview", SYSTEM, CASE, BOTH, DIAGNOSIS):
+        tab.go(view)
+        look(tab)
+        assert tab.run(CHECK) == [], view
 
 
 def test_hostile_names_neither_run_nor_break_the_plots(
-    tmp_path: Path, troubled: dict[str, Any]
+    browser: Browser, tmp_path: Path, troubled: dict[str, Any]
 ) -> None:
-    spoiled = hostile("".join(HOSTILE), troubled)
-    write_report(tmp_path / "index.html", spoiled)
-    ids = re.findall(r'id="(case-[^"]*)"', (tmp_path / "index.html").read_text("utf-8"))
-    dom = opened(tmp_path, spoiled, ids[0])
-    assert page_tag(dom) == '<html lang="en">'
-    assert len(drawn(dom)) == 1
-    assert "curves" in drawn(dom)[0]
+    path = tmp_path / "index.html"
+    name = "".join(HOSTILE)
+    write_report(path, hostile(name, troubled))
+    with browser.tab() as tab:
+        tab.window(height=TALL)
+        tab.open(path.as_uri())
+        for kind in ("case", "diagnosis", "system"):
+            view = tab.run(f"document.querySelector('.view[id^={kind}]').id")
+            tab.run(f"location.hash = {json.dumps(view)}")
+            tab.until(f"document.getElementById({json.dumps(view)}).checkVisibility()")
+            tab.until(BUILT)
+        assert tab.run("document.querySelectorAll('img, b:not([class]) b').length") == 0
+        text = tab.run("document.body.innerText")
+        assert "<script>alert(1)</script>" in text
+        assert "⟨U+202E⟩" in text
+        sound(tab, path.as_uri())

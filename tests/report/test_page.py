@@ -11,6 +11,7 @@ import jsonschema
 import pytest
 
 from harness.report import render, write_report
+from harness.report.maths import maths
 from harness.results import schema
 from tests.report.page import Page
 from tests.report.samples import results
@@ -26,15 +27,21 @@ def hostile(name: str, found: Any) -> Any:
     """Results in which every text that a user may choose has a hostile name in it."""
     fixed = {
         "outcome", "created", "kind", "verdict", "folder", "latex", "unit", "number", "schema",
+        "mathml", "label", "what", "severity",
     }  # fmt: skip
 
     def spoil(value: Any, key: str = "") -> Any:
+        if key == "shapes":
+            return value
         if isinstance(value, dict):
             return {k: spoil(v, k) for k, v in value.items()}
         if isinstance(value, list):
             return [spoil(v, key) for v in value]
         if not isinstance(value, str) or key in fixed or not value:
             return value
+        if key == "where":
+            file, colon, line = value.rpartition(":")
+            return f"{file}{name}{colon}{line}"
         return f"{value}{name}"
 
     spoiled = spoil(copy.deepcopy(found))
@@ -57,7 +64,7 @@ def test_every_case_is_on_the_page_and_every_link_leads_somewhere(
     cases = [
         attrs
         for tag, attrs in troubled_page.elements
-        if tag == "details" and attrs["class"] == "case"
+        if tag == "details" and attrs["class"] == "view case"
     ]
     assert len(cases) == len(troubled["cases"])
     targets = [str(attrs["href"]) for tag, attrs in troubled_page.elements if tag == "a"]
@@ -71,8 +78,10 @@ def test_everything_but_the_plots_is_there_without_javascript(troubled_page: Pag
     text = troubled_page.text
     for part in (
         "cases agree", "3 FAILED", "pybullet", "not installed",
-        "the engine's process died", "Segmentation fault", "no unit", "k*q0 + k*q0", "38.25", "N/m",
-        "m*q0_ddot = f*max(0, 1) - k*q0", "-0.1 ± 3.0003i", "it diverges", "<mujoco.xml/>",
+        "is 38.25 where the motion wants 39.5", "it agreed to 11.9 digits", "the vendor knows",
+        "These steps would give", "the engine's process died", "Segmentation fault", "no unit",
+        "k*q0 + k*q0", "38.25", "N/m",
+        "m*q0_ddot, f*max(0, 1) - k*q0", "-0.1 ± 3.0003i", "it diverges", "<mujoco.xml/>",
     ):  # fmt: skip
         assert part in text
     assert any(tag == "noscript" for tag, _ in troubled_page.elements)
@@ -83,14 +92,21 @@ def test_every_outcome_has_a_sign_beside_its_colour(troubled_page: Page) -> None
         assert sign in troubled_page.text
 
 
-def test_every_plot_has_a_place_and_words_for_those_who_do_not_see_it(page: Page) -> None:
-    plots = [attrs for _, attrs in page.elements if attrs.get("role") == "img"]
-    assert len(plots) == sum(3 + i % 2 for i in range(2)) * 9
-    assert all(len(str(attrs["aria-label"])) > 40 for attrs in plots)
-    for _, attrs in page.elements:
-        if "data-plots" in attrs:
-            content = page.json[str(attrs["data-plots"])]
-            assert f"pattern-{content['pattern']}" in page.json
+def test_every_sketch_is_drawn_and_told_in_words(page: Page) -> None:
+    sketches = [attrs for tag, attrs in page.elements if tag == "svg"]
+    assert len(sketches) == 2
+    for attrs in sketches:
+        assert "spring k" in str(attrs["aria-label"])
+    shapes = [attrs for _, attrs in page.elements if "data-shape" in attrs]
+    assert len(shapes) == 3 + 2 + 3 + 4
+
+
+def test_every_view_has_numbers_where_it_has_plots(troubled_page: Page) -> None:
+    wanted = {
+        str(attrs["data-pack"]) for _, attrs in troubled_page.elements if "data-pack" in attrs
+    }
+    assert len([name for name in wanted if "case" in name]) == 16
+    assert wanted <= set(troubled_page.packs)
 
 
 @pytest.fixture(scope="module", params=HOSTILE, ids=range(len(HOSTILE)))
@@ -106,7 +122,7 @@ def test_names_and_messages_with_markup_are_shown_as_text(
     assert [(tag, set(attrs)) for tag, attrs in page.elements] == [
         (tag, set(attrs)) for tag, attrs in troubled_page.elements
     ]
-    assert len(page.contents["script"]) == 2
+    assert len(page.contents["script"]) == 3
     assert page.contents == troubled_page.contents
     page.source.encode()
     if name.isprintable():
@@ -114,12 +130,42 @@ def test_names_and_messages_with_markup_are_shown_as_text(
     assert not re.search("[\x00-\x08\x0b-\x1f\u202a-\u202e\u2066-\u2069]", page.text)
 
 
-def test_the_json_of_the_plots_stays_within_its_element(spoiled: tuple[str, Page]) -> None:
-    element = r'<script type="application/json"[^>]*>(.*?)</script>'
+def test_packed_numbers_stay_within_their_elements(spoiled: tuple[str, Page]) -> None:
+    element = r'<script type="text/plain"[^>]*>(.*?)</script>'
     contents = re.findall(element, spoiled[1].source, re.DOTALL)
-    assert len(contents) == len(spoiled[1].json) > 2
+    assert len(contents) == len(spoiled[1].packs) > 2
     for content in contents:
-        assert not set("<>&'") & set(content)
+        assert re.fullmatch("[A-Za-z0-9+/=]+", content)
+
+
+BAD_MATHS = (
+    "<mrow><script>alert(1)</script></mrow>", "<mi href='javascript:alert(1)'>x</mi>",
+    "<mrow><mi>x</mi>", "<annotation-xml encoding='text/html'><b>x</b></annotation-xml>",
+    "<!DOCTYPE a [<!ENTITY b 'c'>]><mi>&b;</mi>", "<mi onclick='alert(1)'>x</mi>",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("bad", BAD_MATHS)
+def test_mathematics_is_rebuilt_from_what_is_harmless(bad: str) -> None:
+    made = maths(bad, "a < b")
+    assert not re.search("script|href|onclick|annotation|ENTITY", made)
+    assert made in ('<span class="code">a &lt; b</span>', "<math><mi>x</mi></math>")
+
+
+def test_mathematics_is_set_with_its_accents_and_its_text_escaped() -> None:
+    given = "<mfrac><mover accent='true'><mi>x</mi><mo>˙</mo></mover><mi>a&lt;b\u202e</mi></mfrac>"
+    assert maths(given, "", block=True) == (
+        '<math display="block"><mfrac><mover accent="true"><mi>x</mi><mo>˙</mo></mover>'
+        "<mi>a&lt;b⟨U+202E⟩</mi></mfrac></math>"
+    )
+
+
+def test_a_label_of_a_sketch_is_text() -> None:
+    found = results(1)
+    found["systems"][0]["sketch"]["shapes"][3]["label"] = "<script>\u202e_<b>"
+    source = render(found)
+    assert "&lt;script&gt;⟨U+202E⟩<tspan" in source
+    assert ">&lt;b&gt;</tspan>" in source
 
 
 def test_the_page_asks_for_nothing_from_anywhere(troubled_page: Page) -> None:

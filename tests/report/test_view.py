@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
-import numpy as np
 import pytest
 
-from harness.report.charts import amplitudes, charts
+from harness.report.cases import CaseView
+from harness.report.diagnoses import DiagnosisView
 from harness.report.text import agreeing_digits, equation, percent, shown, slug
 from harness.report.view import Report, report
-from tests.report.samples import case, results
+from tests.report.samples import results
 
 
 @pytest.fixture(scope="module")
 def seen(troubled: dict[str, Any]) -> Report:
     return report(troubled)
+
+
+def of(seen: Report, identity: str) -> CaseView:
+    return next(case for case in seen.cases if case.id == identity)
+
+
+def marked(view: DiagnosisView) -> list[tuple[str, int]]:
+    return [(file, line.number) for file, lines in view.files for line in lines
+            if line and line.marked]  # fmt: skip
 
 
 def facts(view: Any) -> dict[str, str]:
@@ -57,13 +67,11 @@ def test_digits_of_agreement_are_rounded_down_from_the_larger_of_both() -> None:
 
 
 def test_the_facts_of_a_case_are_those_of_its_record(seen: Report) -> None:
-    view = seen.cases[-2]
+    view = of(seen, "case-system_1/robot.urdf/pybullet/driven")
     assert (view.digits, view.discrepancy, view.uncertainty) == ("11.9", "7.1e-14", "1.0e-12")
     told = {what: value.replace("\u00a0", " ") for what, value in facts(view).items()}
     assert told["raw error"] == "0.911 %"
     assert told["order in h"] == "1.002 seen, 1 claimed"
-    assert told["1 % error at"] == "0.0021 s"
-    assert told["0.1 % error at"] == "–"
     assert told["checked by a run"] == "0.957 % at 0.0021 s, 1 % foretold"
     assert told["phase, at the end"] == "-0.068 rad"
     assert told["constraint drift"] == "0 (engine units)"
@@ -72,25 +80,25 @@ def test_the_facts_of_a_case_are_those_of_its_record(seen: Report) -> None:
     assert told["f"] == "sin(t)"
 
 
-def test_what_needs_a_look_comes_worst_first_and_absences_in_one_line(seen: Report) -> None:
-    outcomes = [case.outcome for case in seen.troubled]
-    assert outcomes == ["FAILED", "FAILED", "FAILED", "DIFFERS", "UNRESOLVED"]
-    assert seen.absences == ((1, "pybullet is not installed"),)
+def test_cases_come_worst_first(seen: Report) -> None:
+    outcomes = [case.outcome for case in seen.cases]
+    assert outcomes[:6] == ["FAILED", "FAILED", "FAILED", "DIFFERS", "UNRESOLVED", "ABSENT"]
+    assert set(outcomes[6:]) == {"AGREES"}
     assert seen.absent == ("pybullet",)
 
 
 def test_a_case_without_numbers_shows_none(seen: Report) -> None:
-    absent = seen.cases[2]
+    absent = of(seen, "case-system_0/mujoco.xml/mujoco/large")
     assert (absent.outcome, absent.digits, absent.discrepancy, absent.raw_error) == (
         "ABSENT",
         *"–––",
     )
     assert not absent.judged
-    assert absent.charts == ()
+    assert absent.pack == ""
 
 
 def test_a_failed_case_claims_no_digits_though_its_segments_agreed(seen: Report) -> None:
-    blown_up = seen.cases[4]
+    blown_up = of(seen, "case-system_0/robot.urdf/mujoco/driven")
     assert blown_up.discrepancy == "7.1e-14"
     assert blown_up.digits == "–"
     assert not blown_up.judged
@@ -100,17 +108,9 @@ def test_a_folder_that_could_not_be_read_is_a_group_of_its_own(seen: Report) -> 
     group = seen.groups[-1]
     assert group.name == "unread"
     assert group.about is None
-    assert [cell.reason for row in group.rows for cell in row.cells if cell] == [
+    assert [case.reason for model in group.models for case, _ in model.cases] == [
         "/models/unread/system.py: line 3: no unit"
     ]
-
-
-def test_a_scenario_that_did_not_run_in_one_engine_leaves_a_gap_in_the_matrix() -> None:
-    found = results(1)
-    del found["cases"][1]
-    rows = report(found).groups[0].rows
-    assert [cell is None for cell in rows[0].cells] == [False, True, False]
-    assert all(cell is not None for row in rows[1:] for cell in row.cells)
 
 
 def test_the_engines_poles_stand_beside_taylors_one_of_each_pair(seen: Report) -> None:
@@ -160,32 +160,88 @@ def test_different_names_have_different_slugs_of_harmless_characters() -> None:
     )
 
 
-def test_raw_errors_are_relative_to_no_less_than_a_share_of_the_largest_amplitude() -> None:
-    moving, still = (case("s", "m.xml", "mujoco", name, 1) for name in ("moving", "still"))
-    still["series"]["reference"] = [[0.0] * len(row) for row in still["series"]["reference"]]
-    still["series"]["error"][0][5] = 0.02
-    reach = amplitudes([moving, still])["/models/s"]
-    assert reach == pytest.approx([1.0, 1.0], abs=1e-3)
-    raw = next(c for c in charts(still, ["m", "m/s"], reach)[1].curves if c.role == "raw")
-    # FLOOR is one per cent of the other scenario's amplitude of one.
-    assert raw.y[5] == pytest.approx(0.02 / 0.01, rel=1e-3)
+def test_the_matrix_shows_the_worst_of_each_model_worst_systems_first(seen: Report) -> None:
+    assert seen.matrix.columns[:3] == (
+        ("mujoco.xml", "mujoco"), ("robot.urdf", "mujoco"), ("robot.urdf", "pybullet"),
+    )  # fmt: skip
+    names = [row.name for row in seen.matrix.rows]
+    assert names == ["unread", "system_0", "system_1"] or names[-1] == "system_1"
+    row = next(row for row in seen.matrix.rows if row.name == "system_0")
+    first = row.cells[0]
+    assert first is not None
+    assert (first.outcome, first.counts, first.digits) == ("DIFFERS", "1 of 3", "5.5")
+    assert first.raw_error == "0.911\u00a0%"
+    assert first.id == "case-system_0/mujoco.xml/mujoco/free"
+    assert row.cells[-1] is None, "the unread folder's column has no case here"
 
 
-def test_a_motion_that_blew_up_does_not_hide_the_reference(seen: Report) -> None:
-    blown_up, sound = seen.cases[4].charts[0], seen.cases[0].charts[0]
-    assert blown_up.y_limits is not None
-    assert max(np.abs(blown_up.y_limits)) < 5
-    assert sound.y_limits is None
+def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report) -> None:
+    differs = next(one for one in seen.troubles if one.outcome == "DIFFERS")
+    assert differs.sentence == (
+        "joint[x]@stiffness (mujoco.xml:21) is 38.25 where the motion wants 39.5."
+    )
+    assert differs.id == "diagnosis-system_0/mujoco.xml/mujoco"
+    absent = [one for one in seen.troubles if one.outcome == "ABSENT"]
+    assert [(one.cases, one.sentence) for one in absent] == [("1", "pybullet is not installed")]
 
 
-def test_every_chart_is_told_in_words_with_numbers_and_units(seen: Report) -> None:
-    for view in seen.cases:
-        for chart in view.charts:
-            assert any(c.isdigit() for c in chart.summary)
-            assert "nan" not in chart.summary
-            assert "[" in chart.x_label
-    motion, errors, convergence = seen.cases[-4].charts[-3:]
-    assert motion.y_label == "q1 [m]"
-    assert errors.log_y
-    assert convergence.log_x
-    assert "slope 1.00 (observed)" in {curve.label for curve in convergence.curves}
+def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
+    found = results(1)
+    found["models"][1]["audit"] = [
+        {"kind": "literal", "message": "m is 2 where 3 belongs", "where": "/a/robot.urdf:7",
+         "expected": 3.0, "found": 2.0, "severity": "finding"},
+    ]  # fmt: skip
+    seen = report(found)
+    assert [(one.outcome, one.sentence) for one in seen.troubles] == [
+        ("AUDIT", "m is 2 where 3 belongs")
+    ]
+    view = seen.groups[0].models[1].diagnosis
+    assert view is not None
+    assert marked(view) == [("robot.urdf", 7)]
+
+
+def test_an_unexplained_difference_is_not_given_a_cause(troubled: dict[str, Any]) -> None:
+    found = copy.deepcopy(troubled)
+    found["models"][0]["diagnosis"]["explained"] = False
+    found["models"][0]["audit"] = []
+    view = report(found).groups[0].models[0].diagnosis
+    assert view is not None
+    assert view.sentence.startswith("Unexplained: the best single cause, joint[x]@stiffness,")
+    assert view.files == (), "no line is blamed"
+
+
+def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> None:
+    view = seen.groups[0].models[0].diagnosis
+    assert view is not None
+    ((file, lines),) = view.files
+    assert file == "mujoco.xml"
+    assert [line and line.number for line in lines] == [*range(17, 26), None]
+    assert [line.text.strip() for line in lines if line and line.marked] == ["<line n='21'/>"]
+
+
+def test_a_cause_in_the_sidecar_is_marked_there(troubled: dict[str, Any]) -> None:
+    found = copy.deepcopy(troubled)
+    model = found["models"][0]
+    model["audit"] = []
+    model["sidecar"] = "[[spring]]\nstiffness = 38.0\n"
+    model["diagnosis"]["findings"][0]["where"] = ["mujoco.xml.toml:2"]
+    view = report(found).groups[0].models[0].diagnosis
+    assert view is not None
+    assert marked(view) == [("mujoco.xml.toml", 2)]
+
+
+def test_changes_since_the_baseline_lead_to_their_cases(seen: Report) -> None:
+    assert seen.changes is not None
+    (change,) = seen.changes
+    assert (change.kind, change.message) == ("regression", "it agreed to 11.9 digits")
+    assert change.id == "case-system_0/mujoco.xml/mujoco/free"
+    assert report(results(1)).changes is None
+
+
+def test_what_the_step_costs_is_one_sentence_with_steps(seen: Report) -> None:
+    view = of(seen, "case-system_1/robot.urdf/mujoco/free")
+    assert view.cost == (
+        "The step of 0.002\u00a0s costs you 0.911\u00a0% of the amplitude over the whole motion:"
+        " by the end the amplitude is -2.9\u00a0% off and the phase 0.068\u00a0rad early."
+    )
+    assert view.steps == (("1\u00a0%", "0.0021\u00a0s"),), "an unknown step is not told"

@@ -1,0 +1,137 @@
+"""Numbers and charts of one part of the page, packed: unpacked by the page when they are looked at.
+
+JSON of rounded numbers, compressed, is smaller than their binary form: what a plot shows has three
+to six digits.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from reference.numeric import Array
+
+Row = Sequence[float | None]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where numbers are: the id of a pack, and a key within it."""
+
+    pack: str
+    key: str
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One curve; its role and its place among its kind say how it is drawn.
+
+    Attributes:
+        label: entry of the legend; curves of one label are shown and hidden together.
+        role: how it is drawn, see `script/looks.js`.
+        place: number among those of its role: its colour, dash and marker.
+        x, y: its numbers; where values are signed and the axis is logarithmic, their size is drawn
+            and their sign is told by the mark.
+    """
+
+    label: str
+    role: str
+    place: int
+    x: Column
+    y: Column
+
+
+@dataclass(frozen=True)
+class Chart:
+    """One plot.
+
+    Attributes:
+        part: heading under which it stands.
+        title: what it shows.
+        x_label, y_label: with units.
+        curves: in drawing order.
+        key: how to tell the curves apart.
+        summary: what is to be seen, in words with numbers.
+        log_x, log_y: which axes are logarithmic.
+        over_time: whether x is the time of the motion, shared with the other charts of the pack.
+        y_limits: part of the y axis to show at first; None shows all.
+        names: of the places on the y axis, where they are names: y counts them from 0.
+    """
+
+    part: str
+    title: str
+    x_label: str
+    y_label: str
+    curves: tuple[Curve, ...]
+    key: str
+    summary: str
+    log_x: bool = False
+    log_y: bool = False
+    over_time: bool = False
+    y_limits: tuple[float, float] | None = None
+    names: tuple[str, ...] = ()
+
+
+class Pack:
+    """Columns of numbers under an id, to which charts of any pack may refer."""
+
+    def __init__(self, identity: str) -> None:
+        self.id = identity
+        self._columns: dict[str, list[float | None]] = {}
+        self._keys: dict[tuple[float | None, ...], str] = {}
+
+    def column(self, values: Row | Array, digits: int) -> Column:
+        """Keep numbers, with so many digits; the same numbers are kept once."""
+        kept = [_rounded(value, digits) for value in np.asarray(values, dtype=float).tolist()]
+        key = self._keys.setdefault(tuple(kept), f"c{len(self._keys)}")
+        self._columns[key] = kept
+        return Column(self.id, key)
+
+    def packed(self, charts: Iterable[Chart] = (), **more: Any) -> str:
+        """The pack as text that a script element may hold."""
+        content = {
+            "columns": self._columns, "charts": [self._record(chart) for chart in charts], **more,
+        }  # fmt: skip
+        return compressed(content)
+
+    def _record(self, chart: Chart) -> dict[str, Any]:
+        record = asdict(replace(chart, curves=()))
+        for name in ("title", "x_label", "y_label"):
+            record[name] = not_tex(record[name])
+        record["names"] = [not_tex(name) for name in chart.names]
+        record["curves"] = [
+            {
+                "label": not_tex(curve.label), "role": curve.role, "place": curve.place,
+                "x": self._reference(curve.x), "y": self._reference(curve.y),
+            }
+            for curve in chart.curves
+        ]  # fmt: skip
+        return record
+
+    def _reference(self, column: Column) -> Any:
+        return column.key if column.pack == self.id else [column.pack, column.key]
+
+
+def compressed(content: Mapping[str, Any]) -> str:
+    """JSON, compressed, in letters that no element ends with; the same content, the same text."""
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    data = text.encode("ascii")
+    return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
+
+
+def not_tex(text: str) -> str:
+    """Text that Bokeh does not take for TeX: it would ask the network for MathJax."""
+    for opening in ("$$", "\\[", "\\("):
+        text = text.replace(opening, f"{opening[0]}\u2060{opening[1]}")
+    return text
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    return float(f"{value:.{digits}g}") if math.isfinite(value) else None

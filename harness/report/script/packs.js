@@ -1,0 +1,47 @@
+// What went wrong can be read from the page, by tests and by whoever reports it.
+const page = document.documentElement;
+const note = (name, what) => {
+  page.dataset[name] = page.dataset[name] ? `${page.dataset[name]} | ${what}` : what;
+};
+addEventListener("error", (event) => note("errors", event.message));
+addEventListener("unhandledrejection", (event) => note("errors", String(event.reason)));
+document.addEventListener("securitypolicyviolation", (event) => note("blocked", event.blockedURI));
+
+const packs = new Map();
+
+/** The content of a pack, unpacked once. */
+function pack(id) {
+  if (!packs.has(id)) packs.set(id, unpack(document.getElementById(id).textContent));
+  return packs.get(id);
+}
+
+async function unpack(text) {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const gzip = new DecompressionStream("gzip");
+  const writer = gzip.writable.getWriter();
+  writer.write(bytes);
+  writer.close();
+  return JSON.parse(await new Response(gzip.readable).text());
+}
+
+/** A column of the pack `own`, or of another: `[pack, key]`. Missing values are NaN. */
+async function column(own, reference) {
+  const [id, key] = Array.isArray(reference) ? reference : [own, reference];
+  return (await pack(id)).columns[key].map((value) => value ?? NaN);
+}
+
+/** The chart's curves with their numbers. */
+async function filled(own, chart) {
+  const curves = chart.curves.map(async (curve) => ({
+    ...curve, x: await column(own, curve.x), y: await column(own, curve.y),
+  }));
+  return { ...chart, curves: await Promise.all(curves) };
+}
+
+/** An element with attributes and children, text being text. */
+function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...children);
+  return element;
+}

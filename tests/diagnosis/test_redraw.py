@@ -1,0 +1,87 @@
+"""The motion redrawn with the value that a diagnosis found."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from harness.diagnose import Diagnosis
+from harness.fit import Finding
+from harness.folders import builtin
+from harness.inquiry import InquiryTask, bench
+from harness.prepare import prepare
+from harness.redraw import redraw
+from harness.sidecar import read_sidecar
+
+
+@pytest.fixture(scope="module")
+def task(tmp_path_factory):
+    """A mass on a spring that is one per cent too stiff in its file."""
+    pytest.importorskip("mujoco")
+    folder = tmp_path_factory.mktemp("planted") / "mass_spring_damper"
+    shutil.copytree(builtin() / "mass_spring_damper", folder)
+    path = folder / "mujoco.xml"
+    text, count = re.subn('stiffness="47.0"', 'stiffness="47.47"', path.read_text())
+    assert count == 1
+    path.write_text(text)
+    prepared = prepare(folder)
+    sidecar = read_sidecar(folder / "mujoco.xml.toml")
+    return InquiryTask(
+        prepared.system, sidecar, "mujoco", prepared.motions, prepared.scales, prepared.variants
+    )
+
+
+def told(task, cause, fault, explained=True):
+    """The motion redrawn as if a diagnosis had told one cause and its fault."""
+    with bench(task) as (whole, _):
+        (index,) = (i for i, h in enumerate(whole.hypotheses) if h.cause == cause)
+        hypothesis = whole.hypotheses[index]
+        estimate = hypothesis.value + hypothesis.correction * fault
+        finding = Finding((index,), (hypothesis,), (fault,), (estimate,), (1e-9,), 1e-10)
+        return redraw(whole, task.motions, Diagnosis((finding,), explained, 1e-9))
+
+
+@pytest.mark.parametrize(("cause", "estimate", "what"), [
+    ("k", 47.47, "equations"),
+    ("joint[x]@stiffness", 47.0, "file"),
+])  # fmt: skip
+def test_the_right_value_explains_the_motion_in_every_scenario(task, cause, estimate, what):
+    found = told(task, cause, 0.47)
+    assert found["estimate"] == pytest.approx([estimate])
+    assert found["what"] == what
+    assert [one["scenario"] for one in found["scenarios"]] == list(task.motions)
+    for one in found["scenarios"]:
+        assert np.max(np.abs(one["before"])) > 1e-3
+        assert np.max(np.abs(one["after"])) < 1e-9
+        # The equations with the file's spring: another motion. The file with the equations' spring:
+        # theirs, but for the step.
+        reference = task.motions[one["scenario"]].at(np.array(one["t"]))
+        apart = np.max(np.abs(np.array(one["redrawn"]).T - reference)) / np.max(np.abs(reference))
+        assert 0.005 < apart < 0.3 if what == "equations" else apart < 0.02
+
+
+def test_a_wrong_value_does_not(task):
+    found = told(task, "k", -1.0)
+    assert all(np.max(np.abs(one["after"])) > 1e-3 for one in found["scenarios"])
+
+
+def test_the_redrawn_motion_obeys_the_equations_with_breaks_of_the_input(task):
+    """Nothing moved: the reference comes back, a step of force in it."""
+    found = told(task, "k", 0.0)
+    for one in found["scenarios"]:
+        reference = task.motions[one["scenario"]].at(np.array(one["t"])).T
+        # Times have six digits: rounded by 5e-5 s, at up to 6 rad/s.
+        np.testing.assert_allclose(one["redrawn"], reference, atol=3e-4 * np.max(np.abs(reference)))
+        assert len(one["t"]) == 240
+
+
+def test_the_zero_of_a_joint_is_moved_in_the_redrawn_motion(task):
+    found = told(task, "zero of x", 0.02)
+    assert found["what"] == "file"
+    free = next(one for one in found["scenarios"] if one["scenario"] == "free")
+    assert abs(free["redrawn"][0][-1]) == pytest.approx(0.02, rel=0.1)
+
+
+def test_what_nothing_explains_is_not_redrawn(task):
+    assert told(task, "k", 0.47, explained=False) is None
