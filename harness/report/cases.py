@@ -133,10 +133,14 @@ def _cost(case: Mapping[str, Any]) -> str:
     """What the step costs, and where the cost goes."""
     if case["raw_error"] is None:
         return ""
-    told = (
-        f"The step of {quantity(case['shipped_step'], 's', 3)} costs you"
-        f" {percent(case['raw_error'])} of the amplitude over the whole motion"
-    )
+    step, error = quantity(case["shipped_step"], "s", 3), percent(case["raw_error"])
+    if case["outcome"] == Outcome.DIFFERS:
+        told = (
+            f"At the step of {step} the whole motion is off by {error} of the amplitude at most,"
+            " by the step and by what differs"
+        )
+    else:
+        told = f"The step of {step} costs you {error} of the amplitude over the whole motion"
     apart = case.get("apart")
     if apart is None:
         return f"{told}."

@@ -213,7 +213,7 @@ def _label(shape: Mapping[str, Any], q: Sequence[float], size: float) -> Label:
         length = math.hypot(x2 - x, y2 - y) or 1.0
         off = (0.045 if shape["kind"] == "measure" else 0.075) * size
         nx, ny = -(y2 - y) / length * off, (x2 - x) / length * off
-        # Above what lies, to the right of what hangs; below a damper, often under a spring.
+        # Above what lies, to the right of what hangs; below a damper: springs lie above it.
         side = -1 if (ny < -1e-9 or (abs(ny) <= 1e-9 and nx < 0)) else 1
         side = -side if shape["kind"] == "damper" else side
         x, y = (x + x2) / 2 + side * nx, (y + y2) / 2 + side * ny

@@ -58,8 +58,8 @@ system = System(
                 "ends in k x2 twice, where k x1 belongs once; signs lost in the transcript"),
     ),
     sketch=(
-        Link("spring", (x1.q + 0.15, 0.12), (x2.q + 0.85, 0.12), "k"),
-        Link("damper", (x1.q + 0.15, -0.06), (x2.q + 0.85, -0.06), "c"),
+        Link("spring", (x1.q + 0.15, 0.15), (x2.q + 0.85, 0.15), "k"),
+        Link("damper", (x1.q + 0.15, 0), (x2.q + 0.85, 0), "c"),
         Body("block", (x1.q, 0), 0.3, 0.5, label="m1"),
         Body("block", (x2.q + 1, 0), 0.3, 0.5, label="m2"),
         Link("line", (0, 0.25), (0, 0.43)),
