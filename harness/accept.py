@@ -12,7 +12,8 @@ from harness.baseline import Entry, SystemBaseline, write_baseline
 from harness.changes import Change, Status
 from harness.fingerprint import NUMERICS, FolderFiles, digest_of
 from harness.folders import FolderError
-from harness.gate import Gated, location
+from harness.gate import Gated
+from harness.touched import location
 from harness.track import track_key
 
 

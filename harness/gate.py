@@ -14,12 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from harness.baseline import Entry, SystemBaseline, case_key, read_baseline
+from harness.baseline import SystemBaseline, case_key, read_baseline
 from harness.changes import Change, Now, Status, compare
 from harness.engines import engines
-from harness.fingerprint import NUMERICS, FolderFiles, ModelFiles, folder_files
+from harness.fingerprint import NUMERICS, FolderFiles, folder_files
 from harness.folders import FolderError, builtin
 from harness.stories import Story, stories
+from harness.touched import location, match, touched
 
 Record = dict[str, Any]
 
@@ -99,14 +100,15 @@ def gate(
     baseline = read_baseline(terms.baseline)
     versions = {name: engine.version() for name, engine in engines().items()}
     scans = [folder_files(folder, terms.baseline) for folder in folders]
-    matched = {scan.folder: _match(scan.folder, terms.baseline, baseline) for scan in scans}
+    matched = {scan.folder: match(scan.folder, terms.baseline, baseline) for scan in scans}
     chosen = {
         (str(scan.folder), model.model, engine)
         for scan in scans
         for model in scan.models
         for engine in model.engines
         if (not terms.engines or engine in terms.engines)
-        and (terms.every or _touched(scan, model, engine, matched[scan.folder], versions, terms))
+        and (terms.every
+             or touched(scan, model, engine, matched[scan.folder], versions, terms.resolution))
     }  # fmt: skip
     wanted = {folder for folder, _, _ in chosen}
     running = [s.folder for s in scans if str(s.folder) in wanted or s.broken or not s.models]
@@ -144,14 +146,6 @@ def gate(
     )  # fmt: skip
 
 
-def location(folder: Path, baseline: Path) -> str:
-    """How a baseline names a system's folder: relative to itself; an installed one by its name."""
-    home = builtin().resolve()
-    if folder.resolve().parent == home and home.parent.name == "harness":
-        return f"builtin:{folder.name}"
-    return Path(os.path.relpath(folder.resolve(), baseline.resolve())).as_posix()
-
-
 def accepted_folders(baseline: Path) -> list[Path]:
     """The folders that a baseline names, and the system folders beside them.
 
@@ -168,44 +162,6 @@ def accepted_folders(baseline: Path) -> list[Path]:
         )
         parents.add(Path(os.path.relpath(place.resolve().parent)))
     return sorted(p.parent for parent in parents for p in parent.glob("*/system.py"))
-
-
-def _match(
-    folder: Path, place: Path, baseline: Mapping[str, SystemBaseline]
-) -> SystemBaseline | None:
-    """The baseline of a folder: by its place; moved, by its name where that is unique."""
-    here = location(folder, place)
-    for one in baseline.values():
-        if one.folder == here:
-            return one
-    named = [b for b in baseline.values() if b.folder.rpartition("/")[2] == folder.name]
-    return named[0] if len(named) == 1 else None
-
-
-def _touched(
-    scan: FolderFiles, model: ModelFiles, engine: str, one: SystemBaseline | None,
-    versions: Mapping[str, str | None], terms: Terms,
-) -> bool:  # fmt: skip
-    """Whether anything that the cases of a model in an engine depend on is not as accepted."""
-    if one is None or one.declared != scan.system or not one.scenarios:
-        return True
-    for scenario in one.scenarios:
-        entry = one.cases.get(case_key(model.model, scenario, engine))
-        if entry is None or not _as_accepted(entry, model.hashes, engine, versions, terms):
-            return True
-    return False
-
-
-def _as_accepted(
-    entry: Entry, hashes: Mapping[str, str], engine: str, versions: Mapping[str, str | None],
-    terms: Terms,
-) -> bool:  # fmt: skip
-    return bool(
-        entry["files"] == hashes
-        and entry["engine"] == f"{engine} {versions.get(engine)}"
-        and entry["resolution"] == terms.resolution
-        and entry["numerics"] == NUMERICS
-    )
 
 
 def _run(

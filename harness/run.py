@@ -21,7 +21,7 @@ from harness.case import TwinTask, case_task, run_case, run_twins
 from harness.engine import Engine
 from harness.engines import engines
 from harness.inquiry import InquiryTask, inquire, inquiry_task
-from harness.known import known_tracks, mark_known
+from harness.known import accepted, mark_known, since
 from harness.measure import MeasureTask, measure
 from harness.prepare import Prepared, prepare
 from harness.results import results
@@ -84,7 +84,10 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
     systems: list[Record] = []
     total = 0
     inquiries: dict[tuple[str, str, str], _Inquiry] = {}
-    tracks = known_tracks(options.baseline) if options.selection is None else {}
+    before = None
+    if options.selection is None:
+        before = accepted(options.baseline, folders, options.resolution, options.engines)
+    tracks = {} if before is None else before.tracks
     preparing = partial(prepare, described=options.selection is None)
     with Workers(options.jobs or os.cpu_count() or 1, options.limit) as workers:
         waiting: dict[Future[Any], Record | Path] = {
@@ -133,7 +136,11 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
                     cases.append(case)
                     progress(len(cases), total, case)
                     waiting |= _diagnose(case, cases, inquiries, workers)
-    mark_known(cases, options.baseline)
+    mark_known(cases, before)
+    changed = since(cases, before)
+    if options.selection is None:
+        for case in cases:
+            case.pop("measured", None)
     order = {str(folder): i for i, folder in enumerate(folders)}
     cases.sort(key=lambda c: (order[c["folder"]], c["model"], c["engine"], c["place"]))
     return results(
@@ -143,6 +150,7 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
         engines={name: engine.version() for name, engine in known.items()},
         resolution=options.resolution,
         seconds=time.perf_counter() - began,
+        baseline=changed,
     )
 
 

@@ -39,7 +39,8 @@ def print_results(console: Console, found: Mapping[str, Any]) -> None:
         console.print("* one of the motions is too sensitive for a step to be told", style="dim")
     differ = {_model_key(case) for case in found["cases"] if case["outcome"] == "DIFFERS"}
     _print_linear(console, [m for m in found["models"] if _model_key(m) not in differ])
-    troubled = [case for case in found["cases"] if case["outcome"] != "AGREES"]
+    amiss = [case for case in found["cases"] if case["outcome"] != "AGREES"]
+    troubled = [case for case in amiss if not case.get("accepted")]
     troubled.sort(key=lambda c: (-Outcome(c["outcome"]).severity, -(c["discrepancy"] or 0)))
     for case in troubled[:MOST_TOLD]:
         console.print()
@@ -58,6 +59,8 @@ def print_results(console: Console, found: Mapping[str, Any]) -> None:
                 console.print(f"  {escape(text)}", soft_wrap=True)
     if len(troubled) > MOST_TOLD:
         console.print(f"\nand {len(troubled) - MOST_TOLD} more, in results.json")
+    _print_accepted(console, [case for case in amiss if case.get("accepted")])
+    _print_changes(console, found.get("baseline") or {"changes": []})
     console.print()
     console.print(summary(found))
 
@@ -104,6 +107,27 @@ def cause_sentences(finding: Mapping[str, Any]) -> list[str]:
     return [*sentences, tail]
 
 
+def _print_accepted(console: Console, cases: Sequence[Mapping[str, Any]]) -> None:
+    """The known differences, each with the reason it was accepted with."""
+    if cases:
+        console.print("\n[bold]accepted[/] as they are")
+    for case in cases:
+        said = f"  {case_id(case)}: {case['outcome']}, {case['accepted']}"
+        console.print(escape(said), soft_wrap=True)
+
+
+def _print_changes(console: Console, baseline: Mapping[str, Any]) -> None:
+    """What is not as it was accepted."""
+    changes = baseline["changes"]
+    if changes:
+        console.print(f"\n[bold]since[/] {escape(baseline['name'])}")
+    for change in changes[:MOST_TOLD]:
+        said = f"  {change['kind']:<12}{case_id(change)}: {change['message']}"
+        console.print(escape(said), soft_wrap=True)
+    if len(changes) > MOST_TOLD:
+        console.print(f"  and {len(changes) - MOST_TOLD} more, in results.json")
+
+
 def _to_its_error(value: float, error: float) -> str:
     """A fitted value with ten digits, but none below its standard error."""
     places = 15 if error == 0 else max(0, -math.floor(math.log10(error)))
@@ -117,6 +141,8 @@ def summary(found: Mapping[str, Any]) -> str:
     agreeing = [case for case in found["cases"] if case["outcome"] == "AGREES"]
     worst = max((max(c["discrepancy"], c["uncertainty"]) for c in agreeing), default=None)
     tail = f"; all that agree do so to {worst:.1e}" if worst is not None else ""
+    known = sum(bool(case.get("accepted")) for case in found["cases"])
+    tail = (f"; {known} accepted as known differences" if known else "") + tail
     return f"{len(found['cases'])} cases: {', '.join(parts)}{tail}; {found['seconds']:.1f} s"
 
 

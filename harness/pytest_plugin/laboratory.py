@@ -13,7 +13,7 @@ from harness.audit import audit_task, run_audit
 from harness.case import case_task, run_case
 from harness.engines import engines
 from harness.inquiry import inquire, inquiry_task
-from harness.known import known_tracks, mark_known
+from harness.known import Accepted, accepted, mark_known
 from harness.main_module import without_main
 from harness.measure import MeasureTask, measure
 from harness.prepare import Prepared, prepare
@@ -28,7 +28,7 @@ class Laboratory:
 
     def __init__(self, resolution: float, limit: float, baseline: Path | None) -> None:
         self._resolution, self._limit, self._baseline = resolution, limit, baseline
-        self._tracks = known_tracks(baseline)
+        self._accepted: dict[Path, Accepted | None] = {}
         self._workers: Workers | None = None
         self._engines = engines()
         self._prepared: dict[Path, Prepared | Failure] = {}
@@ -58,14 +58,17 @@ class Laboratory:
         if isinstance(value, Failure):
             return named | failed(value)
         record: Record = named | value
-        if case_id(record) in self._tracks:
+        if folder not in self._accepted:
+            self._accepted[folder] = accepted(self._baseline, (folder,), self._resolution)
+        before = self._accepted[folder]
+        if before is not None and case_id(record) in before.known:
             measuring = MeasureTask(
                 found.system, sidecar, engine, scenario, task.motion, task.scale, found.components,
-                found.variants, self._tracks[case_id(record)],
+                found.variants, before.tracks[case_id(record)],
             )  # fmt: skip
             seen = self._run(measure, measuring)
             record["measured"] = {"failed": seen.reason} if isinstance(seen, Failure) else seen
-            mark_known([record], self._baseline)
+            mark_known([record], before)
         return record
 
     def audit(self, folder: Path, sidecar: Sidecar, engine: str) -> Record:
