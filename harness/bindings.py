@@ -163,8 +163,9 @@ def with_constants(
 def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -> Sidecar:
     """Copy a model file and its sidecar into another folder with literals replaced, by address.
 
-    Any number with an address will do, bound or not. All else stays, byte for byte. What lies
-    beside the model file (meshes, included files) is linked to, so that its relative paths hold.
+    Any number with an address will do, bound or not. All else stays, byte for byte, and so do
+    settings that the sidecar was given since it was read. What lies beside the model file (meshes,
+    included files) is linked to, so that its relative paths hold.
 
     Raises:
         PlaceError: naming file, line and remedy.
@@ -177,7 +178,19 @@ def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -
     _link_neighbours(sidecar, into)
     for file, data in texts.items():
         _write_whole(into / file.name, data)
-    return read_sidecar(into / _file(sidecar).name)
+    return _as_set(read_sidecar(into / _file(sidecar).name), sidecar)
+
+
+def _as_set(copy: Sidecar, sidecar: Sidecar) -> Sidecar:
+    """A copy with the engines' settings that were changed since the sidecar was read."""
+    read = read_sidecar(_file(sidecar)).engine_settings
+    settings = {engine: dict(own) for engine, own in copy.engine_settings.items()}
+    for engine, own in sidecar.engine_settings.items():
+        before = read.get(engine, {})
+        changed = {k: v for k, v in own.items() if k not in before or before[k] != v}
+        if changed:
+            settings[engine] = {**settings.get(engine, {}), **changed}
+    return replace(copy, engine_settings=settings)
 
 
 def rewrite(sidecar: Sidecar, literals: Mapping[str, float]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from harness.coordinates import CoordinateMap
 from harness.engine import Model
 from harness.ladder import RUNGS, limits, weights
-from harness.segments import BlownUpError, run_ends
+from harness.segments import BlownUpError, grains, run_ends
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.signal import Inputs
@@ -37,6 +37,7 @@ class Sample:
         inputs: u(t).
         scale: what a defect is relative to, (2n,).
         varying: whether an input changes over time.
+        fastest: the fastest rate along the motion, rad/s.
     """
 
     scenario: str
@@ -47,6 +48,7 @@ class Sample:
     inputs: Inputs
     scale: Array
     varying: bool
+    fastest: float
 
 
 def pick(motions: Mapping[str, Motion], scales: Mapping[str, Array]) -> tuple[Sample, ...]:
@@ -64,7 +66,7 @@ def pick(motions: Mapping[str, Motion], scales: Mapping[str, Array]) -> tuple[Sa
             samples.append(
                 Sample(
                     name, span.length, motion.t[chosen], motion.start[chosen], motion.end[chosen],
-                    motion.inputs, scales[name], varying,
+                    motion.inputs, scales[name], varying, motion.fastest,
                 )
             )  # fmt: skip
     return tuple(samples)
@@ -82,7 +84,7 @@ def engine_ends(
     for sample in samples:
         raw = _raw(model, coordinates, sample, RUNGS_USED)
         z, w = coordinates.to_engine(sample.start)
-        grain = coordinates.grain(z, w)
+        grain = grains(coordinates, z, w, sample.fastest, sample.length)
         found = limits(raw, RUNGS_USED, model.exponents(sample.varying), sample.scale, grain)
         values.append((found.value / sample.scale).ravel())
         uncertainties.append((found.uncertainty / sample.scale).ravel())

@@ -15,6 +15,7 @@ from harness.diagnose import Diagnosis, diagnose
 from harness.engines import engines
 from harness.evidence import engine_ends, pick, reference_ends
 from harness.fit import Finding
+from harness.ladder import EPSILON
 from harness.prepare import Prepared
 from harness.redraw import redraw
 from harness.sidecar import Sidecar
@@ -90,6 +91,9 @@ def bench(
     # Where no limit is known, not even its digits before the point, it may be anything seen here.
     largest = np.max(np.abs(ends - reference_ends(samples)))
     uncertainty = np.where(np.isfinite(uncertainty), uncertainty, largest)
+    # What the reference leaves open, and rounding, as the verdict has them.
+    bounds = [np.tile(task.motions[s.scenario].bound / s.scale, len(s.t)) for s in samples]
+    uncertainty = np.maximum(uncertainty + np.concatenate(bounds), EPSILON)
     suspects = everything(task.system, task.sidecar, model, coordinates, task.variants)
     with scratch() as folder:
         yield (

@@ -1,11 +1,14 @@
-"""What the check would catch: every bound literal made wrong, on purpose, in copies of the model.
+"""What the check would catch: models made wrong, on purpose, in copies.
 
-It tells what a validation is worth: whether a fault of a given size is seen in the motions of the
-folder's scenarios, whether its cause is named from them alone, and at what size it is first seen.
+Every bound literal is made wrong by three sizes and four factors, and every known mistake
+(`harness.mistakes`) is made wherever a model has a place for it. It tells what a validation is
+worth: whether a fault is seen in the motions of the folder's scenarios, whether its cause is named
+from them alone, and at what size it is first seen.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
@@ -14,10 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from harness.bindings import Binding, bindings, with_literals
+from harness.bindings import bindings
+from harness.case import load
 from harness.diagnose import Diagnosis, diagnose
 from harness.engine import EngineError
+from harness.engines import engines
 from harness.inquiry import InquiryTask, bench
+from harness.mistakes import Edit, Mistake, Subject, known_mistakes
+from harness.plain import follow
 from harness.prepare import prepare
 from harness.run import Options, model_files
 from harness.segments import BlownUpError
@@ -27,37 +34,51 @@ from harness.workers import Failure, Workers
 from reference.numeric import Array
 
 SIZES = {"1e-6": 1 + 1e-6, "1e-3": 1 + 1e-3, "5 %": 1.05}
-MISTAKES = {"left out": 0.0, "sign": -1.0, "double": 2.0, "half": 0.5}
-"""Factors on the literal: the small faults, and the mistakes that people make."""
+FACTORS = {"left out": 0.0, "sign": -1.0, "double": 2.0, "half": 0.5}
+"""What a literal is multiplied by: the small faults, and the mistakes that people make."""
 
-FACTORS = SIZES | MISTAKES
+FAULTS = SIZES | FACTORS
+
+RESOLUTION = 1e-9
+"""A model whose motions are known no better than this does not agree,"""
+
+BESIDE = 10.0
+"""unless they are known no worse, by this factor, than those of the sound model."""
 
 NAMED, CAUGHT, REFUSED, UNSEEN, MISSED = "named", "caught", "refused", "unseen", "missed"
+AGREES = "agrees"
+
+LITERAL, KNOWN, SOUND = "literal", "mistake", "no mistake"
+"""Kinds of rows."""
 
 
 @dataclass(frozen=True)
 class Survey:
-    """What the sound model shows: how its motions depend on each literal.
+    """What the sound model shows: how its motions depend on each literal, and what can go wrong.
 
     Attributes:
-        found: the bindings, in the order of `slopes`.
+        addresses: of the bound literals, in the order of `slopes`.
         slopes: change of the ends per unit of each literal, (L, N).
-        first_caught: relative fault of each literal at which it is first seen; inf: never.
+        first_caught: relative fault of each literal at which it is first seen, (L,); inf: never.
+        ends, uncertainty: of the sound model, (N,).
+        faults: everything that is to be made wrong.
     """
 
-    found: tuple[Binding, ...]
+    addresses: tuple[str, ...]
     slopes: Array
     first_caught: Array
+    ends: Array
+    uncertainty: Array
+    faults: tuple[Mistake, ...]
 
 
 @dataclass(frozen=True)
 class MutationTask:
-    """One literal of one model in one engine, made wrong in one way."""
+    """One model in one engine, made wrong in one way."""
 
     inquiry: InquiryTask
     survey: Survey
-    index: int
-    label: str
+    fault: Mistake
 
 
 @dataclass(frozen=True)
@@ -65,101 +86,187 @@ class Mutation:
     """What became of one fault.
 
     Attributes:
-        label: which fault, a key of `SIZES` or `MISTAKES`.
-        verdict: `named`, `caught` but not named, `refused` by the engine, `unseen` since no motion
-            depends on the literal (the audit of bindings sees it), or `missed`.
+        system, model, engine: what was made wrong.
+        kind: `literal`; `mistake`, a known one; or `no mistake`, another step or integrator.
+        name: a key of `SIZES` or `FACTORS` for a literal, otherwise what the user did.
+        place: the literal's address, the joint or the setting.
+        verdict: `named`; `caught` (it does not agree) but not named; `refused` by the engine;
+            `unseen` since no motion depends on it (the audit may see it); or `missed`. Of no
+            mistake: `agrees` if it does.
         discrepancy: largest defect, relative.
-        told: the first cause of the diagnosis.
+        told: the first cause of the diagnosis, the engine's refusal, or the raw errors of a plain
+            run before and after.
         estimate_error: error of the estimated fault, relative to the fault; nan where not named.
+        first_caught: for a literal, the relative fault at which it is first seen; for a mistake,
+            the share of it; inf: never.
+        seconds: processor time that it took.
     """
 
     system: str
     model: str
     engine: str
-    address: str
-    label: str
+    kind: str
+    name: str
+    place: str
     verdict: str
     discrepancy: float
     told: str
     estimate_error: float
     first_caught: float
+    seconds: float = 0.0
 
 
 def survey(task: InquiryTask) -> Survey:
-    """Move every literal of the sound model a little."""
+    """Move every literal of the sound model a little, and look for what can be made wrong.
+
+    Raises:
+        MutationError: for a model that is not sound to begin with.
+    """
     found = bindings(task.system, task.sidecar)
     with bench(task) as (whole, uncertainty):
+        wrong = float(np.max(np.abs(whole.defect({})) - uncertainty))
+        if wrong > 0:
+            raise MutationError(
+                f"{task.sidecar.model}: it differs from its equations already in {task.engine}; to"
+                " show what would be caught it must be right: see `crosscheck run`"
+            )
         bound = tuple(s for s in whole.suspects if s.hypothesis.kind == "literal")
         slopes = replace(whole, suspects=bound).slopes({})
-    seen = np.abs(slopes) * np.array([[abs(b.value) or 1.0] for b in found])
+        known = known_mistakes(Subject(task, whole.model, whole.coordinates, found))
+    sizes = np.array([abs(b.value) or 1.0 for b in found])
+    seen = np.abs(slopes) * sizes[:, None]
     # What differs by no more than twice the rounding of the ends depends on nothing.
     seen = np.where(seen * 1e-4 > 2 * uncertainty, seen, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(seen > 0, uncertainty / seen, np.inf)
     first = np.min(needed, axis=1, initial=np.inf)
-    return Survey(found, slopes, first)
+    # A number with the other sign may be as good as an axis that points the other way.
+    mirrored = {f"axis of {name} reversed" for name in whole.model.coordinates}
+    literals = tuple(
+        Mistake(
+            label,
+            b.address,
+            Edit({b.address: b.value * factor}),
+            frozenset({b.address, *(mirrored if factor < 0 else ())}),
+        )
+        for b in found
+        if b.value
+        for label, factor in FAULTS.items()
+    )
+    addresses = tuple(b.address for b in found)
+    return Survey(addresses, slopes, first, whole.ends, uncertainty, (*literals, *known))
 
 
 def mutated(task: MutationTask) -> Mutation:
-    """Make one literal wrong in one way, and see what the check says."""
-    inquiry, known = task.inquiry, task.survey
-    binding, first = known.found[task.index], float(known.first_caught[task.index])
-    value = binding.value * FACTORS[task.label]
-    slopes = {b.address: row for b, row in zip(known.found, known.slopes, strict=True)}
+    """Make one model wrong in one way, and see what the check says."""
+    began = time.process_time()
+    return replace(_checked(task), seconds=time.process_time() - began)
 
-    def result(verdict: str, size: float, told: str, error: float = float("nan")) -> Mutation:
-        return _row(task, verdict, size, told, error)
 
+def _checked(task: MutationTask) -> Mutation:
+    inquiry, known, fault = task.inquiry, task.survey, task.fault
+    # A model that is nearly right depends on its literals as the sound one does.
+    near = dict(zip(known.addresses, known.slopes, strict=True)) if fault.name in SIZES else None
     with scratch() as copies:
-        wrong = with_literals(inquiry.sidecar, {binding.address: value}, copies)
+        wrong = replace(inquiry, sidecar=fault.edit.made(inquiry.sidecar, inquiry.engine, copies))
         try:
-            with bench(replace(inquiry, sidecar=wrong), slopes) as (whole, uncertainty):
-                defect = whole.defect({})
-                size = float(np.max(np.abs(defect)))
-                if not np.any(np.abs(defect) > uncertainty):
-                    return result(MISSED if np.isfinite(first) else UNSEEN, size, "")
-                answer = diagnose(whole, uncertainty)
+            with bench(wrong, near) as (whole, uncertainty):
+                defect = np.abs(whole.defect({}))
+                row = _row(task, float(np.max(defect)))
+                moved = np.abs(whole.ends - known.ends) - known.uncertainty
+                if fault.sound and np.all(moved <= uncertainty) and _known(uncertainty, known):
+                    return replace(row, verdict=AGREES, told=_raw_errors(inquiry, wrong))
+                if not np.any(defect > uncertainty):
+                    if not _known(uncertainty, known):
+                        return replace(row, told=f"unresolved, to {np.max(uncertainty):.0e}")
+                    return replace(row, verdict=_unnoticed(row, bool(np.any(moved > uncertainty))))
+                if row.kind != LITERAL:
+                    seen = defect > uncertainty
+                    share = float(np.min(uncertainty[seen] / defect[seen]))
+                    row = replace(row, first_caught=share)
+                return _told(row, task, diagnose(whole, uncertainty))
         except (EngineError, BlownUpError) as error:
-            return result(REFUSED, float("inf"), str(error))
-    return _told(answer, binding, value, size, result)
+            return replace(_row(task, float("inf")), verdict=REFUSED, told=str(error))
 
 
-def _row(
-    task: MutationTask, verdict: str, size: float, told: str, error: float = float("nan")
-) -> Mutation:
-    inquiry = task.inquiry
+def _row(task: MutationTask, size: float) -> Mutation:
+    """The row of a fault before anything is known of it but the size of its discrepancy."""
+    inquiry, fault = task.inquiry, task.fault
+    literal = fault.place in task.survey.addresses and fault.name in FAULTS
+    kind = LITERAL if literal else SOUND if fault.sound else KNOWN
+    first = float("inf")
+    if literal:
+        first = float(task.survey.first_caught[task.survey.addresses.index(fault.place)])
     return Mutation(
-        inquiry.system.name, inquiry.sidecar.model.name, inquiry.engine,
-        task.survey.found[task.index].address, task.label, verdict, size, told, error,
-        float(task.survey.first_caught[task.index]),
+        inquiry.system.name, inquiry.sidecar.model.name, inquiry.engine, kind, fault.name,
+        fault.place, CAUGHT, size, "", float("nan"), first,
     )  # fmt: skip
 
 
-def _told(
-    answer: Diagnosis, binding: Binding, value: float, size: float,
-    result: Callable[..., Mutation],
-) -> Mutation:  # fmt: skip
-    first = answer.findings[0]
-    told = " and ".join(cause.cause for cause in first.causes)
-    named = binding.address in (told, *first.tied_with) and answer.explained
+def _known(uncertainty: Array, sound: Survey) -> bool:
+    """Whether motions are known well enough to agree."""
+    enough = max(RESOLUTION, BESIDE * float(np.max(sound.uncertainty)))
+    return float(np.max(uncertainty)) <= enough
+
+
+def _unnoticed(row: Mutation, moved: bool) -> str:
+    """Missed if the motions depend on it, unseen if they don't."""
+    depends = np.isfinite(row.first_caught) if row.kind == LITERAL else moved
+    return MISSED if depends else UNSEEN
+
+
+def _told(row: Mutation, task: MutationTask, answer: Diagnosis) -> Mutation:
+    """What the diagnosis says of a fault, and whether it is right.
+
+    Two causes together name a fault if both are of those that may be named for it.
+    """
+    if not answer.findings:
+        return row
+    first, wanted = answer.findings[0], task.fault.causes
+    causes = [cause.cause for cause in first.causes]
+    right = wanted.issuperset(causes) or bool(len(causes) == 1 and wanted & {*first.tied_with})
+    verdict = NAMED if right and answer.explained else CAUGHT
     error = float("nan")
-    for finding in answer.findings:
-        if len(finding.causes) == 1 and finding.causes[0].cause == binding.address:
-            error = abs(finding.estimates[0] - binding.value) / abs(value - binding.value)
-    return result(NAMED if named else CAUGHT, size, told, error)
+    if row.kind == LITERAL:
+        binding = next(
+            b for b in bindings(task.inquiry.system, task.inquiry.sidecar) if b.address == row.place
+        )
+        wrong = task.fault.edit.literals[row.place]
+        for finding in answer.findings:
+            if [cause.cause for cause in finding.causes] == [row.place]:
+                error = abs(finding.estimates[0] - binding.value) / abs(wrong - binding.value)
+    return replace(row, verdict=verdict, told=" and ".join(causes), estimate_error=error)
+
+
+def _raw_errors(before: InquiryTask, after: InquiryTask) -> str:
+    """Errors of a plain run at the step stated, before and after, of the scenario that moves least.
+
+    Where it moves much, two steps may end anywhere.
+    """
+    motion = min(before.motions.values(), key=lambda m: float(np.max(m.amplitude)))
+    n = len(before.system.q)
+    told = []
+    for task in (before, after):
+        model, coordinates = load(task.system, task.sidecar, task.engine)
+        t, states = follow(model, coordinates, motion, model.step)
+        off = np.abs(states - motion.at(t))[:, :n]
+        error = float(np.max(off / np.maximum(motion.amplitude[:n], 1e-300)))
+        told.append(f"{error:.2%}" if error > 1e-4 else f"{error:.1e}")
+    return f"raw error {told[0]} -> {told[1]}"
 
 
 Progress = Callable[[int, int, Mutation | None], None]
+"""Called with (faults done, faults in all or 0 while that is unknown, the one just done)."""
 
 
 def mutate(folders: Sequence[Path], options: Options, progress: Progress) -> list[Mutation]:
-    """Mutate every bound literal of every model of some folders.
+    """Make every model of some folders wrong in every known way; engines not there are left out.
 
     Raises:
-        DeclarationError, SidecarError and the like: a folder must be sound to be mutated.
+        MutationError: a folder must be sound to be mutated; the message names file and remedy.
     """
     rows: list[Mutation] = []
-    total = 0
+    order: dict[tuple[str, str, str, str, str, str], int] = {}
     with Workers(options.jobs or 2, options.limit) as workers:
         waiting: dict[Future[Any], Any] = {workers.submit(prepare, f): "folder" for f in folders}
         while waiting:
@@ -169,27 +276,26 @@ def mutate(folders: Sequence[Path], options: Options, progress: Progress) -> lis
                 if isinstance(about, MutationTask):
                     # An engine that dies of a number has refused it, in its way.
                     dead = isinstance(value, Failure)
-                    rows.append(_row(about, REFUSED, float("inf"), value.reason) if dead else value)
-                    progress(len(rows), total, rows[-1])
+                    refusal = replace(_row(about, float("inf")), verdict=REFUSED)
+                    rows.append(replace(refusal, told=value.reason) if dead else value)
+                    unknown = any(not isinstance(a, MutationTask) for a in waiting.values())
+                    progress(len(rows), 0 if unknown else len(order), rows[-1])
                 elif isinstance(value, Failure):
                     raise MutationError(value.reason)
                 elif isinstance(about, InquiryTask):
-                    tasks = [
-                        MutationTask(about, value, index, label)
-                        for index in range(len(value.found))
-                        for label in FACTORS
-                    ]
-                    total += len(tasks)
-                    waiting |= {workers.submit(mutated, task): task for task in tasks}
+                    for fault in value.faults:
+                        # Sent once for each fault: without all the others.
+                        task = MutationTask(about, replace(value, faults=()), fault)
+                        order[_key(_row(task, 0.0))] = len(order)
+                        waiting[workers.submit(mutated, task)] = task
                 else:
-                    for task in _inquiries(value, options):
-                        waiting[workers.submit(survey, task)] = task
-    labels = list(FACTORS)
+                    for inquiry in _inquiries(value, options):
+                        waiting[workers.submit(survey, inquiry)] = inquiry
+    return sorted(rows, key=lambda r: (r.system, r.model, r.engine, order[_key(r)]))
 
-    def reading(row: Mutation) -> tuple[str, str, str, str, int]:
-        return row.system, row.model, row.engine, row.address, labels.index(row.label)
 
-    return sorted(rows, key=reading)
+def _key(row: Mutation) -> tuple[str, str, str, str, str, str]:
+    return row.system, row.model, row.engine, row.kind, row.place, row.name
 
 
 class MutationError(ValueError):
@@ -198,6 +304,7 @@ class MutationError(ValueError):
 
 def _inquiries(prepared: Any, options: Options) -> list[InquiryTask]:
     tasks = []
+    known = engines()
     for found in model_files(prepared.folder):
         if not isinstance(found, Sidecar):
             raise MutationError(found["reason"])
@@ -206,6 +313,8 @@ def _inquiries(prepared: Any, options: Options) -> list[InquiryTask]:
                 prepared.system, found, name, prepared.motions, prepared.scales, prepared.variants
             )
             for name in found.engines
-            if (not options.engines or name in options.engines) and found.bindings
+            if (not options.engines or name in options.engines)
+            and name in known
+            and known[name].version() is not None
         ]
     return tasks

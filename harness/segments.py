@@ -49,10 +49,7 @@ def extrapolate(
     varying = not all(span.constant_input for span in motion.spans)
     exponents = model.exponents(varying)
     z, w = coordinates.to_engine(motion.start)
-    grain = coordinates.grain(z, w)
-    # A velocity is moved by what rounding the positions does to the forces, over a segment.
-    n = len(grain) // 2
-    grain[n:] += grain[:n] * motion.fastest**2 * float(np.max(motion.lengths))
+    grain = grains(coordinates, z, w, motion.fastest, float(np.max(motion.lengths)))
     starts = with_companions(z, w)
     values: list[Array] = []
     seen: list[Array] = []
@@ -79,6 +76,15 @@ def extrapolate(
                 break
     assert limit is not None
     return Extrapolated(limit, np.stack(values), RUNGS[: len(values)], steps)
+
+
+def grains(coordinates: CoordinateMap, z: Array, w: Array, fastest: float, length: float) -> Array:
+    """How far one unit of relative rounding moves each component over a segment, (2n,)."""
+    grain = coordinates.grain(z, w)
+    # A velocity is moved by what rounding the positions does to the forces.
+    n = len(grain) // 2
+    grain[n:] += grain[:n] * fastest**2 * length
+    return grain
 
 
 def run_rung(

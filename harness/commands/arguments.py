@@ -26,10 +26,10 @@ def engine(command: argparse.ArgumentParser) -> None:
     )
 
 
-def jobs(command: argparse.ArgumentParser) -> None:
-    """Add --jobs N."""
+def jobs(command: argparse.ArgumentParser, otherwise: str = "one per processor") -> None:
+    """Add --jobs N; `otherwise`: how many there are where none are asked for."""
     command.add_argument(
-        "--jobs", type=positive, default=0, metavar="N", help="worker processes (one per processor)"
+        "--jobs", type=positive, default=0, metavar="N", help=f"worker processes ({otherwise})"
     )
 
 

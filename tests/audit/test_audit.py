@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.audit import _Compiled, audit, audit_task, run_audit
+from harness.audit import audit, audit_task, run_audit
+from harness.audit.terms import Compiled
 from harness.audit_engines import Remark, remarks
 from harness.audit_text import audit_lines
 from harness.bindings import bindings, with_literals
@@ -261,7 +262,7 @@ def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path):
     task = audit_task(prepared("simple_pendulum"), sidecar, "mujoco")
     task = replace(task, equilibria=task.equilibria[:1])
     model = Stiffening()
-    found = list(_Compiled.of(task, model, coordinate_map(task.system, sidecar, ("theta",)))
+    found = list(Compiled.of(task, model, coordinate_map(task.system, sidecar, ("theta",)))
                  .findings())  # fmt: skip
     assert [f.kind for f in grave(found)] == ["acceleration"]
 
@@ -312,6 +313,6 @@ def test_what_has_no_limit_is_said_to_be_unresolved():
     sidecar = read_sidecar(MODELS / "simple_pendulum" / "mujoco.xml.toml")
     task = audit_task(prepared("simple_pendulum"), sidecar, "mujoco")
     map_ = coordinate_map(task.system, sidecar, ("theta",))
-    found = list(_Compiled.of(task, Stepwise(), map_).findings())
+    found = list(Compiled.of(task, Stepwise(), map_).findings())
     assert "random states are not resolved without motion" in said(found, "unresolved", "note")
     assert said(found, "acceleration") == ""

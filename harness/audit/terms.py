@@ -1,31 +1,21 @@
-"""The audit: what a model file says and what an engine makes of it, without any motion.
-
-Three readings: every bound literal against its expression; the compiled mass matrix, damping,
-stiffness, rest forces and accelerations against the equations; and what the engine or the format
-adds or drops on its own.
-"""
+"""What an engine compiled a model file to, term by term, beside the equations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
 
-from harness.audit_engines import Remark, remarks
-from harness.bindings import Binding, bindings
-from harness.coordinates import CoordinateMap, coordinate_map
+from harness.audit.finding import Finding
+from harness.audit.task import AuditTask
+from harness.coordinates import CoordinateMap
 from harness.engine import Model
-from harness.engines import engines
-from harness.places import PlaceError
-from harness.prepare import Equilibrium, Prepared
+from harness.prepare import Equilibrium
 from harness.probe import RESOLVED, Measured, Probe
-from harness.sidecar import Sidecar, SidecarError
 from reference.derive import derive
 from reference.numeric import Array, NumericFunction
-from reference.system import System
 
 SEED = 20260101
 DRAWS = 24
@@ -39,136 +29,7 @@ EPSILON = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One thing that the audit has to say.
-
-    Attributes:
-        kind: "literal", "inertia", "damping", "friction", "stiffness", "rest", "acceleration",
-            "unresolved" or "default".
-        message: a sentence.
-        where: file:line, or empty.
-        expected, found: numbers, where it is about two.
-        severity: "finding", or "note" for what is no fault in itself.
-    """
-
-    kind: str
-    message: str
-    where: str = ""
-    expected: float | None = None
-    found: float | None = None
-    severity: str = "finding"
-
-    def record(self) -> dict[str, Any]:
-        """As results.json has it."""
-        return asdict(self)
-
-
-@dataclass(frozen=True)
-class AuditTask:
-    """What a worker needs to audit one model in one engine; cheaper to send than a `Prepared`."""
-
-    system: System
-    equilibria: tuple[Equilibrium, ...]
-    states: Array
-    push: Array
-    amplitude: Array
-    fastest: float
-    sidecar: Sidecar
-    engine: str
-
-
-def audit_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> AuditTask:
-    """The part of a folder's physics that an audit needs."""
-    motions = prepared.motions.values()
-    states = np.concatenate([m.nodes.reshape(-1, m.nodes.shape[-1]) for m in motions])
-    extremes = np.concatenate([states.argmax(axis=0), states.argmin(axis=0)])
-    # Every so many states for contacts, and each component's extremes for limits.
-    picked = np.unique(np.concatenate([extremes, np.linspace(0, len(states) - 1, 200).astype(int)]))
-    return AuditTask(
-        prepared.system, prepared.equilibria, states[picked], prepared.push, prepared.amplitude,
-        max(m.fastest for m in motions), sidecar, engine,
-    )  # fmt: skip
-
-
-def run_audit(task: AuditTask) -> list[dict[str, Any]]:
-    """The audit's findings as records: {kind, message, where, expected, found, severity}."""
-    return [finding.record() for finding in _audit(task)]
-
-
-def audit(prepared: Prepared, sidecar: Sidecar, engine: str) -> tuple[Finding, ...]:
-    """Audit a model file in one engine.
-
-    Raises:
-        EngineError, SidecarError: naming file, place and remedy.
-    """
-    return _audit(audit_task(prepared, sidecar, engine))
-
-
-def _audit(task: AuditTask) -> tuple[Finding, ...]:
-    declared, lost = _declared(task)
-    literals = (*_literals(declared), *lost)
-    model = engines()[task.engine].load(task.sidecar.spec(task.engine))
-    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
-    compiled = tuple(_Compiled.of(task, model, coordinates).findings())
-    rounded = max((abs(b.error) for b in declared if b.rounded), default=0.0)
-    compiled = tuple(_explained(finding, rounded) for finding in compiled)
-    z, w = coordinates.to_engine(task.states)
-    wrong = {finding.kind for finding in compiled if finding.severity == "finding"}
-    defaults = tuple(_default(r, wrong) for r in remarks(task, model, z, w))
-    return (*literals, *compiled, *defaults)
-
-
-def _declared(task: AuditTask) -> tuple[tuple[Binding, ...], tuple[Finding, ...]]:
-    """Every binding that can be read, and a finding for each that can't."""
-    try:
-        return bindings(task.system, task.sidecar), ()
-    except (PlaceError, SidecarError):
-        found: list[Binding] = []
-        lost = []
-        for address, expression in task.sidecar.bindings.items():
-            try:
-                alone = replace(task.sidecar, bindings={address: expression})
-                found += bindings(task.system, alone)
-            except (PlaceError, SidecarError) as error:
-                lost.append(Finding("literal", f"the binding can't be read: {error}"))
-        if not lost:
-            raise  # what is wrong is between two of them
-        return tuple(found), tuple(lost)
-
-
-def _literals(declared: tuple[Binding, ...]) -> Iterator[Finding]:
-    for b in declared:
-        if b.exact:
-            continue
-        says = f"{b.address} is {b.place.text}"
-        is_to_be = f"{b.expression} = {b.correction!r}"
-        off = f"{abs(b.error):.1e} {'relative' if b.expected else 'off'}"
-        if b.rounded:
-            message = f"{says}, {is_to_be} rounded to its digits ({off})"
-        else:
-            message = f"{says} where {is_to_be} ({off})"
-        severity = "note" if b.rounded else "finding"
-        yield Finding("literal", message, str(b.place), b.expected, b.value, severity)
-
-
-def _explained(finding: Finding, rounded: float) -> Finding:
-    """A note for a difference that rounded literals account for; they have notes of their own."""
-    if finding.expected is None or finding.found is None or finding.severity != "finding":
-        return finding
-    if abs(finding.found - finding.expected) > 10 * rounded * abs(finding.expected):
-        return finding
-    message = f"{finding.message}; no more than its rounded literals"
-    return replace(finding, message=message, severity="note")
-
-
-def _default(remark: Remark, wrong: Set[str]) -> Finding:
-    """A remark that enters a wrong term is a finding; one that enters right ones is a note."""
-    severity = "finding" if remark.fault or wrong & set(remark.shows_in) else "note"
-    return Finding("default", remark.message, remark.where, None, remark.value, severity)
-
-
-@dataclass(frozen=True)
-class _Compiled:
+class Compiled:
     """What the engine compiled, beside the equations.
 
     Attributes:
@@ -183,7 +44,8 @@ class _Compiled:
     inertia: Array
 
     @staticmethod
-    def of(task: AuditTask, model: Model, coordinates: CoordinateMap) -> _Compiled:
+    def of(task: AuditTask, model: Model, coordinates: CoordinateMap) -> Compiled:
+        """The terms of a loaded model, ready to be probed."""
         equations = derive(task.system)
         n = len(task.system.q)
         speed = np.where(task.amplitude[n:] > 0, task.amplitude[n:], 1.0)
@@ -192,9 +54,10 @@ class _Compiled:
         names = tuple(c.name for c in task.system.coordinates)
         # Any equilibrium's will do for a scale.
         inertia = np.abs(np.diagonal(task.equilibria[0].matrices["M"]))
-        return _Compiled(task, probe, equations.compile(entries), names, inertia)
+        return Compiled(task, probe, equations.compile(entries), names, inertia)
 
     def findings(self) -> Iterator[Finding]:
+        """What differs about each equilibrium, each term once, and accelerations anywhere."""
         terms = []
         for equilibrium in self.task.equilibria:
             terms += list(self._about(equilibrium))

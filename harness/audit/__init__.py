@@ -1,0 +1,12 @@
+"""The audit: what a model file says and what an engine makes of it, without any motion.
+
+Three readings: every bound literal against its expression; the compiled mass matrix, damping,
+stiffness, rest forces and accelerations against the equations; and what the engine or the format
+adds or drops on its own.
+"""
+
+from harness.audit.finding import Finding
+from harness.audit.run import audit, run_audit
+from harness.audit.task import AuditTask, audit_task
+
+__all__ = ["AuditTask", "Finding", "audit", "audit_task", "run_audit"]

@@ -1,0 +1,39 @@
+"""What is to be audited: one model file in one engine, with the physics it is held against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.prepare import Equilibrium, Prepared
+from harness.sidecar import Sidecar
+from reference.numeric import Array
+from reference.system import System
+
+
+@dataclass(frozen=True)
+class AuditTask:
+    """What a worker needs to audit one model in one engine; cheaper to send than a `Prepared`."""
+
+    system: System
+    equilibria: tuple[Equilibrium, ...]
+    states: Array
+    push: Array
+    amplitude: Array
+    fastest: float
+    sidecar: Sidecar
+    engine: str
+
+
+def audit_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> AuditTask:
+    """The part of a folder's physics that an audit needs."""
+    motions = prepared.motions.values()
+    states = np.concatenate([m.nodes.reshape(-1, m.nodes.shape[-1]) for m in motions])
+    extremes = np.concatenate([states.argmax(axis=0), states.argmin(axis=0)])
+    # Every so many states for contacts, and each component's extremes for limits.
+    picked = np.unique(np.concatenate([extremes, np.linspace(0, len(states) - 1, 200).astype(int)]))
+    return AuditTask(
+        prepared.system, prepared.equilibria, states[picked], prepared.push, prepared.amplitude,
+        max(m.fastest for m in motions), sidecar, engine,
+    )  # fmt: skip
