@@ -14,7 +14,7 @@ from harness.coordinates import CoordinateMap, coordinate_map
 from harness.engine import Model
 from harness.engines import engines
 from harness.plain import TARGETS, Cost, cost
-from harness.prepare import Equilibrium
+from harness.prepare import Equilibrium, Prepared
 from harness.segments import Extrapolated, extrapolate
 from harness.sidecar import Sidecar
 from harness.twin import Twin, twin
@@ -56,6 +56,17 @@ class TwinTask:
     equilibria: tuple[Equilibrium, ...]
     amplitude: Array
     push: Array
+
+
+def case_task(
+    prepared: Prepared, sidecar: Sidecar, engine: str, scenario: str, resolution: float
+) -> CaseTask:
+    """Gather what one case needs of its prepared system."""
+    return CaseTask(
+        prepared.system, sidecar, engine, scenario, prepared.motions[scenario],
+        prepared.scales[scenario], prepared.amplitude, prepared.power, prepared.components,
+        resolution,
+    )  # fmt: skip
 
 
 def load(system: System, sidecar: Sidecar, engine: str) -> tuple[Model, CoordinateMap]:

@@ -8,16 +8,21 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from harness.baseline import BaselineError
 from harness.commands.codes import FAIL, USAGE
 from harness.folders import FolderError
 from harness.results import ResultsError
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",
+    "gate": "run what changed, and compare it with what was accepted",
+    "accept": "accept the present results as the baseline, with a reason",
     "report": "HTML from results, without running anything",
     "derive": "equations, linearization, modes and errata",
     "audit": "no motion: literals, compiled terms, accelerations",
+    "compare": "two models, no equations: do they move alike, and what differs",
     "mutate": "what the check would catch: each literal made wrong",
+    "new": "a commented folder that runs, or one from a model file of yours",
     "engines": "what is installed, versions, capabilities",
 }
 
@@ -32,6 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (FolderError, ResultsError) as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return USAGE
+    except BaselineError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
     except OSError as error:
         print(f"crosscheck: {error.filename or ''}: {error.strerror}", file=sys.stderr)
         return FAIL

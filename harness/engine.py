@@ -62,8 +62,18 @@ Force = Array | StateForce | None
 """Forces on the engine's coordinates, held over each step: (B, n, nz), by state, or none."""
 
 
+def within(free: Array, limits: Array) -> Array:
+    """Ranges (nz, 2) cut to limits; where these leave nothing, the limits alone."""
+    cut = np.stack([np.maximum(free[:, 0], limits[:, 0]), np.minimum(free[:, 1], limits[:, 1])], 1)
+    return np.where((cut[:, 0] < cut[:, 1])[:, None], cut, limits)
+
+
 class Model(Protocol):
-    """A model file, loaded by an engine."""
+    """A model file, loaded by an engine.
+
+    A model may also have `home`, positions as the file draws the mechanism, (nz,), and `reach`,
+    where positions may be drawn at random, (nz, 2); without them these are 0 and -1 to 1.
+    """
 
     @property
     def coordinates(self) -> tuple[str, ...]:

@@ -13,10 +13,18 @@ class FolderError(ValueError):
 
 def builtin() -> Path:
     """The folder of the built-in systems: `models/` of a checkout, or the wheel's copy."""
+    return _data("models")
+
+
+def template() -> Path:
+    """The folder that `crosscheck new` copies: `template/` of a checkout, or the wheel's copy."""
+    return _data("template")
+
+
+def _data(name: str) -> Path:
     package = Path(str(resources.files("harness")))
-    checkout = package.parent / "models"
-    installed = package / "models"
-    return installed if installed.is_dir() else checkout
+    installed = package / name
+    return installed if installed.is_dir() else package.parent / name
 
 
 def system_folders(named: Sequence[str]) -> list[Path]:

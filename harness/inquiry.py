@@ -3,33 +3,23 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.case import load
-from harness.coordinates import CoordinateMap
-from harness.diagnose import Diagnosis, Finding, diagnose
-from harness.engine import Engine, Model
+from harness.diagnose import Diagnosis, diagnose
 from harness.engines import engines
-from harness.evidence import Sample, engine_ends, pick, reference_ends
-from harness.hypotheses import (
-    Suspects,
-    exchange_suspects,
-    flip_suspects,
-    gravity_suspects,
-    literal_suspects,
-    reference_suspects,
-    remedy_suspects,
-    scratch,
-    together,
-    zero_suspects,
-)
-from harness.redraw import RedrawTask, redraw
+from harness.evidence import engine_ends, pick, reference_ends
+from harness.fit import Finding
+from harness.prepare import Prepared
+from harness.redraw import redraw
 from harness.sidecar import Sidecar
+from harness.suspects import Bench, everything
+from harness.suspects.bench import scratch
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.system import System
@@ -51,6 +41,13 @@ class InquiryTask:
     variants: Variants
 
 
+def inquiry_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> InquiryTask:
+    """Gather what a diagnosis needs of the prepared system."""
+    return InquiryTask(
+        prepared.system, sidecar, engine, prepared.motions, prepared.scales, prepared.variants
+    )
+
+
 def inquire(task: InquiryTask) -> dict[str, Any]:
     """Name the cause of a model's discrepancy, from its motions alone.
 
@@ -58,52 +55,58 @@ def inquire(task: InquiryTask) -> dict[str, Any]:
         EngineError, SidecarError, PlaceError, BlownUpError: naming what could not be run.
     """
     began = time.perf_counter()
-    diagnosis = diagnosed(task)
-    shown = RedrawTask(
-        task.system, task.sidecar, task.engine, task.motions, task.scales, task.variants
-    )
+    with bench(task) as (whole, uncertainty):
+        diagnosis = diagnose(whole, uncertainty)
+        redrawn = redraw(whole, task.motions, diagnosis)
     return {
         "explained": diagnosis.explained,
         "floor": diagnosis.floor,
         "findings": [_record(finding) for finding in diagnosis.findings[:TOLD]],
-        "redrawn": redraw(shown, diagnosis),
+        "redrawn": redrawn,
         "seconds": time.perf_counter() - began,
     }
 
 
 def diagnosed(task: InquiryTask) -> Diagnosis:
     """The same as objects."""
+    with bench(task) as (found, uncertainty):
+        return diagnose(found, uncertainty)
+
+
+@contextmanager
+def bench(
+    task: InquiryTask, known: Mapping[str, Array] | None = None
+) -> Iterator[tuple[Bench, Array]]:
+    """A bench for a model in an engine, with the uncertainty of its ends; gone afterwards.
+
+    Args:
+        task: the model and its motions.
+        known: slopes of literals by address, where a model close by has shown them already.
+    """
     engine = engines()[task.engine]
     model, coordinates = load(task.system, task.sidecar, task.engine)
     samples = pick(task.motions, task.scales)
     ends, uncertainty = engine_ends(model, coordinates, samples)
-    uncertainty = np.where(np.isfinite(uncertainty), uncertainty, np.max(np.abs(ends)))
-    defect = ends - reference_ends(samples)
+    # Where no limit is known, not even its digits before the point, it may be anything seen here.
+    largest = np.max(np.abs(ends - reference_ends(samples)))
+    uncertainty = np.where(np.isfinite(uncertainty), uncertainty, largest)
+    suspects = everything(task.system, task.sidecar, model, coordinates, task.variants)
     with scratch() as folder:
-        suspects = everything(task, engine, model, coordinates, samples, ends, folder)
-        return diagnose(defect, uncertainty, suspects.hypotheses, suspects.slopes)
-
-
-def everything(
-    task: InquiryTask, engine: Engine, model: Model, coordinates: CoordinateMap,
-    samples: Sequence[Sample], ends: Array, folder: Path, known: Array | None = None,
-) -> Suspects:  # fmt: skip
-    """All that might be wrong with a model, whose segments end at `ends`.
-
-    Args:
-        folder: for copies of the model.
-        known: slopes of the literals, where a model close by has shown them already.
-    """
-    sidecar = task.sidecar
-    return together(
-        reference_suspects(task.variants, samples),
-        exchange_suspects(task.variants, samples),
-        flip_suspects(model, coordinates, samples, ends),
-        zero_suspects(sidecar, engine, model, coordinates, samples, ends),
-        gravity_suspects(sidecar, engine, model, coordinates, samples, ends),
-        remedy_suspects(sidecar, engine, model, coordinates, samples, ends),
-        literal_suspects(task.system, sidecar, engine, coordinates, samples, ends, folder, known),
-    )
+        yield (
+            Bench(
+                task.sidecar,
+                engine,
+                model,
+                coordinates,
+                task.variants,
+                samples,
+                ends,
+                suspects,
+                folder,
+                known or {},
+            ),
+            uncertainty,
+        )
 
 
 def _record(finding: Finding) -> dict[str, Any]:

@@ -15,17 +15,14 @@ from typing import Any
 import numpy as np
 
 from harness.bindings import Binding, bindings, with_literals
-from harness.case import load
 from harness.diagnose import Diagnosis, diagnose
 from harness.engine import EngineError
-from harness.engines import engines
-from harness.evidence import engine_ends, pick, reference_ends
-from harness.hypotheses import literal_suspects, scratch
-from harness.inquiry import InquiryTask, everything
+from harness.inquiry import InquiryTask, bench
 from harness.prepare import prepare
 from harness.run import Options, model_files
 from harness.segments import BlownUpError
 from harness.sidecar import Sidecar
+from harness.suspects.bench import scratch
 from harness.workers import Failure, Workers
 from reference.numeric import Array
 
@@ -90,22 +87,17 @@ class Mutation:
 
 def survey(task: InquiryTask) -> Survey:
     """Move every literal of the sound model a little."""
-    engine = engines()[task.engine]
-    model, coordinates = load(task.system, task.sidecar, task.engine)
-    samples = pick(task.motions, task.scales)
-    ends, uncertainty = engine_ends(model, coordinates, samples)
     found = bindings(task.system, task.sidecar)
-    with scratch() as folder:
-        suspects = literal_suspects(
-            task.system, task.sidecar, engine, coordinates, samples, ends, folder
-        )
-    seen = np.abs(suspects.slopes) * np.array([[abs(b.value) or 1.0] for b in found])
+    with bench(task) as (whole, uncertainty):
+        bound = tuple(s for s in whole.suspects if s.hypothesis.kind == "literal")
+        slopes = replace(whole, suspects=bound).slopes({})
+    seen = np.abs(slopes) * np.array([[abs(b.value) or 1.0] for b in found])
     # What differs by no more than twice the rounding of the ends depends on nothing.
     seen = np.where(seen * 1e-4 > 2 * uncertainty, seen, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(seen > 0, uncertainty / seen, np.inf)
     first = np.min(needed, axis=1, initial=np.inf)
-    return Survey(found, suspects.slopes, first)
+    return Survey(found, slopes, first)
 
 
 def mutated(task: MutationTask) -> Mutation:
@@ -113,30 +105,22 @@ def mutated(task: MutationTask) -> Mutation:
     inquiry, known = task.inquiry, task.survey
     binding, first = known.found[task.index], float(known.first_caught[task.index])
     value = binding.value * FACTORS[task.label]
-    engine = engines()[inquiry.engine]
-    samples = pick(inquiry.motions, inquiry.scales)
+    slopes = {b.address: row for b, row in zip(known.found, known.slopes, strict=True)}
 
     def result(verdict: str, size: float, told: str, error: float = float("nan")) -> Mutation:
         return _row(task, verdict, size, told, error)
 
-    with scratch() as copies, scratch() as variants:
+    with scratch() as copies:
         wrong = with_literals(inquiry.sidecar, {binding.address: value}, copies)
         try:
-            model, coordinates = load(inquiry.system, wrong, inquiry.engine)
-            ends, uncertainty = engine_ends(model, coordinates, samples)
+            with bench(replace(inquiry, sidecar=wrong), slopes) as (whole, uncertainty):
+                defect = whole.defect({})
+                size = float(np.max(np.abs(defect)))
+                if not np.any(np.abs(defect) > uncertainty):
+                    return result(MISSED if np.isfinite(first) else UNSEEN, size, "")
+                answer = diagnose(whole, uncertainty)
         except (EngineError, BlownUpError) as error:
             return result(REFUSED, float("inf"), str(error))
-        defect = ends - reference_ends(samples)
-        known_limit = np.isfinite(uncertainty)
-        size = float(np.max(np.abs(defect)))
-        if not np.any(np.abs(defect[known_limit]) > uncertainty[known_limit]):
-            return result(MISSED if np.isfinite(first) else UNSEEN, size, "")
-        uncertainty = np.where(known_limit, uncertainty, size)
-        suspects = everything(
-            replace(inquiry, sidecar=wrong), engine, model, coordinates, samples, ends, variants,
-            known.slopes,
-        )  # fmt: skip
-        answer = diagnose(defect, uncertainty, suspects.hypotheses, suspects.slopes)
     return _told(answer, binding, value, size, result)
 
 

@@ -65,8 +65,11 @@ class Prepared:
     record: Mapping[str, Any]
 
 
-def prepare(folder: Path) -> Prepared:
+def prepare(folder: Path, described: bool = True) -> Prepared:
     """Load `folder/system.py`, derive, linearize and solve every scenario.
+
+    Without `described` the record has names, constants and scenarios alone: formulas as text cost
+    more than all the rest, and only a report shows them.
 
     Raises:
         DeclarationError, ReferenceError: naming what is wrong and where.
@@ -83,7 +86,7 @@ def prepare(folder: Path) -> Prepared:
     names = [c.name for c in system.coordinates]
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
-    record = describe_system(equations, linear, motions)
+    record = describe_system(equations, linear, motions) if described else _brief(system)
     record["seconds"] = time.perf_counter() - began
     return Prepared(
         folder=folder,
@@ -173,6 +176,16 @@ def describe_system(
     }  # fmt: skip
     sketch = sketch_record(system)
     return record if sketch is None else {**record, "sketch": sketch}
+
+
+def _brief(system: System) -> dict[str, Any]:
+    return {
+        "name": system.name,
+        "constants": [
+            {"name": c.name, "unit": c.unit, "value": float(c.value)} for c in system.constants
+        ],
+        "scenarios": [{"name": s.name} for s in system.scenarios],
+    }
 
 
 def _linear_record(one: Linearization) -> dict[str, Any]:

@@ -1,30 +1,26 @@
-"""The reference redrawn with the value that a diagnosis found, to show that it explains the motion.
+"""The motion redrawn with the value that a diagnosis found, to show that it explains the motion.
 
-Where the cause is a number of the equations, they are solved again with the estimate. Where it is a
-literal alone, the file is run again with the estimate in its place.
+Where the cause is a number of the equations, they are solved again with the estimate. Otherwise the
+model is run again, repaired.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.integrate
 
-from harness.bindings import with_literals
-from harness.case import load
 from harness.coordinates import CoordinateMap
-from harness.diagnose import Diagnosis, Finding
+from harness.diagnose import Diagnosis
 from harness.engine import Model
-from harness.evidence import Sample, engine_ends, pick, quick_ends, reference_ends, variant_ends
-from harness.hypotheses import scratch
+from harness.evidence import Sample
+from harness.fit import Finding
 from harness.plain import follow
-from harness.sidecar import Sidecar
+from harness.suspects import Bench
 from reference.motion import Motion
 from reference.numeric import Array
-from reference.system import System
 from reference.variants import Variants
 
 SAMPLES = 240
@@ -35,78 +31,44 @@ BEYOND = 1e3
 """A redrawn motion that leaves by so many amplitudes ends there."""
 
 
-@dataclass(frozen=True)
-class RedrawTask:
-    """The model that was diagnosed, as `harness.inquiry.InquiryTask` has it."""
+def redraw(
+    bench: Bench, motions: Mapping[str, Motion], diagnosis: Diagnosis
+) -> dict[str, Any] | None:
+    """Motions and defects with the estimate of the best finding put in.
 
-    system: System
-    sidecar: Sidecar
-    engine: str
-    motions: Mapping[str, Motion]
-    scales: Mapping[str, Array]
-    variants: Variants
-
-
-def redraw(task: RedrawTask, diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """Motions and defects with the estimate of the best finding that can be put in.
-
-    Returns None where nothing is explained, or the cause is neither a number of the equations nor a
-    literal.
+    Returns None where nothing is explained.
 
     Raises:
         EngineError, BlownUpError: naming what could not be run.
     """
-    chosen = _chosen(task.variants, diagnosis)
-    if chosen is None:
+    if not diagnosis.explained:
         return None
-    finding, equations = chosen
-    samples = pick(task.motions, task.scales)
-    model, coordinates = load(task.system, task.sidecar, task.engine)
-    ends, _ = engine_ends(model, coordinates, samples)
-    before = ends - reference_ends(samples)
+    finding, equations = _chosen(bench, diagnosis)
     if equations:
-        point = _point(task.variants, finding)
-        after = ends - variant_ends(task.variants, point[None], samples)[0]
-        motions = {
-            name: _solved(task.variants, point, motion) for name, motion in task.motions.items()
-        }
+        point = bench.point(finding.repair)
+        redrawn = {name: _solved(bench.variants, point, m) for name, m in motions.items()}
     else:
-        wanted = dict(zip((c.cause for c in finding.causes), finding.estimates, strict=True))
-        with scratch() as folder:
-            copy = with_literals(task.sidecar, wanted, folder)
-            corrected, coordinates = load(task.system, copy, task.engine)
-            after = quick_ends(corrected, coordinates, samples) - reference_ends(samples)
-            motions = {
-                name: _run(corrected, coordinates, motion) for name, motion in task.motions.items()
-            }
+        model = bench.repaired(finding.repair)
+        if model is None:
+            return None
+        redrawn = {name: _run(model, bench.coordinates, m) for name, m in motions.items()}
+    before, after = bench.defect({}), bench.defect(finding.repair)
     return {
         "cause": " and ".join(cause.cause for cause in finding.causes),
         "estimate": list(finding.estimates),
         "what": "equations" if equations else "file",
-        "scenarios": _scenarios(motions, samples, before, after),
+        "scenarios": _scenarios(redrawn, bench.samples, before, after),
     }
 
 
-def _chosen(variants: Variants, diagnosis: Diagnosis) -> tuple[Finding, bool] | None:
-    """The best finding that explains the motion and is of the equations; else of literals."""
-    if not diagnosis.explained:
-        return None
+def _chosen(bench: Bench, diagnosis: Diagnosis) -> tuple[Finding, bool]:
+    """The best finding that is of the equations, if one is as good as the best; else the best."""
     best = diagnosis.findings[0]
-    names = {parameter.name for parameter in variants.parameters}
     for finding in diagnosis.findings:
         alike = finding.remaining <= max(3 * best.remaining, 3 * diagnosis.floor)
-        if alike and all(cause.cause in names for cause in finding.causes):
+        if alike and all(bench.suspects[i].change.parameters for i in finding.members):
             return finding, True
-    literal = all(cause.kind == "literal" for cause in best.causes)
-    return (best, False) if literal else None
-
-
-def _point(variants: Variants, finding: Finding) -> Array:
-    point = variants.nominal.copy()
-    names = [parameter.name for parameter in variants.parameters]
-    for cause, estimate in zip(finding.causes, finding.estimates, strict=True):
-        point[names.index(cause.cause)] = estimate
-    return point
+    return best, False
 
 
 def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Array]:

@@ -26,9 +26,10 @@ class ResultsError(ValueError):
 def results(
     systems: Sequence[Mapping[str, Any]], models: Sequence[Mapping[str, Any]],
     cases: Sequence[Mapping[str, Any]], engines: Mapping[str, str | None], resolution: float,
-    seconds: float,
+    seconds: float, baseline: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Assemble the results of a run; NaN and infinity become null."""
+    since = {} if baseline is None else {"baseline": baseline}
     plain: dict[str, Any] = _plain(
         {
             "schema": SCHEMA,
@@ -43,6 +44,7 @@ def results(
             "systems": list(systems),
             "models": list(models),
             "cases": [{k: v for k, v in case.items() if k != "place"} for case in cases],
+            **since,
         }
     )
     return plain

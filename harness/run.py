@@ -9,20 +9,25 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from harness.audit import audit_task, run_audit
-from harness.case import CaseTask, TwinTask, run_case, run_twins
+from harness.case import TwinTask, case_task, run_case, run_twins
 from harness.engine import Engine
 from harness.engines import engines
-from harness.inquiry import InquiryTask, inquire
+from harness.inquiry import InquiryTask, inquire, inquiry_task
+from harness.known import accepted, mark_known, since
+from harness.measure import MeasureTask, measure
 from harness.prepare import Prepared, prepare
 from harness.results import results
 from harness.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.table import case_id
+from harness.track import Track
 from harness.verdict import Outcome
 from harness.workers import LIMIT, Failure, Workers
 
@@ -32,13 +37,30 @@ Progress = Callable[[int, int, Record | None], None]
 
 
 @dataclass(frozen=True)
+class Selection:
+    """What a gate wants of a run: some models, verdicts alone, and what each case's model does.
+
+    Attributes:
+        models: (folder, model file, engine) of those to run.
+        tracks: accepted tracks, by case id.
+        diagnose: whether models that differ are diagnosed.
+    """
+
+    models: frozenset[tuple[str, str, str]]
+    tracks: Mapping[str, Track] = field(default_factory=dict)
+    diagnose: bool = False
+
+
+@dataclass(frozen=True)
 class Options:
-    """What `crosscheck run` may be told."""
+    """What `crosscheck run` may be told; `baseline` is where known differences are looked up."""
 
     engines: tuple[str, ...] = ()
     resolution: float = 1e-9
     jobs: int = 0
     limit: float = LIMIT
+    baseline: Path | None = None
+    selection: Selection | None = None
 
 
 @dataclass(frozen=True)
@@ -62,9 +84,14 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
     systems: list[Record] = []
     total = 0
     inquiries: dict[tuple[str, str, str], _Inquiry] = {}
+    before = None
+    if options.selection is None:
+        before = accepted(options.baseline, folders, options.resolution, options.engines)
+    tracks = {} if before is None else before.tracks
+    preparing = partial(prepare, described=options.selection is None)
     with Workers(options.jobs or os.cpu_count() or 1, options.limit) as workers:
         waiting: dict[Future[Any], Record | Path] = {
-            workers.submit(prepare, folder): folder for folder in folders
+            workers.submit(preparing, folder): folder for folder in folders
         }
         while waiting:
             done, _ = wait(waiting, return_when=FIRST_COMPLETED)
@@ -76,21 +103,29 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
                         finished = [_unprepared(about, value)]
                     else:
                         systems.append({**value.record, "folder": str(value.folder)})
-                        finished, started = _plan(value, known, options, workers, models, inquiries)
+                        finished, started = _plan(
+                            value, known, options, workers, models, inquiries, tracks
+                        )
                         waiting |= started
                         total += len(_cases(started))
                     total += len(finished)
                 elif isinstance(value, Failure):
                     if "scenario" in about:
-                        finished = [about | _failed(value)]
+                        about.update(failed(value))
+                        finished = [about]
                     elif "diagnosing" in about:
                         about["diagnosing"]["diagnosis"] = {"reason": value.reason}
                     elif "auditing" in about:
                         about["auditing"]["audit"] = []
+                    elif "measuring" in about:
+                        about["measuring"]["measured"] = {"failed": value.reason}
                     else:
                         about |= {"linearization": [], "reason": value.reason}
                 elif "scenario" in about:
-                    finished = [about | value]
+                    about.update(value)
+                    finished = [about]
+                elif "measuring" in about:
+                    about["measuring"]["measured"] = value
                 elif "diagnosing" in about:
                     about["diagnosing"]["diagnosis"] = value
                 elif "auditing" in about:
@@ -101,6 +136,11 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
                     cases.append(case)
                     progress(len(cases), total, case)
                     waiting |= _diagnose(case, cases, inquiries, workers)
+    mark_known(cases, before)
+    changed = since(cases, before)
+    if options.selection is None:
+        for case in cases:
+            case.pop("measured", None)
     order = {str(folder): i for i, folder in enumerate(folders)}
     cases.sort(key=lambda c: (order[c["folder"]], c["model"], c["engine"], c["place"]))
     return results(
@@ -110,6 +150,7 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Record
         engines={name: engine.version() for name, engine in known.items()},
         resolution=options.resolution,
         seconds=time.perf_counter() - began,
+        baseline=changed,
     )
 
 
@@ -120,6 +161,7 @@ def _cases(started: dict[Future[Any], Record | Path]) -> list[Record]:
 def _plan(
     prepared: Prepared, known: dict[str, Engine], options: Options, workers: Workers,
     models: list[Record], inquiries: dict[tuple[str, str, str], _Inquiry],
+    tracks: Mapping[str, Track],
 ) -> tuple[list[Record], dict[Future[Any], Record | Path]]:  # fmt: skip
     """Start every case of a folder; returns those that can't be started, and the started ones."""
     ended: list[Record] = []
@@ -131,37 +173,44 @@ def _plan(
         for name in found.engines:
             if options.engines and name not in options.engines:
                 continue
+            selection = options.selection
+            wanted = (str(prepared.folder), found.model.name, name)
+            if selection is not None and wanted not in selection.models:
+                continue
             model = {
                 "system": prepared.system.name, "folder": str(prepared.folder),
                 "model": found.model.name, "engine": name,
             }  # fmt: skip
-            hurdle = _hurdle(known, name, found)
+            barred = hurdle(known, name, found)
             for place, scenario in enumerate(prepared.system.scenarios):
                 case = model | {"scenario": scenario.name, "place": place}
-                if hurdle is not None:
-                    ended.append(case | hurdle)
+                if barred is not None:
+                    ended.append(case | barred)
                     continue
-                task = CaseTask(
-                    prepared.system, found, name, scenario.name, prepared.motions[scenario.name],
-                    prepared.scales[scenario.name], prepared.amplitude, prepared.power,
-                    prepared.components, options.resolution,
-                )  # fmt: skip
+                task = case_task(prepared, found, name, scenario.name, options.resolution)
                 started[workers.submit(run_case, task)] = case
-            if hurdle is None:
-                twins = TwinTask(
-                    prepared.system, found, name, prepared.equilibria, prepared.amplitude,
-                    prepared.push,
-                )  # fmt: skip
+                if selection is not None or case_id(case) in tracks:
+                    of = (tracks if selection is None else selection.tracks).get(case_id(case))
+                    measuring = MeasureTask(
+                        prepared.system, found, name, scenario.name, task.motion, task.scale,
+                        prepared.components, prepared.variants, of,
+                    )  # fmt: skip
+                    started[workers.submit(measure, measuring)] = {"measuring": case}
+            if barred is None:
                 models.append(model | texts(found))
-                started[workers.submit(run_twins, twins)] = models[-1]
-                audit = workers.submit(run_audit, audit_task(prepared, found, name))
-                started[audit] = {"auditing": models[-1]}
-                inquiry = InquiryTask(
-                    prepared.system, found, name, prepared.motions, prepared.scales,
-                    prepared.variants,
-                )  # fmt: skip
+                models[-1] |= {"linearization": []}
+                if selection is None:
+                    twins = TwinTask(
+                        prepared.system, found, name, prepared.equilibria, prepared.amplitude,
+                        prepared.push,
+                    )  # fmt: skip
+                    started[workers.submit(run_twins, twins)] = models[-1]
+                    audit = workers.submit(run_audit, audit_task(prepared, found, name))
+                    started[audit] = {"auditing": models[-1]}
+                if selection is not None and not selection.diagnose:
+                    continue
                 inquiries[_key(model)] = _Inquiry(
-                    inquiry, models[-1], len(prepared.system.scenarios)
+                    inquiry_task(prepared, found, name), models[-1], len(prepared.system.scenarios)
                 )
     return ended, started
 
@@ -248,17 +297,18 @@ def model_files(folder: Path) -> Iterator[Sidecar | Record]:
         yield _not_run("-", f"{folder}: it has no model file with a sidecar, so nothing was run")
 
 
-def _hurdle(known: dict[str, Engine], name: str, sidecar: Sidecar) -> Record | None:
+def hurdle(known: dict[str, Engine], name: str, sidecar: Sidecar) -> Record | None:
+    """Why a model can't be run in an engine, as the fields of its cases; None where it can."""
     engine = known.get(name)
     if engine is None:
         names = ", ".join(sorted(known))
         reason = f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}"
-        return _failed(Failure(reason, ""))
+        return failed(Failure(reason, ""))
     if engine.version() is None:
         return _empty() | {"outcome": str(Outcome.ABSENT), "reason": f"{name} is not installed"}
     if sidecar.model.suffix not in engine.formats:
         reads = ", ".join(engine.formats)
-        return _failed(Failure(f"{sidecar.model}: {name} reads {reads} files alone", ""))
+        return failed(Failure(f"{sidecar.model}: {name} reads {reads} files alone", ""))
     return None
 
 
@@ -270,10 +320,11 @@ def _unprepared(folder: Path, failure: Failure) -> Record:
 
 def _not_run(model: str, reason: str) -> Record:
     case = {"model": model, "engine": "-", "scenario": "-", "place": 0}
-    return case | _failed(Failure(reason, ""))
+    return case | failed(Failure(reason, ""))
 
 
-def _failed(failure: Failure) -> Record:
+def failed(failure: Failure) -> Record:
+    """The fields of a case that could not be run."""
     return _empty() | {
         "outcome": str(Outcome.FAILED), "reason": failure.reason, "printed": failure.printed,
     }  # fmt: skip

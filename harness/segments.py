@@ -9,6 +9,7 @@ import numpy as np
 from harness.coordinates import CoordinateMap
 from harness.engine import Model
 from harness.ladder import FIRST_JUDGED, RUNGS, Limit, largest, limits
+from harness.rounding import Starts, with_companions
 from reference.motion import Motion
 from reference.numeric import Array
 
@@ -28,7 +29,7 @@ class Extrapolated:
         limit: where the engine ends each segment as h -> 0, with its uncertainty.
         raw: ends at each rung, (M, K, 2n).
         rungs: step counts of `raw`.
-        steps: engine steps taken.
+        steps: engine steps taken, the companions' included.
     """
 
     limit: Limit
@@ -52,19 +53,22 @@ def extrapolate(
     # A velocity is moved by what rounding the positions does to the forces, over a segment.
     n = len(grain) // 2
     grain[n:] += grain[:n] * motion.fastest**2 * float(np.max(motion.lengths))
+    starts = with_companions(z, w)
     values: list[Array] = []
+    seen: list[Array] = []
     steps = 0
     limit: Limit | None = None
     for count, rung in enumerate(RUNGS, start=1):
-        ends = run_rung(model, coordinates, motion, z, w, rung)
+        ends = run_rung(model, coordinates, motion, starts, rung)
         if not np.isfinite(ends).all():
-            raise BlownUpError(_where(motion, ends, rung))
-        values.append(ends)
+            raise BlownUpError(_where(motion, starts, ends, rung))
+        values.append(ends[: len(z)])
+        seen.append(starts.seen(ends))
         steps += rung * len(ends)
         if count < FIRST_JUDGED:
             continue
         previous = limit
-        limit = limits(values, RUNGS[:count], exponents, scale, grain)
+        limit = limits(values, RUNGS[:count], exponents, scale, grain, seen)
         worst = largest(limit.uncertainty / scale)
         if worst <= ENOUGH * resolution:
             break
@@ -78,20 +82,23 @@ def extrapolate(
 
 
 def run_rung(
-    model: Model, coordinates: CoordinateMap, motion: Motion, z: Array, w: Array, rung: int
+    model: Model, coordinates: CoordinateMap, motion: Motion, starts: Starts, rung: int
 ) -> Array:
-    """Ends (K, 2n) of all segments, each run in `rung` steps from its start."""
-    ends = np.empty_like(motion.end)
+    """Ends (K + 2 PAIRS, 2n) of all segments and companions, in `rung` steps from `starts`."""
+    rows = starts.rows
+    ends = np.empty((len(rows), motion.end.shape[1]))
     first = 0
     for span in motion.spans:
-        chosen = slice(first, first + span.count)
+        chosen = (first <= rows) & (rows < first + span.count)
         first += span.count
+        own = rows[chosen]
         h = span.length / rung
-        times = motion.t[chosen, None] + h * np.arange(rung)
-        inputs = motion.inputs(times.ravel(), slack=h / 4).reshape(span.count, rung, -1)
+        times = motion.t[own, None] + h * np.arange(rung)
+        inputs = motion.inputs(times.ravel(), slack=h / 4).reshape(len(own), rung, -1)
         ends[chosen] = run_ends(
-            model, coordinates, z[chosen], w[chosen], h, rung, inputs, motion.end[chosen]
-        )
+            model, coordinates, starts.z[chosen], starts.w[chosen], h, rung, inputs,
+            motion.end[own],
+        )  # fmt: skip
     return ends
 
 
@@ -104,8 +111,8 @@ def run_ends(
     return coordinates.from_engine(end_z[:, 0], end_w[:, 0], near)
 
 
-def _where(motion: Motion, ends: Array, rung: int) -> str:
-    bad = int(np.argmin(np.isfinite(ends).all(axis=1)))
+def _where(motion: Motion, starts: Starts, ends: Array, rung: int) -> str:
+    bad = int(starts.rows[np.argmin(np.isfinite(ends).all(axis=1))])
     return (
         f"values that are not finite, from the segment at t = {motion.t[bad]:.4g} s,"
         f" in {rung} steps of {motion.lengths[bad] / rung:.3g} s"

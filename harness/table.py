@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -36,8 +37,10 @@ def print_results(console: Console, found: Mapping[str, Any]) -> None:
     console.print(table)
     if any(row[-1].endswith("*") for row in rows):
         console.print("* one of the motions is too sensitive for a step to be told", style="dim")
-    _print_linear(console, found["models"])
-    troubled = [case for case in found["cases"] if case["outcome"] != "AGREES"]
+    differ = {_model_key(case) for case in found["cases"] if case["outcome"] == "DIFFERS"}
+    _print_linear(console, [m for m in found["models"] if _model_key(m) not in differ])
+    amiss = [case for case in found["cases"] if case["outcome"] != "AGREES"]
+    troubled = [case for case in amiss if not case.get("accepted")]
     troubled.sort(key=lambda c: (-Outcome(c["outcome"]).severity, -(c["discrepancy"] or 0)))
     for case in troubled[:MOST_TOLD]:
         console.print()
@@ -56,6 +59,8 @@ def print_results(console: Console, found: Mapping[str, Any]) -> None:
                 console.print(f"  {escape(text)}", soft_wrap=True)
     if len(troubled) > MOST_TOLD:
         console.print(f"\nand {len(troubled) - MOST_TOLD} more, in results.json")
+    _print_accepted(console, [case for case in amiss if case.get("accepted")])
+    _print_changes(console, found.get("baseline") or {"changes": []})
     console.print()
     console.print(summary(found))
 
@@ -88,17 +93,45 @@ def cause_sentences(finding: Mapping[str, Any]) -> list[str]:
         zip(*columns, strict=True), finding["where"], strict=True
     ):
         at = f" ({place})" if place else ""
-        if kind in ("literal", "setting"):
-            said = f"is {now:.10g}, the motion wants {wanted:.10g} ± {error:.1g}"
+        fitted = f"{_to_its_error(wanted, error)} ± {error:.1g}"
+        if "literal" in kind or kind == "setting":
+            said = f"is {now:.10g}, the motion wants {fitted}"
         elif kind in ("axis", "default", "exchange"):
             said = "explains the motion"
         else:
-            said = f"is {wanted:.10g} ± {error:.1g} in the model, {now:.10g} in the equations"
+            said = f"is {fitted} in the model, {now:.10g} in the equations"
         sentences.append(f"{name}{at} {said}")
     tail = f"leaves {finding['remaining']:.1e} of the discrepancy"
     if finding["tied_with"]:
         tail += f"; no motion here tells it from: {', '.join(finding['tied_with'])}"
     return [*sentences, tail]
+
+
+def _print_accepted(console: Console, cases: Sequence[Mapping[str, Any]]) -> None:
+    """The known differences, each with the reason it was accepted with."""
+    if cases:
+        console.print("\n[bold]accepted[/] as they are")
+    for case in cases:
+        said = f"  {case_id(case)}: {case['outcome']}, {case['accepted']}"
+        console.print(escape(said), soft_wrap=True)
+
+
+def _print_changes(console: Console, baseline: Mapping[str, Any]) -> None:
+    """What is not as it was accepted."""
+    changes = baseline["changes"]
+    if changes:
+        console.print(f"\n[bold]since[/] {escape(baseline['name'])}")
+    for change in changes[:MOST_TOLD]:
+        said = f"  {change['kind']:<12}{case_id(change)}: {change['message']}"
+        console.print(escape(said), soft_wrap=True)
+    if len(changes) > MOST_TOLD:
+        console.print(f"  and {len(changes) - MOST_TOLD} more, in results.json")
+
+
+def _to_its_error(value: float, error: float) -> str:
+    """A fitted value with ten digits, but none below its standard error."""
+    places = 15 if error == 0 else max(0, -math.floor(math.log10(error)))
+    return f"{round(value, places) + 0.0:.10g}"
 
 
 def summary(found: Mapping[str, Any]) -> str:
@@ -108,6 +141,8 @@ def summary(found: Mapping[str, Any]) -> str:
     agreeing = [case for case in found["cases"] if case["outcome"] == "AGREES"]
     worst = max((max(c["discrepancy"], c["uncertainty"]) for c in agreeing), default=None)
     tail = f"; all that agree do so to {worst:.1e}" if worst is not None else ""
+    known = sum(bool(case.get("accepted")) for case in found["cases"])
+    tail = (f"; {known} accepted as known differences" if known else "") + tail
     return f"{len(found['cases'])} cases: {', '.join(parts)}{tail}; {found['seconds']:.1f} s"
 
 
@@ -126,10 +161,11 @@ def line(done: int, total: int, case: Mapping[str, Any]) -> str:
 
 
 def _groups(cases: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
-    def key(case: Mapping[str, Any]) -> tuple[str, str, str]:
-        return case["system"], case["model"], case["engine"]
+    return [list(group) for _, group in itertools.groupby(cases, _model_key)]
 
-    return [list(group) for _, group in itertools.groupby(cases, key)]
+
+def _model_key(record: Mapping[str, Any]) -> tuple[str, str, str]:
+    return record["system"], record["model"], record["engine"]
 
 
 def _row(cases: list[Mapping[str, Any]]) -> list[str]:
@@ -171,7 +207,7 @@ def _print_linear(console: Console, models: Sequence[Mapping[str, Any]]) -> None
     worst, model, one = max(errors, key=lambda entry: entry[0])
     where = f"{model['system']}/{model['model']} [{model['engine']}] about {one['equilibrium']}"
     console.print(
-        f"\nThe engines' own linearizations, {len(errors)} of them, equal Taylor's A and B to"
-        f" {worst:.1e} of the largest entry (worst: {escape(where)}).",
+        f"\nThe engines' own linearizations where motions agree, {len(errors)}, equal Taylor's A"
+        f" and B to {worst:.1e} of the largest entry (worst: {escape(where)}).",
         soft_wrap=True,
     )

@@ -15,11 +15,14 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
+from multiprocessing import forkserver
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import pebble
+
+import physics_crosscheck
 
 LIMIT = 120.0
 """Seconds that a task may take unless told otherwise."""
@@ -43,10 +46,18 @@ class Workers:
         method = "forkserver" if "forkserver" in methods else "spawn"
         context = multiprocessing.get_context(method)
         if method == "forkserver":
-            context.set_forkserver_preload(["harness.case", "harness.prepare"])
+            # First what binds our names: the server begins in the user's folder, which may have a
+            # package called harness.
+            context.set_forkserver_preload(
+                ["physics_crosscheck", "harness.case", "harness.prepare"]
+            )
+            with _safe_path():
+                forkserver.ensure_running()
         self._limit = limit
         self._jobs = jobs
-        self._pool = pebble.ProcessPool(max_workers=jobs, context=context)
+        self._pool = pebble.ProcessPool(
+            max_workers=jobs, context=context, initializer=physics_crosscheck.claim
+        )
         self._logs = Path(tempfile.mkdtemp(prefix="crosscheck-"))
         self._count = 0
 
@@ -103,6 +114,23 @@ class Workers:
         for log in self._logs.glob("*.log"):
             log.unlink()
         self._logs.rmdir()
+
+
+@contextlib.contextmanager
+def _safe_path() -> Iterator[None]:
+    """Processes started meanwhile don't look for modules in the working folder first.
+
+    A user's `types.py` or `mujoco.py` there would be taken for the real one. Not where this is the
+    folder that our own packages are in.
+    """
+    if Path.cwd() == physics_crosscheck.BESIDE or "PYTHONSAFEPATH" in os.environ:
+        yield
+        return
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        del os.environ["PYTHONSAFEPATH"]
 
 
 def _nap(seconds: float) -> int:

@@ -13,6 +13,7 @@ import sympy as sp
 
 from reference.numeric import NumericFunction, compile_function
 from reference.system import System, t
+from reference.tidy import LONG, solved, tidy
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,7 @@ class Equations:
     @cached_property
     def acceleration(self) -> sp.ImmutableMatrix:
         """a = M^-1 f, symbolic."""
-        # By the adjugate: elimination simplifies at every pivot, minutes for three coordinates.
-        return sp.ImmutableMatrix(self.mass.adjugate() * self.force / self.mass.det())
+        return sp.ImmutableMatrix(solved(self.mass, self.force))
 
     @cached_property
     def first_order(self) -> sp.ImmutableMatrix:
@@ -82,19 +82,24 @@ class Equations:
         return compile_function(put_in, self.system.q, self.system.v, self.system.u, (t,))
 
 
+def _spread(force: sp.Expr) -> sp.Expr:
+    """Its terms one by one, where a person may read them."""
+    return force if sp.count_ops(force) > LONG else sp.expand(force)
+
+
 def derive(system: System) -> Equations:
     """Return the equations of motion of a system."""
     lagrangian = system.T - system.V
     q, v = system.q, system.v
     momenta = [sp.diff(lagrangian, vi) for vi in v]
-    mass = sp.hessian(system.T, v).applyfunc(sp.simplify)
+    mass = sp.hessian(system.T, v).applyfunc(tidy)
     force = []
     for qi, vi, pi, generalized in zip(q, v, momenta, system.forces(), strict=True):
         # d/dt p(q, v, t) = M a + (dp/dq) v + dp/dt; what is not M a goes to the right.
         transport = sp.Add(*(sp.diff(pi, qj) * vj for qj, vj in zip(q, v, strict=True)))
         transport += sp.diff(pi, t)
         rest = sp.diff(lagrangian, qi) - sp.diff(system.D, vi) - transport
-        force.append(sp.expand(sp.simplify(rest)) + generalized)
+        force.append(_spread(tidy(rest)) + generalized)
     return Equations(
         system=system,
         mass=sp.ImmutableMatrix(mass),

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.integrate
+import sympy as sp
 
 from reference.closed_form import Segments
 from reference.derive import Equations
@@ -21,6 +22,9 @@ from reference.signal import Piece
 STAGES = 8
 AGREEMENT = 1e-12
 """Largest distance of the two integrations over a segment, relative to the motion's size."""
+
+MOST_OPERATIONS = 2500
+"""Length of the equations beyond which heyoka's compilation takes minutes."""
 
 Field = Callable[[Array, Array], Array]
 """dy/dt of (times (...,), states (..., 2n))."""
@@ -85,6 +89,7 @@ def solve_numerically(
     starts = trajectory(equations, start, signals, times)
     starts[0] = start
     ends, nodes, checks = [], [], []
+    by_series = heyoka_installed() and _size(equations) <= MOST_OPERATIONS
     first = 0
     for span, piece in zip(spans, signals, strict=True):
         chosen = slice(first, first + span.count)
@@ -93,7 +98,7 @@ def solve_numerically(
         end, inner = collocate(field, times[chosen], starts[chosen], span.length)
         ends.append(end)
         nodes.append(inner)
-        check = _taylor_series if heyoka_installed() else _runge_kutta
+        check = _taylor_series if by_series else _runge_kutta
         checks.append(check(equations, piece, times[chosen], starts[chosen], span.length))
     end, checked = np.concatenate(ends), np.concatenate(checks)
     apart = np.max(np.abs(end - checked), axis=0)
@@ -106,7 +111,7 @@ def solve_numerically(
         raise ReferenceError(
             f"two integrations of component {worst} are {apart[worst]:.1e} apart over a segment"
         )
-    other = "heyoka's Taylor series" if heyoka_installed() else "DOP853"
+    other = "heyoka's Taylor series" if by_series else "DOP853"
     return Segments(
         times, starts, end, np.concatenate(nodes), apart + 2 * np.finfo(float).eps * size,
         f"Gauss collocation of order {2 * STAGES}, checked by {other}",
@@ -184,6 +189,10 @@ def _runge_kutta(
     return end
 
 
+def _size(equations: Equations) -> int:
+    return sum(sp.count_ops(e) for e in (*equations.mass, *equations.force))
+
+
 def heyoka_installed() -> bool:
     """Whether the extra `heyoka` is there."""
     return importlib.util.find_spec("heyoka") is not None
@@ -194,7 +203,6 @@ def _taylor_series(
 ) -> Array:
     """Each segment by heyoka's adaptive Taylor series, at the precision of a double."""
     import heyoka as hy
-    import sympy as sp
 
     from reference.system import t
 

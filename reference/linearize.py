@@ -15,6 +15,7 @@ import sympy as sp
 from reference.derive import Equations
 from reference.numeric import Array
 from reference.system import DeclarationError, Equilibrium, t
+from reference.tidy import LONG, tidy
 
 DIGITS = 60
 """Working precision of the linear algebra: a defective eigenvalue keeps half of it."""
@@ -53,10 +54,11 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
     """
     system = equations.system
     at = _position(equations, equilibrium)
-    rest = dict(zip(system.q, at, strict=True)) | dict.fromkeys((*system.v, *system.u), 0)
+    still = dict.fromkeys((*system.v, *system.u), sp.Integer(0))
+    rest = dict(zip(system.q, at, strict=True)) | still
 
     def evaluate(matrix: sp.Matrix) -> sp.ImmutableMatrix:
-        return sp.ImmutableMatrix(matrix.subs(rest).applyfunc(sp.simplify))
+        return sp.ImmutableMatrix(matrix.xreplace(rest).applyfunc(tidy))
 
     force = sp.Matrix(equations.force)
     outputs = sp.Matrix([sp.sympify(o.expression) for o in system.outputs])
@@ -75,8 +77,7 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
     with mp.workdps(DIGITS):
         values = system.values
         m, c, k, f, cy, d = (
-            to_mp(matrix.subs(values))
-            for matrix in (mass, damping, stiffness, pushes, seen, through)
+            _numbers(matrix, values) for matrix in (mass, damping, stiffness, pushes, seen, through)
         )
         inverse = m**-1
         n, inputs = len(at), f.cols
@@ -107,22 +108,43 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
     if not equilibrium.search:
         place = dict(zip(system.q, at, strict=True))
         for coordinate, expression in zip(system.coordinates, pull, strict=True):
-            left = sp.simplify(expression.subs(place))
-            if left != 0 and abs(sp.N(left.subs(values), 30)) > 1e-12:
+            left = expression.xreplace(place)
+            # First the number: it is quick, and mostly settles it.
+            if abs(sp.N(left.xreplace(values), 30)) > 1e-12 and (left := sp.simplify(left)) != 0:
                 raise DeclarationError(
                     f"{where}: is none; the force on {coordinate.name} there is {left};"
                     " state the exact position, or search=True"
                 )
         return at
+    pull = [p for p in pull if p != 0]
+    # A coordinate that no force depends on, such as a cart's on a level rail, stays where it is.
+    held = {q for q in system.q if not any(p.has(q) for p in pull)}
+    free = [q for q in system.q if q not in held]
+    stays = {q: p for q, p in zip(system.q, at, strict=True) if q in held}
+    if len(pull) != len(free):
+        raise DeclarationError(f"{where}: no rest position found near {at}")
+    if not free:
+        return at
     with mp.workdps(DIGITS):
-        residual = sp.lambdify(system.q, [p.subs(values) for p in pull], modules="mpmath")
-        guess = [mp.mpf(sp.N(p.subs(values), 30)) for p in at]
+        residual = sp.lambdify(free, [p.xreplace(values) for p in pull], "mpmath", cse=True)
+        guess = [mp.mpf(sp.N(p.subs(values), 30))
+                 for q, p in zip(system.q, at, strict=True) if q in free]  # fmt: skip
         try:
             found = mp.findroot(lambda *q: residual(*q), guess, tol=mp.mpf(10) ** (-80))
         except (ValueError, ZeroDivisionError):
             raise DeclarationError(f"{where}: no rest position found near {at}") from None
         roots = [found] if isinstance(found, mp.mpf) else list(found)
-        return tuple(_recognized(root) for root in roots)
+    moved = dict(zip(free, map(_recognized, roots), strict=True))
+    return tuple(stays[q] if q in held else moved[q] for q in system.q)
+
+
+def _numbers(matrix: sp.Matrix, values: Mapping[sp.Symbol, sp.Rational]) -> mp.matrix:
+    """A matrix of the constants with their values put in, at mpmath's working precision."""
+    if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
+        return to_mp(matrix.subs(values))
+    # One by one they would be put in for minutes.
+    function = sp.lambdify(list(values), sp.Matrix(matrix), modules="mpmath", cse=True)
+    return function(*(mp.mpf(v.p) / v.q for v in values.values()))
 
 
 def _recognized(root: mp.mpf) -> sp.Expr:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from reference.linearize import DIGITS, Linearization, to_array
 from reference.numeric import Array
 from reference.system import System
+from reference.tidy import LONG
 
 s = sp.Symbol("s")
 """The Laplace variable of transfer functions."""
@@ -128,6 +129,8 @@ def transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
     dynamic = sp.Matrix(
         linearization.mass * s**2 + linearization.damping * s + linearization.stiffness
     )
+    if sum(sp.count_ops(entry) for entry in dynamic) > LONG:
+        return _numeric_transfer_functions(linearization)
     adjugate, determinant = dynamic.adjugate(), dynamic.det()
     response = adjugate * linearization.input
     seen = linearization.output[:, :n] + s * linearization.output[:, n:]
@@ -135,6 +138,34 @@ def transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
     return sp.ImmutableMatrix(
         numerator.applyfunc(lambda e: sp.cancel(sp.expand(e) / sp.expand(determinant)))
     )
+
+
+def _numeric_transfer_functions(linearization: Linearization) -> sp.ImmutableMatrix:
+    """The same with the constants put in: as formulas of many constants they fill pages."""
+    m, c, k, f, cy, d = (
+        sp.Matrix(rows.rows, rows.cols, lambda i, j, rows=rows: sp.Float(rows[i, j], DIGITS))
+        for rows in (linearization.exact[name] for name in ("M", "C", "K", "F", "Cy", "D"))
+    )
+    n = m.rows
+    dynamic = (m * s**2 + c * s + k).applyfunc(sp.expand)
+    determinant = sp.expand(dynamic.det(method="berkowitz"))
+    seen = cy[:, :n] + s * cy[:, n:]
+    numerator = (seen * dynamic.adjugate(method="berkowitz") * f).applyfunc(sp.expand)
+    numerator += d * determinant
+    lead = sp.Poly(determinant, s).LC()
+    return sp.ImmutableMatrix(
+        numerator.applyfunc(
+            lambda e: _shown(sp.expand(e / lead)) / _shown(sp.expand(determinant / lead))
+        )
+    )
+
+
+def _shown(polynomial: sp.Expr) -> sp.Expr:
+    """Coefficients to fifteen digits; those that are rounding alone are nothing."""
+    terms = sp.Poly(polynomial, s).all_coeffs()
+    size = max((abs(c) for c in terms), default=sp.Integer(0))
+    kept = [sp.N(c, 15) if abs(c) > size * sp.Float(10) ** -40 else sp.Integer(0) for c in terms]
+    return sp.Add(*(c * s**p for p, c in enumerate(reversed(kept))))
 
 
 def evaluate_transfer(

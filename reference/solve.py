@@ -18,6 +18,8 @@ from reference.system import Equilibrium, Scenario, t
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200
+LONG_FORCE = 1000
+"""Operations in the forces beyond which their derivatives as formulas take long to make."""
 
 __all__ = ["ReferenceError", "solve"]
 
@@ -80,6 +82,44 @@ def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
     return tuple(spans)
 
 
+def _slopes(equations: Equations, states: Array, inputs: Array, times: Array) -> Array:
+    """Derivatives of the accelerations by q and v, (B, n, 2n), at B states.
+
+    From M da = df - dM a, number by number: the derivatives of M^-1 f as formulas are long.
+    """
+    variables = (*equations.system.q, *equations.system.v)
+    n = len(equations.system.q)
+    if sum(sp.count_ops(f) for f in equations.force) > LONG_FORCE:
+        return _differences(equations, states, inputs, times)
+    mass, force = sp.Matrix(equations.mass), sp.Matrix(equations.force)
+    entries = [
+        *mass,
+        *force,
+        *force.jacobian(variables),
+        *mass.reshape(n * n, 1).jacobian(variables),
+    ]
+    values = equations.compile(entries)(states[:, :n], states[:, n:], inputs, times[:, None])
+    parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
+    m = parts[0].reshape(-1, n, n)
+    a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
+    turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
+    slopes: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
+    return slopes
+
+
+def _differences(equations: Equations, states: Array, inputs: Array, times: Array) -> Array:
+    """The same by central differences: a rate need not be known to more than a few digits."""
+    n = len(equations.system.q)
+    step = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
+    columns = []
+    for i, h in enumerate(step):
+        ends = [states + sign * h * np.eye(2 * n)[i] for sign in (1, -1)]
+        up, down = (equations.numeric_acceleration(s[:, :n], s[:, n:], inputs, times[:, None])
+                    for s in ends)  # fmt: skip
+        columns.append((up - down) / (2 * h))
+    return np.stack(columns, axis=2)
+
+
 def _fastest_rate(
     equations: Equations, signals: Sequence[Piece], start: Array, duration: float
 ) -> float:
@@ -91,15 +131,12 @@ def _fastest_rate(
     system = equations.system
     n = len(system.coordinates)
     inputs = numeric_inputs(signals)
-    jacobian = sp.Matrix(equations.acceleration).jacobian((*system.q, *system.v))
     if is_linear(equations):
         times, states = np.zeros(1), start[None, :]
     else:
         times = np.linspace(0.0, duration, 400)
         states = trajectory(equations, start, signals, times, rtol=1e-6)
-    lower = equations.compile(list(jacobian))(
-        states[:, :n], states[:, n:], inputs(times), times[:, None]
-    ).reshape(-1, n, 2 * n)
+    lower = _slopes(equations, states, inputs(times), times)
     full = np.zeros((len(times), 2 * n, 2 * n))
     full[:, range(n), range(n, 2 * n)] = 1.0
     full[:, n:] = lower

@@ -17,6 +17,7 @@ from reference.derive import Equations
 from reference.integrate import collocate
 from reference.numeric import Array, NumericFunction, compile_function
 from reference.system import Coordinate, t
+from reference.tidy import solved
 
 CREEP = 1e-3
 """Speed below which Coulomb friction is smoothed, as a share of the motion's."""
@@ -123,7 +124,7 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
             unit = _unit(kind, coordinate)
             parameters.append(Parameter(f"{kind} on {coordinate.name}", kind, unit, 0.0, size))
     total = sp.Matrix(equations.mass) + added_mass
-    acceleration = total.adjugate() * (sp.Matrix(equations.force) + added_force) / total.det()
+    acceleration = solved(total, sp.Matrix(equations.force) + added_force)
     function = compile_function(list(acceleration), system.q, system.v, system.u, (t,), symbols)
     return Variants(tuple(parameters), function)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
+from harness.baseline import DEFAULT
 from harness.engines import engines
 from harness.folders import FolderError
 
@@ -29,6 +31,12 @@ def jobs(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--jobs", type=positive, default=0, metavar="N", help="worker processes (one per processor)"
     )
+
+
+def baseline(command: argparse.ArgumentParser) -> None:
+    """Add --baseline DIR."""
+    command.add_argument("--baseline", type=Path, default=DEFAULT, metavar="DIR",
+                         help=f"the accepted baseline ({DEFAULT.as_posix()})")  # fmt: skip
 
 
 def limits(command: argparse.ArgumentParser) -> None:

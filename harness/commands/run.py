@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
 from rich.console import Console
 
+from harness.annotations import case_notes, commands
 from harness.commands import arguments
 from harness.commands.codes import exit_code
 from harness.commands.watch import Watcher
@@ -26,6 +28,7 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.jobs(command)
     command.add_argument("--out", type=Path, default=Path("reports"), metavar="DIR",
                          help="where results.json and index.html go (reports)")  # fmt: skip
+    arguments.baseline(command)
     command.add_argument("--require-engines", action="store_true",
                          help="exit 3 where an engine is not installed")  # fmt: skip
 
@@ -34,7 +37,10 @@ def main(options: argparse.Namespace) -> int:
     """Run, write results and report, print the table."""
     arguments.check_engines(options.engine)
     folders = system_folders(options.folders)
-    wanted = Options(tuple(options.engine), options.resolution, options.jobs, options.time_limit)
+    wanted = Options(
+        tuple(options.engine), options.resolution, options.jobs, options.time_limit,
+        options.baseline,
+    )  # fmt: skip
     with Watcher() as watcher:
         found = run(folders, wanted, watcher)
     write_results(options.out / "results.json", found)
@@ -42,4 +48,6 @@ def main(options: argparse.Namespace) -> int:
     console = Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160)
     print_results(console, found)
     print(f"{options.out / 'results.json'}  {options.out / 'index.html'}")
+    for line in commands(case_notes(found), os.environ):
+        print(line)
     return exit_code(found, options.require_engines)

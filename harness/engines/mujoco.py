@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engine import Array, EngineError, Force, ModelSpec, StateForce
+from harness.engine import Array, EngineError, Force, ModelSpec, StateForce, within
 from harness.urdf import joint_springs, read_urdf
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
@@ -128,6 +128,22 @@ class MujocoModel:
     def coordinates(self) -> tuple[str, ...]:
         """Joint names, in the order of qpos."""
         return tuple(self.model.joint(i).name for i in range(self.model.njnt))
+
+    @property
+    def home(self) -> Array:
+        """Positions as the file draws the mechanism, (nz,)."""
+        return np.array(self.model.qpos0, dtype=float)
+
+    @property
+    def reach(self) -> Array:
+        """Where positions may be drawn, (nz, 2): limits, a turn of a hinge, 1 m of a slide."""
+        import mujoco
+
+        hinge = np.array(self.model.jnt_type) == mujoco.mjtJoint.mjJNT_HINGE
+        half = np.where(hinge, np.pi, 1.0)
+        free = np.stack([self.home - half, self.home + half], axis=1)
+        limited = np.array(self.model.jnt_limited, dtype=bool)
+        return within(free, np.where(limited[:, None], self.model.jnt_range, free))
 
     @property
     def gravity(self) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engine import Array, EngineError, Force, ModelSpec, Spring, StateForce
+from harness.engine import Array, EngineError, Force, ModelSpec, Spring, StateForce, within
 from harness.urdf import Mimic, joint_springs, mimics, read_urdf
 
 _REQUIRED = ("step", "gravity")
@@ -142,6 +142,23 @@ class PybulletModel:
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""
         return 1, 1
+
+    @property
+    def home(self) -> Array:
+        """Positions as the file draws the mechanism, (nz,)."""
+        return np.zeros(len(self._joints))
+
+    @property
+    def reach(self) -> Array:
+        """Where positions may be drawn, (nz, 2): limits, a turn of a hinge, 1 m of a slide."""
+        import pybullet as p
+
+        info = [p.getJointInfo(self._body, joint) for joint in self._joints]
+        half = np.array([np.pi if one[2] == p.JOINT_REVOLUTE else 1.0 for one in info])
+        free = np.stack([-half, half], axis=1)
+        # Without limits, PyBullet's lower one is above its upper one.
+        limits = np.array([one[8:10] if one[8] < one[9] else (-np.inf, np.inf) for one in info])
+        return within(free, limits)
 
     def _moving_joints(self) -> tuple[list[int], list[str]]:
         import pybullet as p

@@ -38,7 +38,7 @@ class PymunkEngine:
 
     def load(self, spec: ModelSpec) -> PymunkModel:
         """Run the file, and call its `build`."""
-        unknown = set(spec.settings) - {"step", "gravity"}
+        unknown = set(spec.settings) - {"step", "gravity", "damping"}
         if unknown:
             raise EngineError(f"{spec.path}.toml: pymunk has no setting {', '.join(unknown)}")
         if "step" not in spec.settings:
@@ -48,6 +48,12 @@ class PymunkEngine:
             raise EngineError(
                 f"{spec.path}.toml: [settings] gravity is {gravity!r}; a Space is a plane, so that"
                 " its third component must be 0"
+            )
+        damping = spec.settings.get("damping", 1)
+        if isinstance(damping, bool) or not isinstance(damping, (int, float)) or not damping > 0:
+            raise EngineError(
+                f"{spec.path}.toml: [settings] damping is {damping!r}; it is the share of its"
+                " velocity that a body keeps in a second, 1 for none lost"
             )
         return PymunkModel(spec)
 
@@ -62,6 +68,8 @@ class PymunkModel:
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
         # Overrides that of the file, [gx, gy, 0]; by default the file's counts.
         self._gravity: Any = spec.settings.get("gravity")
+        # Likewise Space.damping, the share of its velocity that a body keeps in a second.
+        self._damping: Any = spec.settings.get("damping")
         self._module = _run_file(spec)
         self._build()
         try:
@@ -72,9 +80,25 @@ class PymunkModel:
         if not self._reusable:
             self._build()
 
+    @property
+    def home(self) -> Array:
+        """Positions as the file builds the Space, (nz,)."""
+        return np.array(self._home)
+
+    @property
+    def reach(self) -> Array:
+        """Where positions may be drawn, (nz, 2): 1 m about where a body is built, and a turn."""
+        half = np.tile([1.0, 1.0, np.pi], len(self._bodies))
+        return np.stack([self.home - half, self.home + half], axis=1)
+
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout: a step moves positions with the old velocity, then updates it."""
         return 1, 1
+
+    @property
+    def remedies(self) -> dict[str, dict[str, object]]:
+        """What the Space adds beside its bodies and constraints, with what undoes it."""
+        return {} if self._space.damping == 1 else {"Space.damping": {"damping": 1.0}}
 
     def _build(self) -> None:
         import pymunk
@@ -94,11 +118,14 @@ class PymunkModel:
                 raise EngineError(f"{self.path}: body {name!r} is not in the Space: space.add(...)")
         if self._gravity is not None:
             space.gravity = tuple(self._gravity[:2])
+        if self._damping is not None:
+            space.damping = float(self._damping)
         self.gravity: tuple[float, ...] = tuple(space.gravity)
         self._space, self._bodies = space, bodies
         # The C structs: calls beneath pymunk's own methods take a third of their time.
         self._handles = [body._body for body in bodies.values()]
         self.coordinates = tuple(f"{name}.{kind}" for name in bodies for kind in _KINDS)
+        self._home = self._places()
         self._reusable = _reusable(space, list(bodies.values()))
         self._joints = [
             (c._constraint, c.max_force) for c in space.constraints if type(c) in _caching()

@@ -15,19 +15,38 @@ count, and what the parser makes of a number must be what its bytes say.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from harness.places.place import Place, PlaceError, Resolve, Source
-from harness.places.python import python_names
+from harness.places.python import python_names, python_numbers
 from harness.places.toml import toml_keys
-from harness.places.xml import xml_paths
+from harness.places.xml import xml_numbers, xml_paths
 
-__all__ = ["Place", "PlaceError", "find", "find_in"]
+__all__ = ["Place", "PlaceError", "find", "find_in", "numbers"]
 
 _SEARCHES: dict[str, Callable[[Source], Resolve]] = {
     ".xml": xml_paths, ".urdf": xml_paths, ".py": python_names, ".toml": toml_keys,
 }  # fmt: skip
+
+_LISTS: dict[str, Callable[[Source, re.Pattern[str]], Iterator[str]]] = {
+    ".xml": xml_numbers, ".urdf": xml_numbers, ".py": python_numbers,
+}  # fmt: skip
+
+
+def numbers(file: Path, kinds: str) -> tuple[str, ...]:
+    """Addresses of the plain numbers of a model file.
+
+    Args:
+        kinds: a regular expression for what numbers of XML are wanted: the element's tag with the
+            attribute, as in `joint@damping`, or the tag alone for a number in its text.
+
+    Raises:
+        PlaceError: for a file that can't be read or parsed.
+    """
+    source = _decoded(_read(file), file)
+    return tuple(dict.fromkeys(_LISTS[file.suffix](source, re.compile(kinds))))
 
 
 def find(file: Path, addresses: Iterable[str]) -> dict[str, Place]:
@@ -36,11 +55,7 @@ def find(file: Path, addresses: Iterable[str]) -> dict[str, Place]:
     Raises:
         PlaceError: naming file, line, the nearest candidates and the remedy.
     """
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise PlaceError(f"{file}: can't be read: {error.strerror}") from None
-    return find_in(data, file, addresses)
+    return find_in(_read(file), file, addresses)
 
 
 def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Place]:
@@ -49,10 +64,21 @@ def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Plac
     if search is None:
         known = ", ".join(_SEARCHES)
         raise PlaceError(f"{file}: numbers are found in {known} files, not in {file.suffix} ones")
+    source = _decoded(data, file)
+    resolve = search(source)
+    return {address: source.place(resolve(address), address) for address in addresses}
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise PlaceError(f"{file}: can't be read: {error.strerror}") from None
+
+
+def _decoded(data: bytes, file: Path) -> Source:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
         raise PlaceError(f"{file}: byte {error.start} is no UTF-8; save it as UTF-8") from None
-    source = Source(file, data)
-    resolve = search(source)
-    return {address: source.place(resolve(address), address) for address in addresses}
+    return Source(file, data)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
 import tokenize
+from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO
 
 from harness.places.place import PlaceError, Resolve, Source, Span, nearest
@@ -60,6 +63,17 @@ def python_names(source: Source) -> Resolve:
         return (start, offset(value.end_lineno, value.end_col_offset)), number
 
     return resolve
+
+
+def python_numbers(source: Source, _kinds: re.Pattern[str]) -> Iterator[str]:
+    """Names of numbers at the top level: of any kind, since a name says nothing."""
+    resolve = python_names(source)
+    for statement in ast.parse(source.data).body:
+        match statement:
+            case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
+                with suppress(PlaceError):
+                    resolve(name)
+                    yield name
 
 
 def _literal(node: ast.expr) -> float | None:

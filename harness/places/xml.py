@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 from xml.parsers import expat
@@ -16,23 +17,32 @@ _ADDRESS = re.compile(
     rf"(?P<steps>{_STEP.pattern}(?:/{_STEP.pattern})*)"
     r"(?:@(?P<attribute>[^\s/@\[\]]+)(?:\[(?P<index>\d+)\])?)?"
 )
-_ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
-_TAG = re.compile(rb"<[^\s/>]+")
+ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+TAG = re.compile(rb"<[^\s/>]+")
 
 
 @dataclass
-class _Element:
+class RawElement:
+    """An element as the parser finds it; `start` is its first byte, `end` that of its end tag."""
+
     tag: str
     attributes: Mapping[str, str]
     start: int
-    parent: _Element | None
-    children: list[_Element] = field(default_factory=list)
+    parent: RawElement | None
+    children: list[RawElement] = field(default_factory=list)
     text: str = ""
     end: int = 0
 
     @property
     def identity(self) -> str | None:
+        """What tells it from its like: its name, or else what it refers to."""
         return next((self.attributes[k] for k in _IDENTITIES if k in self.attributes), None)
+
+    @property
+    def depth(self) -> int:
+        """How many steps lead to it from the root, the root's own included."""
+        return 1 if self.parent is None else 1 + self.parent.depth
 
     def spelled(self, steps: int) -> str:
         """An address of it, of so many steps."""
@@ -44,7 +54,7 @@ class _Element:
 
 def xml_paths(source: Source) -> Resolve:
     """Numbers in attributes and elements; expat reads them and tells where elements begin."""
-    elements = _elements(source)
+    elements = read_elements(source)
 
     def resolve(address: str) -> tuple[Span, float]:
         match = _ADDRESS.fullmatch(address)
@@ -81,11 +91,39 @@ def xml_paths(source: Source) -> Resolve:
     return resolve
 
 
-def _elements(source: Source) -> list[_Element]:
+def xml_numbers(source: Source, kinds: re.Pattern[str]) -> Iterator[str]:
+    """Addresses of the numbers whose element and attribute, as in `joint@damping`, are of `kinds`.
+
+    Of an element's text, the kind is its tag. Those that no names tell apart have no address.
+    """
+    resolve = xml_paths(source)
+    for element in read_elements(source):
+        words = {f"@{name}": text.split() for name, text in element.attributes.items()}
+        text = [] if element.children else element.text.split()
+        words[""] = text if len(text) == 1 else []  # an address has no component of a text
+        for attribute, values in words.items():
+            if kinds.fullmatch(element.tag + attribute):
+                for index, value in enumerate(values):
+                    if _DECIMAL.fullmatch(value):
+                        ending = attribute + (f"[{index}]" if len(values) > 1 else "")
+                        yield from _address(resolve, element, ending)
+
+
+def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str]:
+    """The shortest address that means this element and begins with a name, where there is one."""
+    spelled = [element.spelled(steps) for steps in range(1, element.depth + 1)]
+    for path in sorted(spelled, key=lambda path: "[" not in path.split("/")[0]):
+        with suppress(PlaceError):
+            resolve(path + ending)
+            yield path + ending
+            return
+
+
+def read_elements(source: Source) -> list[RawElement]:
     """Every element of a file, in its order; entity expansion off."""
     parser = expat.ParserCreate()
-    elements: list[_Element] = []
-    open_: list[_Element] = []
+    elements: list[RawElement] = []
+    open_: list[RawElement] = []
 
     def declare(_version: str, encoding: str | None, _standalone: int) -> None:
         if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
@@ -97,7 +135,7 @@ def _elements(source: Source) -> list[_Element]:
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         parent = open_[-1] if open_ else None
-        element = _Element(tag, attributes, parser.CurrentByteIndex, parent)
+        element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
         if parent is not None:
             parent.children.append(element)
         elements.append(element)
@@ -124,10 +162,10 @@ def _elements(source: Source) -> list[_Element]:
 
 
 def _walk(
-    elements: list[_Element], steps: list[tuple[str, str | None]], address: str, source: Source
-) -> list[_Element]:
+    elements: list[RawElement], steps: list[tuple[str, str | None]], address: str, source: Source
+) -> list[RawElement]:
     """The elements that the steps of an address lead to; at least one."""
-    pool, parents = elements, list[_Element]()
+    pool, parents = elements, list[RawElement]()
     for tag, name in steps:
         found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
         if not found:
@@ -145,23 +183,23 @@ def _walk(
 
 
 def _attribute_words(
-    element: _Element, attribute: str, source: Source, address: str
+    element: RawElement, attribute: str, source: Source, address: str
 ) -> tuple[list[Span], list[str]]:
     """Where the words of an attribute's value are, and what the parser reads there."""
-    tag = _TAG.match(source.data, element.start)
+    tag = TAG.match(source.data, element.start)
     assert tag is not None  # the parser has found an element here
     at = tag.end()
-    while match := _ATTRIBUTE.match(source.data, at):
+    while match := ATTRIBUTE.match(source.data, at):
         if match[1].decode("utf-8") == attribute:
             group = 2 if match[2] is not None else 3
-            return _words(source, match.start(group), match.end(group), address), (
+            return find_words(source, match.start(group), match.end(group), address), (
                 element.attributes[attribute].split()
             )
         at = match.end()
     raise AssertionError(f"{source.file}: the parser has found {attribute}, the scan has not")
 
 
-def _text_words(element: _Element, source: Source, address: str) -> tuple[list[Span], list[str]]:
+def _text_words(element: RawElement, source: Source, address: str) -> tuple[list[Span], list[str]]:
     """The same of an element's text."""
     if element.children:
         remedy = "end the address with an attribute, as in '@mass', or with one of its elements"
@@ -170,16 +208,16 @@ def _text_words(element: _Element, source: Source, address: str) -> tuple[list[S
         near = nearest("", element.attributes)
         remedy = f"; its attributes are {near}, as in '@{near.split(', ')[0]}'" if near else ""
         raise source.error(address, f"means <{element.tag}>, without text{remedy}", element.start)
-    tag = _TAG.match(source.data, element.start)
+    tag = TAG.match(source.data, element.start)
     assert tag is not None  # the parser has found an element here
     at = tag.end()
-    while match := _ATTRIBUTE.match(source.data, at):
+    while match := ATTRIBUTE.match(source.data, at):
         at = match.end()
     first = source.data.index(b">", at) + 1
-    return _words(source, first, element.end, address), element.text.split()
+    return find_words(source, first, element.end, address), element.text.split()
 
 
-def _words(source: Source, start: int, end: int, address: str) -> list[Span]:
+def find_words(source: Source, start: int, end: int, address: str) -> list[Span]:
     """Words between two bytes, comments apart."""
     written = source.data[start:end]
     if re.search(rb"&|<!\[CDATA\[", written):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.places import PlaceError, find
+from harness.places import PlaceError, find, numbers
 from harness.places.place import Source
 
 MJCF = """<?xml version="1.0" encoding="UTF-8"?>
@@ -239,3 +239,38 @@ def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path):
         PlaceError, match=r"m\.xml:1: 'a@b' is read as 2\.5 there, but written '1\.5'"
     ):
         source.place(((6, 9), 2.5), "a@b")
+
+
+MECHANICS = r"(joint|inertial|mass)@\w+|springStiffness"
+
+
+def test_numbers_are_listed_by_addresses_that_find_them(tmp_path):
+    file = tmp_path / "model.xml"
+    file.write_text(
+        '<mujoco><geom name="g" size="1 2"/><body name="a"><joint name="x" damping="0.1"'
+        ' axis="0 0 1"/><inertial mass="2" pos="1 2 3"/></body><body name="b">'
+        '<inertial mass="3"/></body></mujoco>'
+    )
+    listed = numbers(file, r"(joint|inertial)@\w+")
+    assert listed == (
+        "joint[x]@damping", "joint[x]@axis[0]", "joint[x]@axis[1]", "joint[x]@axis[2]",
+        "body[a]/inertial@mass", "body[a]/inertial@pos[0]", "body[a]/inertial@pos[1]",
+        "body[a]/inertial@pos[2]", "body[b]/inertial@mass",
+    )  # fmt: skip
+    found = find(file, listed)
+    assert [place.value for place in found.values()] == [0.1, 0, 0, 1, 2, 1, 2, 3, 3]
+
+
+def test_numbers_without_an_address_of_their_own_are_left_out(tmp_path):
+    file = tmp_path / "model.urdf"
+    file.write_text(
+        '<robot><gazebo reference="x"><springStiffness>4</springStiffness></gazebo>'
+        '<link><mass value="1"/></link><link><mass value="2"/></link></robot>'
+    )
+    assert numbers(file, MECHANICS) == ("gazebo[x]/springStiffness",)
+
+
+def test_numbers_of_python_are_names_at_the_top_level(tmp_path):
+    file = tmp_path / "space.py"
+    file.write_text("A = 1.5\nB: float = -2\nC = A * 2\n\ndef f():\n    D = 3\n")
+    assert numbers(file, "unused") == ("A", "B")

@@ -48,18 +48,23 @@ def draw(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator, 
     constants = {c.name: c.value * f for c, f in zip(system.constants, factors, strict=True)}
     if "g" in constants:
         constants["g"] = 9.81 * float(rng.uniform(0.5, 1.5))
+    scenario = system.scenarios[rng.integers(len(system.scenarios))].name
+    verdict, _, _ = judge_at(folder, sidecar, engine, constants, scenario, into)
+    return verdict, f"{folder.name}/{sidecar.model.name} [{engine}] {scenario} {constants}"
+
+
+def judge_at(folder, sidecar, engine, constants, scenario, into):
+    """Judge a model at given constants; returns (verdict, extrapolated, reference motion)."""
+    system = load_system(folder)
     drawn = at_constants(system, constants)
-    scenario = drawn.scenarios[rng.integers(len(drawn.scenarios))]
-    scenario = replace(scenario, duration=DURATION)
-    motion = solve(derive(drawn), scenario)
+    motion = solve(derive(drawn), replace(drawn.scenario(scenario), duration=DURATION))
     copy = with_constants(system, sidecar, constants, into)
     model, coordinates = load(drawn, copy, engine)
     scale = component_scale(motion, [])
     found = extrapolate(model, coordinates, motion, scale, 1e-9)
     names = tuple(c.name for c in drawn.coordinates) * 2
     claimed = model.exponents(not all(s.constant_input for s in motion.spans))[0]
-    verdict = judge(found.limit, motion, scale, names, claimed, 1e-9)
-    return verdict, f"{folder.name}/{sidecar.model.name} [{engine}] {scenario.name} {constants}"
+    return judge(found.limit, motion, scale, names, claimed, 1e-9), found, motion
 
 
 def campaign(count: int, seed: int):

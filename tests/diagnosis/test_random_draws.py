@@ -1,9 +1,26 @@
 """No false alarm: sound models at random constants."""
 
+import numpy as np
 import pytest
 
 from harness.verdict import Outcome
-from tests.diagnosis.random_draws import campaign, pairings
+from tests.diagnosis.random_draws import campaign, judge_at, pairings
+
+# Draws at which rounding by the soft equality was once taken for a difference.
+SOFT = [
+    ("robot.urdf", {
+        "M": 4.757047395370858, "r": 0.2425799949359452, "m": 0.7453779251429178,
+        "l": 0.46653727235205106, "k": 24.28195477114822, "g": 14.278019249680716,
+    }),
+    ("mujoco_rolling.xml", {
+        "M": 5.025847260289418, "r": 0.3277818917406811, "m": 0.34242181644830977,
+        "l": 1.7176538454649595, "k": 63.93883253127701, "g": 8.22086977310767,
+    }),
+    ("mujoco_rolling.xml", {
+        "M": 5.855385092780108, "r": 0.05866160819494241, "m": 1.4364288362676658,
+        "l": 0.22132619181383886, "k": 112.79917215056332, "g": 12.82659026642147,
+    }),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("seed", [11, 12])
@@ -16,3 +33,13 @@ def test_no_model_differs_at_random_constants(seed):
             assert verdict.discrepancy <= verdict.uncertainty, what
     agree = sum(verdict.outcome is Outcome.AGREES for verdict, _ in results)
     assert agree >= 24
+
+
+@pytest.mark.parametrize(("file", "constants"), SOFT)
+def test_rounding_by_a_soft_equality_is_no_difference(file, constants, tmp_path):
+    (chosen,) = (p for p in pairings() if p[1].model.name == file and p[0].name == "drum_pendulum"
+                 and p[2] == "mujoco")  # fmt: skip
+    verdict, found, motion = judge_at(*chosen, constants, "driven", tmp_path)
+    assert verdict.outcome is Outcome.AGREES, verdict.reason
+    error = np.abs(found.limit.value - motion.end)
+    assert np.max(error / (found.limit.uncertainty + motion.bound)) < 0.5

@@ -6,10 +6,12 @@ import shutil
 import numpy as np
 import pytest
 
-from harness.diagnose import Diagnosis, Finding, Hypothesis
+from harness.diagnose import Diagnosis
+from harness.fit import Finding
 from harness.folders import builtin
+from harness.inquiry import InquiryTask, bench
 from harness.prepare import prepare
-from harness.redraw import RedrawTask, redraw
+from harness.redraw import redraw
 from harness.sidecar import read_sidecar
 
 
@@ -25,23 +27,28 @@ def task(tmp_path_factory):
     path.write_text(text)
     prepared = prepare(folder)
     sidecar = read_sidecar(folder / "mujoco.xml.toml")
-    return RedrawTask(
+    return InquiryTask(
         prepared.system, sidecar, "mujoco", prepared.motions, prepared.scales, prepared.variants
     )
 
 
-def told(cause, kind, estimate, explained=True):
-    hypothesis = Hypothesis(cause, kind, 47.0, 1.0, 0, "", lambda fault: np.zeros(1))
-    finding = Finding((hypothesis,), (estimate,), (1e-9,), 1e-10, ())
-    return Diagnosis((finding,), explained, 1e-9)
+def told(task, cause, fault, explained=True):
+    """The motion redrawn as if a diagnosis had told one cause and its fault."""
+    with bench(task) as (whole, _):
+        (index,) = (i for i, h in enumerate(whole.hypotheses) if h.cause == cause)
+        hypothesis = whole.hypotheses[index]
+        estimate = hypothesis.value + hypothesis.correction * fault
+        finding = Finding((index,), (hypothesis,), (fault,), (estimate,), (1e-9,), 1e-10)
+        return redraw(whole, task.motions, Diagnosis((finding,), explained, 1e-9))
 
 
-@pytest.mark.parametrize(("cause", "kind", "estimate", "what"), [
-    ("k", "constant", 47.47, "equations"),
-    ("joint[x]@stiffness", "literal", 47.0, "file"),
+@pytest.mark.parametrize(("cause", "estimate", "what"), [
+    ("k", 47.47, "equations"),
+    ("joint[x]@stiffness", 47.0, "file"),
 ])  # fmt: skip
-def test_the_right_value_explains_the_motion_in_every_scenario(task, cause, kind, estimate, what):
-    found = redraw(task, told(cause, kind, estimate))
+def test_the_right_value_explains_the_motion_in_every_scenario(task, cause, estimate, what):
+    found = told(task, cause, 0.47)
+    assert found["estimate"] == pytest.approx([estimate])
     assert found["what"] == what
     assert [one["scenario"] for one in found["scenarios"]] == list(task.motions)
     for one in found["scenarios"]:
@@ -55,13 +62,13 @@ def test_the_right_value_explains_the_motion_in_every_scenario(task, cause, kind
 
 
 def test_a_wrong_value_does_not(task):
-    found = redraw(task, told("k", "constant", 46.0))
+    found = told(task, "k", -1.0)
     assert all(np.max(np.abs(one["after"])) > 1e-3 for one in found["scenarios"])
 
 
 def test_the_redrawn_motion_obeys_the_equations_with_breaks_of_the_input(task):
     """Nothing moved: the reference comes back, a step of force in it."""
-    found = redraw(task, told("k", "constant", 47.0))
+    found = told(task, "k", 0.0)
     for one in found["scenarios"]:
         reference = task.motions[one["scenario"]].at(np.array(one["t"])).T
         # Times have six digits: rounded by 5e-5 s, at up to 6 rad/s.
@@ -69,6 +76,12 @@ def test_the_redrawn_motion_obeys_the_equations_with_breaks_of_the_input(task):
         assert len(one["t"]) == 240
 
 
-def test_what_can_not_be_put_in_is_not_redrawn(task):
-    assert redraw(task, told("axis of x reversed", "axis", 1.0)) is None
-    assert redraw(task, told("k", "constant", 47.47, explained=False)) is None
+def test_the_zero_of_a_joint_is_moved_in_the_redrawn_motion(task):
+    found = told(task, "zero of x", 0.02)
+    assert found["what"] == "file"
+    free = next(one for one in found["scenarios"] if one["scenario"] == "free")
+    assert abs(free["redrawn"][0][-1]) == pytest.approx(0.02, rel=0.1)
+
+
+def test_what_nothing_explains_is_not_redrawn(task):
+    assert told(task, "k", 0.47, explained=False) is None

@@ -101,3 +101,21 @@ def test_one_segment_that_agrees_by_chance_takes_its_neighbours_uncertainty():
         value[20] = values[-1][20]  # all rungs equal there, by chance
     found = limits(values, RUNGS[:6], (1, 1), ONE, ONE)
     assert found.uncertainty[20] >= np.min(found.uncertainty[18:23]) > 1e-10
+
+
+@pytest.mark.parametrize("component", [0, 1])
+def test_the_rounding_seen_counts_where_it_is_more_than_doubles_alone_make(component):
+    # Short enough a series that every limit is known to rounding.
+    values = [np.hstack([v, v]) for v in ladder(0.7, {1: 1e-9}, noise=0.3 * EPSILON)]
+    ones = np.ones(2)
+    plain = limits(values, RUNGS, (1, 1), ones, ones)
+    little = [0.9 * EPSILON * np.sqrt(n) * ones for n in RUNGS]
+    assert np.array_equal(limits(values, RUNGS, (1, 1), ones, ones, little).uncertainty,
+                          plain.uncertainty)  # fmt: skip
+    much = [np.where(np.arange(2) == component, 1e-12 * n, 0.0) for n in RUNGS]
+    found = limits(values, RUNGS, (1, 1), ones, ones, much)
+    used = np.abs(weights(found.rungs, (1, 1)))
+    added = 3e-12 * float(np.sum(used * found.rungs))
+    assert np.all(found.uncertainty[:, component] >= added)
+    assert np.all(found.uncertainty[:, component] < 1.1 * added)
+    assert np.all(found.uncertainty[:, 1 - component] < 1e-12)

@@ -15,7 +15,6 @@ class Mistake:
         edits: (file, old text, new text); each old text occurs, and is replaced everywhere.
         causes: names any of which is right.
         needs: further edits that the mistake is made on top of: with them alone the model is right.
-        leaves: the share of the discrepancy that the cause may leave.
     """
 
     name: str
@@ -25,19 +24,18 @@ class Mistake:
     edits: tuple[tuple[str, str, str], ...]
     causes: tuple[str, ...]
     needs: tuple[tuple[str, str, str], ...] = ()
-    leaves: float = 1e-3
 
 
-XML, URDF, SPACE = "mujoco.xml", "robot.urdf", "space.py"
+XML, URDF, SPACE, SYSTEM = "mujoco.xml", "robot.urdf", "space.py", "system.py"
 SETTINGS = "[settings]\n"
 
 
-def xml(name, system, old, new, *causes, needs=(), model=XML, leaves=1e-3):
-    return Mistake(name, system, model, "mujoco", ((model, old, new),), causes, needs, leaves)
+def xml(name, system, old, new, *causes, needs=(), model=XML):
+    return Mistake(name, system, model, "mujoco", ((model, old, new),), causes, needs)
 
 
-def urdf(name, system, old, new, *causes, engine="pybullet", leaves=1e-3):
-    return Mistake(name, system, URDF, engine, ((URDF, old, new),), causes, (), leaves)
+def urdf(name, system, old, new, *causes, engine="pybullet"):
+    return Mistake(name, system, URDF, engine, ((URDF, old, new),), causes)
 
 
 def setting(name, system, line, *causes, model=URDF, engine="pybullet", needs=()):
@@ -71,8 +69,14 @@ APART = (
      '<joint name="x2" type="slide" axis="1 0 0" springref="0.1"'),
 )  # fmt: skip
 
-# MuJoCo's friction is soft, and turns before the motion does: its name is not the whole of it.
-TURNS_EARLY = 0.3
+# A uniform rod for the pendulum: its centre half a length down, m*l^2/12 about it, m*l^2/3 about
+# the pivot.
+ROD = (
+    (SYSTEM, "T=m * l**2 * theta.v**2 / 2", "T=m * l**2 / 3 * theta.v**2 / 2"),
+    (SYSTEM, "V=-m * g * l * cos", "V=-m * g * l / 2 * cos"),
+    (XML, 'pos="0 0 -0.75" mass="0.45" diaginertia="1e-14 1e-14 1e-14"',
+     'pos="0 0 -0.375" mass="0.45" diaginertia="0.02109375 0.02109375 1e-6"'),
+)  # fmt: skip
 
 MISTAKES = (
     xml("damping left out", MSD, ' damping="0.9"', "", "c", "damping on x"),
@@ -85,11 +89,15 @@ MISTAKES = (
     urdf("sign of a spring", MSD, ">47.0<", ">-47.0<", "gazebo[x]/springStiffness"),
     space("sign of a spring", MSD, "STIFFNESS = 47.0", "STIFFNESS = -47.0", "STIFFNESS"),
     xml("a rod's inertia about its end where its centre is meant", DRUM,
-        '0.024 0.024', '0.096 0.096', "inertia on theta"),
+        '0.024 0.024', '0.096 0.096',
+        "body[rod]/inertial@diaginertia[0], body[rod]/inertial@diaginertia[1]"),
     Mistake("a rod's inertia about its end where its centre is meant", DRUM, URDF, "pybullet",
-            ((URDF, 'ixx="0.024" iyy="0.024"', 'ixx="0.096" iyy="0.096"'),), ("inertia on theta",)),
+            ((URDF, 'ixx="0.024" iyy="0.024"', 'ixx="0.096" iyy="0.096"'),),
+            ("link[rod]/inertial/inertia@ixx, link[rod]/inertial/inertia@iyy",)),
     space("a rod's inertia about its end where its centre is meant", DRUM,
           "ROD_INERTIA = 0.024", "ROD_INERTIA = 0.096", "ROD_INERTIA"),
+    Mistake("a rod's inertia about its centre where its end is meant", PENDULUM, XML, "mujoco",
+            ((SYSTEM, "m * l**2 / 3 *", "m * l**2 / 12 *"),), ("inertia on theta",), ROD),
     xml("a bob's inertia about the pivot where its centre is meant", PENDULUM,
         "1e-14 1e-14 1e-14", "0.253125 0.253125 1e-14", "inertia on theta"),
     xml("a disc's inertia about a diameter where its axis is meant", DISC,
@@ -117,11 +125,12 @@ MISTAKES = (
     urdf("a rest offset", MSD, "Reference>0<", "Reference>0.02<", "offset force on x"),
     space("a rest offset", MSD, "REST_LENGTH = 0.75", "REST_LENGTH = 0.65", "offset force on x"),
     xml("friction loss", MSD, 'damping="0.9"', 'damping="0.9" frictionloss="0.3"',
-        "friction on x", leaves=TURNS_EARLY),
-    urdf("friction", MSD, 'friction="0"', 'friction="0.3"', "friction on x",
-         engine="mujoco", leaves=TURNS_EARLY),
+        "joint[x]@frictionloss"),
+    urdf("friction", MSD, 'friction="0"', 'friction="0.3"',
+         "joint[x]/dynamics@friction",
+         engine="mujoco"),
     xml("armature left in", PENDULUM, 'axis="0 -1 0"', 'axis="0 -1 0" armature="0.01"',
-        "inertia on theta"),
+        "joint[theta]@armature"),
     xml("armature that should fold in the rolling left out", DRUM, ' armature="1.2"', "",
         "inertia on x", "M"),
     xml("a soft equality with the default solref", DRUM,
@@ -138,7 +147,7 @@ MISTAKES = (
     setting("PyBullet's inertia flag forgotten", DRUM, "inertia_from_file = false",
             "PyBullet's own inertias of collision shapes"),
     space("Space.damping", MSD, "space.gravity = (0, 0)",
-          "space.gravity = (0, 0)\n    space.damping = 0.9", "damping on x"),
+          "space.gravity = (0, 0)\n    space.damping = 0.9", "Space.damping"),
     xml("half a length", PENDULUM, 'pos="0 0 -0.75" mass', 'pos="0 0 -0.375" mass',
         "body[pendulum]/inertial@pos[2]"),
     urdf("half a length", PENDULUM, '<origin xyz="0 0 -0.75"/>\n      <mass',
@@ -155,18 +164,22 @@ MISTAKES = (
 )  # fmt: skip
 
 # What changes the error of a step, but not the mechanism.
-NO_MISTAKES = (
+OTHER_STEPS = (
     xml("another time step", DRUM, 'timestep="0.002"', 'timestep="0.004"'),
     xml("another integrator", DRUM, 'integrator="Euler"', 'integrator="RK4"'),
     xml("another integrator", ANCHORED, 'integrator="Euler"', 'integrator="implicit"'),
     Mistake("another time step", DRUM, URDF, "pybullet",
             ((f"{URDF}.toml", "step = 0.002", "step = 0.005"),), ()),
-    # Read as what PyBullet makes of it: it knows no friction of joints.
-    urdf("friction, which PyBullet leaves out", MSD, 'friction="0"', 'friction="0.3"'),
     space("error_bias left as it is", DRUM,
           "    level.error_bias = hinge.error_bias = 1e-10\n", ""),
     space("error_bias left as it is", PENDULUM, "    rod.error_bias = 1e-10\n", ""),
 )  # fmt: skip
+
+# What changes nothing at all.
+NO_MISTAKES = (
+    # Read as what PyBullet makes of it: it knows no friction of joints.
+    urdf("friction, which PyBullet leaves out", MSD, 'friction="0"', 'friction="0.3"'),
+)
 
 # What an engine would repair without a word: refused with a sentence that has these words.
 REFUSED = (

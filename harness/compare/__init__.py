@@ -1,0 +1,1 @@
+"""Two model files of one mechanism held against each other, without equations."""

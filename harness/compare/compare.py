@@ -1,0 +1,274 @@
+"""`crosscheck compare`: from two files to one outcome, and what differs.
+
+    match ─> record (source) ─> follow (target) ─> judge ─> mechanics of both ─> terms
+                                                         └> edits ─> trials (literals)
+
+Each engine runs in a worker process, so that a crash costs the comparison and nothing else.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from harness.compare.edits import Edit, edits
+from harness.compare.judge import Followed, Judgement, TargetTask, follow, judge
+from harness.compare.match import Match, match
+from harness.compare.mechanics import Mechanics, MechanicsTask, mechanics
+from harness.compare.runs import Runs
+from harness.compare.side import CompareError, Facts, Side, facts
+from harness.compare.states import Recorded, SourceTask, record
+from harness.compare.terms import Frame, Term, terms
+from harness.compare.trials import Trial, TrialTask, tried, weigh
+from harness.engine import Array
+from harness.places import PlaceError
+from harness.verdict import Outcome
+
+MOST_TRIED = 60
+"""Differences of the files that are tried one by one; beyond, they are only counted."""
+
+SOME = 32
+"""Runs on which they are tried."""
+
+TURNED = 1e-4
+"""From so large a discrepancy on, joints that turn the other way are looked for."""
+
+Ask = Callable[[str, Callable[[Any], Any], list[Any]], list[Any]]
+"""Runs a function on each argument, elsewhere: (who is asked, function, arguments) -> values. An
+argument that fails gives a `Trouble`."""
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Why something could not be run, and what was printed meanwhile."""
+
+    reason: str
+    printed: str
+    usage: bool = False
+
+
+class TroubleError(RuntimeError):
+    """A comparison that could not be run."""
+
+    def __init__(self, trouble: Trouble) -> None:
+        super().__init__(trouble.reason)
+        self.trouble = trouble
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is to be compared, and how: see `harness.compare.match` and `states`."""
+
+    a: Side
+    b: Side
+    joints: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
+    starts: tuple[Mapping[str, float], ...] = ()
+    resolution: float = 1e-9
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What came out.
+
+    Attributes:
+        facts: of A and B, as loaded.
+        turned: joints that turn the other way in B; the terms are then those beside that.
+        left: the discrepancy that is left when these are turned.
+        terms: worst first; empty where nothing differs.
+        trials: of each difference of the files, and of all together; most telling first.
+        untried: how many differences of the files were not tried.
+        notes: what was assumed or left out.
+    """
+
+    wish: Wish
+    facts: tuple[Facts, Facts]
+    match: Match
+    recorded: Recorded
+    judgement: Judgement
+    turned: tuple[str, ...]
+    left: float
+    terms: tuple[Term, ...]
+    trials: tuple[Trial, ...]
+    untried: int
+    notes: tuple[str, ...]
+    seconds: float
+
+
+def compare(wish: Wish, ask: Ask) -> Comparison:
+    """Compare two models.
+
+    Raises:
+        CompareError: for joints without a match, with the remedy.
+        TroubleError: where an engine fails, with what it printed.
+    """
+    began = time.perf_counter()
+    a, b = wish.a, wish.b
+    told = (_one(ask, a, facts, a), _one(ask, b, facts, b))
+    matched = match(
+        told[0].coordinates, told[1].coordinates, wish.joints,
+        (a.sidecar.readback, b.sidecar.readback),
+    )  # fmt: skip
+    source, target = (a, b) if matched.source == "A" else (b, a)
+    recorded: Recorded = _one(
+        ask, source, record, SourceTask(source, matched, wish.starts, wish.resolution)
+    )
+    notes = [*a.notes, *b.notes]
+    if not len(recorded.runs.z):
+        reason = (
+            f"its motion is resolved in none of {recorded.lost} runs (contact, limit, friction)"
+        )
+        raise TroubleError(Trouble(f"{source.name}: {reason}", ""))
+    if recorded.lost:
+        notes.append(
+            f"{recorded.lost} of {recorded.lost + len(recorded.runs.z)} runs are left out: there"
+            f" the motion of {matched.source} is not resolved (a contact, a limit, friction, or"
+            " too quick)"
+        )
+    z, w = matched.over(recorded.runs.z, recorded.runs.w)
+    runs = replace(recorded.runs, z=z, w=w)
+    trial = _Following(ask, target, recorded, runs, matched, wish.resolution)
+    ones = np.ones(len(matched.names))
+    followed, judgement = trial.judged(ones)
+    turned, signs, left = _turned(trial, judgement, matched.names)
+    found: tuple[Term, ...] = ()
+    if judgement.outcome is not Outcome.AGREES and not (turned and left <= wish.resolution):
+        found = _terms(ask, source, target, recorded, runs, matched, signs)
+    trials, untried = _trials(ask, wish, recorded, runs, followed, matched)
+    return Comparison(
+        wish, told, matched, recorded, judgement, turned, left, found, trials, untried,
+        tuple(notes), time.perf_counter() - began,
+    )  # fmt: skip
+
+
+def _one(ask: Ask, side: Side, function: Callable[[Any], Any], argument: Any) -> Any:
+    (value,) = ask(side.name, function, [argument])
+    if isinstance(value, Trouble):
+        raise CompareError(value.reason) if value.usage else TroubleError(value)
+    return value
+
+
+@dataclass(frozen=True)
+class _Following:
+    """The target run from the source's states, with joints turned or not."""
+
+    ask: Ask
+    target: Side
+    recorded: Recorded
+    runs: Runs
+    match: Match
+    resolution: float
+
+    def judged(self, signs: Array) -> tuple[Followed, Judgement]:
+        task = TargetTask(self.target, self.runs, self.recorded.fastest, self.resolution, signs)
+        followed = _one(self.ask, self.target, follow, task)
+        return followed, judge(self.recorded, followed, self.match, self.resolution)
+
+
+def _turned(
+    trial: _Following, judgement: Judgement, names: tuple[str, ...]
+) -> tuple[tuple[str, ...], Array, float]:
+    """Joints that turn the other way: turned one after the other while that mends most of it."""
+    signs = np.ones(len(names))
+    left = float(np.max(judgement.by_component))
+    if judgement.outcome is not Outcome.DIFFERS or left < TURNED:
+        return (), signs, left
+    turned: list[str] = []
+    while len(turned) < len(names):
+        sizes = {}
+        for i in range(len(names)):
+            if signs[i] > 0:
+                guess = signs.copy()
+                guess[i] = -1.0
+                try:
+                    one = trial.judged(guess)[1]
+                except TroubleError:
+                    continue
+                sizes[i] = float(np.max(one.by_component))
+        best = min(sizes, key=lambda i: sizes[i], default=None)
+        if best is None or sizes[best] > 0.1 * left:
+            break
+        # A mechanism that is its own mirror image doesn't tell which of its joints is turned.
+        like = [i for i, size in sizes.items() if size <= max(1.5 * sizes[best], trial.resolution)]
+        left = sizes[best]
+        signs[best] = -1.0
+        turned.append(" or ".join(names[i] for i in like))
+    return tuple(turned), signs, left
+
+
+def _terms(
+    ask: Ask, source: Side, target: Side, recorded: Recorded, runs: Runs, matched: Match,
+    signs: Array,
+) -> tuple[Term, ...]:  # fmt: skip
+    """The terms of both models, measured at some of the states."""
+    going = np.flatnonzero(np.max(np.abs(runs.w), axis=1) > 0)
+    count = len(recorded.independent) + 6
+    if not len(going):
+        return ()
+    picked = going[np.unique(np.linspace(0, len(going) - 1, count).astype(int))]
+    shared = (recorded.independent, recorded.unit, recorded.fastest, recorded.typical)
+    own = recorded.runs
+    ones = np.ones(len(signs))
+    one: Mechanics = _one(ask, source, mechanics, MechanicsTask(
+        source, matched, ones, own.z[picked], own.w[picked], *shared
+    ))  # fmt: skip
+    other: Mechanics = _one(ask, target, mechanics, MechanicsTask(
+        target, None, signs, runs.z[picked] * signs, runs.w[picked] * signs, *shared
+    ))  # fmt: skip
+    if matched.source == "B":
+        one, other = other, one
+    chosen = list(recorded.independent)
+    frame = Frame(
+        [matched.names[i] for i in chosen], runs.z[picked][:, chosen], recorded.unit[chosen],
+        recorded.typical,
+    )  # fmt: skip
+    return terms(one, other, frame)
+
+
+def _trials(
+    ask: Ask, wish: Wish, recorded: Recorded, runs: Runs, followed: Followed, matched: Match
+) -> tuple[tuple[Trial, ...], int]:
+    """What each difference of the files does to the motions, and all of them together."""
+    try:
+        found = edits(wish.a, wish.b)
+    except PlaceError as error:
+        raise TroubleError(Trouble(str(error), "")) from None
+    can = [edit for edit in found if edit.changes or edit.settings]
+    if not can:
+        return tuple(Trial((edit,), 0.0, 0.0, "it can't be tried alone") for edit in found), 0
+    doubt = (recorded.uncertainty + followed.limit.uncertainty) / recorded.scale
+    # Where both are smooth: elsewhere nothing is certain.
+    smooth = np.flatnonzero(np.max(doubt, axis=1) <= wish.resolution)
+    smooth = smooth if len(smooth) else np.arange(len(doubt))
+    some = smooth[np.unique(np.linspace(0, len(smooth) - 1, SOME).astype(int))]
+    near = recorded.end[some]
+    is_source = matched.source == "A"
+
+    def task(side: Side, made: tuple[Edit, ...], source: bool) -> TrialTask:
+        own = recorded.runs if source else runs
+        part = Runs(own.length, own.z[some], own.w[some], own.push[some])
+        return TrialTask(
+            side, made, part, matched if source else None, own.z.shape[1], near, matched.periodic
+        )
+
+    a = _one(ask, wish.a, tried, task(wish.a, (), is_source))
+    b = _one(ask, wish.b, tried, task(wish.b, (), not is_source))
+    doubt = doubt[some]
+    floor = 2 * float(np.max(doubt[np.isfinite(doubt)], initial=1e-13))
+    sets: list[tuple[Edit, ...]] = [(edit,) for edit in can[:MOST_TRIED]]
+    if len(can) > 1:
+        sets.append(tuple(can))
+    values = ask(wish.a.name, tried, [task(wish.a, made, is_source) for made in sets])
+    trials = [
+        Trial(made, 0.0, 0.0, value.reason)
+        if isinstance(value, Trouble)
+        else weigh(made, value, a, b, recorded.scale, floor)
+        for made, value in zip(sets, values, strict=True)
+    ]
+    trials += [Trial((edit,), 0.0, 0.0, "it can't be tried alone") for edit in found
+               if not edit.changes and not edit.settings]  # fmt: skip
+    trials.sort(key=lambda one: (-one.explained, -one.moved, len(one.edits)))
+    return tuple(trials), max(0, len(can) - MOST_TRIED)

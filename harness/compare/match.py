@@ -1,0 +1,230 @@
+"""Which coordinate of one model is which of the other, and how states and forces go over."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import sympy as sp
+
+from harness.compare.side import CompareError
+from harness.expressions import parse
+from harness.sidecar import SidecarError
+from reference.numeric import Array, NumericFunction, compile_function
+
+
+@dataclass(frozen=True)
+class Match:
+    """From the coordinates z of the source, (nz,), to the m coordinates c of the target.
+
+    The source is the model whose states are taken. It may have coordinates that the target lacks.
+
+    Attributes:
+        source: "A" or "B"; the target is the other.
+        names: the target's coordinates, as the comparison calls them.
+        told: a phrase for each that is not simply the same name.
+        left_out: coordinates of the source that nothing of the target's is read from.
+        constant: whether dc/dz is constant.
+        value: c(z).
+        slope: dc/dz, flattened, (..., m * nz).
+        rates: derivatives of (c, dc/dt) by (z, w), flattened, (..., 2m * 2nz).
+        periodic: which c are angles known modulo 2 pi.
+    """
+
+    source: str
+    names: tuple[str, ...]
+    told: tuple[str, ...]
+    left_out: tuple[str, ...]
+    constant: bool
+    value: NumericFunction
+    slope: NumericFunction
+    rates: NumericFunction
+    periodic: tuple[bool, ...]
+
+    def slopes(self, z: Array) -> Array:
+        """dc/dz, (B, m, nz)."""
+        return self.slope(z).reshape(len(z), len(self.names), -1)
+
+    def over(self, z: Array, w: Array) -> tuple[Array, Array]:
+        """States (z, w), each (B, nz), as the target's, each (B, m)."""
+        return self.value(z), np.einsum("bmz,bz->bm", self.slopes(z), w)
+
+    def errors(self, z: Array, w: Array, uncertainty: Array) -> Array:
+        """Uncertainties (B, 2nz) of (z, w) as those of the target's (c, dc/dt), (B, 2m)."""
+        slopes = np.abs(self.rates(z, w)).reshape(len(z), 2 * len(self.names), -1)
+        with np.errstate(invalid="ignore"):
+            found = np.einsum("bij,bj->bi", slopes, uncertainty)
+        return np.where(np.isnan(found), np.inf, found)
+
+
+def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, str]]:
+    """The joints that the user maps: (a -> expression of b's, b -> expression of a's).
+
+    `joints` is the text of --joints, `a1=b1,a2=-b2`; the file's table [joints] gives coordinates
+    of B as expressions of those of A.
+
+    Raises:
+        CompareError: naming what can't be read.
+    """
+    forward: dict[str, str] = {}
+    for part in filter(None, (p.strip() for p in joints.split(","))):
+        name, equals, expression = (p.strip() for p in part.partition("="))
+        if not equals or not name or not expression:
+            raise CompareError(f"--joints: {part!r} is no pair; one is like hip=joint1 or hip=-j1")
+        forward[name] = expression
+    if file is None:
+        return forward, {}
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise CompareError(f"{file}: can't be read: {error}") from None
+    table = data.get("joints")
+    if set(data) != {"joints"} or not isinstance(table, dict):
+        raise CompareError(f"{file}: it needs one table, [joints], such as phi = 'x / 0.18'")
+    return forward, {name: str(value) for name, value in table.items()}
+
+
+def match(
+    a: Sequence[str], b: Sequence[str], given: tuple[Mapping[str, str], Mapping[str, str]],
+    readback: tuple[Mapping[str, str], Mapping[str, str]],
+) -> Match:  # fmt: skip
+    """Match coordinates: as the user maps them, as a sidecar reads them back, or by name.
+
+    States are taken of A, unless B alone has all coordinates that A's follow from.
+
+    Args:
+        given: what `declared` returns.
+        readback: [readback] of both sidecars.
+
+    Raises:
+        CompareError: naming the coordinates without a match, and the remedy.
+    """
+    ways = []
+    for source, names, others, own in (("A", a, b, readback[0]), ("B", b, a, readback[1])):
+        z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
+        found = _given(source, names, others, given, z) if any(given) else {}
+        taken = _paired(source, given[0], z)
+        for name in others:
+            if name in found:
+                continue
+            if name in own and name not in z:
+                try:
+                    found[name] = parse(own[name], z, f"[readback] {name}")
+                except SidecarError:
+                    continue  # it needs the constants of a system
+            elif name in z and name not in taken:
+                found[name] = z[name]
+        missing = [name for name in others if name not in found]
+        if not missing:
+            return _compiled(source, names, others, found, z)
+        ways.append(missing)
+    raise CompareError(_unmatched(a, b, ways[0], ways[1]))
+
+
+def _given(
+    source: str, names: Sequence[str], others: Sequence[str],
+    given: tuple[Mapping[str, str], Mapping[str, str]], z: Mapping[str, sp.Symbol],
+) -> dict[str, sp.Expr]:  # fmt: skip
+    """What the user maps, as expressions of the source's coordinates."""
+    found: dict[str, sp.Expr] = {}
+    forward, backward = given
+    label = ("A", "B") if source == "A" else ("B", "A")
+    # Expressions of the source's coordinates serve as they are; the others are turned round.
+    direct, turned = (backward, forward) if source == "A" else (forward, backward)
+    for name, text in direct.items():
+        _known(name, others, label[1])
+        found[name] = _read(text, z, label[0])
+    c = {name: sp.Symbol(f"c{i}_", real=True) for i, name in enumerate(others)}
+    for name, text in turned.items():
+        _known(name, names, label[0])
+        expression = _read(text, c, label[1])
+        free = list(expression.free_symbols)
+        slope = expression.diff(free[0]) if len(free) == 1 else sp.Integer(0)
+        if len(free) != 1 or slope.free_symbols or slope == 0:
+            continue  # it can't be turned round; the other model may be the source
+        other = next(n for n, symbol in c.items() if symbol == free[0])
+        found[other] = (z[name] - expression.subs(free[0], 0)) / slope
+    return found
+
+
+def _paired(source: str, pairs: Mapping[str, str], z: Mapping[str, sp.Symbol]) -> set[str]:
+    """The source's coordinates that --joints has given a partner: not to be matched by name."""
+    if source == "A":
+        return set(pairs)
+    used = set[sp.Basic]().union(*(_read(text, z, source).free_symbols for text in pairs.values()))
+    return {name for name, symbol in z.items() if symbol in used}
+
+
+def _known(name: str, names: Sequence[str], label: str) -> None:
+    if name not in names:
+        raise CompareError(f"the map names {name!r}; the joints of {label} are {', '.join(names)}")
+
+
+def _read(text: str, symbols: Mapping[str, sp.Symbol], label: str) -> sp.Expr:
+    try:
+        return parse(text, symbols, "the map")
+    except SidecarError as error:
+        names = ", ".join(symbols)
+        raise CompareError(f"{error}; the joints of {label} are {names}") from None
+
+
+def _unmatched(a: Sequence[str], b: Sequence[str], of_b: Sequence[str], of_a: Sequence[str]) -> str:
+    parts = []
+    for label, missing in (("A", of_a), ("B", of_b)):
+        if missing:
+            what = "joint" if len(missing) == 1 else "joints"
+            parts.append(f"{what} {', '.join(missing)} of {label}")
+    pairs = []
+    left = list(of_b)
+    for name in of_a:
+        near = difflib.get_close_matches(name, left, n=1, cutoff=0.0)
+        if near:
+            left.remove(near[0])
+            pairs.append(f"{name}={near[0]}")
+    remedy = f"say which is which, for instance --joints {','.join(pairs)}" if pairs else (
+        "a joint that is locked in one model can't be compared: lock it in both"
+    )  # fmt: skip
+    return (
+        f"no match for {' and '.join(parts)}; the joints of A are {', '.join(a)}; those of B are"
+        f" {', '.join(b)}; {remedy}"
+    )
+
+
+def _compiled(
+    source: str, names: Sequence[str], others: Sequence[str], found: Mapping[str, sp.Expr],
+    z: Mapping[str, sp.Symbol],
+) -> Match:  # fmt: skip
+    own = list(z.values())
+    w = [sp.Symbol(f"w{i}_", real=True) for i in range(len(own))]
+    value = [sp.sympify(found[name]) for name in others]
+    slope = sp.zeros(len(value), len(own))
+    rates = sp.zeros(2 * len(value), 2 * len(own))
+    for i, expression in enumerate(value):
+        for j, symbol in enumerate(own):
+            if expression.has(symbol):
+                slope[i, j] = expression.diff(symbol)
+        rate = sum((slope[i, j] * w[j] for j in range(len(own))), sp.Integer(0))
+        turn = [rate.diff(symbol) if rate.has(symbol) else sp.Integer(0) for symbol in own]
+        for j in range(len(own)):
+            rates[i, j] = rates[len(value) + i, len(own) + j] = slope[i, j]
+            rates[len(value) + i, j] = turn[j]
+    used = set[sp.Basic]().union(*(e.free_symbols for e in value))
+    spelled = {symbol: sp.Symbol(name) for name, symbol in z.items()}
+    label, other = ("A", "B") if source == "A" else ("B", "A")
+    told = [
+        f"{name} of {other} is {sp.sstr(expression.xreplace(spelled))} of {label}"
+        for name, expression in zip(others, value, strict=True)
+        if expression != z.get(name)
+    ]
+    return Match(
+        source, tuple(others), tuple(told),
+        tuple(name for name, symbol in z.items() if symbol not in used),
+        not slope.free_symbols,
+        compile_function(value, own), compile_function(list(slope), own),
+        compile_function(list(rates), own, w),
+        tuple(bool(e.has(sp.atan2)) for e in value),
+    )  # fmt: skip

@@ -1,0 +1,191 @@
+"""What the equations of a model are made of, measured: inertia, and forces at rest and on the move.
+
+Nothing but accelerations at given states is used, as limits of a few tiny steps, with and without a
+known force on each coordinate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.compare.match import Match
+from harness.compare.nature import free_directions, inverse_mass
+from harness.compare.runs import identity
+from harness.compare.side import Side, reach
+from harness.engine import Array, EngineError, Model
+from harness.probe import Measured, Probe
+
+SPEEDS = (0.3, 0.6)
+"""Speeds at which forces that resist are measured, in units of the size of the motions by rate."""
+
+WINDOWS = (1.0, 2.0, 4.0, 8.0)
+"""Each acceleration is taken over several times, shorter by these: long ones are free of rounding,
+short ones of everything else. Of the two known best, what they differ by is uncertain too."""
+
+BASES = 2
+"""States where these are measured."""
+
+
+@dataclass(frozen=True)
+class MechanicsTask:
+    """What a worker needs to measure one model.
+
+    Attributes:
+        match: how the coordinates of the comparison are read from its own; None: they are its own,
+            but for `signs`.
+        signs: -1 for each coordinate that is turned the other way, (m,).
+        z, w: states, in its own coordinates, (N, nz) each.
+        independent: coordinates of the comparison that the others follow from.
+        unit: size of the motions in the coordinates of the comparison, (m,).
+        fastest, typical: rates of the motions, rad/s.
+    """
+
+    side: Side
+    match: Match | None
+    signs: Array
+    z: Array
+    w: Array
+    independent: tuple[int, ...]
+    unit: Array
+    fastest: float
+    typical: float
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """Measured at N states, of r independent coordinates of the comparison.
+
+    Attributes:
+        rank: how many coordinates move by themselves, (N,).
+        mass: (N, r, r).
+        rest: generalized forces at rest, (N, r).
+        unweighted: the same without gravity; None where that can't be had.
+        odd: half the difference of the forces at opposite velocities, those of one coordinate at
+            `SPEEDS`, at the first `BASES` states, (bases, speeds, r, r); the last but one index is
+            that of the coordinate that moves.
+    """
+
+    rank: tuple[int, ...]
+    mass: Measured
+    rest: Measured
+    unweighted: Measured | None
+    odd: Measured
+
+
+def mechanics(task: MechanicsTask) -> Mechanics:
+    """Measure one model.
+
+    Raises:
+        EngineError: naming file, place and remedy.
+    """
+    model = task.side.load()
+    lens = _Lens(task, model)
+    mass = lens.mass
+    rest = lens.forces(model, task.z, np.zeros_like(task.w), range(len(task.z)))
+    odd = lens.odd(model)
+    rank = tuple(free_directions(one).shape[1] for one in lens.compared)
+    # Last: another model ends this one in some engines.
+    return Mechanics(rank, mass, rest, _unweighted(task, lens), odd)
+
+
+def _unweighted(task: MechanicsTask, lens: _Lens) -> Measured | None:
+    """Forces at rest without gravity, for engines whose gravity can be set."""
+    try:
+        model = task.side.at(gravity=[0.0, 0.0, 0.0]).load()
+    except EngineError:
+        return None
+    return lens.forces(model, task.z, np.zeros_like(task.w), range(len(task.z)))
+
+
+class _Lens:
+    """A model seen in the coordinates of the comparison."""
+
+    def __init__(self, task: MechanicsTask, model: Model) -> None:
+        self.task = task
+        extent = reach(model)
+        self.size = (extent[:, 1] - extent[:, 0]) / 2
+        self.speed = self.size * task.typical
+        n, picked = task.z.shape[1], list(task.independent)
+        full = np.tile(np.diag(task.signs[:n]), (len(task.z), 1, 1))
+        slopes = full if task.match is None else task.match.slopes(task.z)
+        self.slopes = slopes[:, picked]
+        rough = inverse_mass(self._probe(model), task.z[:1], task.w[:1], np.ones(n)).value[0]
+        ease = np.diagonal(rough)
+        sizes = self.size * task.typical**2 / np.where(ease > 0, ease, np.max(ease))
+        inverse = self._agreed(
+            [inverse_mass(self._probe(model, by), task.z, task.w, sizes) for by in WINDOWS]
+        )
+        self.inverse = inverse.value
+        self.compared = slopes @ inverse.value @ slopes.swapaxes(1, 2)
+        reduced = self.slopes @ inverse.value @ self.slopes.swapaxes(1, 2)
+        error = np.abs(self.slopes) @ inverse.uncertainty @ np.abs(self.slopes).swapaxes(1, 2)
+        mass, mass_error = np.full_like(reduced, np.nan), np.full_like(reduced, np.inf)
+        for k, one in enumerate(reduced):
+            if np.isfinite(one).all() and np.linalg.cond(one) < 1e12:
+                mass[k] = np.linalg.inv(one)
+                mass_error[k] = _known(np.abs(mass[k]) @ error[k] @ np.abs(mass[k]))
+        self.mass = Measured(mass, mass_error)
+
+    def _probe(self, model: Model, by: float = 1.0) -> Probe:
+        return Probe(model, identity(len(self.size)), self.speed, by * self.task.fastest)
+
+    @staticmethod
+    def _agreed(found: list[Measured]) -> Measured:
+        """Each value from where it is known best; what the next best says else is uncertain."""
+        value, error = (
+            np.stack([getattr(one, key) for one in found]) for key in ("value", "uncertainty")
+        )
+        order = np.argsort(error, axis=0)[:2]
+        best, next_best = np.take_along_axis(value, order, axis=0)
+        with np.errstate(invalid="ignore"):
+            doubt = np.take_along_axis(error, order, axis=0)[0] + np.abs(best - next_best)
+        return Measured(best, _known(doubt))
+
+    def forces(self, model: Model, z: Array, w: Array, at: Sequence[int]) -> Measured:
+        """Mass times acceleration (B, r) at states, with the mass known at those numbered `at`."""
+        states = np.hstack([z, w])
+        found = self._agreed([
+            self._probe(model, by).accelerations(states, np.zeros((len(z), 0)), np.zeros_like(z))
+            for by in WINDOWS
+        ])  # fmt: skip
+        slopes, mass, error = (
+            one[list(at)] for one in (self.slopes, self.mass.value, self.mass.uncertainty)
+        )
+        with np.errstate(invalid="ignore"):
+            seen = np.einsum("bij,bj->bi", slopes, found.value)
+            seen_error = np.einsum("bij,bj->bi", np.abs(slopes), found.uncertainty)
+            value = np.einsum("bij,bj->bi", mass, seen)
+            doubt = np.einsum("bij,bj->bi", np.abs(mass), seen_error)
+            doubt += np.einsum("bij,bj->bi", error, np.abs(seen))
+        return Measured(value, _known(doubt))
+
+    def odd(self, model: Model) -> Measured:
+        """See `Mechanics.odd`; the curvature of the coordinates is even, and falls out."""
+        task, bases = self.task, min(BASES, len(self.task.z))
+        r = len(task.independent)
+        speed = task.unit[list(task.independent)] * task.typical
+        z, w, at = [], [], []
+        for base in range(bases):
+            # The velocity at which one coordinate alone moves, of those the others follow from.
+            along = self.inverse[base] @ self.slopes[base].T @ self.mass.value[base]
+            for share in SPEEDS:
+                for sign in (1.0, -1.0):
+                    for j in range(r):
+                        z.append(task.z[base])
+                        w.append(sign * share * speed[j] * along[:, j])
+                        at.append(base)
+        found = self.forces(model, np.array(z), np.array(w), at)
+        value, error = (
+            one.reshape(bases, len(SPEEDS), 2, r, r) for one in (found.value, found.uncertainty)
+        )
+        return Measured(
+            (value[:, :, 0] - value[:, :, 1]) / 2, (error[:, :, 0] + error[:, :, 1]) / 2
+        )
+
+
+def _known(uncertainty: Array) -> Array:
+    """Where infinities met zeros, nothing is known."""
+    return np.where(np.isnan(uncertainty), np.inf, uncertainty)

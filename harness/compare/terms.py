@@ -1,0 +1,251 @@
+"""Terms of the equations of two models held against each other: which differ, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.compare.mechanics import SPEEDS, Mechanics
+from harness.engine import Array
+from harness.probe import Measured
+
+EPSILON = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term that differs.
+
+    Attributes:
+        kind: "constraint", "inertia", "damping", "friction", "stiffness", "spring", "gravity" or
+            "force".
+        about: the joints it belongs to.
+        message: a sentence.
+        a, b: its values in both models.
+        uncertainty: of their difference.
+        effect: the difference, as a share of the forces of the motions compared.
+    """
+
+    kind: str
+    about: tuple[str, ...]
+    message: str
+    a: float
+    b: float
+    uncertainty: float
+    effect: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """In what the terms are told: r joints, and where they were measured.
+
+    Attributes:
+        names: of the joints, (r,).
+        places: their positions at the N states, (N, r).
+        unit: size of their motions, (r,).
+        typical: typical rate, rad/s.
+    """
+
+    names: Sequence[str]
+    places: Array
+    unit: Array
+    typical: float
+
+
+def terms(a: Mechanics, b: Mechanics, frame: Frame) -> tuple[Term, ...]:
+    """Every term that differs by more than its uncertainty, worst first."""
+    constraint = tuple(_constraint(a, b))
+    if constraint:
+        return constraint
+    found = _Pair(a, b, frame)
+    every = [*found.inertia(), *found.resistance()]
+    if any(term.kind == "friction" for term in every):
+        pass  # it holds what is at rest, and would pass for any force there
+    elif a.unweighted is not None and b.unweighted is not None:
+        every += found.springs(a.unweighted, b.unweighted, "spring")
+        every += found.pointwise(
+            _less(a.rest, a.unweighted), _less(b.rest, b.unweighted), "gravity"
+        )
+    else:
+        every += found.springs(a.rest, b.rest, "force")
+    return tuple(sorted(every, key=lambda term: -term.effect))
+
+
+def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
+    one, other = max(a.rank), max(b.rank)
+    if one != other:
+        more, less = ("A", "B") if one > other else ("B", "A")
+        yield Term(
+            "constraint", (), f"{max(one, other)} of the joints move by themselves in {more},"
+            f" {min(one, other)} in {less}: one holds them together, the other doesn't",
+            one, other, 0.0, 1.0,
+        )  # fmt: skip
+
+
+def _less(one: Measured, other: Measured) -> Measured:
+    return Measured(one.value - other.value, one.uncertainty + other.uncertainty)
+
+
+class _Pair:
+    """Two models measured alike."""
+
+    def __init__(self, a: Mechanics, b: Mechanics, frame: Frame) -> None:
+        self.a, self.b, self.frame = a, b, frame
+        inertia = np.max(np.abs(np.diagonal(a.mass.value, axis1=1, axis2=2)), axis=0, initial=0.0)
+        self.forces = np.maximum(np.nan_to_num(inertia), 1e-300) * frame.unit * frame.typical**2
+
+    def inertia(self) -> Iterator[Term]:
+        """Entries of the mass matrix."""
+        a, b, frame = self.a.mass, self.b.mass, self.frame
+        error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
+        for i, one in enumerate(frame.names):
+            for j, other in enumerate(frame.names[: i + 1]):
+                state = _worst(a.value[:, i, j] - b.value[:, i, j], error[:, i, j])
+                if state is None:
+                    continue
+                here, there = float(a.value[state, i, j]), float(b.value[state, i, j])
+                about = (one,) if i == j else (other, one)
+                name = f"inertia of {one}" if i == j else f"inertial coupling of {other} and {one}"
+                varies = float(np.ptp(a.value[:, i, j])) > 10 * float(np.max(error[:, i, j]))
+                effect = abs(here - there) * frame.unit[j] * frame.typical**2 / self.forces[i]
+                yield self._term(
+                    "inertia", about, name, here, there, float(error[state, i, j]), effect,
+                    state if varies else None,
+                )  # fmt: skip
+
+    def resistance(self) -> Iterator[Term]:
+        """Damping, and what depends on the velocity otherwise."""
+        a, b, frame = self.a.odd, self.b.odd, self.frame
+        error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
+        differing = np.abs(a.value - b.value) > error
+        for i, one in enumerate(frame.names):
+            for j, other in enumerate(frame.names):
+                if not differing[..., j, i].any():
+                    continue
+                base = int(np.argmax(np.max(np.abs(a.value - b.value)[..., j, i], axis=1)))
+                slow, fast = ((a.value - b.value)[base, k, j, i] for k in range(len(SPEEDS)))
+                ratio = SPEEDS[1] / SPEEDS[0]
+                bent = (
+                    abs(fast - ratio * slow) > error[base, 1, j, i] + ratio * error[base, 0, j, i]
+                )
+                symmetric = differing[..., i, j].any()
+                if j < i and symmetric and not bent:
+                    continue  # told already, the other way round
+                speed = SPEEDS[1] * frame.unit[j] * frame.typical
+                here, there = (float(-m.value[base, 1, j, i]) for m in (a, b))
+                doubt = float(error[base, 1, j, i])
+                effect = abs(here - there) / self.forces[i]
+                if bent:
+                    dry = abs(fast - slow) <= error[base, :, j, i].sum()
+                    name = f"friction on {one}" if dry else (
+                        f"force on {one} that depends on the velocity, not linearly"
+                    )  # fmt: skip
+                    told = ", whatever its speed" if dry else f" at {other}_dot = {speed:.3g}"
+                    yield self._term(
+                        "friction", (one,), name, here, there, doubt, effect, None, told
+                    )
+                else:
+                    about = (one,) if i == j else (one, other)
+                    name = f"damping of {one}" if i == j else f"damping between {one} and {other}"
+                    varies = np.ptp(a.value[:, 1, j, i]) > 10 * np.max(error[:, 1, j, i])
+                    yield self._term(
+                        "damping", about, name, here / speed, there / speed, doubt / speed, effect,
+                        base if varies else None,
+                    )  # fmt: skip
+
+    def springs(self, a: Measured, b: Measured, kind: str) -> Iterator[Term]:
+        """Stiffness where the forces are linear in the positions, else the forces themselves."""
+        frame = self.frame
+        count, r = frame.places.shape
+        design = np.hstack([frame.places / frame.unit, np.ones((count, 1))])
+        back = np.linalg.pinv(design)
+        error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
+        if not np.isfinite(error).all() or not (np.abs(a.value - b.value) > error).any():
+            yield from self.pointwise(a, b, kind)
+            return
+        fits = [back @ m.value for m in (a, b)]
+        left = [np.abs(m.value - design @ fit) for m, fit in zip((a, b), fits, strict=True)]
+        linear = np.all(
+            [(one <= 3 * error + 1e-9 * np.abs(a.value)).all(axis=0) for one in left], 0
+        )
+        doubt = np.abs(back) @ error
+        for i, one in enumerate(frame.names):
+            if not linear[i] or count <= r + 1:
+                yield from self.pointwise(a, b, kind, only=i)
+                continue
+            for j, other in enumerate(frame.names):
+                here, there = (-float(fit[j, i]) / frame.unit[j] for fit in fits)
+                limit = float(doubt[j, i]) / frame.unit[j]
+                told = j < i and abs(fits[0][i, j] - fits[1][i, j]) > doubt[i, j]
+                if abs(here - there) > limit and not told:
+                    name = (
+                        f"stiffness of {one}" if i == j else f"stiffness between {one} and {other}"
+                    )
+                    effect = abs(here - there) * frame.unit[j] / self.forces[i]
+                    about = (one,) if i == j else (one, other)
+                    yield self._term("stiffness", about, name, here, there, limit, effect, None)
+            here, there = (float(fit[r, i]) for fit in fits)
+            if abs(here - there) > doubt[r, i]:
+                name = f"{kind} force on {one} with every joint at zero"
+                effect = abs(here - there) / self.forces[i]
+                yield self._term(kind, (one,), name, here, there, float(doubt[r, i]), effect, None)
+
+    def pointwise(
+        self, a: Measured, b: Measured, kind: str, only: int | None = None
+    ) -> Iterator[Term]:
+        """Forces at the state where they differ most."""
+        error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
+        for i, one in enumerate(self.frame.names):
+            if only is not None and i != only:
+                continue
+            state = _worst(a.value[:, i] - b.value[:, i], error[:, i])
+            if state is None:
+                continue
+            here, there = float(a.value[state, i]), float(b.value[state, i])
+            name = f"{'force at rest' if kind == 'force' else kind + ' force'} on {one}"
+            effect = abs(here - there) / self.forces[i]
+            yield self._term(kind, (one,), name, here, there, float(error[state, i]), effect, state)
+
+    def _term(
+        self, kind: str, about: tuple[str, ...], name: str, here: float, there: float,
+        doubt: float, effect: float, state: int | None, told: str = "",
+    ) -> Term:  # fmt: skip
+        shown = apart(here, there, doubt)
+        message = f"{name}: {shown[0]} in A, {shown[1]} in B{_share(here, there, doubt)}"
+        if state is not None:
+            place = zip(self.frame.names, self.frame.places[state], strict=True)
+            message += " at " + ", ".join(f"{n} = {value:.3g}" for n, value in list(place)[:4])
+        return Term(kind, about, message + told, here, there, doubt, float(effect))
+
+
+def _worst(miss: Array, error: Array) -> int | None:
+    """The state where a difference is largest, of those where it is certain."""
+    with np.errstate(invalid="ignore"):
+        certain = np.abs(miss) > error
+    if not certain.any():
+        return None
+    return int(np.argmax(np.where(certain, np.abs(miss), -1.0)))
+
+
+def apart(here: float, there: float, doubt: float) -> tuple[str, str]:
+    """Both numbers, with as many digits as show the difference; what is uncertain is 0."""
+    here, there = (0.0 if abs(x) <= doubt else x for x in (here, there))
+    size = max(abs(here), abs(there))
+    share = abs(here - there) / size if size else 0.0
+    digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17
+    return f"{here:.{digits}g}", f"{there:.{digits}g}"
+
+
+def _share(here: float, there: float, doubt: float) -> str:
+    if abs(here) <= doubt or abs(there) <= doubt:
+        return ""
+    return f" ({percent((there - here) / here)})"
+
+
+def percent(share: float) -> str:
+    """A relative change as people say it."""
+    if abs(share) >= 1e-4:
+        return f"{100 * share:+.3g} %"
+    return f"{share:+.1e}"

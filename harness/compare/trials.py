@@ -1,0 +1,117 @@
+"""Differences of the files tried out: made in a copy of A, to see whether A then moves as B."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.compare.edits import Edit, applied
+from harness.compare.match import Match
+from harness.compare.runs import Runs, quick
+from harness.compare.side import Side
+from harness.compare.states import unwrapped
+from harness.engine import Array, EngineError
+
+
+@dataclass(frozen=True)
+class TrialTask:
+    """What a worker needs to try some differences at once in one model.
+
+    Attributes:
+        side: the model that is edited.
+        edits: made together; none for the model as it is.
+        runs: in its own coordinates.
+        match: how the coordinates of the comparison are read; None: they are its own.
+        joints: how many coordinates it has.
+        near: ends near which angles are taken, (K, 2m).
+        periodic: of the coordinates of the comparison.
+    """
+
+    side: Side
+    edits: tuple[Edit, ...]
+    runs: Runs
+    match: Match | None
+    joints: int
+    near: Array
+    periodic: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What an edit does.
+
+    Attributes:
+        edits: those made.
+        moved: largest change of A's ends, relative to how far the components move.
+        explained: share of the discrepancy that is gone; 1 is all of it.
+        told: why it could not be tried, or empty.
+    """
+
+    edits: tuple[Edit, ...]
+    moved: float
+    explained: float
+    told: str = ""
+
+
+def tried(task: TrialTask) -> Array:
+    """Ends (K, 2m) of the runs with some edits made in a copy.
+
+    Raises:
+        EngineError, BlownUpError, ValueError: where the edited model can't be run.
+    """
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        model = _edited(task.side, task.edits, Path(folder)).load()
+        if len(model.coordinates) != task.joints:
+            raise EngineError("it changes which joints there are")
+        found = quick(model, task.runs, task.match)
+    if task.match is not None:
+        n = task.runs.z.shape[1]
+        found = np.hstack(task.match.over(found[:, :n], found[:, n:]))
+    return unwrapped(found, task.near, task.periodic)
+
+
+def _edited(side: Side, edits: Sequence[Edit], folder: Path) -> Side:
+    """A copy of the model with edits made; what lies beside it is linked to."""
+    model = side.sidecar.model
+    for entry in model.parent.resolve().iterdir():
+        hidden = entry.name.startswith(".")
+        if not hidden and entry.name not in (model.name, f"{model.name}.toml", "__pycache__"):
+            (folder / entry.name).symlink_to(entry)
+    copy = folder / model.name
+    copy.write_bytes(applied(model.read_bytes(), tuple(edits)))
+    sidecar = replace(side.sidecar, model=copy)
+    springs = list(sidecar.springs)
+    settings = {**sidecar.settings, **sidecar.engine_settings.get(side.engine, {})}
+    for key, value in (setting for edit in edits for setting in edit.settings):
+        kind, _, name = key.partition(".")
+        if kind != "settings":
+            index = int(key.removeprefix("spring[").removesuffix("]"))
+            springs[index : index + 1] = [] if value is None else [value]
+        elif value is None:
+            settings.pop(name, None)
+        else:
+            settings[name] = value
+    sidecar = replace(sidecar, springs=tuple(springs), settings=settings, engine_settings={})
+    return replace(side, sidecar=sidecar)
+
+
+def weigh(
+    edits: tuple[Edit, ...], found: Array, a: Array, b: Array, scale: Array, floor: float
+) -> Trial:
+    """What edits did to the discrepancy: ends of A edited, of A and of B, (K, 2m) each.
+
+    Below `floor`, relative to `scale`, nothing is certain.
+    """
+    moved = float(np.max(np.abs(found - a) / scale))
+    before, after = (np.abs(one - b) / scale for one in (a, found))
+    size = float(np.sqrt(np.mean(before**2)))
+    if moved <= floor:
+        return Trial(edits, 0.0, 0.0)
+    if float(np.max(after)) <= floor:
+        return Trial(edits, moved, 1.0)
+    left = float(np.sqrt(np.mean(after**2)))
+    return Trial(edits, moved, 1.0 - left / size if size > 0 else 0.0)

@@ -1,0 +1,231 @@
+"""Fit faults to a discrepancy: by linear least squares, then on the models themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from reference.numeric import Array
+
+ITERATIONS = 8
+
+BEHIND = 30.0
+"""Times what the linear fit of a found cause leaves: others that leave more are not pursued."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One number that might be wrong.
+
+    Attributes:
+        cause: one phrase, such as `joint[x]@stiffness` or `friction on theta`.
+        kind: literal, setting, constant, inertia, damping, friction, spring, offset force, ...
+        value: its present value: in the file for a literal, in the equations otherwise.
+        size: a change that matters.
+        rank: what a tie is broken by; the most specific first.
+        where: `file:line` of a literal, "" otherwise.
+        correction: sign by which the fitted fault enters the estimate: a literal's right value is
+            value - fault, a constant's apparent value is value + fault.
+        switch: whether it is true or not, a fault of 1 or none, and nothing between.
+    """
+
+    cause: str
+    kind: str
+    value: float
+    size: float
+    rank: int
+    where: str
+    correction: float = 1.0
+    switch: bool = False
+
+
+class Problem(Protocol):
+    """A discrepancy, and what repairing faults makes of it; faults go by index of hypothesis."""
+
+    @property
+    def hypotheses(self) -> Sequence[Hypothesis]:
+        """What might be wrong."""
+
+    def defect(self, faults: Mapping[int, float]) -> Array:
+        """Engine - reference at the ends of all segments with the faults repaired, scaled, (N,)."""
+
+    def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
+        """How much of the defect a unit of each fault makes, near the given faults, (len(of), N).
+
+        To four digits or so. `of`: which hypotheses; None: all.
+        """
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A problem at those ends alone that are known well enough to tell causes.
+
+    Attributes:
+        problem: the whole.
+        kept: which ends count, (N,).
+        uncertainty: of those, (n,).
+        size: the norm of the discrepancy there.
+    """
+
+    problem: Problem
+    kept: Array
+    uncertainty: Array
+    size: float
+
+    @property
+    def hypotheses(self) -> Sequence[Hypothesis]:
+        """Those of the problem."""
+        return self.problem.hypotheses
+
+    @property
+    def floor(self) -> float:
+        """Share of the discrepancy that the uncertainty makes."""
+        return float(np.linalg.norm(self.uncertainty)) / self.size
+
+    def defect(self, faults: Mapping[int, float]) -> Array:
+        """Those of the problem, at the ends that count, (n,)."""
+        kept: Array = self.problem.defect(faults)[self.kept]
+        return kept
+
+    def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
+        """Those of the problem, at the ends that count, (len(of), n)."""
+        kept: Array = self.problem.slopes(faults, of)[:, self.kept]
+        return kept
+
+    def left(self, defect: Array) -> float:
+        """The share of the discrepancy that a defect is."""
+        return float(np.linalg.norm(defect)) / self.size
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A cause (or a pair of causes) with what it leaves.
+
+    Attributes:
+        members: indices of the hypotheses.
+        causes: these one or two hypotheses.
+        faults: fitted to each.
+        estimates: the value of each that explains the motion.
+        standard_errors: of each estimate.
+        remaining: share of the discrepancy that is left, root mean square over all segments.
+        tied_with: causes that no data of these scenarios tell apart from this one.
+    """
+
+    members: tuple[int, ...]
+    causes: tuple[Hypothesis, ...]
+    faults: tuple[float, ...]
+    estimates: tuple[float, ...]
+    standard_errors: tuple[float, ...]
+    remaining: float
+    tied_with: tuple[str, ...] = ()
+
+    @property
+    def repair(self) -> dict[int, float]:
+        """The faults by index, as a problem takes them."""
+        return dict(zip(self.members, self.faults, strict=True))
+
+
+def left_linear(defect: Array, causes: Sequence[Hypothesis], rows: Array) -> float:
+    """Share of a defect that the best linear fit of some causes leaves."""
+    switches = np.array([cause.switch for cause in causes])
+    left = defect - rows[switches].sum(axis=0)
+    free = rows[~switches]
+    if len(free):
+        scale = np.linalg.norm(free, axis=1, keepdims=True)
+        fit, *_ = np.linalg.lstsq((free / scale).T, left, rcond=1e-10)
+        left = left - (free / scale).T @ fit
+    return float(np.linalg.norm(left) / np.linalg.norm(defect))
+
+
+def cosine(a: Array, b: Array) -> float:
+    """|cosine| of the angle between two sensitivities."""
+    return abs(float(a @ b)) / float(np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def refine(
+    problem: Resolved, start: Mapping[int, float], slopes: Array, iterations: int = ITERATIONS
+) -> Finding:
+    """Fit the faults of some hypotheses by Gauss-Newton, each step tried on the models themselves.
+
+    Args:
+        problem: with what each fault does.
+        start: where to begin; switches are set, and stay.
+        slopes: there, (H, n).
+        iterations: at most.
+    """
+    members = list(start)
+    causes = [problem.hypotheses[i] for i in members]
+    scales = np.array([cause.size for cause in causes])
+    movable = np.array([not cause.switch for cause in causes])
+    jacobian = (slopes[members] * (scales * movable)[:, None]).T
+    faults = np.where(movable, list(start.values()), 1.0)
+    free = [i for i, moves in zip(members, movable, strict=True) if moves]
+
+    def residual(values: Array) -> Array:
+        return problem.defect(dict(zip(members, values.tolist(), strict=True)))
+
+    left = residual(faults)
+    for _ in range(iterations):
+        step, *_ = np.linalg.lstsq(jacobian, left, rcond=1e-12)
+        trial, share = faults, 1.0
+        for _ in range(5):
+            candidate = faults + share * step * scales
+            tried = residual(candidate)
+            if np.linalg.norm(tried) < np.linalg.norm(left):
+                trial, left = candidate, tried
+                break
+            share /= 4
+        moved = np.max(np.abs(trial - faults) / scales)
+        faults = trial
+        small = np.linalg.norm(left) <= np.linalg.norm(problem.uncertainty)
+        if moved < 1e-12 or small or iterations == 1 or not free:
+            break
+        # The slopes at the new place: the faults may be large.
+        at = dict(zip(members, faults.tolist(), strict=True))
+        jacobian[:, movable] = (problem.slopes(at, free) * scales[movable, None]).T
+    variance = float(np.sum(left**2)) / max(len(left) - len(causes), 1)
+    variance += float(np.mean(problem.uncertainty**2))
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * scales
+    estimates = tuple(
+        cause.value + cause.correction * float(fault)
+        for cause, fault in zip(causes, faults, strict=True)
+    )
+    return Finding(
+        tuple(members), tuple(causes), tuple(float(f) for f in faults), estimates,
+        tuple(float(e) for e in errors), problem.left(left),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Try:
+    """Where a fit may begin.
+
+    Attributes:
+        left: share of the discrepancy that its linear fit leaves.
+        start: faults by index of hypothesis.
+        slopes: of all hypotheses there, (H, n).
+    """
+
+    left: float
+    start: Mapping[int, float]
+    slopes: Array
+
+
+def refine_each(problem: Resolved, tries: Sequence[Try], settled: float) -> list[Finding]:
+    """Fit each, the most promising first.
+
+    Once one has left no more than `settled`, those that fall far behind it are told, not pursued.
+    """
+    enough = np.inf
+    found = []
+    for one in sorted(tries, key=lambda one: one.left):
+        iterations = ITERATIONS if one.left <= enough else 1
+        finding = refine(problem, one.start, one.slopes, iterations)
+        if finding.remaining <= settled:
+            enough = min(enough, BEHIND * one.left)
+        found.append(finding)
+    return found

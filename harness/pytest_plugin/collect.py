@@ -1,0 +1,193 @@
+"""Tests of a system folder: one for each model file, engine and scenario, and one for each audit.
+
+Their ids are `system.py::drum_pendulum/mujoco.xml/free`, after the folder's path. All tests of a
+folder belong to one file, so that xdist's `--dist loadfile` (or `loadscope`) prepares it once.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.decide import Ending, decide
+from harness.pytest_plugin.keys import LABORATORY
+from harness.run import Record, model_files
+from harness.sidecar import Sidecar
+from harness.told import diagnosis_lines, figures, in_brief, told
+from harness.verdict import Outcome
+from reference.load import load_system
+from reference.system import DeclarationError, System
+
+WORDS = {"and", "or", "not", "True", "False", "None"}
+"""What -m reads as something else than a marker's name."""
+
+OURS = pytest.StashKey[set[str]]()
+
+
+class SystemFile(pytest.File):
+    """A folder's `system.py`. Collecting reads the declaration; it derives and runs nothing."""
+
+    def collect(self) -> Iterator[CrosscheckItem]:
+        """Yield the folder's tests; one that fails for whatever can't be read."""
+        folder = self.path.parent
+        # What a library or a declaration warns of on import is told at the end of the run: where
+        # warnings are errors, that is meant for the project's own tests.
+        with warnings.catch_warnings():
+            warnings.simplefilter("default")
+            system, said = self._load(folder)
+            found = list(model_files(folder))
+        if system is None:
+            yield self._unread(folder.name, self.path.name, said)
+            return
+        scenarios = [scenario.name for scenario in system.scenarios]
+        audit = "audit" if "audit" not in scenarios else "audit of the model"
+        for one in found:
+            if not isinstance(one, Sidecar):
+                name = one["model"] if one["model"] != "-" else "no model file"
+                yield self._unread(system.name, name, one["reason"])
+                continue
+            for engine in one.engines:
+                tail = f"[{engine}]" if len(one.engines) > 1 else ""
+                for scenario in (*scenarios, None):
+                    case = f"{system.name}/{one.model.name}/{scenario or audit}"
+                    yield CrosscheckItem.from_parent(
+                        self, name=_plain(case) + tail, system=system.name, sidecar=one,
+                        engine=engine, scenario=scenario,
+                    )  # fmt: skip
+
+    def _load(self, folder: Path) -> tuple[System | None, str]:
+        try:
+            return load_system(folder), ""
+        except DeclarationError as error:
+            return None, str(error)
+        except SystemExit as error:
+            return None, f"{self.path}: it ends the process, exit code {error.code}"
+
+    def _unread(self, system: str, file: str, reason: str) -> UnreadItem:
+        return UnreadItem.from_parent(
+            self, name=_plain(f"{system}/{file}"), system=system, reason=reason
+        )
+
+
+def _plain(name: str) -> str:
+    """A name without what has a meaning in a test's id."""
+    return name.replace("::", ":").replace("[", "(").replace("]", ")")
+
+
+class CrosscheckItem(pytest.Item):
+    """A case; or an audit, where `scenario` is None."""
+
+    def __init__(
+        self, *, system: str, sidecar: Sidecar | None, engine: str, scenario: str | None,
+        **rest: Any,
+    ) -> None:  # fmt: skip
+        super().__init__(**rest)
+        self.system, self.sidecar, self.engine, self.scenario = system, sidecar, engine, scenario
+        self._brief = self._where = ""
+        kind = {"model": sidecar.model.name} if sidecar else {}
+        self.add_marker(
+            pytest.mark.crosscheck(
+                system=system, engine=engine, scenario=scenario or "audit", **kind
+            )
+        )
+        for name in (system, engine):
+            _mark(self, name)
+
+    def setup(self) -> None:
+        """Prepare the folder, so that its time is not counted as the first case's."""
+        laboratory = self.config.stash[LABORATORY]
+        if self.sidecar and laboratory.hurdle(self.sidecar, self.engine) is None:
+            laboratory.prepared(self.path.parent)
+
+    def runtest(self) -> None:
+        """Run, and end as `decide` says."""
+        record = self.record()
+        demands: list[str] = []
+        if record.get("outcome") == Outcome.AGREES:
+            for sentences in self.ihook.pytest_crosscheck_case(record=record):
+                demands += [sentences] if isinstance(sentences, str) else sentences or ()
+        required = self.config.getoption("crosscheck_require_engines")
+        decision = decide(record, require_engines=required, demands=demands)
+        self.user_properties += figures(record).items()
+        if record.get("accepted"):
+            self.user_properties.append(("accepted", record["accepted"]))
+        if decision.ending is Ending.SKIP:
+            skipped = pytest.skip.Exception(decision.reason)
+            # Told as a skip of the model file, not of this line.
+            skipped._use_item_location = True
+            raise skipped
+        if decision.ending is Ending.FAIL:
+            diagnosis = None
+            if record.get("outcome") == Outcome.DIFFERS and self.sidecar:
+                diagnosis = self.config.stash[LABORATORY].diagnosis(
+                    self.path.parent, self.sidecar, self.engine
+                )
+                self.user_properties.append(("cause", "; ".join(diagnosis_lines(diagnosis))))
+            self._brief, self._where = in_brief(record, decision, diagnosis)
+            pytest.fail(told(record, decision, diagnosis), pytrace=False)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """What is printed: `told` and no traceback; and in one line, with the literal's place."""
+        shown = super().repr_failure(excinfo, style)
+        crash = getattr(shown, "reprcrash", None)
+        if crash is not None and isinstance(excinfo.value, pytest.fail.Exception):
+            path, place = self.reportinfo()[0], re.fullmatch(r"(.+):(\d+)", self._where)
+            crash.path, crash.lineno = str(path), 1
+            if place:
+                crash.path, crash.lineno = str(path.parent / place[1]), int(place[2])
+            crash.message = self._brief
+        return shown
+
+    def record(self) -> Record:
+        """Run the case or the audit; returns its record, as in results.json."""
+        assert self.sidecar is not None
+        laboratory, folder = self.config.stash[LABORATORY], self.path.parent
+        record = {
+            "system": self.system, "folder": str(folder), "model": self.sidecar.model.name,
+            "engine": self.engine,
+        }  # fmt: skip
+        hurdle = laboratory.hurdle(self.sidecar, self.engine)
+        if self.scenario is None:
+            return record | (hurdle or laboratory.audit(folder, self.sidecar, self.engine))
+        record["scenario"] = self.scenario
+        return record | hurdle if hurdle else laboratory.case(record, folder, self.sidecar)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Where it is: the model file; and its name as `crosscheck run` has it."""
+        if self.sidecar is None:
+            # Not the id's ending, in which pytest's -v would take a dot for a separator.
+            return self.path, 0, self.name.replace("/", ": ", 1)
+        name = f"{self.system}/{self.sidecar.model.name}/{self.scenario or 'audit'}"
+        return self.sidecar.model, 0, f"{name} [{self.engine}]"
+
+
+class UnreadItem(CrosscheckItem):
+    """A folder or model file that can't be read: a test that fails with the reason."""
+
+    def __init__(self, *, reason: str, **rest: Any) -> None:
+        super().__init__(sidecar=None, engine="-", scenario=None, **rest)
+        self._reason = reason
+
+    def record(self) -> Record:
+        """The record of a case that could not be run."""
+        return {"system": self.system, "outcome": str(Outcome.FAILED), "reason": self._reason}
+
+
+def _mark(item: pytest.Item, name: str) -> None:
+    """Mark an item by a name, unless that marker has a meaning already: a system named `skip`."""
+    name = re.sub(r"\W", "_", name).lstrip("_")
+    ours = item.config.stash.setdefault(OURS, set())
+    if not name or name in WORDS:
+        return
+    if name not in ours:
+        registered = item.config.getini("markers")
+        if name in {re.split(r"[:(]", line)[0].strip() for line in registered}:
+            return
+        item.config.addinivalue_line("markers", f"{name}: cases of --crosscheck with {name}")
+        ours.add(name)
+    item.add_marker(name)

@@ -1,0 +1,9 @@
+"""Keys of what the plugin keeps in pytest's configuration."""
+
+from __future__ import annotations
+
+import pytest
+
+from harness.pytest_plugin.laboratory import Laboratory
+
+LABORATORY = pytest.StashKey[Laboratory]()

@@ -1,0 +1,65 @@
+"""What a pytest session with something to check has: collection, one laboratory, a summary."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.baseline import BaselineError
+from harness.commands import arguments as limits
+from harness.pytest_plugin.collect import SystemFile
+from harness.pytest_plugin.keys import LABORATORY
+from harness.pytest_plugin.laboratory import Laboratory
+from harness.pytest_plugin.paths import DECLARATION, arguments, meant
+from harness.pytest_plugin.summary import summarize
+
+ABOUT = (
+    "crosscheck(system, model, engine, scenario): a case or an audit of --crosscheck; select with"
+    " -m 'crosscheck(engine=\"mujoco\")', or by the names of its engine and system: -m mujoco"
+)
+
+
+class CrosscheckSession:
+    """The part of the plugin that is registered where there is something to check."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        try:
+            resolution = limits.resolution(config.getoption("crosscheck_resolution"))
+            limit = limits.seconds(config.getoption("crosscheck_time_limit"))
+        except (argparse.ArgumentTypeError, ValueError) as error:
+            raise pytest.UsageError(f"--crosscheck: {error}") from None
+        folders = meant(config)
+        config.args = arguments(config, folders)
+        config.args_source = config.ArgsSource.ARGS
+        self._folders = {f.resolve() for found in folders.values() for f in found}
+        try:
+            baseline = config.rootpath / config.getoption("crosscheck_baseline")
+            self._laboratory = Laboratory(resolution, limit, baseline)
+        except BaselineError as error:
+            raise pytest.UsageError(f"--crosscheck: {error}") from None
+        config.stash[LABORATORY] = self._laboratory
+        config.addinivalue_line("markers", ABOUT)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_collect_file(
+        self, file_path: Path, parent: pytest.Collector
+    ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+        """Collect a declaration as the tests of its folder; pymunk's files are no test modules."""
+        found = yield
+        if file_path.parent.resolve() not in self._folders:
+            return found
+        if file_path.name == DECLARATION:
+            return [SystemFile.from_parent(parent, path=file_path)]
+        return [] if file_path.with_name(f"{file_path.name}.toml").is_file() else found
+
+    def pytest_sessionfinish(self, exitstatus: int | pytest.ExitCode) -> None:
+        """End the worker process."""
+        self._laboratory.close(at_once=exitstatus == pytest.ExitCode.INTERRUPTED)
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        """Tell how the cases came out, what was accepted, and what was not run."""
+        summarize(terminalreporter)

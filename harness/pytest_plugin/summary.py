@@ -1,0 +1,45 @@
+"""The plugin's lines at the end of a pytest run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+from harness.verdict import Outcome
+
+
+def summarize(reporter: Any) -> None:
+    """Write how the cases came out, what passed because it is accepted, and what was skipped.
+
+    Everything is taken from the reports, which xdist brings from its workers.
+    """
+    reports = [
+        report
+        for kind in ("passed", "failed", "skipped")
+        for report in reporter.stats.get(kind, ())
+        if report.when == "call" and "crosscheck" in report.keywords
+    ]
+    if not reports:
+        return
+    reporter.ensure_newline()
+    reporter.section("crosscheck")
+    known = [(report, dict(report.user_properties)) for report in reports]
+    counts = Counter(facts["outcome"] for _, facts in known if "outcome" in facts)
+    parts = [f"{counts[o]} {o}" for o in Outcome if counts[o]]
+    worst = max(
+        (
+            max(float(facts["discrepancy"]), float(facts["uncertainty"]))
+            for _, facts in known
+            if facts.get("outcome") == Outcome.AGREES
+        ),
+        default=None,
+    )
+    tail = f"; all that agree do so to {worst:.1e}" if worst is not None else ""
+    reporter.write_line(", ".join(parts) + tail)
+    for report, facts in known:
+        if report.passed and "accepted" in facts:
+            outcome = facts.get("outcome", "audit")
+            reporter.write_line(f"accepted: {outcome} {report.nodeid}: {facts['accepted']}")
+    skipped = Counter(report.longrepr[2] for report, _ in known if report.skipped)
+    for reason, number in skipped.items():
+        reporter.write_line(f"not run: {number} tests: {reason.removeprefix('Skipped: ')}")

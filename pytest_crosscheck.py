@@ -1,0 +1,78 @@
+"""The pytest plugin: `pytest --crosscheck PATH` makes a test of every case.
+
+pytest imports this module in every project of an environment that has the package. So it holds the
+options alone, and imports whatever costs time once there is something to check; and it is a module
+by itself, since a project may well have a package `harness` of its own.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare the options."""
+    group = parser.getgroup("crosscheck", "physics models against their equations")
+    group.addoption(
+        "--crosscheck", action="append", default=[], metavar="PATH",
+        help="test every case of every system folder under PATH; repeatable",
+    )  # fmt: skip
+    group.addoption(
+        "--require-engines", action="store_true", dest="crosscheck_require_engines",
+        help="fail, not skip, the cases whose engine is not installed",
+    )  # fmt: skip
+    group.addoption(
+        "--crosscheck-resolution", metavar="R", default="1e-9",
+        help="relative discrepancy to resolve (1e-9)",
+    )  # fmt: skip
+    group.addoption(
+        "--crosscheck-time-limit", metavar="S", default="120",
+        help="seconds that one case may take (120)",
+    )  # fmt: skip
+    group.addoption(
+        "--crosscheck-baseline", metavar="DIR", default="reports/baseline",
+        help="where known differences are looked up, in the root folder (reports/baseline)",
+    )  # fmt: skip
+    parser.addini(
+        "crosscheck_paths", type="paths", default=[],
+        help="paths for --crosscheck, where the command line names neither tests nor paths",
+    )  # fmt: skip
+
+
+def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
+    """Declare the hook that a project may implement in its conftest.py."""
+    pluginmanager.add_hookspecs(CrosscheckHooks)
+
+
+class CrosscheckHooks:
+    """What a project's conftest.py may implement."""
+
+    @pytest.hookspec
+    def pytest_crosscheck_case(self, record: object) -> object:
+        """Demand more of a case than that it agrees, such as a raw error below one per cent.
+
+        Called with the record of each case that agrees, a mapping as in results.json; the case
+        fails with the sentences that are returned, one or a list. A conftest.py is asked for the
+        system folders below it.
+        """
+
+
+# Last, so that every other plugin's markers are known when ours are named.
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the rest, if there is something to check.
+
+    Raises:
+        pytest.UsageError: for a path without a system folder, or an option out of range.
+    """
+    if not (config.getoption("crosscheck") or config.getini("crosscheck_paths")):
+        return
+    try:
+        # Binds `harness` and `reference` to ours, if no conftest.py has imported others by then.
+        import physics_crosscheck
+    except ImportError as error:
+        raise pytest.UsageError(f"--crosscheck: {error}") from None
+    physics_crosscheck.claim()
+    from harness.pytest_plugin.session import CrosscheckSession
+
+    config.pluginmanager.register(CrosscheckSession(config), "crosscheck-session")

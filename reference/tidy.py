@@ -1,0 +1,49 @@
+"""Simplification that ends: sympy's own for short expressions, none for long ones."""
+
+from __future__ import annotations
+
+import sympy as sp
+
+LONG = 80
+"""Operations beyond which `simplify` takes seconds an expression, and minutes for an arm."""
+
+
+def tidy(expression: sp.Expr) -> sp.Expr:
+    """An equal expression: the shortest that sympy finds, or where it is long the same.
+
+    A long one is not expanded either: nested, as an arm's kinematics leaves it, it is shorter. Nor
+    is one with the digits of a position that was searched for: factoring those is endless.
+    """
+    if sp.count_ops(expression) > LONG // (4 if expression.has(sp.Float) else 1):
+        return expression
+    return sp.simplify(expression)
+
+
+def solved(matrix: sp.Matrix, right: sp.Matrix) -> sp.Matrix:
+    """matrix^-1 right for a symmetric n x n matrix and an n x 1 column, by minors, unexpanded.
+
+    sympy's own `det` expands as it goes: minutes for an arm, and formulas that round worse.
+    """
+    n = matrix.rows
+    known: dict[tuple[tuple[int, ...], tuple[int, ...]], sp.Expr] = {((), ()): sp.Integer(1)}
+
+    def minor(rows: tuple[int, ...], columns: tuple[int, ...]) -> sp.Expr:
+        if (rows, columns) not in known:
+            known[rows, columns] = sp.Add(*(
+                (-1) ** k * matrix[rows[0], column]
+                * minor(rows[1:], columns[:k] + columns[k + 1 :])
+                for k, column in enumerate(columns) if matrix[rows[0], column] != 0
+            ))  # fmt: skip
+        return known[rows, columns]
+
+    every = tuple(range(n))
+
+    def without(i: int) -> tuple[int, ...]:
+        return every[:i] + every[i + 1 :]
+
+    determinant = minor(every, every)
+    return sp.Matrix([
+        sp.Add(*((-1) ** (i + j) * minor(without(j), without(i)) * right[j] for j in every))
+        / determinant
+        for i in every
+    ])  # fmt: skip

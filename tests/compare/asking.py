@@ -1,0 +1,44 @@
+"""Comparisons in this process, and copies of the built-in models with something changed."""
+
+import shutil
+from pathlib import Path
+
+from harness.compare.ask import at_once
+from harness.compare.compare import Wish, compare
+from harness.compare.match import declared
+from harness.compare.side import side
+from harness.folders import builtin
+
+
+def compared(a, b, engine_a=None, engine_b=None, joints="", table=None, **more):
+    """Compare two files as the command does."""
+    pair = side("A", Path(a), engine_a), side("B", Path(b), engine_b)
+    return compare(Wish(*pair, declared(joints, table), **more), at_once)
+
+
+def model(system, name):
+    return builtin() / system / name
+
+
+def changed(folder, path, *replacements):
+    """A copy of a model file and its sidecar, with some text replaced in either."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sidecar = path.with_name(f"{path.name}.toml")
+    for file in filter(Path.is_file, (path, sidecar)):
+        shutil.copy(file, folder)
+    for old, new in replacements:
+        found = [f for f in (folder / path.name, folder / sidecar.name)
+                 if f.is_file() and old in f.read_text()]  # fmt: skip
+        assert found, f"{old!r} is in no file"
+        found[0].write_text(found[0].read_text().replace(old, new, 1))
+    return folder / path.name
+
+
+def written(folder, name, text, *replacements):
+    """A file of a given text, with some of it replaced."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for old, new in replacements:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / name).write_text(text)
+    return folder / name

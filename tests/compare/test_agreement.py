@@ -1,0 +1,151 @@
+"""Models of one mechanism agree with each other, whatever their format and engine."""
+
+import pytest
+
+from harness.verdict import Outcome
+from tests.compare.arm import MJCF, URDF
+from tests.compare.asking import changed, compared, model, written
+from tests.compare.chains import chain
+
+SYSTEMS = (
+    "mass_spring_damper", "simple_pendulum", "torsional_disc", "anchored_pair", "free_pair",
+    "drum_pendulum",
+)  # fmt: skip
+
+PAIRS = (
+    ("mujoco.xml", None, "robot.urdf", "pybullet"),
+    ("robot.urdf", "mujoco", "robot.urdf", "pybullet"),
+    ("mujoco.xml", None, "space.py", None),
+)
+
+
+def agrees(found):
+    judged = found.judgement
+    assert judged.outcome is Outcome.AGREES, judged.reason
+    assert judged.discrepancy < 1e-9
+    assert judged.uncertainty < 1e-9
+    assert not found.terms
+    return found
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize(("a", "engine_a", "b", "engine_b"), PAIRS)
+def test_the_built_in_models_agree_across_formats_and_engines(system, a, engine_a, b, engine_b):
+    found = agrees(compared(model(system, a), model(system, b), engine_a, engine_b))
+    # A free motion can't fix the overall scale: half of the runs or so are driven.
+    assert found.recorded.driven.sum() >= 40
+
+
+def test_a_drum_that_rolls_by_an_equality_agrees_with_one_that_rolls_by_a_gear():
+    drum = "drum_pendulum"
+    found = agrees(compared(model(drum, "mujoco_rolling.xml"), model(drum, "robot.urdf")))
+    assert found.match.names == ("x", "phi", "theta")
+    assert len(found.recorded.independent) == 2
+
+
+def test_states_are_taken_of_the_model_that_has_a_following_joint_more():
+    drum = "drum_pendulum"
+    found = agrees(compared(model(drum, "mujoco.xml"), model(drum, "robot.urdf")))
+    assert (found.match.source, found.match.left_out) == ("B", ("phi",))
+
+
+def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path):
+    drum = "drum_pendulum"
+    # The Space has a drum that slides; the URDF's turns too.
+    table = written(tmp_path, "map.toml", '[joints]\nphi = "drum.x / 0.18"\n')
+    a, b = model(drum, "space.py"), model(drum, "robot.urdf")
+    found = agrees(compared(a, b, None, "pybullet", table=table))
+    assert found.match.told == (
+        "x of B is drum.x of A", "phi of B is 50*drum.x/9 of A", "theta of B is rod.angle of A"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_an_arm_written_by_hand_in_both_formats_agrees(tmp_path, engine):
+    a, b = written(tmp_path, "arm.xml", MJCF), written(tmp_path, "arm.urdf", URDF)
+    found = agrees(compared(a, b, engine_b=engine))
+    assert "gravity (0, 0, -9.81) and a step of 0.002 s are assumed" in found.notes[0]
+
+
+def test_a_joint_of_another_name_direction_and_zero_agrees_when_mapped(tmp_path):
+    path = model("simple_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, (
+        '<joint name="theta" type="hinge" axis="0 -1 0"/>',
+        '<joint name="swing" type="hinge" axis="0 1 0" ref="0.3"/>',
+    ))  # fmt: skip
+    agrees(compared(path, other, joints="theta=0.3-swing"))
+
+
+def test_step_and_integrator_are_no_difference(tmp_path):
+    path = model("drum_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, ('timestep="0.002" integrator="Euler"',
+                                     'timestep="0.0005" integrator="RK4"'))  # fmt: skip
+    found = agrees(compared(path, other))
+    assert {t.edits[0].label: t.moved for t in found.trials if len(t.edits) == 1} == {
+        "option@timestep": 0.0, "option@integrator": 0.0,
+    }  # fmt: skip
+
+
+def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path):
+    path = model("simple_pendulum", "robot.urdf")
+    other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))
+    found = agrees(compared(path, other, "mujoco", "mujoco"))
+    moved = {t.edits[0].label: (t.edits[0].where_a.rpartition("/")[2], t.moved)
+             for t in found.trials if len(t.edits) == 1}  # fmt: skip
+    assert moved == {
+        "sidecar:settings.step": ("robot.urdf.toml:5", 0.0),
+        "sidecar:settings.integrator": ("robot.urdf.toml", 0.0),
+    }
+
+
+def test_comments_and_white_space_are_no_difference(tmp_path):
+    path = model("drum_pendulum", "mujoco.xml")
+    other = changed(
+        tmp_path, path, ("Example 2.5", "Fig. 7"), ('mass="0.8" ', '\n   mass="0.80"\t'),
+        ("0 0 -0.3", " 0  0.0\n -3e-1"),
+    )  # fmt: skip
+    assert agrees(compared(path, other)).trials == ()
+
+
+def test_what_is_for_the_eye_alone_moves_nothing(tmp_path):
+    path = model("drum_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, ('size="0.18 0.1"', 'size="0.28 0.1"'))
+    (trial,) = agrees(compared(path, other)).trials
+    assert (trial.moved, trial.told) == (0.0, "")
+
+
+def test_a_state_of_the_users_own_is_run_too():
+    path = model("simple_pendulum", "mujoco.xml")
+    found = agrees(compared(path, path, starts=({"theta": 2.9, "theta_dot": 0.25},)))
+    here = found.recorded.runs
+    assert any(z == 2.9 and w == 0.25 for z, w in zip(here.z[:, 0], here.w[:, 0], strict=True))
+
+
+@pytest.mark.parametrize(("seed", "joints"), [(1, 2), (3, 4), (5, 7)])
+def test_random_chains_agree_across_formats(tmp_path, seed, joints):
+    mjcf, urdf = chain(seed, joints)
+    a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)
+    agrees(compared(a, b, engine_b="mujoco"))
+
+
+def test_what_pybullet_loses_of_turned_inertias_is_told(tmp_path):
+    mjcf, urdf = chain(1, 2)
+    a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)
+    found = compared(a, b, engine_b="pybullet")
+    assert found.judgement.discrepancy < 1e-8
+    assert "principal axes PyBullet finds to 1e-9" in found.notes[-1]
+
+
+def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path):
+    path = model("simple_pendulum", "mujoco.xml")
+    wall = '<geom type="sphere" pos="0.6 0 0.55" size="0.1" contype="1" conaffinity="1"/>\n'
+    bob = '<geom name="bob" type="sphere" pos="0 0 -0.75" size="0.05"'
+    touching = changed(
+        tmp_path, path, ('<body name="pendulum"', f"{wall}<body name='pendulum'"),
+        (bob, f'{bob} contype="1" conaffinity="1"'),
+    )  # fmt: skip
+    found = agrees(compared(touching, touching))
+    assert 0 < found.recorded.lost < len(found.recorded.runs.z)
+    assert "runs are left out" in found.notes[0]
+    # Well within the contact the motion is smooth again: the wall is a difference.
+    assert compared(touching, path).judgement.outcome is Outcome.DIFFERS

@@ -1,0 +1,84 @@
+"""`crosscheck compare` as a person uses it: exit codes, messages, the record."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.compare.asking import changed, model, written
+
+ROOT = Path(__file__).parents[2]
+
+KNOWN = """names = ["a"]
+M = [[2.0]]
+C = [[0.5]]
+K = [[40.0]]
+W = [0.0]
+step = 0.002
+method = "euler"
+claims = 1
+"""
+
+
+def crosscheck(*arguments, cwd):
+    paths = os.pathsep.join(map(str, (ROOT, ROOT / "tests" / "known_answer")))
+    return subprocess.run(
+        [sys.executable, "-m", "harness", "compare", *map(str, arguments)],
+        cwd=cwd, capture_output=True, text=True, timeout=300, check=False,
+        env={**os.environ, "PYTHONPATH": paths, "CI": "1"},
+    )  # fmt: skip
+
+
+def test_a_difference_exits_1_and_is_told_and_written(tmp_path):
+    path = model("drum_pendulum", "mujoco.xml")
+    other = changed(tmp_path / "new", path, ("0.024 0.024 0.0001", "0.024 0.024012 0.0001"))
+    done = crosscheck(path, other, "--json", "out/record.json", cwd=tmp_path)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "DIFFERS  discrepancy 1.2e-04" in done.stdout
+    assert "inertia of theta: 0.096 in A, 0.096012 in B (+0.0125 %)" in done.stdout
+    line = next(
+        i for i, text in enumerate(path.read_text().splitlines(), 1) if "0.024 0.024" in text
+    )
+    told = f"mujoco.xml:{line}  body[rod]/inertial@diaginertia[1]: 0.024 -> 0.024012"
+    assert told in done.stdout
+    assert "explains all of it" in done.stdout
+    found = json.loads((tmp_path / "out" / "record.json").read_text())
+    assert found["outcome"] == "DIFFERS"
+    assert found["models"][0]["gravity"] == [0, 0, -9.81]
+    assert found["terms"][0]["joints"] == ["theta"]
+    assert found["differences"][0]["edits"][0]["where_a"].endswith(f"mujoco.xml:{line}")
+    assert found["runs"]["count"] > found["runs"]["driven"] > 0
+
+
+def test_the_same_exits_0(tmp_path):
+    path = model("simple_pendulum", "mujoco.xml")
+    done = crosscheck(path, path, cwd=tmp_path)
+    assert (done.returncode, "AGREES" in done.stdout) == (0, True), done.stdout + done.stderr
+
+
+def test_an_engine_that_crashes_exits_3_and_is_told_with_what_it_printed(tmp_path):
+    a = written(tmp_path, "a.known", KNOWN)
+    b = written(tmp_path, "b.known", KNOWN + "[fault]\nsegfault = 1\n")
+    done = crosscheck(a, b, "--json", "record.json", cwd=tmp_path)
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert "FAILED" in done.stdout
+    assert f"{b} [known]: the engine's process died (SIGSEGV)" in done.stdout
+    found = json.loads((tmp_path / "record.json").read_text())
+    assert found["outcome"] == "FAILED"
+    assert "SIGSEGV" in found["reason"]
+
+
+def test_wrong_usage_exits_2_in_one_line(tmp_path):
+    done = crosscheck(model("simple_pendulum", "mujoco.xml"), "b.xml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "crosscheck: b.xml: there is no such file\n"
+
+
+def test_joints_without_a_match_exit_2_in_one_line(tmp_path):
+    path = model("simple_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, ('joint name="theta"', 'joint name="swing"'))
+    done = crosscheck(path, other, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "--joints theta=swing" in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,220 @@
+"""One thing made wrong in a copy: what differs is named by joint, by term and by line."""
+
+import pytest
+
+from harness.verdict import Outcome
+from tests.compare.arm import MJCF, URDF
+from tests.compare.asking import changed, compared, model, written
+
+FAULTS = (
+    # system, file, old, new, messages wanted among the terms, literal, line
+    ("mass_spring_damper", "mujoco.xml", 'mass="1.3"', 'mass="1.3000013"',
+     ("inertia of x: 1.3 in A, 1.3000013 in B (+1.0e-06)",), "body[mass]/inertial@mass"),
+    ("mass_spring_damper", "mujoco.xml", 'damping="0.9"', 'damping="0.9000009"',
+     ("damping of x: 0.9 in A, 0.9000009 in B (+1.0e-06)",), "joint[x]@damping"),
+    ("mass_spring_damper", "robot.urdf", ">47.0<", ">47.000047<",
+     ("stiffness of x: 47 in A, 47.000047 in B (+1.0e-06)",), "gazebo[x]/springStiffness"),
+    ("mass_spring_damper", "space.py", "DAMPING = 0.9", "DAMPING = 0.9000009",
+     ("damping of mass.x:", "(+1.0e-06)"), "DAMPING"),
+    ("drum_pendulum", "mujoco.xml", '"0.024 0.024 0.0001"', '"0.024 0.024000024 0.0001"',
+     ("inertia of theta: 0.096 in A, 0.096000024 in B (+2.5e-07)",),
+     "body[rod]/inertial@diaginertia[1]"),
+    ("drum_pendulum", "mujoco.xml", '"0 0 -0.3"', '"0 0 -0.3000003"',
+     ("inertia of theta: 0.096 in A, 0.096000144 in B (+1.5e-06)",
+      "inertial coupling of x and theta:", "gravity force on theta:"),
+     "body[rod]/inertial@pos[2]"),
+    ("drum_pendulum", "mujoco.xml", '0 0 -9.81"', '0 0 -9.81000981"',
+     ("gravity force on theta:",), "option@gravity[2]"),
+    ("drum_pendulum", "robot.urdf", 'izz="0.0001"', 'izz="0.0001" ', (), None),
+    ("free_pair", "robot.urdf", "damping = 0.35", "damping = 0.35000035",
+     ("damping of x1: 0.35 in A, 0.35000035 in B (+1.0e-06)",
+      "damping between x1 and x2: -0.35 in A, -0.35000035 in B (+1.0e-06)"),
+     "sidecar:spring[0]"),
+    ("anchored_pair", "mujoco.xml", '<joint joint="x1" coef="-1"/>',
+     '<joint joint="x1" coef="-1.000001"/>',
+     ("damping between x1 and x2:",), "fixed[coupling]/joint[x1]@coef"),
+)  # fmt: skip
+
+
+def single(found):
+    """What each difference of the files explains alone, by its label."""
+    return {t.edits[0].label: t for t in found.trials if len(t.edits) == 1}
+
+
+@pytest.mark.parametrize(("system", "name", "old", "new", "messages", "literal"), FAULTS)
+def test_one_literal_off_by_a_millionth_is_named(
+    tmp_path, system, name, old, new, messages, literal
+):
+    path = model(system, name)
+    engine = {".urdf": "mujoco"}.get(path.suffix)
+    other = changed(tmp_path, path, (old, new))
+    found = compared(path, other, engine, engine)
+    if literal is None:
+        assert found.judgement.outcome is Outcome.AGREES
+        return
+    assert found.judgement.outcome is Outcome.DIFFERS
+    # A millionth of a term is seen as about that, not as rounding.
+    assert 1e-9 < found.judgement.discrepancy < 1e-5
+    told = [term.message for term in found.terms]
+    for message in messages:
+        assert any(message in one for one in told), told
+    # Nothing else is accused: every term told has a share in the fault.
+    kinds = {message.partition(" ")[0] for message in messages} - {"(+1.0e-06)"}
+    assert {one.partition(" ")[0] for one in told} <= kinds | {"inertia", "inertial"}
+    assert len(told) <= max(4, len(messages))
+    (trial,) = found.trials
+    (edit,) = trial.edits
+    assert trial.explained == 1.0
+    assert edit.label == literal
+    place = path if not literal.startswith("sidecar:") else path.with_name(f"{path.name}.toml")
+    lines = place.read_text().splitlines()
+    line = int(edit.where_a.rpartition(":")[2])
+    near = lines[line - 1 : line + 3] if literal.startswith("sidecar:") else [lines[line - 1]]
+    assert any(old.split("=")[0].strip('<"> ').split()[0] in one for one in near)
+
+
+def test_of_several_differences_each_is_told_its_share(tmp_path):
+    path = model("drum_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, ('stiffness="65.0"', 'stiffness="65.0065"'),
+                    ('mass="0.8"', 'mass="0.800001"'), ('size="0.18 0.1"', 'size="0.2 0.1"'),
+                    ('timestep="0.002"', 'timestep="0.004"'))  # fmt: skip
+    found = compared(path, other)
+    alone = single(found)
+    assert 0.9 < alone["joint[x]@stiffness"].explained < 1.0
+    assert abs(alone["body[rod]/inertial@mass"].explained) < 0.1
+    assert alone["body[rod]/inertial@mass"].moved > 1e-7
+    assert alone["option@timestep"].moved == alone["body[drum]/geom@size[0]"].moved == 0.0
+    (together,) = [t for t in found.trials if len(t.edits) > 1]
+    assert (len(together.edits), together.explained) == (4, 1.0)
+
+
+def test_an_element_more_is_tried_as_a_whole(tmp_path):
+    path = model("simple_pendulum", "mujoco.xml")
+    extra = '<body name="knob" pos="0 0 -0.2"><inertial pos="0 0 0" mass="0.01"'
+    extra += ' diaginertia="1e-6 1e-6 1e-6"/></body>\n    </body>\n  </worldbody>'
+    other = changed(tmp_path, path, ("</body>\n  </worldbody>", extra))
+    (trial,) = compared(path, other).trials
+    assert (trial.explained, trial.edits[0].label) == (1.0, "body[knob]")
+    assert trial.edits[0].old == "nothing"
+    (trial,) = compared(other, path).trials
+    assert (trial.explained, trial.edits[0].new) == (1.0, "nothing")
+
+
+def test_an_attribute_more_is_tried(tmp_path):
+    path = model("simple_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" armature="1e-5"/>'))
+    for a, b in ((path, other), (other, path)):
+        found = compared(a, b)
+        assert single(found)["joint[theta]@armature"].explained == 1.0
+        assert found.terms[0].kind == "inertia"
+
+
+def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path):
+    path = model("drum_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" frictionloss="0.001"/>'))
+    found = compared(path, other)
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert [t.message for t in found.terms] == [
+        "friction on theta: 0 in A, 0.001 in B, whatever its speed"
+    ]
+    assert found.trials[0].explained > 0.99
+
+
+def test_drag_that_grows_with_the_square_of_the_speed_is_no_damping(tmp_path):
+    path = model("mass_spring_damper", "robot.urdf")
+    other = changed(tmp_path, path, ("step = 0.002", "step = 0.002\nlink_damping = 0.04"))
+    found = compared(path, other, "pybullet", "pybullet")
+    assert [t.kind for t in found.terms] == ["friction"]
+    assert "depends on the velocity, not linearly" in found.terms[0].message
+    assert found.trials[0].edits[0].label == "sidecar:settings.link_damping"
+    assert found.trials[0].explained == 1.0
+
+
+def test_gravity_that_differs_is_told_by_its_force(tmp_path):
+    path = model("simple_pendulum", "robot.urdf")
+    other = changed(tmp_path, path, ("gravity = [0, 0, -9.81]", "gravity = [0, 0, -9.80665]"))
+    found = compared(path, other, "mujoco", "pybullet")
+    assert [t.kind for t in found.terms] == ["gravity"]
+    assert found.terms[0].b / found.terms[0].a == pytest.approx(9.80665 / 9.81, rel=1e-8)
+    assert found.facts[1].gravity == (0, 0, -9.80665)
+
+
+@pytest.mark.parametrize(("old", "new", "joint"), [
+    ('<axis xyz="0.6 0.8 0"/>', '<axis xyz="-0.6 -0.8 0"/>', "elbow"),
+    ('<axis xyz="0 0 -1"/>', '<axis xyz="0 0 1"/>', "reach"),
+])  # fmt: skip
+def test_a_joint_that_turns_the_other_way_is_named(tmp_path, old, new, joint):
+    a = written(tmp_path, "arm.xml", MJCF, ('springref="0.4"', 'springref="0"'))
+    urdf = URDF.replace("Reference>0.4<", "Reference>0<").replace(
+        'lower="-0.2" upper="0.3"', 'lower="-0.3" upper="0.3"'
+    )
+    b = written(tmp_path, "arm.urdf", urdf, (old, new))
+    found = compared(a, b, engine_b="mujoco")
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.turned == (joint,)
+    assert found.left < 1e-9
+    assert not found.terms
+    mapped = compared(a, b, engine_b="mujoco", joints=f"{joint}=-{joint}")
+    assert mapped.judgement.outcome is Outcome.AGREES
+
+
+def test_a_mirror_image_does_not_tell_which_joint_is_turned(tmp_path):
+    a = model("drum_pendulum", "mujoco.xml")
+    b = changed(tmp_path, model("drum_pendulum", "robot_folded.urdf"),
+                ('<axis xyz="0 -1 0"/>', '<axis xyz="0 1 0"/>'))  # fmt: skip
+    assert compared(a, b, engine_b="mujoco").turned == ("x or theta",)
+
+
+def test_a_product_of_inertia_shows_across_formats(tmp_path):
+    a = written(tmp_path, "arm.xml", MJCF)
+    b = written(tmp_path, "arm.urdf", URDF, (
+        'izz="0.003" ixy="0"', 'izz="0.003" ixy="0.00002"'
+    ))  # fmt: skip
+    found = compared(a, b, engine_b="mujoco")
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert {t.kind for t in found.terms} == {"inertia"}
+    entries = {t.about for t in found.terms}
+    assert ("elbow",) in entries
+    # The elbow's own axis is (0.6, 0.8, 0): 2 * 0.6 * 0.8 of the product enters.
+    own = next(t for t in found.terms if t.about == ("elbow",))
+    assert own.b - own.a == pytest.approx(2 * 0.6 * 0.8 * 2e-5, rel=1e-3)
+
+
+def test_across_formats_a_constant_names_both_lines(tmp_path):
+    a = changed(tmp_path, model("drum_pendulum", "mujoco.xml"), ('mass="0.8"', 'mass="0.8001"'))
+    found = compared(a, model("drum_pendulum", "robot.urdf"), engine_b="mujoco")
+    (trial,) = found.trials
+    assert trial.explained == 1.0
+    (edit,) = trial.edits
+    assert edit.label.endswith("both m")
+    assert 'mass="0.8001"' in a.read_text().splitlines()[int(edit.where_a.split(":")[-1]) - 1]
+    assert edit.where_b.split(":")[-2].endswith("robot.urdf")
+
+
+def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path):
+    path = model("drum_pendulum", "robot.urdf")
+    line = '<mimic joint="x" multiplier="5.555555555555555" offset="0"/>'
+    other = changed(tmp_path, path, (line, ""))
+    found = compared(path, other, "pybullet", "pybullet")
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert [t.kind for t in found.terms] == ["constraint"]
+    assert "3 of the joints move by themselves in B, 2 in A" in found.terms[0].message
+
+
+def test_a_model_without_gravity_to_set_still_names_the_stiffness(tmp_path):
+    text = """names = ["a", "b"]
+M = [[2.0, 0.3], [0.3, 1.0]]
+C = [[0.5, 0.0], [0.0, 0.2]]
+K = [[40.0, -5.0], [-5.0, 30.0]]
+W = [0.0, 0.0]
+step = 0.002
+method = "euler"
+claims = 1
+"""
+    a = written(tmp_path, "a.known", text)
+    b = written(tmp_path, "b.known", text, ("-5.0], [-5.0", "-5.001], [-5.001"))
+    found = compared(a, b)
+    assert [t.message for t in found.terms] == [
+        "stiffness between a and b: -5 in A, -5.001 in B (+0.02 %)"
+    ]
+    assert found.trials == ()

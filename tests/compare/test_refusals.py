@@ -1,0 +1,120 @@
+"""What can't be compared is refused in one line, with the place and the remedy."""
+
+import numpy as np
+import pytest
+
+from harness.compare.compare import TroubleError
+from harness.compare.match import declared, match
+from harness.compare.side import CompareError, NotInstalledError, side
+from harness.sidecar import SidecarError
+from tests.compare.arm import MJCF, URDF
+from tests.compare.asking import changed, compared, model, written
+
+NONE = ({}, {})
+
+
+def test_a_renamed_joint_is_refused_with_both_lists_and_the_likeliest_partner(tmp_path):
+    path = model("drum_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, ('joint name="theta"', 'joint name="theta_2"'))
+    with pytest.raises(CompareError) as error:
+        compared(path, other)
+    assert str(error.value) == (
+        "no match for joint theta of A and joint theta_2 of B; the joints of A are x, theta; those"
+        " of B are x, theta_2; say which is which, for instance --joints theta=theta_2"
+    )
+
+
+def test_a_joint_that_the_other_model_has_locked_is_refused_by_name(tmp_path):
+    a = written(tmp_path, "arm.xml", MJCF)
+    b = written(
+        tmp_path, "arm.urdf", URDF, ('"reach" type="prismatic"', '"reach" type="fixed"'),
+        ("<springStiffness>300</springStiffness>", ""),
+    )  # fmt: skip
+    with pytest.raises(CompareError, match="joint reach of A moves on its own and has no match"):
+        compared(a, b, engine_b="mujoco")
+
+
+@pytest.mark.parametrize(("joints", "sentence"), [
+    ("theta", "'theta' is no pair; one is like"),
+    ("hip=theta", "the map names 'hip'; the joints of A are x, theta"),
+    ("theta=hip", "hip is neither a coordinate nor a constant; the joints of B are x, theta"),
+    ("theta=2+", "can't read '2\\+'"),
+])  # fmt: skip
+def test_a_map_that_cannot_be_read_is_refused(joints, sentence):
+    with pytest.raises(CompareError, match=sentence):
+        match(("x", "theta"), ("x", "theta"), declared(joints, None), NONE)
+
+
+@pytest.mark.parametrize(("text", "sentence"), [
+    ("[joints", "map.toml: can't be read"),
+    ("[coordinates]\na = 'b'", "it needs one table, \\[joints\\]"),
+])  # fmt: skip
+def test_a_map_file_that_cannot_be_read_is_refused(tmp_path, text, sentence):
+    with pytest.raises(CompareError, match=sentence):
+        declared("", written(tmp_path, "map.toml", text))
+
+
+def test_a_map_may_scale_turn_and_shift(tmp_path):
+    z, w = [[0.4, 0.7]], [[2.0, 3.0]]
+    pairs = declared("a=2*q-1, b=-r", None)
+    table = written(tmp_path, "map.toml", '[joints]\nq = "(a + 1) / 2"\nr = "-b"\n')
+    for given in (pairs, declared("", table)):
+        found = match(("a", "b"), ("q", "r"), given, NONE)
+        assert found.source == "A"
+        over = found.over(np.array(z), np.array(w))
+        assert np.allclose(over, [[[0.7, -0.7]], [[1.0, -3.0]]], atol=1e-15)
+
+
+def test_a_name_that_has_a_partner_is_not_matched_again():
+    with pytest.raises(CompareError, match="no match for joint b of A and joint a of B"):
+        match(("a", "b"), ("a", "c"), declared("a=c", None), NONE)
+
+
+def test_a_state_of_a_joint_that_is_not_there_is_refused():
+    path = model("simple_pendulum", "mujoco.xml")
+    with pytest.raises(CompareError, match=r"--start: 'phi' is no joint .* are theta"):
+        compared(path, path, starts=({"phi": 1.0},))
+
+
+@pytest.mark.parametrize(("name", "engine", "sentence"), [
+    ("nothing.xml", None, "nothing.xml: there is no such file"),
+    ("mujoco.xml", "newton", "no engine 'newton' is known; known are"),
+    ("mujoco.xml", "pybullet", "pybullet reads .urdf files alone; choose another with --engine-b"),
+    ("system.py.toml", None, "no engine reads it; they read"),
+])  # fmt: skip
+def test_a_path_or_engine_that_will_not_do_is_refused(tmp_path, name, engine, sentence):
+    changed(tmp_path, model("simple_pendulum", "mujoco.xml"))
+    (tmp_path / "system.py.toml").write_text("")
+    with pytest.raises(CompareError, match=sentence):
+        side("B", tmp_path / name, engine)
+
+
+def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch):
+    from harness.engines.pymunk import PymunkEngine
+
+    monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
+    with pytest.raises(NotInstalledError, match="pymunk would run it and is not installed"):
+        side("A", model("simple_pendulum", "space.py"), None)
+
+
+def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(tmp_path, monkeypatch):
+    from harness.engines.pybullet import PybulletEngine
+
+    path = model("simple_pendulum", "robot.urdf")
+    other = changed(tmp_path, path, ('["pybullet", "mujoco"]', '["mujoco"]'))
+    assert (side("A", path, None).engine, side("A", other, None).engine) == ("pybullet", "mujoco")
+    monkeypatch.setattr(PybulletEngine, "version", lambda _: None)
+    assert side("A", path, None).engine == "mujoco"
+
+
+def test_a_sidecar_that_cannot_be_read_is_named(tmp_path):
+    path = changed(tmp_path, model("simple_pendulum", "robot.urdf"), ("[settings]", "[settings"))
+    with pytest.raises(SidecarError, match=r"robot.urdf.toml: "):
+        side("A", path, None)
+
+
+def test_a_model_that_cannot_be_loaded_is_named_with_its_engine(tmp_path):
+    path = model("simple_pendulum", "mujoco.xml")
+    other = changed(tmp_path, path, ('mass="0.45"', 'mass="-0.45"'))
+    with pytest.raises(TroubleError, match=r"mujoco.xml: MuJoCo can't load it"):
+        compared(path, other)

@@ -1,0 +1,14 @@
+"""Two literals wrong at once, as the script draws them."""
+
+import pytest
+
+from harness.engines import engines
+from tests.diagnosis.random_pairs import campaign
+
+
+@pytest.mark.skipif(
+    any(engine.version() is None for engine in engines().values()), reason="an engine is missing"
+)
+def test_both_of_two_faults_are_named():
+    trials = campaign(5, seed=11)
+    assert all(t.named and t.explained for t in trials), [t for t in trials if not t.named]

@@ -1,0 +1,175 @@
+"""Accepting: by case or all, with a reason, in a small readable difference; known differences."""
+
+import difflib
+import json
+
+import jsonschema
+import pytest
+
+from harness import cli
+from harness.accept import AcceptError
+from harness.baseline import read_baseline
+from harness.changes import Status
+from harness.commands.codes import AGREE, DIFFER, FAIL, USAGE, exit_code
+from harness.engines.pymunk import PymunkEngine
+from harness.folders import FolderError
+from harness.results import schema
+from harness.run import Options, run
+from tests.gate.conftest import SYSTEM, nothing
+
+
+def lines_changed(before, after):
+    delta = difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=0)
+    return [line for line in delta if line[:1] in "+-" and line[:3] not in ("+++", "---")]
+
+
+def run_pymunk(repository):
+    return run([repository.folder], Options(("pymunk",), baseline=repository.baseline, jobs=2),
+               nothing)  # fmt: skip
+
+
+def test_an_entry_is_a_line_a_quantity_with_a_summary_on_top(repository):
+    text = repository.file.read_text()
+    entry = text[text.index('"mujoco.xml/free [mujoco]"') :].splitlines()
+    assert entry[1].strip().startswith('"summary": "AGREES, E ')
+    assert "raw error 0." in entry[1]
+    assert entry[2].strip() == '"reason": "first baseline",'
+    assert json.loads(text)["format"] == 1
+
+
+def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository):
+    before = repository.file.read_text()
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    found = repository.gate()
+    done = repository.accept("a new damper", "*/space.py/step", found=found)
+    assert done.cases == (f"{SYSTEM}/space.py/step [pymunk]",)
+    changed = lines_changed(before, repository.file.read_text())
+    assert 10 < len(changed) < 40
+    assert sum('"reason": "a new damper"' in line for line in changed) == 1
+    # The text is the one accepted last; the cases that were not accepted are still told.
+    assert (repository.baseline / SYSTEM / "space.py.accepted").read_text().count("0.91") == 1
+    again = repository.gate()
+    assert {c.key: c.status for c in again.changes if "space.py" in c.key} == {
+        "space.py/step [pymunk]": Status.KNOWN,
+        "space.py/free [pymunk]": Status.CHANGED,
+        "space.py/resonance [pymunk]": Status.CHANGED,
+    }
+    assert not again.passes
+
+
+def test_accepting_what_did_not_move_changes_hashes_alone_and_the_gate_rests(repository):
+    before = repository.file.read_text()
+    repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
+    assert len(repository.accept("comment").cases) == 3
+    changed = lines_changed(before, repository.file.read_text())
+    assert {line.split('"')[1] for line in changed} == {"files", "seal"}
+    assert {c.status for c in repository.gate().changes} == {Status.SAME}
+    written = repository.file.read_bytes()
+    assert repository.accept("again").cases == ()
+    assert repository.file.read_bytes() == written
+
+
+def test_a_gone_case_is_taken_out_with_its_text_and_tracks_none_needs(repository):
+    for name in ("space.py", "space.py.toml"):
+        (repository.folder / name).unlink()
+    assert len(repository.accept("not simulated in pymunk any more").cases) == 3
+    one = read_baseline(repository.baseline)[SYSTEM]
+    assert not any(key.startswith("space.py") for key in one.cases)
+    assert len(one.tracks) == 3
+    assert not list((repository.baseline / SYSTEM).glob("space.py*"))
+    assert repository.gate().passes
+
+
+def test_a_failed_case_can_t_be_accepted_and_nothing_is_written(repository):
+    before = repository.file.read_bytes()
+    repository.edit("mujoco.xml", "<worldbody>", "<worldbody")
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    found = repository.gate()
+    with pytest.raises(AcceptError, match=r"mujoco\.xml/free \[mujoco\] can't be accepted: FAILED"):
+        repository.accept("all of it", found=found)
+    assert repository.file.read_bytes() == before
+    assert len(repository.accept("the damper", "*/space.py/*", found=found).cases) == 3
+
+
+def test_a_pattern_that_matches_no_case_is_refused(repository):
+    with pytest.raises(FolderError, match="no case matches 'mujoko"):
+        repository.accept("typing", "mujoko.xml/*")
+
+
+def test_cases_of_an_absent_engine_keep_what_was_accepted(repository, monkeypatch):
+    monkeypatch.setattr(PymunkEngine, "version", lambda self: None)
+    repository.edit("mujoco.xml", '"47.0"', '"48.0"')
+    before = read_baseline(repository.baseline)[SYSTEM].cases
+    done = repository.accept("stiffer")
+    assert len(done.left) == 3
+    after = read_baseline(repository.baseline)[SYSTEM].cases
+    assert {key for key in before if before[key] != after[key]} == {
+        f"mujoco.xml/{name} [mujoco]" for name in ("free", "step", "resonance")
+    }
+
+
+def test_a_known_difference_passes_until_it_changes(repository):
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    repository.accept("the real damper")
+    found = repository.gate()
+    assert {c.status for c in found.changes if "space.py" in c.key} == {Status.KNOWN}
+    assert found.passes
+    known = run_pymunk(repository)
+    jsonschema.validate(known, schema())
+    assert {case["outcome"] for case in known["cases"]} == {"DIFFERS"}
+    assert {case["accepted"] for case in known["cases"]} == {"the real damper"}
+    assert exit_code(known, False) == AGREE
+
+    repository.edit("space.py", "DAMPING = 0.91 ", "DAMPING = 0.9100001 ")
+    changed = run_pymunk(repository)
+    assert not any("accepted" in case for case in changed["cases"])
+    assert (
+        "was accepted here (the real damper), but the model's motion moved by"
+        in (changed["cases"][0]["reason"])
+    )
+    assert exit_code(changed, False) == DIFFER
+    assert not repository.gate().passes
+
+
+def test_a_known_difference_that_is_mended_is_an_improvement(repository):
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    repository.accept("for now", "*/space.py/*")
+    repository.edit("space.py", "DAMPING = 0.91 ", "DAMPING = 0.9 ")
+    found = repository.gate()
+    assert {c.status for c in found.changes if "space.py" in c.key} == {Status.IMPROVED}
+    assert found.passes
+
+
+@pytest.mark.parametrize(("arguments", "environment", "code", "sentence"), [
+    (["--reason", "why not"], {"CI": "true"}, USAGE, "refused in CI"),
+    (["--reason", "why not"], {"GITHUB_ACTIONS": "true"}, USAGE, "refused in CI"),
+    (["--reason", "  "], {}, USAGE, "--reason is empty"),
+])  # fmt: skip
+def test_accept_is_a_persons_decision_with_a_reason(
+    repository, monkeypatch, capsys, arguments, environment, code, sentence
+):
+    monkeypatch.chdir(repository.root)
+    for name in ("CI", "GITHUB_ACTIONS"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    before = repository.file.read_bytes()
+    assert cli.main(["accept", *arguments]) == code
+    assert sentence in capsys.readouterr().err
+    assert repository.file.read_bytes() == before
+
+
+def test_accept_and_gate_work_from_the_command_line(repository, monkeypatch, capsys):
+    monkeypatch.chdir(repository.root)
+    for name in ("CI", "GITHUB_ACTIONS"):
+        monkeypatch.delenv(name, raising=False)
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    assert cli.main(["gate"]) == DIFFER
+    assert "space.py:7: DAMPING 0.9 -> 0.91, bound to c" in capsys.readouterr().out
+    assert cli.main(["accept", "--reason", "a new damper", "*/space.py/*"]) == AGREE
+    assert f"accepted {SYSTEM}/space.py/free [pymunk]" in capsys.readouterr().out
+    assert cli.main(["gate"]) == AGREE
+    assert "3 known difference, 9 as accepted; 0 run" in capsys.readouterr().out
+    assert cli.main(["accept", "--reason", "x", "nothing/*"]) == USAGE
+    repository.edit("mujoco.xml", "<worldbody>", "<worldbody")
+    assert cli.main(["accept", "--reason", "all"]) == FAIL

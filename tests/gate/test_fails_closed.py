@@ -1,0 +1,192 @@
+"""Whatever goes wrong, the gate does not pass, and what was accepted is still there."""
+
+import errno
+import itertools
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import harness.gate as gating
+from harness import cli
+from harness.baseline import BaselineError, read_baseline
+from harness.commands.codes import AGREE, FAIL
+from harness.engines.pymunk import PymunkEngine
+from tests.gate.conftest import SYSTEM
+
+
+@pytest.fixture
+def gate(repository, monkeypatch):
+    """`crosscheck gate` in the repository: its exit code."""
+    monkeypatch.chdir(repository.root)
+    return lambda *arguments: cli.main(["gate", *arguments])
+
+
+def contents(repository):
+    """Every file of the baseline."""
+    return {path: path.read_bytes() for path in repository.baseline.rglob("*") if path.is_file()}
+
+
+def flip(text, after):
+    """One digit of the number after a key, changed."""
+    place = text.index(after) + len(after)
+    while not text[place].isdigit():
+        place += 1
+    return text[:place] + ("1" if text[place] != "1" else "2") + text[place + 1 :]
+
+
+@pytest.mark.parametrize(("damage", "sentence"), [
+    (lambda text: text[: len(text) // 2], "no JSON"),
+    (lambda text: "", "no JSON"),
+    (lambda text: f"<<<<<<< HEAD\n{text}", "no JSON"),
+    (lambda text: text.replace('"format": 1', '"format": 2'), "no baseline of format 1"),
+    (lambda text: flip(text, '"end": '), "does not say what was accepted"),
+    (lambda text: flip(text, '"start": '), "does not say what was accepted"),
+    (lambda text: text.replace('"outcome": "AGREES"', '"outcome": "DIFFERS"', 1),
+     "does not say what was accepted"),
+    (lambda text: text.replace('"scenarios": ["free", ', '"scenarios": ['),
+     "does not say what was accepted"),
+    (lambda text: text.replace('"cases"', '"causes"'), "is not whole"),
+    (lambda text: text.replace("0.", "NaN, 0.", 1), "NaN is no number"),
+    (lambda text: "[" * 100_000, "no JSON"),
+    (lambda text: "null", "no baseline of format 1"),
+])  # fmt: skip
+def test_a_damaged_baseline_is_told_and_never_passes(repository, gate, capsys, damage, sentence):
+    text = repository.file.read_text()
+    damaged = damage(text)
+    assert damaged != text
+    repository.file.write_text(damaged)
+    assert gate() == FAIL
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert f"{SYSTEM}.json" in error
+
+
+def test_a_run_does_not_believe_a_damaged_baseline_either(repository, gate):
+    repository.file.write_text("{")
+    assert cli.main(["run", str(repository.folder), "--engine", "pymunk"]) == FAIL
+
+
+def test_a_baseline_that_is_a_file_or_holds_bytes_is_refused(repository):
+    repository.file.write_bytes(b"\xff\xfe")
+    with pytest.raises(BaselineError, match="no JSON"):
+        read_baseline(repository.baseline)
+    with pytest.raises(BaselineError, match="is no folder"):
+        read_baseline(repository.file)
+
+
+def test_no_baseline_at_all_is_no_pass(repository, gate, capsys):
+    repository.file.unlink()
+    assert gate("models", "--engine", "pymunk") != AGREE
+    out = capsys.readouterr().out
+    assert "3 new" in out
+    assert "nothing is accepted in reports/baseline yet" in out
+
+
+def test_an_accepted_text_that_was_changed_is_not_shown_as_the_accepted_one(repository):
+    (repository.baseline / SYSTEM / "space.py.accepted").write_text("DAMPING = 5.0\n")
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    found = repository.gate()
+    assert not found.passes
+    told = [spot.said for story in found.stories for spot in story.spots]
+    assert told == ["changed; the accepted text is not kept, so no lines are told"]
+
+
+def test_a_file_that_can_t_be_opened_is_named(repository, gate, capsys, monkeypatch):
+    real = Path.read_bytes
+
+    def refuse(self):
+        if self.name == "robot.urdf":
+            raise PermissionError(errno.EACCES, "Permission denied", str(self))
+        return real(self)
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    assert gate() == FAIL
+    assert "robot.urdf: Permission denied" in capsys.readouterr().err
+
+
+def test_a_missing_engine_exits_3(repository, gate, monkeypatch, capsys):
+    monkeypatch.setattr(PymunkEngine, "version", lambda self: None)
+    assert gate() == FAIL
+    assert "ABSENT: pymunk is not installed" in capsys.readouterr().out
+
+
+def test_a_full_disk_under_the_gates_own_files_is_no_pass(repository, gate, monkeypatch, capsys):
+    def full(_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    assert gate() == AGREE
+    monkeypatch.setattr(os, "fsync", full)
+    assert gate() == FAIL
+    assert "No space left" in capsys.readouterr().err
+
+
+def test_a_summary_that_can_t_be_written_is_no_pass(repository, gate, monkeypatch):
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", "/dev/full")
+    assert gate() == FAIL
+
+
+def test_a_full_disk_while_accepting_leaves_the_old_baseline(repository, monkeypatch):
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    repository.edit("space.py.toml", "# A Space", "# A space")
+    found = repository.gate()
+    before = contents(repository)
+    real = os.fsync
+    # Two texts and the entries are to be written.
+    for fails_at in (1, 2, 3):
+        count = itertools.count(1)
+
+        def full(handle, count=count, fails_at=fails_at):
+            if next(count) == fails_at:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            real(handle)
+
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="No space left"):
+            repository.accept("more", found=found)
+        assert contents(repository) == before
+    monkeypatch.setattr(os, "fsync", real)
+    assert len(repository.accept("more", found=found).files) == 3
+
+
+def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository):
+    before = contents(repository)
+    repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
+    root = Path(cli.__file__).parents[1]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "harness", "gate"], cwd=repository.root,
+        env={**os.environ, "PYTHONPATH": str(root)}, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    time.sleep(1.0)
+    os.killpg(process.pid, signal.SIGKILL)
+    assert process.wait() != 0
+    assert contents(repository) == before
+
+
+def test_a_file_that_changes_while_it_is_run_is_no_pass(repository, monkeypatch):
+    repository.edit("space.py", "MASS = 1.3  # kg", "MASS = 1.3  # kilograms")
+    real = gating._run
+
+    def meanwhile(*arguments):
+        found = real(*arguments)
+        repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+        return found
+
+    monkeypatch.setattr(gating, "_run", meanwhile)
+    found = repository.gate()
+    assert not found.passes
+    assert {c.told[0] for c in found.changes if c.record is not None} == {
+        "its files changed while it was run; run it again"
+    }
+
+
+def test_two_folders_of_one_system_are_refused(repository, gate, capsys):
+    shutil.copytree(repository.folder, repository.folder.parent / "copy")
+    assert gate("models") != AGREE
+    assert "both hold the system 'mass_spring_damper'" in capsys.readouterr().err

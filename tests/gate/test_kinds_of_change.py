@@ -1,0 +1,293 @@
+"""Kinds of change to a system and its models, each told for what it is."""
+
+import os
+import shutil
+from dataclasses import replace
+
+import pytest
+
+from harness.baseline import read_baseline, write_baseline
+from harness.changes import Status
+from harness.engines.pymunk import PymunkEngine
+from harness.folders import builtin
+from tests.gate.conftest import SYSTEM, Repository
+
+CHANGED, WITHIN, IMPROVED = Status.CHANGED, Status.WITHIN, Status.IMPROVED
+NOT_RUN, NEW, GONE, SAME = Status.NOT_RUN, Status.NEW, Status.GONE, Status.SAME
+FREE = "mass_spring_damper/mujoco.xml/free [mujoco]"
+
+
+def seen(found, model):
+    """Statuses and kinds of the cases of a model, and all that was told of them."""
+    mine = [c for c in found.changes if c.key.startswith(f"{model}/")]
+    told = " | ".join(sentence for c in mine for sentence in c.told)
+    return {c.status for c in mine}, {kind for c in mine for kind in c.kinds}, told
+
+
+def spots(found):
+    """All that was told of files, with the line."""
+    return [f"{s.file.name}:{s.line} {s.said}" for story in found.stories for s in story.spots]
+
+
+MODEL_CHANGES = [
+    # What moves nothing.
+    ("a comment in MJCF", "mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>",
+     WITHIN, {"text"}, ""),
+    ("whitespace in MJCF", "mujoco.xml", "  <worldbody>", "\n\n      <worldbody   >",
+     WITHIN, {"text"}, ""),
+    ("a number written otherwise", "robot.urdf", ">47.0<", ">4.7e1<", WITHIN, {"text"}, ""),
+    ("formatting of a URDF", "robot.urdf", '<axis xyz="1 0 0"/>', "<axis\n xyz='1 0 0' />",
+     WITHIN, {"text"}, ""),
+    ("a comment in Python", "space.py", "MASS = 1.3  # kg", "MASS = 1.3  # kilograms",
+     WITHIN, {"text"}, ""),
+    ("Python formatted", "space.py", "space.add(mass,", "space.add(\n        mass,",
+     WITHIN, {"text"}, ""),
+    ("a comment in a sidecar", "space.py.toml", "# A Space", "# Note that a Space",
+     WITHIN, {"text"}, ""),
+    ("a geom that carries no mass", "mujoco.xml", 'size="0.15 0.15 0.15"', 'size="0.2 0.1 0.1"',
+     WITHIN, {"text"}, ""),
+    ("a visual shape", "robot.urdf", 'size="0.3 0.3 0.3"', 'size="0.1 0.3 0.3"',
+     WITHIN, {"text"}, ""),
+    ("the name of a geom", "mujoco.xml", 'name="piston"', 'name="rod"', WITHIN, {"text"}, ""),
+    ("the name of a Python variable", "space.py", "STIFFNESS, DAMPING\n",
+     "STIFFNESS, damping=DAMPING\n", WITHIN, {"text"}, ""),
+    ("a literal without effect", "mujoco.xml", 'diaginertia="0.0195', 'diaginertia="0.02',
+     WITHIN, {"text"}, ""),
+    ("a solver that has nothing to solve", "mujoco.xml", 'jacobian="dense"', 'iterations="7"',
+     WITHIN, {"text"}, ""),
+    # What moves the model.
+    ("a constant by 1e-6 in MJCF", "mujoco.xml", '"47.0"', '"47.000047"',
+     CHANGED, {"model"}, "the motion says k 47 -> 47.000047"),
+    ("a constant by 1 % in a URDF", "robot.urdf", 'mass value="1.3"', 'mass value="1.313"',
+     CHANGED, {"model"}, "the motion says m 1.3 -> 1.313"),
+    ("a constant by 1e-6 in Python", "space.py", "DAMPING = 0.9 ", "DAMPING = 0.9000009 ",
+     CHANGED, {"model"}, "DIFFERS where it was AGREES"),
+    ("a mirrored axis, which no motion shows", "mujoco.xml", 'axis="1 0 0"', 'axis="-1 0 0"',
+     WITHIN, {"text"}, ""),
+    ("a tilted axis", "mujoco.xml", 'axis="1 0 0"', 'axis="1 0 0.01"', CHANGED, {"model"}, ""),
+    ("an armature", "mujoco.xml", 'springref="0"', 'springref="0" armature="0.1"',
+     CHANGED, {"model"}, "the model's motion moved"),
+    ("a rest position", "mujoco.xml", 'springref="0"', 'springref="0.01"', CHANGED, {"model"}, ""),
+    # What changes the numbers alone.
+    ("a coarser step", "mujoco.xml", 'timestep="0.002"', 'timestep="0.004"',
+     CHANGED, {"numbers"}, "step 0.002 s -> 0.004 s"),
+    ("a finer step", "mujoco.xml", 'timestep="0.002"', 'timestep="0.001"',
+     IMPROVED, {"numbers"}, "step 0.002 s -> 0.001 s"),
+    ("a finer step in a sidecar", "space.py.toml", "step = 0.002", "step = 0.001",
+     IMPROVED, {"numbers"}, "raw error"),
+    # RK4 gains nothing where a force is held over each step: that one case is a little worse.
+    ("an integrator of higher order", "mujoco.xml", '"Euler"', '"RK4"',
+     {IMPROVED, CHANGED}, {"numbers"}, "claimed order 1 -> 4"),
+    ("an integrator that is as good", "mujoco.xml", '"Euler"', '"implicitfast"',
+     WITHIN, {"numbers"}, "integrator euler -> implicitfast"),
+    # What can't run is no pass.
+    ("an added joint", "mujoco.xml", "<inertial pos", '<joint name="y" axis="0 1 0"/><inertial pos',
+     NOT_RUN, set(), "y: is no coordinate"),
+    ("a renamed joint", "mujoco.xml", 'joint name="x"', 'joint name="slide"',
+     NOT_RUN, set(), "slide: is no coordinate"),
+    ("broken XML", "mujoco.xml", "<worldbody>", "<worldbody", NOT_RUN, set(), "FAILED"),
+    ("an unknown key in a sidecar", "mujoco.xml.toml", "engines", "motors",
+     NOT_RUN, set(), "unknown key 'motors'"),
+]  # fmt: skip
+
+
+def copied(index, name):
+    """Name of the copy of a model file, or of its sidecar, that a row of the table changes."""
+    return f"copy{index}_{name}"
+
+
+@pytest.fixture(scope="module")
+def changed(pristine, tmp_path_factory):
+    """Every row in a copy of its model, in one system, gated at once.
+
+    What was accepted of a model is written down for its copies as it is: they are the same.
+    """
+    repository = Repository(tmp_path_factory.mktemp("changed"))
+    repository.folder.mkdir(parents=True)
+    shutil.copy(pristine.folder / "system.py", repository.folder)
+    cases, texts = {}, {}
+    accepted = read_baseline(pristine.baseline)[SYSTEM]
+    for index, (_, name, *_) in enumerate(MODEL_CHANGES):
+        model = name.removesuffix(".toml")
+        for each in (model, f"{model}.toml"):
+            shutil.copy(pristine.folder / each, repository.folder / copied(index, each))
+            texts[SYSTEM, copied(index, each)] = (pristine.folder / each).read_bytes()
+        for key, entry in accepted.cases.items():
+            if key.startswith(f"{model}/"):
+                files = {
+                    each if each == "system.py" else copied(index, each): value
+                    for each, value in entry["files"].items()
+                }
+                cases[copied(index, key)] = entry | {"files": files}
+    write_baseline(repository.baseline, [replace(accepted, cases=cases)], texts)
+    assert {c.status for c in repository.gate().changes} == {SAME}
+    for index, (_, name, old, new, *_) in enumerate(MODEL_CHANGES):
+        repository.edit(copied(index, name), old, new)
+    return repository.gate()
+
+
+@pytest.mark.parametrize(
+    ("index", "name", "status", "kinds", "told"),
+    [(i, row[1], *row[4:]) for i, row in enumerate(MODEL_CHANGES)],
+    ids=[row[0] for row in MODEL_CHANGES],
+)  # fmt: skip
+def test_a_change_of_a_model_file_is_told_for_what_it_is(changed, index, name, status, kinds, told):
+    model = copied(index, name).removesuffix(".toml")
+    statuses, seen_kinds, sentences = seen(changed, model)
+    assert statuses == (status if isinstance(status, set) else {status}), sentences
+    assert seen_kinds == kinds
+    assert told in sentences
+
+
+def test_a_change_of_one_model_file_runs_its_cases_alone(repository):
+    repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
+    found = repository.gate()
+    assert {c.key.split("/")[0] for c in found.changes if c.record is not None} == {"mujoco.xml"}
+    assert {c.status for c in found.changes if c.record is None} == {SAME}
+    assert found.passes
+
+
+def test_a_changed_literal_is_named_with_its_line_and_what_it_stands_for(repository):
+    repository.edit("mujoco.xml", '"47.0"', '"47.05"')
+    line = repository.folder.joinpath("mujoco.xml").read_text().split("47.05")[0].count("\n") + 1
+    found = repository.gate()
+    assert f"mujoco.xml:{line} joint[x]@stiffness 47.0 -> 47.05, bound to k" in spots(found)
+
+
+def test_line_ends_are_no_change(repository):
+    path = repository.folder / "mujoco.xml"
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    assert {c.status for c in repository.gate().changes} == {SAME}
+
+
+SYSTEM_CHANGES = [
+    ("a comment", '"spring stiffness"', '"stiffness of the spring"', WITHIN, {"text"}, ""),
+    ("a constant by 1e-6", '"k", 47.0', '"k", 47.000047', CHANGED, {"equations"},
+     "DIFFERS where it was AGREES"),
+    ("an equation", "D=c * x.v**2 / 2", "D=c * x.v**2 * Rational(501, 1000)", CHANGED,
+     {"equations"}, "the equations' motion moved"),
+    ("a start", "q={x: 0.25}", "q={x: 0.3}", CHANGED, {"scenario"}, "the scenario is another"),
+    ("a duration", "duration=16.0", "duration=17.0", CHANGED, {"scenario"},
+     "duration 16 s -> 17 s"),
+    ("an input", "1.5 * sin(5.9 * t)", "1.4 * sin(5.9 * t)", CHANGED, {"scenario"},
+     "input f = 1.5*sin(5.9*t) -> f = 1.4*sin(5.9*t)"),
+    ("a scenario's name", 'Scenario("free"', 'Scenario("released"', CHANGED, set(), ""),
+    ("broken code", "T=m * x.v", "T=m * y.v", NOT_RUN, set(), "NameError: name 'y'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "status", "kinds", "told"),
+    [row[1:] for row in SYSTEM_CHANGES], ids=[row[0] for row in SYSTEM_CHANGES],
+)  # fmt: skip
+def test_a_change_of_the_declaration_is_told_for_what_it_is(
+    repository, old, new, status, kinds, told
+):
+    repository.edit("system.py", old, new)
+    found = repository.gate("pymunk")
+    statuses = {c.status for c in found.changes}
+    if "released" in new:
+        assert {(c.key, c.status) for c in found.of(NEW, GONE)} == {
+            ("space.py/released [pymunk]", NEW), ("space.py/free [pymunk]", GONE),
+        }  # fmt: skip
+        return
+    assert status in statuses
+    assert statuses <= {status, WITHIN}
+    assert {kind for c in found.of(status) for kind in c.kinds} == kinds
+    assert told in " | ".join(sentence for c in found.changes for sentence in c.told)
+    assert found.passes == status.passes
+
+
+def test_model_and_equations_changed_alike_are_both_told_and_agree(repository):
+    repository.edit("system.py", '"k", 47.0', '"k", 48.0')
+    repository.edit("space.py", "STIFFNESS = 47.0", "STIFFNESS = 48.0")
+    found = repository.gate("pymunk")
+    _, kinds, told = seen(found, "space.py")
+    assert kinds == {"model", "equations"}
+    assert "model and equations changed alike: they agree" in told
+    assert "the motion says k 47 -> 48" in told
+    assert "DIFFERS" not in told
+    assert {c.status for c in found.changes} == {CHANGED}
+
+
+def test_another_engine_version_with_the_same_motion_passes_and_is_told(repository, monkeypatch):
+    monkeypatch.setattr(PymunkEngine, "version", lambda self: "99.0")
+    found = repository.gate()
+    statuses, kinds, told = seen(found, "space.py")
+    assert statuses == {WITHIN}
+    assert kinds == {"engine"}
+    assert "another engine: pymunk 99.0 where it was pymunk 7" in told
+    assert found.passes
+    assert {c.status for c in found.changes if "pymunk" not in c.key} == {SAME}
+
+
+def test_an_engine_that_is_not_installed_is_no_pass(repository, monkeypatch):
+    monkeypatch.setattr(PymunkEngine, "version", lambda self: None)
+    found = repository.gate()
+    assert seen(found, "space.py")[0] == {NOT_RUN}
+    assert not found.passes
+
+
+def test_files_that_go_or_come_are_told(repository):
+    folder = repository.folder
+    (folder / "space.py").unlink()
+    (folder / "space.py.toml").unlink()
+    (folder / "robot.urdf.toml").unlink()
+    shutil.copy(folder / "mujoco.xml", folder / "second.xml")
+    shutil.copy(folder / "mujoco.xml.toml", folder / "second.xml.toml")
+    found = repository.gate()
+    assert seen(found, "space.py")[0] == {GONE}
+    assert seen(found, "second.xml")[0] == {NEW}
+    assert seen(found, "robot.urdf")[0] == {NOT_RUN}
+    assert seen(found, "mujoco.xml")[0] == {WITHIN}  # a file beside it came
+
+
+def test_a_model_file_deleted_from_beside_its_sidecar_could_not_run(repository):
+    (repository.folder / "space.py").unlink()
+    found = repository.gate()
+    assert seen(found, "space.py")[0] == {NOT_RUN}
+
+
+def test_a_system_that_is_gone_is_told_unless_others_were_asked_for(repository):
+    shutil.rmtree(repository.folder)
+    found = repository.gate()
+    assert {c.status for c in found.changes} == {GONE}
+    assert len(found.changes) == 12
+    parents = repository.gate(parents=(repository.root / "models",))
+    assert {c.status for c in parents.changes} == {GONE}
+    assert repository.gate(parents=()).changes == ()
+    assert not repository.gate(parents=()).passes
+
+
+def test_solver_settings_that_soften_a_constraint_move_the_model(repository):
+    folder = repository.root / "models" / "drum_pendulum"
+    shutil.copytree(builtin() / "drum_pendulum", folder)
+    for path in folder.iterdir():
+        if path.name.startswith(("robot", "space", "mujoco.xml")):
+            path.unlink() if path.is_file() else shutil.rmtree(path)
+    repository.accept("first baseline")
+    path = folder / "mujoco_rolling.xml"
+    path.write_text(path.read_text().replace('solref="1e-6 0.5"', 'solref="0.02 1"'))
+    found = repository.gate()
+    statuses, kinds, _ = seen(found, "mujoco_rolling.xml")
+    assert statuses == {CHANGED}
+    assert "model" in kinds
+
+
+def test_a_file_that_a_model_includes_is_one_that_it_depends_on(repository):
+    folder = repository.folder
+    shared = repository.root / "shared"
+    shared.mkdir()
+    (shared / "size.xml").write_text("<mujoco><size memory='2M'/></mujoco>")
+    repository.edit(
+        "mujoco.xml", "<worldbody>", '<include file="../../shared/size.xml"/><worldbody>'
+    )
+    assert "could not run" not in {c.status for c in repository.gate().changes}
+    repository.accept("with an include")
+    assert {c.status for c in repository.gate().changes} == {SAME}
+    (shared / "size.xml").write_text("<mujoco><size memory='3M'/></mujoco>")
+    found = repository.gate()
+    assert seen(found, "mujoco.xml")[0] == {WITHIN}
+    assert seen(found, "robot.urdf")[0] == {SAME}
+    assert any(os.path.basename(s.name) == "size.xml" for s in found.stories)
+    assert folder.is_dir()

@@ -1,0 +1,87 @@
+"""What a run says of the baseline: known differences, and what changed since."""
+
+import shutil
+
+import jsonschema
+import pytest
+
+from harness.commands.accept import add, main
+from harness.engines import engines
+from harness.folders import builtin
+from harness.results import schema
+from harness.run import Options, run
+from harness.table import print_results
+
+pytestmark = pytest.mark.skipif(
+    engines()["mujoco"].version() is None, reason="mujoco is not installed"
+)
+
+
+def silent(*_):
+    pass
+
+
+@pytest.fixture(scope="module")
+def repository(tmp_path_factory):
+    """A system with a model that agrees, accepted; then its step, a mass and a file are changed."""
+    import argparse
+
+    from rich.console import Console
+
+    home = tmp_path_factory.mktemp("home")
+    folder = home / "mass_spring_damper"
+    shutil.copytree(builtin() / "mass_spring_damper", folder)
+    (folder / "space.py").unlink()
+    (folder / "space.py.toml").unlink()
+    parser = argparse.ArgumentParser()
+    add(parser)
+    place = home / "baseline"
+    given = ["--reason", "first", "--folder", str(folder), "--engine", "mujoco"]
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("CI", "GITHUB_ACTIONS"):
+            patch.delenv(name, raising=False)
+        assert main(parser.parse_args([*given, "--baseline", str(place)])) == 0
+    options = Options(("mujoco",), jobs=2, baseline=place)
+    same = run([folder], options, silent)
+    for name, old, new in (
+        ("mujoco.xml", 'timestep="0.002"', 'timestep="0.001"'),
+        ("robot.urdf.toml", "step = 0.002", "step = 0.004"),
+    ):
+        text = (folder / name).read_text()
+        assert old in text
+        (folder / name).write_text(text.replace(old, new))
+    changed = run([folder], options, silent)
+    for name in ("robot.urdf", "robot.urdf.toml"):
+        (folder / name).unlink()
+    gone = run([folder], options, silent)
+    console = Console(record=True, width=200)
+    print_results(console, changed)
+    return same, changed, gone, console.export_text()
+
+
+def test_nothing_is_told_where_nothing_changed(repository):
+    same = repository[0]
+    assert same["baseline"]["changes"] == []
+    assert not any("measured" in case for case in same["cases"])
+    jsonschema.validate(same, schema())
+
+
+def test_a_better_and_a_worse_step_are_told_apart(repository):
+    changed = repository[1]
+    jsonschema.validate(changed, schema())
+    kinds = {(c["model"], c["kind"]) for c in changed["baseline"]["changes"]}
+    assert kinds == {("mujoco.xml", "improvement"), ("robot.urdf", "regression")}
+    assert all("step 0.002 s -> " in c["message"] for c in changed["baseline"]["changes"])
+
+
+def test_what_is_gone_is_told(repository):
+    gone = repository[2]
+    missing = [c for c in gone["baseline"]["changes"] if c["kind"] == "missing"]
+    assert {c["model"] for c in missing} == {"robot.urdf"}
+    assert len(missing) == 3
+
+
+def test_the_terminal_lists_what_changed(repository):
+    text = repository[3]
+    assert "since " in text
+    assert "regression  mass_spring_damper/robot.urdf/free [mujoco]: step 0.002 s" in text
