@@ -1,12 +1,15 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
-from harness.report import render
+from harness.report import render, write_report
+from tests.report.chromium import Browser, Tab, running
 from tests.report.page import Page
 from tests.report.samples import mixed, results
+from tests.report.steps import sound
 
 
 @pytest.fixture(scope="session")
@@ -27,3 +30,23 @@ def page(agreeing: dict[str, Any]) -> Page:
 @pytest.fixture(scope="session")
 def troubled_page(troubled: dict[str, Any]) -> Page:
     return Page(render(troubled))
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with running(tmp_path_factory.mktemp("browser")) as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def address(tmp_path_factory: pytest.TempPathFactory, troubled: dict[str, Any]) -> str:
+    path = tmp_path_factory.mktemp("report") / "index.html"
+    write_report(path, troubled)
+    return path.as_uri()
+
+
+@pytest.fixture
+def tab(browser: Browser, address: str) -> Iterator[Tab]:
+    with browser.tab() as tab:
+        yield tab
+        sound(tab, address)

@@ -53,6 +53,20 @@ async function build(box) {
   }
   clock.set(0);
   box.dataset.built = `${charts.length} plots`;
+  drawRest(box);
+}
+
+const IDLE = 1500;
+
+/** Draw what is not near either, once the reader has had time to look: for paper, and for search. */
+function drawRest(box) {
+  const next = async () => {
+    const element = [...waiting.keys()].find((each) => box.contains(each));
+    if (!element || !box.closest(".view").classList.contains("current")) return;
+    await waiting.get(element)();
+    setTimeout(next, 30);
+  };
+  setTimeout(next, IDLE);
 }
 
 async function figure(id, chart, clock) {
@@ -69,6 +83,7 @@ async function figure(id, chart, clock) {
     waiting.delete(element);
     near.unobserve(element);
     canvas.replaceChildren();
+    canvas.dataset.scheme = dark.matches ? "dark" : "light";
     state.range = chart.over_time ? clock.range() : null;
     state.view = await plot(content, canvas, state.range);
     if (chart.over_time) state.place = follow(canvas, state.view, clock);

@@ -7,6 +7,7 @@ const OTHERS = [GREEN, PURPLE, ORANGE, BLUE];
 const DASHES = [[], [8, 3], [2, 2], [8, 3, 2, 3], [12, 4], [4, 4, 1, 4]];
 const MARKERS = ["circle", "square", "triangle", "diamond", "inverted_triangle", "hex"];
 
+const dark = matchMedia("(prefers-color-scheme: dark)");
 const ink = (name) => getComputedStyle(page).getPropertyValue(name).trim();
 const pick = (list, place) => list[place % list.length];
 const line = (color, width, dash = [], alpha = 1) => ({

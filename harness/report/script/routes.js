@@ -29,6 +29,6 @@ function route() {
 
 function opened(view) {
   for (const box of view.querySelectorAll("[data-pack]")) {
-    if (!box.dataset.built) build(box);
+    if (box.dataset.built) drawRest(box); else build(box);
   }
 }

@@ -7,7 +7,9 @@ addEventListener("DOMContentLoaded", () => {
     if (link && link.hash === location.hash) route();
   });
   // Plots have the page's colours in them, light or dark.
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  dark.addEventListener("change", () => {
+    // Paper is light, and there is no time to draw again for it.
+    if (matchMedia("print").matches) return;
     for (const element of document.querySelectorAll("figure[data-drawn]")) element.rest();
   });
   page.dataset.ready = "yes";

@@ -1,0 +1,53 @@
+"""What the browser's tests share: where things are on the page of the samples, and steps on it."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.report.chromium import CHROMIUM, NAMES, Tab
+
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason=f"no browser found: {', '.join(NAMES)}")
+
+CASE = "case-system_0/mujoco.xml/mujoco/free"
+BOTH = "case-system_1/robot.urdf/pybullet/driven"
+SYSTEM, DIAGNOSIS = "system-system_0", "diagnosis-system_0/mujoco.xml/mujoco"
+TALL = 5000
+"""A window in which every plot of a case is near: plots are drawn when they come near."""
+
+BUILT = """(() => {
+  const boxes = [...document.querySelectorAll(".view.current [data-pack]")];
+  const figures = [...document.querySelectorAll(".view.current figure:has(.plot)")];
+  return boxes.every((box) => /plots/.test(box.dataset.built ?? ""))
+    && figures.every((figure) => figure.dataset.drawn);
+})()"""
+"""Whether everything in the view is drawn."""
+
+PLOTS = "[...Bokeh.index].filter((view) => view.frame)"
+
+
+def sound(tab: Tab, address: str) -> None:
+    """Nothing went wrong, and nothing was asked for but the page itself."""
+    assert tab.problems == []
+    # Bokeh's icons are in its style sheets: `data:` addresses, which ask nobody.
+    asked = {r.partition("#")[0] for r in tab.requests if not r.startswith("data:")}
+    assert asked <= {address}
+    assert tab.run("document.documentElement.dataset.errors") is None
+    assert tab.run("document.documentElement.dataset.blocked") is None
+
+
+def shown(tab: Tab) -> list[str]:
+    return tab.run("[...document.querySelectorAll('.view')].filter(v => v.checkVisibility())"
+                   ".map(v => v.id)")  # fmt: skip
+
+
+def rows(tab: Tab) -> list[str]:
+    script = "[...document.querySelectorAll('#cases tbody tr:not([hidden])')].map(r => r.innerText)"
+    return tab.run(script)
+
+
+def look(tab: Tab) -> None:
+    """Scroll to the first plot, if there is one, and wait until it is drawn."""
+    if tab.run("document.querySelector('.view.current [data-pack]') !== null"):
+        tab.until("document.querySelector('.view.current figure:has(.plot)')")
+        tab.run("document.querySelector('.view.current .plot').scrollIntoView()")
+        tab.until("document.querySelector('.view.current [data-drawn]')")

@@ -1,0 +1,136 @@
+"""How the page looks in a browser: dark, narrow, on paper, without scripts, and under attack."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.report import write_report
+from tests.report.chromium import Browser, Tab
+from tests.report.steps import (
+    BOTH,
+    BUILT,
+    CASE,
+    DIAGNOSIS,
+    PLOTS,
+    SYSTEM,
+    TALL,
+    look,
+    needs_browser,
+    rows,
+    shown,
+    sound,
+)  # fmt: skip
+from tests.report.test_page import HOSTILE, hostile
+
+pytestmark = needs_browser
+
+
+def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> None:
+    tab.open(f"{address}#{CASE}")
+    colours = """[getComputedStyle(document.body).backgroundColor,
+      [...Bokeh.index].filter((view) => view.frame).map((view) => view.model.xaxes[0])
+        .map((axis) => axis.axis_label_text_color.value ?? axis.axis_label_text_color)]"""
+    drawn = "document.querySelectorAll('.view.current [data-drawn]').length > 1"
+    tab.until(drawn)
+    light = tab.run(colours)
+    tab.window(scheme="dark")
+    tab.until(f"JSON.stringify({colours}[1]) !== {json.dumps(json.dumps(light[1]))}"
+              f" && {colours}[1].length >= {len(light[1])}")  # fmt: skip
+    dark = tab.run(colours)
+    assert light[0] == "rgb(255, 255, 255)"
+    assert sum(map(int, re.findall(r"\d+", dark[0]))) < 120
+    tab.window(scheme="light")
+    tab.until(f"{colours}[1].length >= {len(light[1])}"
+              f" && {colours}[1].every((c) => c === {light[1][0]!r})")  # fmt: skip
+
+
+@pytest.mark.parametrize("view", ["overview", SYSTEM, CASE, DIAGNOSIS])
+def test_a_narrow_screen_needs_no_scrolling_sideways(tab: Tab, address: str, view: str) -> None:
+    tab.window(390, 844)
+    tab.open(f"{address}#{view}")
+    look(tab)
+    assert tab.run("document.documentElement.scrollWidth") <= 390
+
+
+def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(tab: Tab, address: str) -> None:
+    tab.window(scheme="dark", media="print")
+    tab.open(address)
+    assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+    for hidden in (".filters", ".bar nav", ".skip"):
+        assert not tab.run(f"document.querySelector('{hidden}').checkVisibility()")
+    assert tab.run("document.querySelector('.matrix').checkVisibility()")
+    pdf = tab.send("Page.printToPDF", landscape=True)["data"]
+    assert len(pdf) > 10_000
+
+
+def test_plots_that_were_drawn_on_a_dark_ground_keep_it_on_paper(tab: Tab, address: str) -> None:
+    tab.window(scheme="dark")
+    tab.open(f"{address}#{CASE}")
+    look(tab)
+    tab.window(scheme="light", media="print")
+    plot = "document.querySelector('.view.current [data-drawn] .plot')"
+    tab.until(f"{plot} && getComputedStyle({plot}).backgroundColor === 'rgb(20, 24, 28)'")
+    assert tab.run(f"{PLOTS}.length") > 0
+
+
+def test_without_javascript_everything_but_the_plots_is_there(
+    browser: Browser, address: str, troubled: dict[str, Any]
+) -> None:
+    with browser.tab(scripts=False) as tab:
+        tab.send("Page.navigate", url=address)
+        tab.until("document.querySelectorAll('footer').length === 1")
+        assert len(shown(tab)) == tab.run("document.querySelectorAll('.view').length")
+        text = tab.run("document.body.innerText")
+        assert "JavaScript is off" in text
+        assert "13 of 19 cases agree" in text
+        assert "is 38.25 where the motion wants 39.5" in text
+        assert len(rows(tab)) == len(troubled["cases"])
+        assert not tab.run("document.querySelector('.filters').checkVisibility()")
+        tab.run(f"document.getElementById('{CASE}').open = true")
+        assert "These steps would give" in tab.run("document.body.innerText")
+        assert tab.run("document.querySelectorAll('canvas').length") == 0
+
+
+CHECK = """axe.run(document, {resultTypes: ["violations"]}).then((found) => found.violations
+  .filter((v) => ["serious", "critical"].includes(v.impact))
+  .map((v) => [v.id, v.nodes.slice(0, 3).map((n) => n.html.slice(0, 200) + n.failureSummary)]))"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_an_accessibility_checker_finds_nothing_serious(
+    tab: Tab, address: str, scheme: str
+) -> None:
+    axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
+    tab.window(scheme=scheme)
+    tab.open(address)
+    tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
+    for view in ("overview", SYSTEM, CASE, BOTH, DIAGNOSIS):
+        tab.go(view)
+        look(tab)
+        assert tab.run(CHECK) == [], view
+
+
+def test_hostile_names_neither_run_nor_break_the_plots(
+    browser: Browser, tmp_path: Path, troubled: dict[str, Any]
+) -> None:
+    path = tmp_path / "index.html"
+    name = "".join(HOSTILE)
+    write_report(path, hostile(name, troubled))
+    with browser.tab() as tab:
+        tab.window(height=TALL)
+        tab.open(path.as_uri())
+        for kind in ("case", "diagnosis", "system"):
+            view = tab.run(f"document.querySelector('.view[id^={kind}]').id")
+            tab.run(f"location.hash = {json.dumps(view)}")
+            tab.until(f"document.getElementById({json.dumps(view)}).checkVisibility()")
+            tab.until(BUILT)
+        assert tab.run("document.querySelectorAll('img, b:not([class]) b').length") == 0
+        text = tab.run("document.body.innerText")
+        assert "<script>alert(1)</script>" in text
+        assert "⟨U+202E⟩" in text
+        sound(tab, path.as_uri())
