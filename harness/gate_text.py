@@ -108,7 +108,7 @@ def _causes(found: Gated) -> list[str]:
     if found.results is None:
         return []
     # Imported here: it brings the verdicts, and with them sympy.
-    from harness.table import cause_sentences
+    from harness.sentences import cause_sentences
 
     lines = []
     for model in found.results["models"]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from harness.audit_text import audit_lines
+from harness.sentences import cause_sentences
 from harness.verdict import Outcome
 
 STYLES = {
@@ -83,30 +83,6 @@ def _print_diagnosis(console: Console, model: Mapping[str, Any]) -> None:
         console.print(f"  {escape(sentence)}", soft_wrap=True)
 
 
-def cause_sentences(finding: Mapping[str, Any]) -> list[str]:
-    """A finding in words: a sentence a cause, then what it leaves and what it is tied with."""
-    names = finding["cause"].split(" and ")
-    kinds = finding["kind"].split(" and ")
-    columns = (names, kinds, finding["nominal"], finding["estimate"], finding["standard_error"])
-    sentences = []
-    for (name, kind, now, wanted, error), place in zip(
-        zip(*columns, strict=True), finding["where"], strict=True
-    ):
-        at = f" ({place})" if place else ""
-        fitted = f"{_to_its_error(wanted, error)} ± {error:.1g}"
-        if "literal" in kind or kind == "setting":
-            said = f"is {now:.10g}, the motion wants {fitted}"
-        elif kind in ("axis", "default", "exchange"):
-            said = "explains the motion"
-        else:
-            said = f"is {fitted} in the model, {now:.10g} in the equations"
-        sentences.append(f"{name}{at} {said}")
-    tail = f"leaves {finding['remaining']:.1e} of the discrepancy"
-    if finding["tied_with"]:
-        tail += f"; no motion here tells it from: {', '.join(finding['tied_with'])}"
-    return [*sentences, tail]
-
-
 def _print_accepted(console: Console, cases: Sequence[Mapping[str, Any]]) -> None:
     """The known differences, each with the reason it was accepted with."""
     if cases:
@@ -126,12 +102,6 @@ def _print_changes(console: Console, baseline: Mapping[str, Any]) -> None:
         console.print(escape(said), soft_wrap=True)
     if len(changes) > MOST_TOLD:
         console.print(f"  and {len(changes) - MOST_TOLD} more, in results.json")
-
-
-def _to_its_error(value: float, error: float) -> str:
-    """A fitted value with ten digits, but none below its standard error."""
-    places = 15 if error == 0 else max(0, -math.floor(math.log10(error)))
-    return f"{round(value, places) + 0.0:.10g}"
 
 
 def summary(found: Mapping[str, Any]) -> str:

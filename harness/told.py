@@ -7,7 +7,8 @@ from typing import Any
 
 from harness.audit_text import audit_lines
 from harness.decide import Decision
-from harness.table import audit_findings, cause_sentences
+from harness.sentences import cause_sentences
+from harness.table import audit_findings
 
 
 def told(record: Mapping[str, Any], decision: Decision, diagnosis: Mapping[str, Any] | None) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from harness.report.text import percent, sci, shown
+from harness.sentences import cause_sentences
 
 Record = Mapping[str, Any]
 
@@ -113,11 +114,8 @@ def sentence(model: Record) -> str:
             f"Unexplained: the best single cause, {shown(best['cause'])}, leaves"
             f" {percent(best['remaining'])} of the discrepancy."
         )
-    values = zip(best["nominal"], best["estimate"], strict=True)
-    parts = [f"{_number(nominal)} where the motion wants {_number(e)}" for nominal, e in values]
-    places = [shown(place) for place in best["where"] if place]
-    where = f" ({', '.join(places)})" if places else ""
-    return f"{shown(best['cause'])}{where} is {' and '.join(parts)}."
+    causes = cause_sentences(best)[:-1]
+    return f"{shown(' and '.join(causes))}."
 
 
 def _finding(one: Record) -> FindingView:

@@ -78,7 +78,7 @@ def test_everything_but_the_plots_is_there_without_javascript(troubled_page: Pag
     text = troubled_page.text
     for part in (
         "cases agree", "3 FAILED", "pybullet", "not installed",
-        "is 38.25 where the motion wants 39.5", "it agreed to 11.9 digits", "the vendor knows",
+        "is 38.25, the motion wants 39.5", "it agreed to 11.9 digits", "the vendor knows",
         "These steps would give", "the engine's process died", "Segmentation fault", "no unit",
         "k*q0 + k*q0", "38.25", "N/m",
         "m*q0_ddot, f*max(0, 1) - k*q0", "-0.1 ± 3.0003i", "it diverges", "<mujoco.xml/>",

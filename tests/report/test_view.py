@@ -178,7 +178,7 @@ def test_the_matrix_shows_the_worst_of_each_model_worst_systems_first(seen: Repo
 def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report) -> None:
     differs = next(one for one in seen.troubles if one.outcome == "DIFFERS")
     assert differs.sentence == (
-        "joint[x]@stiffness (mujoco.xml:21) is 38.25 where the motion wants 39.5."
+        "joint[x]@stiffness (mujoco.xml:21) is 38.25, the motion wants 39.5 ± 1e-09."
     )
     assert differs.id == "diagnosis-system_0/mujoco.xml/mujoco"
     absent = [one for one in seen.troubles if one.outcome == "ABSENT"]
