@@ -181,7 +181,7 @@ class PybulletModel:
         return joints, names
 
     def _check_inertias(self) -> None:
-        """Refuse a link whose inertia PyBullet has set to zero, which it says on stdout alone."""
+        """Refuse inertias that PyBullet repairs or gives up on without an error."""
         import pybullet as p
 
         for link in self._joints:
@@ -191,6 +191,20 @@ class PybulletModel:
                 raise EngineError(
                     f"{self.path}: PyBullet sets the inertia of link {name!r} to zero: its moments"
                     " can't be a body's (each must be at most the sum of the other two)"
+                )
+
+        # A joint that moves no inertia stands still in PyBullet, and a mass below zero is taken.
+        for link in self._joints:
+            if p.getDynamicsInfo(self._body, link)[0] < 0:
+                name = p.getJointInfo(self._body, link)[12].decode()
+                raise EngineError(f"{self.path}: the mass of link {name!r} is below zero")
+        moved = p.calculateMassMatrix(self._body, [0.0] * len(self._joints))
+        for index, joint in enumerate(self._joints):
+            if not moved[index][index] > 0:
+                name = p.getJointInfo(self._body, joint)[1].decode()
+                raise EngineError(
+                    f"{self.path}: joint {name!r} moves nothing that has inertia, so that PyBullet"
+                    " holds it still; give its link a mass and moments of inertia"
                 )
 
     def _free_links(self) -> None:

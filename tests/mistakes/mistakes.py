@@ -185,4 +185,10 @@ NO_MISTAKES = (
 REFUSED = (
     urdf("a rod's inertia about its end where its centre is meant", DRUM,
          'iyy="0.024"', 'iyy="0.096"', "'rod'", "moments can't be a body's"),
+    urdf("a moment of inertia left out", DISC, 'izz="0.021"', 'izz="0"', "'theta'",
+         "moves nothing that has inertia"),
+    urdf("a mass left out", MSD, '<mass value="1.3"/>', '<mass value="0"/>', "'x'",
+         "moves nothing that has inertia"),
+    urdf("the sign of a mass", MSD, '<mass value="1.3"/>', '<mass value="-1.3"/>',
+         "mass of link 'mass' is below zero"),
 )  # fmt: skip
