@@ -14,8 +14,6 @@ _TAKEN = {
     "t", "pi", "sin", "cos", "ground", "system", "T", "V", "D", "Constant", "Coordinate",
     "Equilibrium", "Input", "Output", "Scenario", "System", "FILE",
 }  # fmt: skip
-_RIGHT = 24
-"""Angles that are a multiple of a twenty-fourth of a turn are taken for that."""
 
 
 @dataclass(frozen=True)
@@ -92,11 +90,11 @@ class Ledger:
 
 
 def quarter(angle: float) -> str | None:
-    """`pi / 2` and its like, for the double nearest to one."""
-    twelfths = round(angle * _RIGHT / 2 / math.pi)
-    if twelfths == 0 or abs(angle - twelfths * math.pi / (_RIGHT // 2)) > 2 * math.ulp(angle):
+    """`pi / 2` and its like, for the double nearest to some quarter turns."""
+    turns = round(angle * 2 / math.pi)
+    if turns == 0 or abs(angle - turns * math.pi / 2) > 2 * math.ulp(angle):
         return None
-    common = math.gcd(twelfths, _RIGHT // 2)
-    over, under = abs(twelfths) // common, _RIGHT // 2 // common
-    text = ("" if over == 1 else f"{over} * ") + "pi" + ("" if under == 1 else f" / {under}")
+    whole, half = divmod(abs(turns), 2)
+    over = abs(turns) if half else whole
+    text = ("" if over == 1 else f"{over} * ") + ("pi / 2" if half else "pi")
     return f"-{text}" if angle < 0 else text

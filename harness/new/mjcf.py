@@ -230,14 +230,22 @@ class _Reader:
 
     def _address(self, element: RawElement) -> str | None:
         """The shortest path that means this element alone."""
-        depth, above = 1, element.parent
-        while True:
-            own = element.spelled(depth)
-            if sum(e.spelled(depth) == own for e in self.elements if e.tag == element.tag) == 1:
-                return own
-            if above is None:
-                return None
-            depth, above = depth + 1, above.parent
+        alike = [e for e in self.elements if e.tag == element.tag]
+        levels: dict[int, RawElement | None] = {id(e): e for e in alike}
+        own: RawElement | None = element
+        for depth in range(1, element.depth + 1):
+            assert own is not None
+            # A step without a name means every element of its tag.
+            alike = [
+                e for e in alike
+                if (here := levels[id(e)]) is not None and here.tag == own.tag
+                and own.identity in (None, here.identity)
+            ]  # fmt: skip
+            if len(alike) == 1:
+                return element.spelled(depth)
+            levels = {id(e): here.parent for e in alike if (here := levels[id(e)]) is not None}
+            own = own.parent
+        return None
 
     def _triple(
         self, values: Any, name: tuple[str, ...], unit: str, what: str, address: str | None

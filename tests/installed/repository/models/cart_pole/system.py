@@ -36,9 +36,9 @@ system = System(
     ),
     scenarios=(
         Scenario("falling", "the pole let go near the top", q={x: 0, theta: 2.9},
-                 v={x: 0.1, theta: 0}, inputs={F: 0}, duration=15.0),
+                 v={x: 0.1, theta: 0}, inputs={F: 0}, duration=6.0),
         Scenario("pushed", "a harmonic force on the cart", q={x: 0, theta: 0.3},
-                 v={x: 0, theta: 0}, inputs={F: 4 * sin(3.1 * t)}, duration=15.0),
+                 v={x: 0, theta: 0}, inputs={F: 4 * sin(3.1 * t)}, duration=6.0),
     ),
     printed=(),
 )  # fmt: skip

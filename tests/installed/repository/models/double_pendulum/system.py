@@ -43,9 +43,9 @@ system = System(
     ),
     scenarios=(
         Scenario("wild", "let go from nearly upright", q={alpha: 2.8, beta: 0.4},
-                 v={alpha: 0, beta: 0}, inputs={tau: 0}, duration=15.0),
+                 v={alpha: 0, beta: 0}, inputs={tau: 0}, duration=6.0),
         Scenario("motor", "a harmonic torque", q={alpha: 0.2, beta: -0.3},
-                 v={alpha: 0, beta: 0}, inputs={tau: 1.5 * sin(2.7 * t)}, duration=15.0),
+                 v={alpha: 0, beta: 0}, inputs={tau: 1.5 * sin(2.7 * t)}, duration=6.0),
     ),
     printed=(),
 )  # fmt: skip

@@ -1,0 +1,59 @@
+"""The wheel, built once and installed in an environment of its own, far from the checkout."""
+
+import os
+import site
+import subprocess
+import sys
+import sysconfig
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Installed:
+    """An environment with the wheel; nothing in it knows of the checkout."""
+
+    bin: Path
+
+    def shell(self, command, cwd, **environment):
+        """Run a line of shell as a user would; returns the finished process."""
+        clean = {k: v for k, v in os.environ.items()
+                 if not k.startswith(("PYTHON", "PYTEST", "GITHUB", "VIRTUAL_ENV"))}  # fmt: skip
+        clean.pop("CI", None)
+        clean["PATH"] = f"{self.bin}{os.pathsep}{clean['PATH']}"
+        return subprocess.run(
+            ["bash", "-c", command], cwd=cwd, capture_output=True, text=True, timeout=300,
+            check=False, env={**clean, **environment},
+        )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def installed(tmp_path_factory):
+    """The wheel in a fresh environment, with the dependencies of this one and no network."""
+    folder = tmp_path_factory.mktemp("installed")
+    quiet = {"check": True, "capture_output": True, "text": True}
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
+        cwd=ROOT, **quiet,
+    )  # fmt: skip
+    (wheel,) = folder.glob("*.whl")
+    home = folder / "environment"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], **quiet)
+    python = home / "bin" / "python"
+    own = Path(sysconfig.get_path("purelib", vars={"base": str(home)}))
+    # On the path alone: the .pth of an editable install in there is not read, so that the checkout
+    # is not found.
+    (own / "dependencies.pth").write_text("\n".join(site.getsitepackages()) + "\n")
+    subprocess.run(
+        [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps",
+         "--no-index", "--disable-pip-version-check", str(wheel)],
+        **quiet,
+    )  # fmt: skip
+    pytest_script = home / "bin" / "pytest"
+    pytest_script.write_text(f"#!{python}\nimport sys, pytest\nsys.exit(pytest.console_main())\n")
+    pytest_script.chmod(0o755)
+    return Installed(home / "bin")

@@ -1,0 +1,98 @@
+"""Every command of README and tutorial, run in its order in a fresh folder, from the wheel alone.
+
+A block of ```sh is run line by line. Before it, `<!-- not run: all: why -->` or
+`<!-- not run: `command`, `command`: why -->` excepts what is not; `# exits with 1` after a command
+is the code that it must end with. What is quoted below a block, in a block without a language, must
+have come out of the command before it, numbers apart.
+"""
+
+import re
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+_BLOCK = re.compile(r"((?:<!-- not run: .*?-->\n)*)^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_EXCEPT = re.compile(r"<!-- not run: (.*?) -->", re.DOTALL)
+
+
+@dataclass
+class Command:
+    """A line of shell, the code it ends with, and what is shown of its output."""
+
+    text: str
+    code: int
+    shown: list[str] = field(default_factory=list)
+
+
+def commands(text):
+    """The commands of a document that are to be run, and those that are not, with the reason."""
+    run, excepted = [], []
+    last: Command | None = None
+    for marks, language, body in _BLOCK.findall(text):
+        if language == "" and last is not None:
+            last.shown += body.splitlines()
+        if language != "sh":
+            continue
+        whole, single, why = False, set(), ""
+        for mark in _EXCEPT.findall(marks):
+            what, why = mark.rsplit(": ", 1)
+            assert why.strip(), "say why it is not run"
+            whole = whole or what == "all"
+            single |= set(re.findall(r"`([^`]+)`", what))
+        lines = [re.match(r"(.*?)(?:\s+# ?(.*))?$", line) for line in body.splitlines() if line]
+        texts = [match[1] for match in lines]
+        last = None
+        assert single <= set(texts), f"not in the block: {single - set(texts)}"
+        for match in lines:
+            code = re.search(r"exits with (\d)", match[2] or "")
+            command = Command(match[1], int(code[1]) if code else 0)
+            if whole or match[1] in single:
+                excepted.append(command)
+            else:
+                run.append(command)
+                last = command
+    return run, excepted
+
+
+def plain(text):
+    """A line without its numbers and spacing, which a machine and an engine's version set."""
+    return re.sub(r"\s+", " ", re.sub(r"-?\d[\d.]*(?:e[+-]?\d+)?", "#", text)).strip()
+
+
+def follow(document, installed, place):
+    """Run a document's commands in a folder, `cd` included."""
+    run, _ = commands((ROOT / document).read_text())
+    assert run
+    here = place
+    for command in run:
+        done = installed.shell(f"{command.text}\ncode=$?; pwd >&2; exit $code", here)
+        said = done.stdout + done.stderr
+        assert done.returncode == command.code, f"{command.text}\n{said}"
+        here = Path(done.stderr.strip().splitlines()[-1])
+        came = "\n".join(map(plain, done.stdout.splitlines()))
+        for line in command.shown:
+            assert plain(line) in came, f"{command.text} does not say {line!r}:\n{done.stdout}"
+
+
+def test_the_tutorial_does_what_it_says(installed, tmp_path):
+    follow("docs/tutorial.md", installed, tmp_path)
+
+
+def test_the_commands_of_the_readme_work(installed, tmp_path):
+    template = ROOT / "template"
+    (tmp_path / "path" / "to").mkdir(parents=True)
+    shutil.copytree(template, tmp_path / "path" / "to" / "my_folder")
+    shutil.copy(template / "mujoco.xml", tmp_path / "old.xml")
+    shutil.copy(template / "robot.urdf", tmp_path / "robot.urdf")
+    follow("README.md", installed, tmp_path)
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/tutorial.md"])
+def test_what_is_not_run_is_the_exception(document):
+    run, excepted = commands((ROOT / document).read_text())
+    known = {"README.md": 15, "docs/tutorial.md": 2}
+    assert len(excepted) <= known[document], [c.text for c in excepted]
+    assert len(run) >= 8

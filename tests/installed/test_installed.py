@@ -1,0 +1,91 @@
+"""The wheel alone, elsewhere, beside folders of a user that are called like ours."""
+
+import json
+
+import pytest
+
+TRAP = "raise RuntimeError('the package of the user')\n"
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A user's folder with packages `harness` and `reference` and a module `mujoco`."""
+    folder = tmp_path_factory.mktemp("user")
+    for name in ("harness", "reference"):
+        (folder / name).mkdir()
+        (folder / name / "__init__.py").write_text(TRAP)
+    (folder / "mujoco.py").write_text(TRAP)
+    (folder / "models").mkdir()
+    return folder
+
+
+def test_the_checkout_is_not_what_is_installed(installed, place):
+    asked = "import physics_crosscheck, harness.folders as f; print(harness.__file__, f.builtin())"
+    done = installed.shell(f'python -P -c "import harness; {asked}"', place)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count(str(installed.bin.parent)) == 2
+
+
+def test_new_and_run_work_beside_packages_called_like_ours(installed, place):
+    done = installed.shell("crosscheck new models/rod", place)
+    assert done.returncode == 0, done.stderr
+    # The first thing on the path, as many set it, is the user's folder.
+    done = installed.shell("crosscheck run models --engine pybullet", place, PYTHONPATH=str(place))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "3 AGREES" in done.stdout
+    found = json.loads((place / "reports" / "results.json").read_text())
+    assert {m["engine"] for m in found["models"]} == {"pybullet"}
+    (place / "reports" / "index.html").unlink()
+    assert installed.shell("crosscheck report", place).returncode == 0
+    assert (place / "reports" / "index.html").stat().st_size > 10_000
+
+
+def test_a_module_in_the_folder_is_not_taken_for_an_engine(installed, place):
+    done = installed.shell("crosscheck audit simple_pendulum --engine mujoco", place)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "nothing to say" in done.stdout
+
+
+def test_the_plugin_works_beside_packages_called_like_ours(installed, place):
+    if not (place / "models" / "rod").is_dir():
+        installed.shell("crosscheck new models/rod", place)
+    # `python -m pytest` puts the user's folder first, and so is their `mujoco.py`.
+    done = installed.shell(
+        "python -m pytest -q --crosscheck models -m pybullet", place, PYTHONPATH=str(place)
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "4 passed" in done.stdout  # three motions and the audit
+
+
+def test_a_package_of_ours_name_that_a_conftest_imported_first_is_named(installed, tmp_path):
+    (tmp_path / "harness").mkdir()
+    (tmp_path / "harness" / "__init__.py").write_text("")
+    (tmp_path / "conftest.py").write_text("import harness\n")
+    installed.shell("crosscheck new rod", tmp_path)
+    done = installed.shell("python -m pytest --crosscheck rod", tmp_path)
+    assert done.returncode == 4
+    assert "a package 'harness' that is not physics-crosscheck's is imported already" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_project_that_checks_no_models_keeps_its_own_harness(installed, tmp_path):
+    (tmp_path / "harness").mkdir()
+    (tmp_path / "harness" / "__init__.py").write_text("MINE = 1\n")
+    (tmp_path / "test_mine.py").write_text("import harness\n\ndef test(): assert harness.MINE\n")
+    done = installed.shell("python -m pytest -q", tmp_path)
+    assert done.returncode == 0, done.stdout
+
+
+def test_python_m_finds_us_by_the_name_that_is_ours_alone(installed, place):
+    done = installed.shell("python -m physics_crosscheck derive simple_pendulum", place)
+    assert done.returncode == 0, done.stderr
+    assert "Simple pendulum" in done.stdout
+    assert "the package of the user" in installed.shell("python -m harness engines", place).stderr
+
+
+def test_mutate_and_compare_are_there(installed, tmp_path):
+    installed.shell("crosscheck new rod", tmp_path)
+    done = installed.shell("crosscheck compare rod/mujoco.xml rod/mujoco.xml", tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    done = installed.shell("crosscheck mutate rod --engine pymunk", tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
