@@ -93,6 +93,6 @@ def test_the_commands_of_the_readme_work(installed, tmp_path):
 @pytest.mark.parametrize("document", ["README.md", "docs/tutorial.md"])
 def test_what_is_not_run_is_the_exception(document):
     run, excepted = commands((ROOT / document).read_text())
-    known = {"README.md": 15, "docs/tutorial.md": 2}
+    known = {"README.md": 7, "docs/tutorial.md": 2}
     assert len(excepted) <= known[document], [c.text for c in excepted]
     assert len(run) >= 8
