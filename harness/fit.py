@@ -13,7 +13,9 @@ from reference.numeric import Array
 ITERATIONS = 8
 
 BEHIND = 30.0
-"""Times what the linear fit of a found cause leaves: others that leave more are not pursued."""
+FAR = 0.05
+"""Once a cause is found, others are not pursued whose linear fit leaves more than so many times
+what its own did, and more than this share: a bend alone may leave less."""
 
 
 @dataclass(frozen=True)
@@ -226,6 +228,6 @@ def refine_each(problem: Resolved, tries: Sequence[Try], settled: float) -> list
         iterations = ITERATIONS if one.left <= enough else 1
         finding = refine(problem, one.start, one.slopes, iterations)
         if finding.remaining <= settled:
-            enough = min(enough, BEHIND * one.left)
+            enough = min(enough, max(BEHIND * one.left, FAR))
         found.append(finding)
     return found

@@ -104,6 +104,17 @@ def test_causes_that_no_data_tell_apart_are_tied_and_the_literal_leads():
     assert "cause 5" in found.findings[1].tied_with
 
 
+def test_an_equal_cause_that_bends_is_fitted_too_though_another_is_straight():
+    def bent(fault):
+        return fault * SHAPES[2] + fault * (fault - 0.01) * SHAPES[5]
+
+    causes = [cause(i) for i in range(5)]
+    causes.append(Cause(Hypothesis("bent", "literal", 2.0, 1.0, 0, "", 1.0), bent))
+    found = ask(noisy(causes[2].shift(0.01)), causes)
+    assert found.findings[0].causes[0].cause == "bent"
+    assert all(f.remaining < 1e-6 for f in found.findings[:2])
+
+
 def test_two_faults_at_once_are_named_as_a_pair():
     causes = [cause(i, curve=0.1) for i in range(6)]
     found = ask(noisy(causes[0].shift(1e-4) + causes[4].shift(1e-2)), causes)
