@@ -134,7 +134,7 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
         except (ValueError, ZeroDivisionError):
             raise DeclarationError(f"{where}: no rest position found near {at}") from None
         roots = [found] if isinstance(found, mp.mpf) else list(found)
-    moved = dict(zip(free, map(_recognized, roots), strict=True))
+        moved = dict(zip(free, map(_recognized, roots), strict=True))
     return tuple(stays[q] if q in held else moved[q] for q in system.q)
 
 

@@ -3,7 +3,7 @@
 A block of ```sh is run line by line. Before it, `<!-- not run: all: why -->` or
 `<!-- not run: `command`, `command`: why -->` excepts what is not; `# exits with 1` after a command
 is the code that it must end with. What is quoted below a block, in a block without a language, must
-have come out of the command before it, numbers apart.
+have come out of the command before it in its section, numbers apart.
 """
 
 import re
@@ -14,7 +14,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-_BLOCK = re.compile(r"((?:<!-- not run: .*?-->\n)*)^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_BLOCK = re.compile(
+    r"(^## )|((?:<!-- not run: .*?-->\n)*)^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE
+)
 _EXCEPT = re.compile(r"<!-- not run: (.*?) -->", re.DOTALL)
 
 
@@ -31,7 +33,10 @@ def commands(text):
     """The commands of a document that are to be run, and those that are not, with the reason."""
     run, excepted = [], []
     last: Command | None = None
-    for marks, language, body in _BLOCK.findall(text):
+    for heading, marks, language, body in _BLOCK.findall(text):
+        if heading:
+            last = None
+            continue
         if language == "" and last is not None:
             last.shown += body.splitlines()
         if language != "sh":
