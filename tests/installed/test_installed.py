@@ -87,5 +87,5 @@ def test_mutate_and_compare_are_there(installed, tmp_path):
     installed.shell("crosscheck new rod", tmp_path)
     done = installed.shell("crosscheck compare rod/mujoco.xml rod/mujoco.xml", tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
-    done = installed.shell("crosscheck mutate rod --engine pymunk", tmp_path)
+    done = installed.shell("crosscheck mutate torsional_disc --engine pymunk", tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
