@@ -50,9 +50,6 @@ def extrapolate(
     exponents = model.exponents(varying)
     z, w = coordinates.to_engine(motion.start)
     grain = coordinates.grain(z, w)
-    # A velocity is moved by what rounding the positions does to the forces, over a segment.
-    n = len(grain) // 2
-    grain[n:] += grain[:n] * motion.fastest**2 * float(np.max(motion.lengths))
     starts = with_companions(z, w)
     values: list[Array] = []
     seen: list[Array] = []
