@@ -49,7 +49,7 @@ def extrapolate(
     varying = not all(span.constant_input for span in motion.spans)
     exponents = model.exponents(varying)
     z, w = coordinates.to_engine(motion.start)
-    grain = grains(coordinates, z, w, motion.fastest, float(np.max(motion.lengths)))
+    grain = coordinates.grain(z, w)
     starts = with_companions(z, w)
     values: list[Array] = []
     seen: list[Array] = []

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from harness.audit import audit_task, run_audit
+from harness.baseline import read_baseline
 from harness.case import case_task, run_case
 from harness.engines import engines
 from harness.inquiry import inquire, inquiry_task
@@ -28,6 +29,8 @@ class Laboratory:
 
     def __init__(self, resolution: float, limit: float, baseline: Path | None) -> None:
         self._resolution, self._limit, self._baseline = resolution, limit, baseline
+        if baseline is not None:
+            read_baseline(baseline)  # one that can't be believed ends the session before it begins
         self._accepted: dict[Path, Accepted | None] = {}
         self._workers: Workers | None = None
         self._engines = engines()

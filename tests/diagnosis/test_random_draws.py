@@ -35,11 +35,25 @@ def test_no_model_differs_at_random_constants(seed):
     assert agree >= 24
 
 
+def pairing(system, file):
+    return next(p for p in pairings() if (p[0].name, p[1].model.name, p[2])
+                == (system, file, "mujoco"))  # fmt: skip
+
+
 @pytest.mark.parametrize(("file", "constants"), SOFT)
 def test_rounding_by_a_soft_equality_is_no_difference(file, constants, tmp_path):
-    (chosen,) = (p for p in pairings() if p[1].model.name == file and p[0].name == "drum_pendulum"
-                 and p[2] == "mujoco")  # fmt: skip
+    chosen = pairing("drum_pendulum", file)
     verdict, found, motion = judge_at(*chosen, constants, "driven", tmp_path)
     assert verdict.outcome is Outcome.AGREES, verdict.reason
     error = np.abs(found.limit.value - motion.end)
     assert np.max(error / (found.limit.uncertainty + motion.bound)) < 0.5
+
+
+def test_a_pendulum_that_has_turned_nineteen_times_is_known_to_nine_digits(tmp_path):
+    # Its angle is large and its turning quick, but neither makes a force of the angle's last digit.
+    constants = {"m": 0.21712384607983154, "l": 0.41014006587510676, "g": 6.854633582428014}
+    chosen = pairing("simple_pendulum", "robot.urdf")
+    verdict, found, motion = judge_at(*chosen, constants, "driven", tmp_path)
+    assert motion.amplitude[0] > 2 * np.pi * 19
+    assert verdict.outcome is Outcome.AGREES, verdict.reason
+    assert np.all(np.abs(found.limit.value - motion.end) <= found.limit.uncertainty + motion.bound)
