@@ -16,11 +16,11 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from harness.audit_text import audit_lines
-from harness.baseline import DEFAULT
+from harness.audit.text import audit_lines
 from harness.commands.arguments import check_engines
 from harness.decide import Ending, decide
 from harness.folders import system_folders
+from harness.gate.baseline import DEFAULT
 from harness.main_module import without_main
 from harness.run import Options, run
 from harness.table import audit_findings, case_id, summary

@@ -8,9 +8,9 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from harness.baseline import BaselineError
 from harness.commands.codes import FAIL, USAGE
 from harness.folders import FolderError
+from harness.gate.baseline import BaselineError
 from harness.results import ResultsError
 
 COMMANDS = {

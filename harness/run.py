@@ -16,18 +16,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from harness.audit import audit_task, run_audit
+from harness.audit.run import run_audit
+from harness.audit.task import audit_task
 from harness.case import TwinTask, case_task, run_case, run_twins
+from harness.diagnosis.inquiry import InquiryTask, inquire, inquiry_task
 from harness.engine import Engine
 from harness.engines import engines
-from harness.inquiry import InquiryTask, inquire, inquiry_task
-from harness.known import accepted, mark_known, since
-from harness.measure import MeasureTask, measure
+from harness.gate.known import accepted, mark_known, since
+from harness.gate.measure import MeasureTask, measure
+from harness.gate.track import Track
 from harness.prepare import Prepared, prepare
 from harness.results import results
 from harness.sidecar import Sidecar, SidecarError, read_sidecar
 from harness.table import case_id
-from harness.track import Track
 from harness.verdict import Outcome
 from harness.workers import LIMIT, Failure, Workers
 

@@ -11,8 +11,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from harness.audit_text import audit_lines
-from harness.sentences import cause_sentences
+from harness.audit.text import audit_lines
+from harness.diagnosis.sentences import cause_sentences
 from harness.verdict import Outcome
 
 STYLES = {

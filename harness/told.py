@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from harness.audit_text import audit_lines
+from harness.audit.text import audit_lines
 from harness.decide import Decision
-from harness.sentences import cause_sentences
+from harness.diagnosis.sentences import cause_sentences
 from harness.table import audit_findings
 
 

@@ -4,9 +4,3 @@ Three readings: every bound literal against its expression; the compiled mass ma
 stiffness, rest forces and accelerations against the equations; and what the engine or the format
 adds or drops on its own.
 """
-
-from harness.audit.finding import Finding
-from harness.audit.run import audit, run_audit
-from harness.audit.task import AuditTask, audit_task
-
-__all__ = ["AuditTask", "Finding", "audit", "audit_task", "run_audit"]

@@ -6,11 +6,11 @@ from collections.abc import Set
 from dataclasses import replace
 from typing import Any
 
+from harness.audit.engines import Remark, remarks
 from harness.audit.finding import Finding
 from harness.audit.literals import declared_bindings, literal_findings
 from harness.audit.task import AuditTask, audit_task
 from harness.audit.terms import Compiled
-from harness.audit_engines import Remark, remarks
 from harness.coordinates import coordinate_map
 from harness.engines import engines
 from harness.prepare import Prepared

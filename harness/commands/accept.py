@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
-from harness.annotations import in_ci
 from harness.commands import arguments
 from harness.commands.codes import AGREE, FAIL, USAGE
 from harness.commands.gate import Watch, meant
-from harness.gate import gate
+from harness.gate.annotations import in_ci
+from harness.gate.gate import gate
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -31,7 +31,7 @@ def add(command: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Run what changed, and write what was found into the baseline."""
     # Imported here: it brings sympy, which `gate` does without; this module shares its arguments.
-    from harness.accept import AcceptError, accept
+    from harness.gate.accept import AcceptError, accept
 
     if in_ci():
         print("crosscheck: accept is a person's decision and is refused in CI", file=sys.stderr)

@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.baseline import DEFAULT
 from harness.engines import engines
 from harness.folders import FolderError
+from harness.gate.baseline import DEFAULT
 
 
 def folders(command: argparse.ArgumentParser, *, some: bool) -> None:

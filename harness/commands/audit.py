@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from harness.audit_text import audit_lines
+from harness.audit.text import audit_lines
 from harness.commands import arguments
 from harness.commands.codes import AGREE, DIFFER, FAIL
 from harness.folders import system_folders

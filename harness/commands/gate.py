@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from harness.annotations import commands, write_summary
-from harness.changes import Status
 from harness.commands import arguments
 from harness.commands.codes import AGREE, DIFFER, FAIL
 from harness.folders import system_folders
-from harness.gate import Gated, Terms, accepted_folders, gate
-from harness.gate_text import gate_lines, notes, summary
+from harness.gate.annotations import commands, write_summary
+from harness.gate.changes import Status
+from harness.gate.gate import Gated, Terms, accepted_folders, gate
+from harness.gate.text import gate_lines, notes, summary
 from harness.results import write_whole
 
 

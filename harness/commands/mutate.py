@@ -11,8 +11,8 @@ from harness.commands.codes import AGREE, DIFFER, FAIL
 from harness.commands.watch import Counter
 from harness.engines import engines
 from harness.folders import system_folders
-from harness.mutate import AGREES, MISSED, SOUND, MutationError, mutate
-from harness.mutate_text import mutation_json, mutation_lines
+from harness.mutation.mutate import AGREES, MISSED, SOUND, MutationError, mutate
+from harness.mutation.text import mutation_json, mutation_lines
 from harness.results import write_whole
 from harness.run import Options
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.annotations import case_notes, commands
 from harness.commands import arguments
 from harness.commands.codes import exit_code
 from harness.commands.watch import Watcher
 from harness.folders import system_folders
+from harness.gate.annotations import case_notes, commands
 from harness.report import write_report
 from harness.results import write_results
 from harness.run import Options, run

@@ -9,14 +9,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from harness.audit import audit_task, run_audit
-from harness.baseline import read_baseline
+from harness.audit.run import run_audit
+from harness.audit.task import audit_task
 from harness.case import case_task, run_case
+from harness.diagnosis.inquiry import inquire, inquiry_task
 from harness.engines import engines
-from harness.inquiry import inquire, inquiry_task
-from harness.known import Accepted, accepted, mark_known
+from harness.gate.baseline import read_baseline
+from harness.gate.known import Accepted, accepted, mark_known
+from harness.gate.measure import MeasureTask, measure
 from harness.main_module import without_main
-from harness.measure import MeasureTask, measure
 from harness.prepare import Prepared, prepare
 from harness.run import Record, failed, hurdle
 from harness.sidecar import Sidecar

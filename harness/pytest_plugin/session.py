@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from harness.baseline import BaselineError
 from harness.commands import arguments as limits
+from harness.gate.baseline import BaselineError
 from harness.pytest_plugin.collect import SystemFile
 from harness.pytest_plugin.keys import LABORATORY
 from harness.pytest_plugin.laboratory import Laboratory

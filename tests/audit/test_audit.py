@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.audit import audit, audit_task, run_audit
+from harness.audit.engines import Remark, remarks
+from harness.audit.run import audit, run_audit
+from harness.audit.task import audit_task
 from harness.audit.terms import Compiled
-from harness.audit_engines import Remark, remarks
-from harness.audit_text import audit_lines
+from harness.audit.text import audit_lines
 from harness.bindings import bindings, with_literals
 from harness.coordinates import coordinate_map
 from harness.prepare import prepare

@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from harness.bindings import bindings, with_literals
+from harness.diagnosis.inquiry import InquiryTask, diagnosed
+from harness.diagnosis.suspects.bench import scratch
 from harness.engine import EngineError
-from harness.inquiry import InquiryTask, diagnosed
-from harness.mutate import survey
+from harness.mutation.mutate import survey
 from harness.prepare import prepare
-from harness.suspects.bench import scratch
 from tests.diagnosis.random_draws import pairings
 
 SMALL, LARGE = 1e-4, 1e-2

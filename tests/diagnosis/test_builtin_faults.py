@@ -8,10 +8,10 @@ import sys
 
 import pytest
 
+from harness.diagnosis.inquiry import InquiryTask
 from harness.folders import builtin
-from harness.inquiry import InquiryTask
-from harness.mutate import SIZES, MutationTask, mutated, survey
-from harness.mutate_text import mutation_lines
+from harness.mutation.mutate import SIZES, MutationTask, mutated, survey
+from harness.mutation.text import mutation_lines
 from harness.prepare import prepare
 from harness.run import model_files
 

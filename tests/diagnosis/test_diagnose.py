@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from harness.diagnose import diagnose
-from harness.fit import Hypothesis
+from harness.diagnosis.diagnose import diagnose
+from harness.diagnosis.fit import Hypothesis
 
 N = 400
 RNG = np.random.default_rng(5)

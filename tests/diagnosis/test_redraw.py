@@ -6,12 +6,12 @@ import shutil
 import numpy as np
 import pytest
 
-from harness.diagnose import Diagnosis
-from harness.fit import Finding
+from harness.diagnosis.diagnose import Diagnosis
+from harness.diagnosis.fit import Finding
+from harness.diagnosis.inquiry import InquiryTask, bench
+from harness.diagnosis.redraw import redraw
 from harness.folders import builtin
-from harness.inquiry import InquiryTask, bench
 from harness.prepare import prepare
-from harness.redraw import redraw
 from harness.sidecar import read_sidecar
 
 

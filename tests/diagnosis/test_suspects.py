@@ -5,9 +5,9 @@ import shutil
 import numpy as np
 import pytest
 
+from harness.diagnosis.inquiry import InquiryTask, bench
 from harness.engines import engines
 from harness.folders import builtin
-from harness.inquiry import InquiryTask, bench
 from harness.prepare import prepare
 from harness.sidecar import read_sidecar
 

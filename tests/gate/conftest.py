@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.accept import accept
 from harness.folders import builtin
-from harness.gate import Terms, gate
+from harness.gate.accept import accept
+from harness.gate.gate import Terms, gate
 
 SYSTEM = "mass_spring_damper"
 

@@ -7,12 +7,12 @@ import jsonschema
 import pytest
 
 from harness import cli
-from harness.accept import AcceptError
-from harness.baseline import read_baseline
-from harness.changes import Status
 from harness.commands.codes import AGREE, DIFFER, FAIL, USAGE, exit_code
 from harness.engines.pymunk import PymunkEngine
 from harness.folders import FolderError
+from harness.gate.accept import AcceptError
+from harness.gate.baseline import read_baseline
+from harness.gate.changes import Status
 from harness.results import schema
 from harness.run import Options, run
 from tests.gate.conftest import SYSTEM, nothing

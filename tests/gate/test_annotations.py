@@ -6,10 +6,17 @@ from pathlib import Path
 import pytest
 
 from harness import cli
-from harness.annotations import MOST_SUMMARY, Annotation, case_notes, commands, in_ci, write_summary
-from harness.changes import Change, Status
-from harness.gate import Gated
-from harness.gate_text import notes, summary
+from harness.gate.annotations import (
+    MOST_SUMMARY,
+    Annotation,
+    case_notes,
+    commands,
+    in_ci,
+    write_summary,
+)
+from harness.gate.changes import Change, Status
+from harness.gate.gate import Gated
+from harness.gate.text import notes, summary
 
 HERE = {"GITHUB_ACTIONS": "true"}
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.baseline import read_baseline
-from harness.changes import Now, Status, compare
-from harness.fingerprint import NUMERICS, folder_files
 from harness.folders import system_folders
+from harness.gate.baseline import read_baseline
+from harness.gate.changes import Now, Status, compare
+from harness.gate.fingerprint import NUMERICS, folder_files
+from harness.gate.touched import location
+from harness.gate.track import inputs_of, track, track_from, track_key
 from harness.prepare import prepare
-from harness.touched import location
-from harness.track import inputs_of, track, track_from, track_key
 from tests.gate.conftest import SYSTEM
 
 KEY = "space.py/free [pymunk]"
@@ -112,7 +112,7 @@ def test_a_lost_digit_is_told(told):
 
 
 def test_another_version_of_the_numerics_runs_everything_again(repository, monkeypatch):
-    for module in ("harness.gate", "harness.touched"):
+    for module in ("harness.gate.gate", "harness.gate.touched"):
         monkeypatch.setattr(f"{module}.NUMERICS", NUMERICS + 1)
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.WITHIN}

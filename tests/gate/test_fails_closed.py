@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-import harness.gate as gating
+import harness.gate.gate as gating
 from harness import cli
-from harness.baseline import BaselineError, read_baseline
 from harness.commands.codes import AGREE, FAIL
 from harness.engines.pymunk import PymunkEngine
+from harness.gate.baseline import BaselineError, read_baseline
 from tests.gate.conftest import SYSTEM
 
 

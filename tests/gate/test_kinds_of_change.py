@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from harness.baseline import read_baseline, write_baseline
-from harness.changes import Status
 from harness.engines.pymunk import PymunkEngine
 from harness.folders import builtin
+from harness.gate.baseline import read_baseline, write_baseline
+from harness.gate.changes import Status
 from tests.gate.conftest import SYSTEM, Repository
 
 CHANGED, WITHIN, IMPROVED = Status.CHANGED, Status.WITHIN, Status.IMPROVED

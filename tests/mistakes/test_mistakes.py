@@ -7,10 +7,10 @@ from functools import cache
 import pytest
 
 from harness.case import CaseTask, load, run_case
+from harness.diagnosis.inquiry import InquiryTask, diagnosed
 from harness.engine import EngineError
 from harness.engines import engines
 from harness.folders import builtin
-from harness.inquiry import InquiryTask, diagnosed
 from harness.prepare import prepare
 from harness.segments import extrapolate
 from harness.sidecar import read_sidecar
@@ -80,7 +80,7 @@ def outcome(mistake, sidecar):
 
 @pytest.mark.parametrize("mistake", cases(MISTAKES))
 def test_a_mistake_is_caught_and_named(mistake, edited, monkeypatch):
-    monkeypatch.setattr("harness.evidence.SEGMENTS_PICKED", FEW)
+    monkeypatch.setattr("harness.diagnosis.evidence.SEGMENTS_PICKED", FEW)
     sidecar = edited(mistake, (*mistake.needs, *mistake.edits))
     physics = physics_of(mistake, sidecar)
     assert outcome(mistake, sidecar) is Outcome.DIFFERS

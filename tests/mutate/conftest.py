@@ -7,11 +7,11 @@ import pytest
 
 from harness.bindings import bindings
 from harness.case import load
+from harness.diagnosis.inquiry import InquiryTask
 from harness.engines import engines
 from harness.folders import builtin
-from harness.inquiry import InquiryTask
-from harness.mistakes import Subject
-from harness.mutate import MutationTask, mutated, survey
+from harness.mutation.mistakes import Subject
+from harness.mutation.mutate import MutationTask, mutated, survey
 from harness.prepare import prepare
 from harness.sidecar import read_sidecar
 
@@ -41,7 +41,7 @@ def subject(system, model, engine="mujoco", sidecar=None):
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr("harness.evidence.SEGMENTS_PICKED", 8)
+    monkeypatch.setattr("harness.diagnosis.evidence.SEGMENTS_PICKED", 8)
 
 
 def rows(task, chosen):

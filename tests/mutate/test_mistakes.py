@@ -9,16 +9,16 @@ import pytest
 from harness.bindings import with_literals
 from harness.engines import engines
 from harness.folders import builtin
-from harness.mistakes import Edit, Mistake, known_mistakes
-from harness.mistakes.axes import axes
-from harness.mistakes.degrees import degrees
-from harness.mistakes.exchanges import exchanges
-from harness.mistakes.gravity import gravity
-from harness.mistakes.left_in import left_in
-from harness.mistakes.rests import rests
-from harness.mistakes.soft import soft
-from harness.mistakes.steps import steps
-from harness.mutate import FAULTS, MutationError, MutationTask, mutate, mutated, survey
+from harness.mutation.mistakes import Edit, Mistake, known_mistakes
+from harness.mutation.mistakes.axes import axes
+from harness.mutation.mistakes.degrees import degrees
+from harness.mutation.mistakes.exchanges import exchanges
+from harness.mutation.mistakes.gravity import gravity
+from harness.mutation.mistakes.left_in import left_in
+from harness.mutation.mistakes.rests import rests
+from harness.mutation.mistakes.soft import soft
+from harness.mutation.mistakes.steps import steps
+from harness.mutation.mutate import FAULTS, MutationError, MutationTask, mutate, mutated, survey
 from harness.run import Options
 from harness.sidecar import read_sidecar
 from tests.mutate.conftest import inquiry, physics, rows, subject

@@ -6,8 +6,8 @@ import pytest
 
 from harness.cli import main
 from harness.commands.watch import Counter
-from harness.mutate import FAULTS, Mutation, MutationError
-from harness.mutate_text import mutation_json, mutation_lines, summary
+from harness.mutation.mutate import FAULTS, Mutation, MutationError
+from harness.mutation.text import mutation_json, mutation_lines, summary
 
 INFINITE = float("inf")
 

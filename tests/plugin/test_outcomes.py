@@ -7,7 +7,7 @@ import pytest
 
 from harness.cli import main
 from harness.decide import Ending, decide
-from harness.inquiry import inquire
+from harness.diagnosis.inquiry import inquire
 from harness.pytest_plugin.laboratory import Laboratory
 
 pytest_plugins = ["pytester"]

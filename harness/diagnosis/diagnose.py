@@ -1,0 +1,136 @@
+"""Name the cause of a discrepancy: from motions alone, by moving what might be wrong.
+
+Every hypothesis is one number: a literal of the model file, moved in the engine's own model; or a
+constant, or a term that the equations lack, moved in the equations. Each is fitted to the defects
+of all scenarios together (Gauss-Newton), and the answer ranks them by what they leave. Where no
+single one leaves little enough, pairs are (`harness.diagnosis.pairs`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.diagnosis.fit import (
+    Finding,
+    Hypothesis,
+    Problem,
+    Resolved,
+    Try,
+    cosine,
+    left_linear,
+    refine_each,
+)
+from harness.diagnosis.pairs import ALIKE, pairs
+from reference.numeric import Array
+
+NAMED = 3e-3
+"""A cause is named when it leaves at most this share of the discrepancy, or the uncertainty."""
+
+RESOLVED = 1e-3
+"""Ends that are known no better than this share of the largest defect are left out of the fit,
+such as where friction turns: they would drown the others."""
+
+SETTLED = 1e-6
+"""A cause that leaves at most this share, or the uncertainty, is all there is; what leaves more may
+hide a second one."""
+
+REFINED = 6
+"""Single hypotheses that are fitted: the best by the linear fit, and those that look like them."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The ranked answer.
+
+    Attributes:
+        findings: best first; the tied ones follow each other.
+        explained: whether the first leaves no more than `NAMED`, or than the uncertainty.
+        floor: share of the discrepancy that the uncertainty makes.
+    """
+
+    findings: tuple[Finding, ...]
+    explained: bool
+    floor: float
+
+
+def diagnose(problem: Problem, uncertainty: Array) -> Diagnosis:
+    """Rank hypotheses, and pairs of them, by what they leave of a discrepancy.
+
+    Args:
+        problem: the discrepancy, with what each fault does.
+        uncertainty: of the defect at each end, (N,).
+    """
+    whole = _resolved(problem, uncertainty)
+    defect, slopes = whole.defect({}), whole.slopes({})
+    hypotheses, floor = whole.hypotheses, whole.floor
+    accepted, settled = max(NAMED, 2 * floor), max(SETTLED, 3 * floor)
+    lengths = np.linalg.norm(slopes, axis=1)
+    seen = [i for i in range(len(hypotheses)) if lengths[i] * hypotheses[i].size > 1e-9]
+    left = {i: left_linear(defect, [hypotheses[i]], slopes[[i]]) for i in seen}
+    order = sorted(seen, key=lambda i: left[i])
+    # Whatever looks like the best is told with it, though it ranked below by the linear fit.
+    alike = [
+        i for i in order[REFINED:] if any(_alike(whole, slopes, i, j) for j in order[:REFINED])
+    ]
+    tries = [Try(left[i], {i: _start(hypotheses[i])}, slopes) for i in (*order[:REFINED], *alike)]
+    found = refine_each(whole, tries, settled)
+    if not found:
+        return Diagnosis((), False, floor)
+    single = _ranked(whole, found, slopes, settled)
+    best = min(finding.remaining for finding in single)
+    alone = accepted < 1 and best <= accepted
+    if alone and best <= settled:
+        return Diagnosis(tuple(single), True, floor)
+    first = min(single, key=lambda finding: finding.remaining)
+    double = pairs(whole, slopes, seen, first, settled)
+    if alone:
+        # A second, smaller fault may hide in what the first leaves.
+        better = bool(double) and double[0].remaining < best / 100
+        return Diagnosis((*double, *single) if better else tuple(single), True, floor)
+    if accepted < 1 and double and double[0].remaining <= accepted:
+        return Diagnosis((*double, *single), True, floor)
+    return Diagnosis((*single, *double[:1]), False, floor)
+
+
+def _start(hypothesis: Hypothesis) -> float:
+    """What was left in a file is most often not meant at all; any other fault is small at first."""
+    return hypothesis.value if hypothesis.kind == "unbound literal" else 0.0
+
+
+def _resolved(problem: Problem, uncertainty: Array) -> Resolved:
+    """Which ends are known well enough to tell causes: all, or those of smooth segments alone."""
+    defect = problem.defect({})
+    kept = uncertainty <= RESOLVED * np.abs(defect).max()
+    enough = np.linalg.norm(uncertainty) <= RESOLVED * np.linalg.norm(defect)
+    if enough or not defect[kept].any():
+        kept = np.ones(len(defect), dtype=bool)
+    return Resolved(problem, kept, uncertainty[kept], float(np.linalg.norm(defect[kept])))
+
+
+def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
+    switches = problem.hypotheses[i].switch or problem.hypotheses[j].switch
+    return not switches and cosine(slopes[i], slopes[j]) > 1 - ALIKE
+
+
+def _ranked(
+    problem: Resolved, found: list[Finding], slopes: Array, settled: float
+) -> list[Finding]:
+    """Best first; causes that can't be told apart side by side, the most specific before."""
+    enough = max(settled, 3 * min(finding.remaining for finding in found))
+
+    def reading(finding: Finding) -> tuple[float, int, float]:
+        level = enough if finding.remaining <= enough else finding.remaining
+        return level, finding.causes[0].rank, finding.remaining
+
+    def tied(finding: Finding, other: Finding) -> bool:
+        if finding.remaining <= enough and other.remaining <= enough:
+            return True
+        return _alike(problem, slopes, finding.members[0], other.members[0])
+
+    rows = sorted(found, key=reading)
+    return [
+        replace(f, tied_with=tuple(o.causes[0].cause for o in rows if o is not f and tied(f, o)))
+        for f in rows
+    ]

@@ -1,0 +1,134 @@
+"""Two faults at once: which pairs leave least, and what could stand in for either of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from harness.diagnosis.fit import (
+    Finding,
+    Hypothesis,
+    Resolved,
+    Try,
+    cosine,
+    left_linear,
+    refine_each,
+)
+from reference.numeric import Array
+
+ALIKE = 1e-6
+"""1 - |cosine| of two sensitivities below which no data of these scenarios tell them apart."""
+
+PARALLEL = 1e-4
+"""1 - |cosine| of two sensitivities above which a pair of them says more than one."""
+
+FITTED = 4
+"""Pairs that are fitted, of those that look best at the model as it is, and of those that look best
+once the best single fault is repaired."""
+
+
+def pairs(
+    problem: Resolved, slopes: Array, seen: Sequence[int], first: Finding, settled: float
+) -> list[Finding]:
+    """The pairs that leave least, best first, and the best with its ties.
+
+    A large fault bends what a small one beside it would show, so pairs are also looked for around
+    the best single fault, with everything's slope as it is once that is repaired.
+
+    Args:
+        problem: with what each fault does.
+        slopes: at no fault, (H, n).
+        seen: hypotheses that have an effect.
+        first: the best single finding.
+        settled: share of the discrepancy that can't be told from nothing.
+    """
+    after = problem.slopes(first.repair)
+    near = [i for i in seen if np.any(after[i])]
+    tries = {
+        frozenset(one.start): one
+        for one in (*_around_nothing(problem, slopes, seen), *_around(problem, first, after, near))
+    }
+    found = refine_each(problem, list(tries.values()), settled)
+    if not found:
+        return []
+    best = min(found, key=lambda f: f.remaining)
+    if not set(first.members) <= set(best.members):
+        after = problem.slopes(best.repair)
+    enough = max(settled, 3 * best.remaining)
+
+    def reading(finding: Finding) -> tuple[float, int, float]:
+        level = enough if finding.remaining <= enough else finding.remaining
+        return level, sum(cause.rank for cause in finding.causes), finding.remaining
+
+    ranked = sorted(found, key=reading)
+    told = dict.fromkeys(_stand_ins(problem.hypotheses, ranked[0], after, near))
+    for other in ranked[1:]:
+        if other.remaining <= enough:
+            told |= dict.fromkeys(cause.cause for cause in other.causes)
+    own = {cause.cause for cause in ranked[0].causes}
+    return [replace(ranked[0], tied_with=tuple(t for t in told if t not in own)), *ranked[1:]]
+
+
+def classes(
+    hypotheses: Sequence[Hypothesis], slopes: Array, seen: Sequence[int]
+) -> dict[int, list[int]]:
+    """The most specific of each class of causes that look alike, with the others of its class."""
+    found: dict[int, list[int]] = {}
+    for i in sorted(seen, key=lambda k: hypotheses[k].rank):
+        for j, others in found.items():
+            same = hypotheses[i].switch == hypotheses[j].switch
+            if same and cosine(slopes[i], slopes[j]) > 1 - ALIKE:
+                others.append(i)
+                break
+        else:
+            found[i] = []
+    return found
+
+
+def _around_nothing(problem: Resolved, slopes: Array, seen: Sequence[int]) -> list[Try]:
+    """Pairs by what their linear fit leaves of the whole discrepancy."""
+    defect = problem.defect({})
+    tries = []
+    for i, j in combinations(classes(problem.hypotheses, slopes, seen), 2):
+        if cosine(slopes[i], slopes[j]) <= 1 - PARALLEL:
+            causes = [problem.hypotheses[i], problem.hypotheses[j]]
+            left = left_linear(defect, causes, slopes[[i, j]])
+            tries.append(Try(left, {i: 0.0, j: 0.0}, slopes))
+    return sorted(tries, key=lambda one: one.left)[:FITTED]
+
+
+def _around(problem: Resolved, first: Finding, after: Array, seen: Sequence[int]) -> list[Try]:
+    """Second faults by what they leave once the first is repaired, with the first free to move."""
+    (i,) = first.members
+    defect = problem.defect(first.repair)
+    tries = []
+    for j in classes(problem.hypotheses, after, seen):
+        if j == i or cosine(after[i], after[j]) > 1 - PARALLEL:
+            continue
+        free = [k for k in (i, j) if k == j or not problem.hypotheses[k].switch]
+        causes = [problem.hypotheses[k] for k in free]
+        left = left_linear(defect, causes, after[free]) * first.remaining
+        tries.append(Try(left, {**first.repair, j: 0.0}, after))
+    return sorted(tries, key=lambda one: one.left)[:FITTED]
+
+
+def _stand_ins(
+    hypotheses: Sequence[Hypothesis], best: Finding, after: Array, seen: Sequence[int]
+) -> Iterator[str]:
+    """Causes that either of a pair could be replaced by: their effect is made up of the pair's."""
+    free = [i for i in best.members if not hypotheses[i].switch]
+    if not free:
+        return
+    rows = after[free] / np.linalg.norm(after[free], axis=1, keepdims=True)
+    basis = np.linalg.qr(rows.T)[0]
+    for i in seen:
+        if i in best.members or hypotheses[i].switch:
+            continue
+        row = after[i] / np.linalg.norm(after[i])
+        beside = row - basis @ (basis.T @ row)
+        # 1 - cosine of the angle to the plane is half the square of its sine.
+        if float(beside @ beside) / 2 < ALIKE:
+            yield hypotheses[i].cause

@@ -1,0 +1,1 @@
+"""What was accepted of every model, and what moved since: the baseline and its gate."""

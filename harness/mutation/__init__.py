@@ -1,0 +1,1 @@
+"""Models made wrong on purpose: what a validation would catch."""

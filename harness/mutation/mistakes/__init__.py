@@ -1,0 +1,11 @@
+"""The known mistakes of people who write model files, made in copies of any model.
+
+A family is a module: what its mistakes are called, where they apply, and which causes a diagnosis
+may name for them. One that a model has no place for makes none there.
+"""
+
+from harness.mutation.mistakes.families import known_mistakes
+from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.subject import Subject
+
+__all__ = ["Edit", "Mistake", "Subject", "known_mistakes"]

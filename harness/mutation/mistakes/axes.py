@@ -1,0 +1,27 @@
+"""An axis that points the other way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.subject import Subject
+
+
+def axes(subject: Subject) -> Iterator[Mistake]:
+    """Each moving joint whose axis the file states, turned round.
+
+    A mechanism moves alike in a mirror, so that one axis turned may be as good as all the others:
+    any axis may be named that undoes it.
+    """
+    causes = frozenset(f"axis of {name} reversed" for name in subject.model.coordinates)
+    for name, joint in subject.joints():
+        if subject.suffix == ".urdf":
+            written = subject.numbers("axis@xyz")
+            mine = {a: v for a, v in written.items() if a.startswith(f"joint[{name}]/axis@")}
+        else:
+            written = subject.numbers("joint@axis")
+            mine = {a: v for a, v in written.items() if a.split("@")[0].endswith(f"joint[{name}]")}
+        if len(mine) == 3 and any(mine.values()) and joint.identity == name:
+            edit = Edit({address: -value for address, value in mine.items() if value})
+            yield Mistake("axis flipped", name, edit, causes)

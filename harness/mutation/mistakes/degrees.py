@@ -1,0 +1,46 @@
+"""Degrees read as radians, or radians as degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.rests import radian
+from harness.mutation.mistakes.subject import Subject
+from harness.places.attributes import Attribute
+
+ANGLES = r"(body|frame|joint)@(euler|axisangle|ref|springref)"
+
+
+def degrees(subject: Subject) -> Iterator[Mistake]:
+    """MJCF's `angle` forgotten or stated in vain; a URDF's angles written in degrees."""
+    turns = {name: joint for name, joint in subject.joints() if _turns(joint.attributes)}
+    causes = frozenset[str]()
+    for name in turns:
+        causes |= subject.about(name, "offset force") | {f"zero of {name}"}
+    if subject.suffix == ".xml":
+        sliding = {name for name, _ in subject.joints()} - set(turns)
+        stated = {
+            address: value
+            for address, value in subject.numbers(ANGLES).items()
+            if value and not any(f"joint[{name}]@" in address for name in sliding)
+        }
+        compiler = next((e for e in subject.elements if e.tag == "compiler"), None)
+        if stated and compiler is not None:
+            said = None if radian(subject) else "radian"
+            name = "degrees for radians" if said is None else "radians for degrees"
+            edit = Edit(attributes=(Attribute(compiler.start, "angle", said),))
+            yield Mistake(name, "compiler@angle", edit, causes | set(stated))
+    elif subject.suffix == ".urdf":
+        kinds = r"springReference|origin@rpy"
+        for address, value in subject.numbers(kinds).items():
+            drawn = any(word in address for word in ("visual", "collision"))
+            spring = any(address == f"gazebo[{name}]/springReference" for name in turns)
+            if value and not drawn and (spring or "@rpy" in address):
+                edit = Edit({address: math.degrees(value)})
+                yield Mistake("degrees for radians", address, edit, causes | {address})
+
+
+def _turns(attributes: Mapping[str, str]) -> bool:
+    return attributes.get("type", "hinge") in ("hinge", "revolute", "continuous")

@@ -1,0 +1,37 @@
+"""Two constants of one unit, each with the other's value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+
+from harness.bindings import at_constants, bindings
+from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.subject import Subject
+from reference.system import DeclarationError
+
+
+def exchanges(subject: Subject) -> Iterator[Mistake]:
+    """Every such pair of which the model states both, exchanged in all of its literals."""
+    system, sidecar = subject.task.system, subject.task.sidecar
+    for one, other in combinations(system.constants, 2):
+        if one.unit != other.unit or one.value == other.value:
+            continue
+        try:
+            swapped = at_constants(system, {one.name: other.value, other.name: one.value})
+        except DeclarationError:
+            continue  # one is positive and the other is not
+        changed = {b.address: b.expected for b in bindings(swapped, sidecar) if not b.exact}
+        if not all(_stated(subject, c.name) for c in (one, other)):
+            continue
+        names = f"{one.name}, {other.name}"
+        causes = {f"{names} exchanged", one.name, other.name, *changed}
+        yield Mistake("two constants exchanged", names, Edit(changed), frozenset(causes))
+
+
+def _stated(subject: Subject, name: str) -> bool:
+    """Whether a literal depends on a constant."""
+    system, sidecar = subject.task.system, subject.task.sidecar
+    value = next(c.value for c in system.constants if c.name == name)
+    moved = at_constants(system, {name: 1.01 * value})
+    return any(not b.exact for b in bindings(moved, sidecar))

@@ -1,0 +1,82 @@
+"""Gravity of another size, left off, or along another axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from harness.bindings import SIDECAR
+from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.subject import Subject
+
+SIZES = (9.8, 9.80665)
+"""What people write, each where the model has something else."""
+
+ACCELERATION = ("m/s^2", "m/s**2", "m*s^-2", "N/kg")
+
+
+def gravity(subject: Subject) -> Iterator[Mistake]:
+    """Changes of a gravity that the model has; of its size where the equations have one too."""
+    own = getattr(subject.model, "gravity", None)
+    if own is None or not np.any(own):
+        return
+    vector = [*map(float, own), 0.0][:3]
+    size = float(np.linalg.norm(vector))
+    constants = {c.name for c in subject.task.system.constants if c.unit in ACCELERATION}
+    if constants:
+        for other in SIZES:
+            if abs(other - size) > 1e-9 * size:
+                turned = [g / size * other for g in vector]
+                yield _changed(subject, f"gravity {other:g}", vector, turned, constants)
+        yield _changed(subject, "gravity off", vector, [0.0, 0.0, 0.0], constants)
+    down = int(np.argmax(np.abs(vector)))
+    for axis in range(len(own)):
+        if axis != down and not vector[axis]:
+            turned = [0.0, 0.0, 0.0]
+            turned[axis] = vector[down]
+            yield _changed(subject, f"gravity along {'xyz'[axis]}", vector, turned, constants)
+
+
+def _changed(
+    subject: Subject, name: str, old: Sequence[float], new: Sequence[float], constants: set[str]
+) -> Mistake:
+    """Changed where it is written, if it is written as a vector or as one number; else set."""
+    addresses = _written(subject, old)
+    moved = [i for i in range(3) if new[i] != old[i]]
+    causes = {f"gravity along {'xyz'[i]}" for i in moved} | constants
+    # On a coordinate along it, a constant pull is all that gravity is.
+    causes |= {f"offset force on {c.name}" for c in subject.task.system.coordinates}
+    if all(i in addresses for i in moved):
+        own, signs = [addresses[i] for i in moved], [_sign(subject, addresses[i], old[i])
+                                                    for i in moved]  # fmt: skip
+        literals = {a: s * new[i] for a, s, i in zip(own, signs, moved, strict=True)}
+        return Mistake(name, ", ".join(own), Edit(literals), frozenset({*causes, *own}))
+    edit = Edit(settings={"gravity": list(new)})
+    return Mistake(name, "gravity", edit, frozenset({*causes, *addresses.values()}))
+
+
+def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:
+    """Addresses of the components that the file, its sidecar or a bound number states."""
+    sidecar, engine = subject.task.sidecar, subject.task.engine
+    for key, settings in (
+        (f"settings.{engine}.gravity", sidecar.engine_settings.get(engine, {})),
+        ("settings.gravity", sidecar.settings),
+    ):
+        if "gravity" in settings:
+            return {i: f"{SIDECAR}{key}[{i}]" for i in range(3)}
+    if subject.suffix == ".xml":
+        stated = subject.numbers("option@gravity")
+        return dict(enumerate(stated)) if len(stated) == 3 else {}
+    found: dict[int, str] = {}
+    for b in subject.found:
+        names = {c.name for c in subject.task.system.constants if c.unit in ACCELERATION}
+        if b.expression.strip(" -") in names:
+            found |= {i: b.address for i in range(3) if abs(old[i]) == abs(b.value)}
+    return found
+
+
+def _sign(subject: Subject, address: str, component: float) -> float:
+    """-1 where a number is the size of a component that points the other way."""
+    values = {b.address: b.value for b in subject.found}
+    return -1.0 if values.get(address, component) == -component != 0 else 1.0

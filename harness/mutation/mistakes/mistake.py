@@ -1,0 +1,62 @@
+"""A mistake as data: what is edited, and which causes are right."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from harness.bindings import rewrite, with_literals
+from harness.diagnosis.suspects.bench import at
+from harness.places.attributes import Attribute, with_attributes
+from harness.sidecar import Sidecar, read_sidecar
+
+
+@dataclass(frozen=True)
+class Edit:
+    """What changes in a copy of a model; picklable.
+
+    Attributes:
+        literals: new values, by address.
+        attributes: of elements of an XML file, set, added or taken out.
+        settings: of the sidecar, for the engine at hand.
+    """
+
+    literals: Mapping[str, float] = field(default_factory=dict)
+    attributes: tuple[Attribute, ...] = ()
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+    def made(self, sidecar: Sidecar, engine: str, into: Path) -> Sidecar:
+        """The sidecar of a copy in the folder `into` with the edits made.
+
+        Raises:
+            PlaceError: naming file, line and remedy.
+        """
+        copy = with_literals(sidecar, {}, into)
+        if self.attributes:
+            data = with_attributes(copy.model.read_bytes(), copy.model, self.attributes)
+            copy.model.write_bytes(data)
+        if self.literals:
+            rewrite(copy, self.literals)
+            # Numbers of the sidecar itself may be among them.
+            copy = read_sidecar(Path(f"{copy.model}.toml"))
+        return at(copy, engine, **self.settings) if self.settings else copy
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake in one model.
+
+    Attributes:
+        name: what the user did.
+        place: where: a joint, a literal or a setting.
+        edit: what makes it.
+        causes: those that a diagnosis may name for it, any of which is right.
+        sound: whether it is none: it changes the error of a step, and not the mechanism.
+    """
+
+    name: str
+    place: str
+    edit: Edit
+    causes: frozenset[str] = frozenset()
+    sound: bool = False

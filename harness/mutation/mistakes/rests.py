@@ -1,0 +1,105 @@
+"""A spring that is relaxed elsewhere than it should be."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from harness.bindings import SIDECAR
+from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.subject import Subject, rounded
+from harness.places.attributes import Attribute
+
+SHARE = 0.1
+"""The offset, as a share of how far the joint moves."""
+
+REST = re.compile(r"rest|relaxed|slack|springref|reference", re.IGNORECASE)
+"""What people call a rest length among the numbers of a Python file."""
+
+
+def rests(subject: Subject) -> Iterator[Mistake]:
+    """Every spring's rest position moved; a tendon's left for the engine to choose."""
+    if subject.suffix == ".xml":
+        yield from _joints(subject)
+        yield from _tendons(subject)
+    elif subject.suffix == ".urdf":
+        yield from _gazebo(subject)
+    elif subject.suffix == ".py":
+        yield from _python(subject)
+    yield from _declared(subject)
+
+
+def _joints(subject: Subject) -> Iterator[Mistake]:
+    """A joint's springref, in degrees where the file's angles are."""
+    for name, joint in subject.joints():
+        if float(joint.attributes.get("stiffness", "0").split()[0]) == 0:
+            continue
+        unit = 57.3 if joint.attributes.get("type") != "slide" and not radian(subject) else 1.0
+        old = float(joint.attributes.get("springref", "0"))
+        new = old + rounded(SHARE * unit * subject.reach(name))
+        yield Mistake(
+            "a rest offset", name,
+            Edit(attributes=(Attribute(joint.start, "springref", repr(new)),)),
+            _moved(subject, name) | {f"{joint.spelled(1)}@springref"},
+        )  # fmt: skip
+
+
+def radian(subject: Subject) -> bool:
+    """Whether an MJCF file's angles are in radians."""
+    compilers = [e for e in subject.elements if e.tag == "compiler"]
+    return any(e.attributes.get("angle") == "radian" for e in compilers)
+
+
+def _tendons(subject: Subject) -> Iterator[Mistake]:
+    for tendon in subject.elements:
+        if tendon.tag != "fixed" or "stiffness" not in tendon.attributes:
+            continue
+        names = [c.attributes["joint"] for c in tendon.children if "joint" in c.attributes]
+        names = [name for name in names if name in subject.model.coordinates]
+        if "springlength" not in tendon.attributes or not names:
+            continue
+        place, address = tendon.spelled(1), f"{tendon.spelled(1)}@springlength"
+        causes = frozenset().union(*(_moved(subject, name) for name in names)) | {address}
+        words = tendon.attributes["springlength"].split()
+        new = float(words[0]) + rounded(SHARE * max(subject.reach(name) for name in names))
+        edit = Edit(attributes=(Attribute(tendon.start, "springlength", repr(new)),))
+        yield Mistake("a rest offset", place, edit, causes)
+        # -1, the default: relaxed at the length that the file's pose has.
+        edit = Edit(attributes=(Attribute(tendon.start, "springlength", None),))
+        yield Mistake("springlength left at -1", place, edit, causes)
+
+
+def _gazebo(subject: Subject) -> Iterator[Mistake]:
+    """Gazebo's springReference."""
+    stated = subject.numbers("springReference")
+    for name, _ in subject.joints():
+        address = f"gazebo[{name}]/springReference"
+        if address in stated:
+            new = stated[address] + rounded(SHARE * subject.reach(name))
+            causes = _moved(subject, name) | {address}
+            yield Mistake("a rest offset", name, Edit({address: new}), causes)
+
+
+def _python(subject: Subject) -> Iterator[Mistake]:
+    """Numbers that stand for no constant and are called a rest."""
+    causes = frozenset[str]().union(*(_moved(subject, z) for z in subject.model.coordinates))
+    for name, value in subject.numbers("").items():
+        if REST.search(name) and name not in subject.bound:
+            new = value * (1 + SHARE) if value else SHARE
+            yield Mistake("a rest offset", name, Edit({name: new}), causes | {name})
+
+
+def _declared(subject: Subject) -> Iterator[Mistake]:
+    """Springs that the sidecar declares."""
+    for index, spring in enumerate(subject.task.sidecar.springs):
+        joints = [name for name in spring.joints if name in subject.model.coordinates]
+        if spring.stiffness and joints:
+            address = f"{SIDECAR}spring[{index}].rest"
+            new = spring.rest + rounded(SHARE * max(map(subject.reach, joints)))
+            causes = frozenset[str]().union(*(_moved(subject, name) for name in joints))
+            yield Mistake("a rest offset", address, Edit({address: new}), causes | {address})
+
+
+def _moved(subject: Subject, joint: str) -> frozenset[str]:
+    """What a moved rest amounts to: a constant pull, or the joint read from another zero."""
+    return subject.about(joint, "offset force") | {f"zero of {joint}"}
