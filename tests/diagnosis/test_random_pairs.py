@@ -10,5 +10,5 @@ from tests.diagnosis.random_pairs import campaign
     any(engine.version() is None for engine in engines().values()), reason="an engine is missing"
 )
 def test_both_of_two_faults_are_named():
-    trials = campaign(5, seed=11)
+    trials = campaign(3, seed=11)
     assert all(t.named and t.explained for t in trials), [t for t in trials if not t.named]
