@@ -161,7 +161,7 @@ def _most(cases: list[Mapping[str, Any]], key: str, form: str) -> str:
 def _range(values: list[float]) -> str:
     if not values:
         return "-"
-    low, high = f"{min(values):.1f}", f"{max(values):.1f}"
+    low, high = (f"{round(value, 1) + 0.0:.1f}" for value in (min(values), max(values)))
     return low if low == high else f"{low}-{high}"
 
 
