@@ -25,6 +25,9 @@ FIRST_JUDGED = 6
 """Rungs needed before a limit has an uncertainty: by the fifth, two small draws in a row may still
 be chance."""
 
+ENOUGH = 2e-3
+"""Rungs are added until the uncertainty is this share of the resolution, or stops falling."""
+
 EPSILON = float(np.finfo(float).eps)
 
 
@@ -77,6 +80,20 @@ class Limit:
     order: float
     holds: bool
     converges: bool
+
+
+def suffices(
+    limit: Limit, previous: Limit | None, count: int, scale: Array, resolution: float
+) -> bool:
+    """Whether a further rung is not worth its steps, after so many."""
+    worst = largest(limit.uncertainty / scale)
+    if worst <= ENOUGH * resolution:
+        return True
+    if previous is None or count <= FIRST_JUDGED + 1:
+        return False
+    before = largest(previous.uncertainty / scale)
+    # Short of the resolution every rung is worth its steps: a draw may be late by one.
+    return resolution >= worst > 0.7 * before
 
 
 def limits(

@@ -23,7 +23,7 @@ from harness.diagnosis.inquiry import InquiryTask, inquire, inquiry_task
 from harness.engine import Engine
 from harness.engines import engines
 from harness.gate.known import accepted, mark_known, since
-from harness.gate.measure import MeasureTask, measure
+from harness.gate.measure import measure, measure_task
 from harness.gate.track import Track
 from harness.prepare import Prepared, prepare
 from harness.results import results
@@ -192,10 +192,7 @@ def _plan(
                 started[workers.submit(run_case, task)] = case
                 if selection is not None or case_id(case) in tracks:
                     of = (tracks if selection is None else selection.tracks).get(case_id(case))
-                    measuring = MeasureTask(
-                        prepared.system, found, name, scenario.name, task.motion, task.scale,
-                        prepared.components, prepared.variants, of,
-                    )  # fmt: skip
+                    measuring = measure_task(task, prepared.variants, of)
                     started[workers.submit(measure, measuring)] = {"measuring": case}
             if barred is None:
                 models.append(model | texts(found))

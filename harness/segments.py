@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.coordinates import CoordinateMap
 from harness.engine import Model
-from harness.ladder import FIRST_JUDGED, RUNGS, Limit, largest, limits
+from harness.ladder import FIRST_JUDGED, RUNGS, Limit, limits, suffices
 from harness.rounding import Starts, with_companions
-from reference.motion import Motion
+from reference.motion import Motion, Span
 from reference.numeric import Array
-
-ENOUGH = 2e-3
-"""Rungs are added until the uncertainty is this share of the resolution, or stops falling."""
 
 
 class BlownUpError(RuntimeError):
@@ -66,16 +65,20 @@ def extrapolate(
             continue
         previous = limit
         limit = limits(values, RUNGS[:count], exponents, scale, grain, seen)
-        worst = largest(limit.uncertainty / scale)
-        if worst <= ENOUGH * resolution:
+        if suffices(limit, previous, count, scale, resolution):
             break
-        if previous is not None and count > FIRST_JUDGED + 1:
-            before = largest(previous.uncertainty / scale)
-            # Short of the resolution every rung is worth its steps: a draw may be late by one.
-            if resolution >= worst > 0.7 * before:
-                break
     assert limit is not None
     return Extrapolated(limit, np.stack(values), RUNGS[: len(values)], steps)
+
+
+def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, NDArray[np.intp]]]:
+    """Pick about so many segments evenly, from each span in proportion, at least two: indices."""
+    first = 0
+    for span in motion.spans:
+        count = min(span.count, max(2, round(picked * span.count / len(motion.t))))
+        # An even spread, off the ends: a start at rest tells little.
+        yield span, first + np.floor((np.arange(count) + 0.5) * span.count / count).astype(np.intp)
+        first += span.count
 
 
 def grains(coordinates: CoordinateMap, z: Array, w: Array, fastest: float, length: float) -> Array:

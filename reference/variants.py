@@ -84,6 +84,18 @@ class Variants:
         ends, _ = collocate(field, times, starts, length)
         return ends
 
+    def flows(
+        self, points: Array, times: Array, starts: Array, length: float,
+        inputs: Callable[[Array], Array],
+    ) -> Array:  # fmt: skip
+        """Ends (K, B, 2n) of B segments at each of K parameter points (K, P)."""
+        batch = len(times)
+        ends = self.flow(
+            np.repeat(points, batch, axis=0), np.tile(times, len(points)),
+            np.tile(starts, (len(points), 1)), length, inputs,
+        )  # fmt: skip
+        return ends.reshape(len(points), batch, -1)
+
 
 def variants(equations: Equations, amplitude: Array) -> Variants:
     """Free every constant, and add to every coordinate the terms that mechanisms have.

@@ -12,8 +12,8 @@ import sympy as sp
 from harness.compare.match import Match
 from harness.coordinates import CoordinateMap
 from harness.engine import Array, Force, Model, StateForce
-from harness.ladder import FIRST_JUDGED, RUNGS, Limit, largest, limits, weights
-from harness.segments import ENOUGH, BlownUpError
+from harness.ladder import FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
+from harness.segments import BlownUpError
 from reference.numeric import NumericFunction, compile_function
 
 QUICK = RUNGS[:8]
@@ -120,13 +120,8 @@ def ends(model: Model, runs: Runs, match: Match | None, fastest: float, resoluti
             grain[n:] += grain[:n] * fastest**2 * runs.length
         previous = limit
         limit = limits(finite, RUNGS[:count], exponents(model, runs, match), scale, grain)
-        worst = largest(limit.uncertainty / scale)
-        if worst <= ENOUGH * resolution:
+        if suffices(limit, previous, count, scale, resolution):
             break
-        if previous is not None and count > FIRST_JUDGED + 1:
-            before = largest(previous.uncertainty / scale)
-            if resolution >= worst > 0.7 * before:
-                break
     assert limit is not None
     limit.uncertainty[~alive] = np.inf
     return limit

@@ -10,7 +10,7 @@ import numpy as np
 from harness.coordinates import CoordinateMap
 from harness.engine import Model
 from harness.ladder import RUNGS, limits, weights
-from harness.segments import BlownUpError, grains, run_ends
+from harness.segments import BlownUpError, grains, run_ends, spread
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.signal import Inputs
@@ -56,13 +56,7 @@ def pick(motions: Mapping[str, Motion], scales: Mapping[str, Array]) -> tuple[Sa
     samples = []
     for name, motion in motions.items():
         varying = not all(span.constant_input for span in motion.spans)
-        first = 0
-        for span in motion.spans:
-            share = SEGMENTS_PICKED * span.count / len(motion.t)
-            count = min(span.count, max(2, round(share)))
-            # An even spread, off the ends: a start at rest tells little.
-            chosen = first + np.floor((np.arange(count) + 0.5) * span.count / count).astype(int)
-            first += span.count
+        for span, chosen in spread(motion, SEGMENTS_PICKED):
             samples.append(
                 Sample(
                     name, span.length, motion.t[chosen], motion.start[chosen], motion.end[chosen],
@@ -129,13 +123,6 @@ def variant_ends(variants: Variants, points: Array, samples: Sequence[Sample]) -
     """Where the equations end the segments at other parameters: points (K, P) -> (K, N)."""
     parts = []
     for sample in samples:
-        batch = len(sample.t)
-        ends = variants.flow(
-            np.repeat(points, batch, axis=0),
-            np.tile(sample.t, len(points)),
-            np.tile(sample.start, (len(points), 1)),
-            sample.length,
-            sample.inputs,
-        )
-        parts.append((ends.reshape(len(points), batch, -1) / sample.scale).reshape(len(points), -1))
+        ends = variants.flows(points, sample.t, sample.start, sample.length, sample.inputs)
+        parts.append((ends / sample.scale).reshape(len(points), -1))
     return np.concatenate(parts, axis=1)

@@ -16,9 +16,10 @@ from typing import Any
 
 from harness.engines import engines
 from harness.folders import FolderError, builtin
-from harness.gate.baseline import SystemBaseline, case_key, read_baseline
-from harness.gate.changes import Change, Now, Status, compare
-from harness.gate.fingerprint import NUMERICS, FolderFiles, folder_files
+from harness.gate.baseline import SystemBaseline, read_baseline
+from harness.gate.changes import Change, Status
+from harness.gate.fingerprint import FolderFiles, folder_files
+from harness.gate.judge import judge
 from harness.gate.stories import Story, stories
 from harness.gate.touched import location, match, touched
 
@@ -233,30 +234,9 @@ def _judge(
     """What became of a case that was run."""
     # Where a declaration can't be loaded, the case is told by its folder; the baseline knows.
     system = next(n for n, scan in names.items() if str(scan.folder) == case["folder"])
-    engine, scan = case["engine"], names[system]
-    key = case_key(case["model"], case["scenario"], engine)
-    measured = case.get("measured") or {"failed": "it was not measured"}
-    one = baseline.get(system)
-    entry = one.cases.get(key) if one else None
-    model = next((m for m in scan.models if m.model == case["model"]), None)
-    files = model.hashes if model else {}
-    reason = ""
-    if case["outcome"] in ("FAILED", "ABSENT"):
-        reason = f"{case['outcome']}: {case['reason']}"
-    elif again[scan.folder] != scan:
-        reason = "its files changed while it was run; run it again"
-    elif "failed" in measured:
-        reason = f"its motion could not be measured: {measured['failed']}"
-    if reason:
-        return Change(
-            system, key, Status.NOT_RUN, (), (reason,), record=case, entry=entry, files=files
-        )
-    label = f"{engine} {versions[engine]}"
-    if entry is None or one is None:
-        found = f"{case['outcome']}; nothing was accepted of it yet"
-        return Change(system, key, Status.NEW, (), (found,), record=case, files=files, engine=label)
-    now = Now(case, files, label, terms.resolution, NUMERICS)
-    return compare(system, key, entry, one.tracks[entry["track"]], now)
+    scan = names[system]
+    stale = again[scan.folder] != scan
+    return judge(system, case, scan, baseline.get(system), versions, terms.resolution, stale)
 
 
 def _expected(one: SystemBaseline, terms: Terms) -> bool:

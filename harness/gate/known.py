@@ -14,8 +14,9 @@ from typing import Any
 
 from harness.engines import engines
 from harness.gate.baseline import SystemBaseline, case_key, read_baseline
-from harness.gate.changes import Now, Status, compare, is_known
-from harness.gate.fingerprint import NUMERICS, FolderFiles, folder_files
+from harness.gate.changes import Status, is_known
+from harness.gate.fingerprint import FolderFiles, folder_files
+from harness.gate.judge import judge, unaccepted
 from harness.gate.touched import match, touched
 from harness.gate.track import Track, track_from
 
@@ -138,25 +139,20 @@ def _change(case: Record, found: Accepted) -> Record | None:
     one = found.systems.get(case["system"])
     key = case_key(case["model"], case["scenario"], case["engine"])
     entry = one.cases.get(key) if one else None
-    if entry is None or one is None:
-        message = f"{case['outcome']}; nothing was accepted of it yet"
-        return {**where, "kind": "new", "message": message}
-    if case["outcome"] in ("FAILED", "ABSENT"):
-        return {**where, "kind": "regression", "message": f"{case['outcome']}: {case['reason']}"}
-    measured = case.get("measured")
-    if measured is None:
+    if entry is None:
+        return {**where, "kind": "new", "message": unaccepted(case)}
+    ran = case["outcome"] not in ("FAILED", "ABSENT")
+    if ran and case.get("measured") is None:
         return None
-    if "failed" in measured:
-        message = f"its motion could not be measured: {measured['failed']}"
-        return {**where, "kind": "regression", "message": message}
     scan, _ = found.folders[case["folder"]]
-    files = next((m.hashes for m in scan.models if m.model == case["model"]), {})
-    label = f"{case['engine']} {found.versions[case['engine']]}"
-    now = Now(case, files, label, found.resolution, NUMERICS)
-    change = compare(case["system"], key, entry, one.tracks[entry["track"]], now)
+    change = judge(case["system"], case, scan, one, found.versions, found.resolution)
     if change.status in (Status.SAME, Status.KNOWN, Status.WITHIN):
         return None
-    worse = case["outcome"] != "AGREES" or (case["raw_error"] or 0) > (entry["raw_error"] or 0)
+    worse = (
+        case["outcome"] != "AGREES"
+        or change.status is Status.NOT_RUN
+        or (case["raw_error"] or 0) > (entry["raw_error"] or 0)
+    )
     kind = "change" if not worse else "regression"
     if change.status is Status.IMPROVED:
         kind = "improvement"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.case import load
+from harness.case import CaseTask, load
 from harness.diagnosis.diagnose import NAMED
 from harness.gate.track import Track, ends, finite, inputs_of, track
 from harness.sidecar import Sidecar
@@ -42,6 +42,14 @@ class MeasureTask:
     components: tuple[str, ...]
     variants: Variants
     accepted: Track | None
+
+
+def measure_task(case: CaseTask, variants: Variants, accepted: Track | None) -> MeasureTask:
+    """Gather what measuring a case needs beside its verdict's own task."""
+    return MeasureTask(
+        case.system, case.sidecar, case.engine, case.scenario, case.motion, case.scale,
+        case.components, variants, accepted,
+    )  # fmt: skip
 
 
 def measure(task: MeasureTask) -> dict[str, Any]:
@@ -138,11 +146,8 @@ def _flow(variants: Variants, points: Array, one: Track) -> Array:
     found = np.empty((len(points), *one.end.shape))
     for length in np.unique(one.length):
         chosen = one.length == length
-        batch = int(np.sum(chosen))
-        flat = variants.flow(
-            np.repeat(points, batch, axis=0), np.tile(one.t[chosen], len(points)),
-            np.tile(one.start[chosen], (len(points), 1)), float(length),
+        found[:, chosen] = variants.flows(
+            points, one.t[chosen], one.start[chosen], float(length),
             inputs_of(one, chosen, len(points)),
         )  # fmt: skip
-        found[:, chosen] = flat.reshape(len(points), batch, -1)
     return found

@@ -20,7 +20,7 @@ import sympy as sp
 from harness.coordinates import CoordinateMap
 from harness.engine import Model
 from harness.ladder import RUNGS, limits
-from harness.segments import BlownUpError, run_ends
+from harness.segments import BlownUpError, grains, run_ends, spread
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.system import System
@@ -126,13 +126,7 @@ def track(
     system: System, name: str, motion: Motion, scale: Array, components: tuple[str, ...]
 ) -> Track:
     """Pick segments evenly over a scenario, from each of its spans in proportion."""
-    chosen: list[int] = []
-    first = 0
-    for span in motion.spans:
-        count = min(span.count, max(2, round(PICKED * span.count / len(motion.t))))
-        spread = np.floor((np.arange(count) + 0.5) * span.count / count).astype(int)
-        chosen += (first + spread).tolist()
-        first += span.count
+    chosen = np.concatenate([indices for _, indices in spread(motion, PICKED)])
     scenario = system.scenario(name)
     t, length = motion.t[chosen], motion.lengths[chosen]
     return Track(
@@ -152,10 +146,7 @@ def ends(model: Model, coordinates: CoordinateMap, one: Track) -> tuple[Array, A
         BlownUpError: where the engine returns values that are not finite.
     """
     z, w = coordinates.to_engine(one.start)
-    grain = coordinates.grain(z, w)
-    # As in `segments.extrapolate`: rounding of the positions reaches the velocities.
-    n = len(grain) // 2
-    grain[n:] += grain[:n] * one.fastest**2 * float(np.max(one.length))
+    grain = grains(coordinates, z, w, one.fastest, float(np.max(one.length)))
     values = []
     for rung in RUNGS:
         raw = np.empty_like(one.end)

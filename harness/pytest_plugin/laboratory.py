@@ -16,7 +16,7 @@ from harness.diagnosis.inquiry import inquire, inquiry_task
 from harness.engines import engines
 from harness.gate.baseline import read_baseline
 from harness.gate.known import Accepted, accepted, mark_known
-from harness.gate.measure import MeasureTask, measure
+from harness.gate.measure import measure, measure_task
 from harness.main_module import without_main
 from harness.prepare import Prepared, prepare
 from harness.run import Record, failed, hurdle
@@ -66,10 +66,7 @@ class Laboratory:
             self._accepted[folder] = accepted(self._baseline, (folder,), self._resolution)
         before = self._accepted[folder]
         if before is not None and case_id(record) in before.known:
-            measuring = MeasureTask(
-                found.system, sidecar, engine, scenario, task.motion, task.scale, found.components,
-                found.variants, before.tracks[case_id(record)],
-            )  # fmt: skip
+            measuring = measure_task(task, found.variants, before.tracks[case_id(record)])
             seen = self._run(measure, measuring)
             record["measured"] = {"failed": seen.reason} if isinstance(seen, Failure) else seen
             mark_known([record], before)

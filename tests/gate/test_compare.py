@@ -112,7 +112,7 @@ def test_a_lost_digit_is_told(told):
 
 
 def test_another_version_of_the_numerics_runs_everything_again(repository, monkeypatch):
-    for module in ("harness.gate.gate", "harness.gate.touched"):
+    for module in ("harness.gate.judge", "harness.gate.touched"):
         monkeypatch.setattr(f"{module}.NUMERICS", NUMERICS + 1)
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.WITHIN}
