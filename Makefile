@@ -18,7 +18,7 @@ check: .venv/.test
 	$(BIN)/lint-imports
 
 bench: .venv/.report
-	$(BIN)/python -m tests.bench
+	$(BIN)/python -m benchmarks.bench
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv

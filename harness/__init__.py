@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from harness.checked import check
+    from harness.api import check
 
 __all__ = ["check"]
 
@@ -13,7 +13,7 @@ __all__ = ["check"]
 def __getattr__(name: str) -> Any:
     # Not imported before it is asked for: pytest imports this package in every project.
     if name == "check":
-        from harness.checked import check
+        from harness.api import check
 
         return check
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -18,19 +18,19 @@ from typing import Any
 
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
-from harness.case import TwinTask, case_task, run_case, run_twins
-from harness.diagnosis.inquiry import InquiryTask, inquire, inquiry_task
-from harness.engine import Engine
-from harness.engines import engines
-from harness.gate.known import accepted, mark_known, since
-from harness.gate.measure import measure, measure_task
-from harness.gate.track import Track
-from harness.prepare import Prepared, prepare
-from harness.results import results
-from harness.sidecar import Sidecar, SidecarError, read_sidecar
-from harness.table import case_id
-from harness.verdict import Outcome
-from harness.workers import LIMIT, Failure, Workers
+from harness.baseline.known import accepted, mark_known, since
+from harness.baseline.measure import measure, measure_task
+from harness.baseline.snapshot import Track
+from harness.cases.case import TwinTask, case_task, run_case, run_twins
+from harness.cases.prepare import Prepared, prepare
+from harness.diagnosis.task import InquiryTask, inquire, inquiry_task
+from harness.engines.protocol import Engine
+from harness.engines.registry import engines
+from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.records.outcome import Outcome
+from harness.records.results import results
+from harness.schedule.workers import LIMIT, Failure, Workers
+from harness.text.table import case_id
 
 Record = dict[str, Any]
 Progress = Callable[[int, int, Record | None], None]

@@ -12,8 +12,8 @@ from functools import cached_property
 import sympy as sp
 
 from reference.numeric import NumericFunction, compile_function
+from reference.simplify import LONG, solved, tidy
 from reference.system import System, t
-from reference.tidy import LONG, solved, tidy
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import sympy as sp
 
 from reference.derive import Equations
 from reference.numeric import Array
+from reference.simplify import LONG, tidy
 from reference.system import DeclarationError, Equilibrium, t
-from reference.tidy import LONG, tidy
 
 DIGITS = 60
 """Working precision of the linear algebra: a defective eigenvalue keeps half of it."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from reference.linearize import DIGITS, Linearization, to_array
 from reference.numeric import Array
+from reference.simplify import LONG
 from reference.system import System
-from reference.tidy import LONG
 
 s = sp.Symbol("s")
 """The Laplace variable of transfer functions."""

@@ -204,7 +204,7 @@ class System:
         for name in ("T", "V", "D"):
             object.__setattr__(self, name, sp.sympify(getattr(self, name)))
         # Imported late: the checks speak of the classes above.
-        from reference.check import check
+        from reference.validation import check
 
         check(self)
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from harness.audit.finding import Finding
-from harness.bindings import Binding, bindings
-from harness.places import PlaceError
-from harness.sidecar import Sidecar, SidecarError
+from harness.files.bindings import Binding, bindings
+from harness.files.locations import PlaceError
+from harness.files.sidecar import Sidecar, SidecarError
 from reference.system import System
 
 

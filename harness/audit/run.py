@@ -6,15 +6,15 @@ from collections.abc import Set
 from dataclasses import replace
 from typing import Any
 
-from harness.audit.engines import Remark, remarks
 from harness.audit.finding import Finding
 from harness.audit.literals import declared_bindings, literal_findings
+from harness.audit.remarks import Remark, remarks
 from harness.audit.task import AuditTask, audit_task
 from harness.audit.terms import Compiled
-from harness.coordinates import coordinate_map
-from harness.engines import engines
-from harness.prepare import Prepared
-from harness.sidecar import Sidecar
+from harness.cases.prepare import Prepared
+from harness.engines.registry import engines
+from harness.files.sidecar import Sidecar
+from harness.numerics.coordinates import coordinate_map
 
 
 def run_audit(task: AuditTask) -> list[dict[str, Any]]:

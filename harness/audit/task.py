@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.prepare import Equilibrium, Prepared
-from harness.sidecar import Sidecar
+from harness.cases.prepare import Equilibrium, Prepared
+from harness.files.sidecar import Sidecar
 from reference.numeric import Array
 from reference.system import System
 

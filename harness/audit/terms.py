@@ -10,10 +10,10 @@ import sympy as sp
 
 from harness.audit.finding import Finding
 from harness.audit.task import AuditTask
-from harness.coordinates import CoordinateMap
-from harness.engine import Model
-from harness.prepare import Equilibrium
-from harness.probe import RESOLVED, Measured, Probe
+from harness.cases.prepare import Equilibrium
+from harness.engines.protocol import Model
+from harness.numerics.accelerations import RESOLVED, Measured, Probe
+from harness.numerics.coordinates import CoordinateMap
 from reference.derive import derive
 from reference.numeric import Array, NumericFunction
 

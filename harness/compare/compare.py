@@ -15,18 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from harness.compare.edits import Edit, edits
+from harness.compare.candidate import CompareError, Facts, Side, facts
+from harness.compare.diff import Edit, edits
+from harness.compare.excitation import Recorded, SourceTask, record
 from harness.compare.judge import Followed, Judgement, TargetTask, follow, judge
 from harness.compare.match import Match, match
 from harness.compare.mechanics import Mechanics, MechanicsTask, mechanics
 from harness.compare.runs import Runs
-from harness.compare.side import CompareError, Facts, Side, facts
-from harness.compare.states import Recorded, SourceTask, record
 from harness.compare.terms import Frame, Term, terms
 from harness.compare.trials import Trial, TrialTask, tried, weigh
-from harness.engine import Array
-from harness.places import PlaceError
-from harness.verdict import Outcome
+from harness.engines.protocol import Array
+from harness.files.locations import PlaceError
+from harness.records.outcome import Outcome
 
 MOST_TRIED = 60
 """Differences of the files that are tried one by one; beyond, they are only counted."""

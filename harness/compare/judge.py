@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.compare.candidate import Side
+from harness.compare.excitation import Recorded, unwrapped
 from harness.compare.match import Match
 from harness.compare.runs import Runs, ends
-from harness.compare.side import Side
-from harness.compare.states import Recorded, unwrapped
-from harness.engine import Array
-from harness.ladder import EPSILON, Limit
-from harness.verdict import Outcome
+from harness.engines.protocol import Array
+from harness.numerics.ladder import EPSILON, Limit
+from harness.records.outcome import Outcome
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Judgement:
 
 
 def judge(recorded: Recorded, followed: Followed, match: Match, resolution: float) -> Judgement:
-    """Judge by the rule of `harness.verdict`: DIFFERS where E > U, AGREES where U is small enough.
+    """Judge by the verdict's rule: DIFFERS where E > U, AGREES where U is small enough.
 
     A run differs where its difference exceeds its own uncertainty; one that could not be resolved
     doesn't hide one that was.

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
-from harness.compare.side import CompareError
-from harness.expressions import parse
-from harness.sidecar import SidecarError
+from harness.compare.candidate import CompareError
+from harness.files.expressions import parse
+from harness.files.sidecar import SidecarError
 from reference.numeric import Array, NumericFunction, compile_function
 
 

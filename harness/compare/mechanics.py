@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.compare.candidate import Side, reach
 from harness.compare.match import Match
-from harness.compare.nature import free_directions, inverse_mass
 from harness.compare.runs import identity
-from harness.compare.side import Side, reach
-from harness.engine import Array, EngineError, Model
-from harness.probe import Measured, Probe
+from harness.compare.scales import free_directions, inverse_mass
+from harness.engines.protocol import Array, EngineError, Model
+from harness.numerics.accelerations import Measured, Probe
 
 SPEEDS = (0.3, 0.6)
 """Speeds at which forces that resist are measured, in units of the size of the motions by rate."""

@@ -10,10 +10,10 @@ import numpy as np
 import sympy as sp
 
 from harness.compare.match import Match
-from harness.coordinates import CoordinateMap
-from harness.engine import Array, Force, Model, StateForce
-from harness.ladder import FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
-from harness.segments import BlownUpError
+from harness.engines.protocol import Array, Force, Model, StateForce
+from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.ladder import FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
+from harness.numerics.segments import BlownUpError
 from reference.numeric import NumericFunction, compile_function
 
 QUICK = RUNGS[:8]

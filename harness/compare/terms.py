@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.compare.mechanics import SPEEDS, Mechanics
-from harness.engine import Array
-from harness.probe import Measured
+from harness.engines.protocol import Array
+from harness.numerics.accelerations import Measured
 
 EPSILON = float(np.finfo(float).eps)
 

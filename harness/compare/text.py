@@ -13,13 +13,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from harness.compare.candidate import Facts, Side
 from harness.compare.compare import Comparison, Trouble, Wish
-from harness.compare.edits import Edit
-from harness.compare.side import Facts, Side
+from harness.compare.diff import Edit
 from harness.compare.trials import Trial
-from harness.engines import engines
-from harness.table import STYLES
-from harness.verdict import Outcome
+from harness.engines.registry import engines
+from harness.records.outcome import Outcome
+from harness.text.table import STYLES
 
 SCHEMA = 1
 MOST_TOLD = 20

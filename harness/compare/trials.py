@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.compare.edits import Edit, applied
+from harness.compare.candidate import Side
+from harness.compare.diff import Edit, applied
+from harness.compare.excitation import unwrapped
 from harness.compare.match import Match
 from harness.compare.runs import Runs, quick
-from harness.compare.side import Side
-from harness.compare.states import unwrapped
-from harness.engine import Array, EngineError
+from harness.engines.protocol import Array, EngineError
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.engine import Array, EngineError, Force, ModelSpec, StateForce, within
-from harness.urdf import joint_springs, read_urdf
+from harness.engines.protocol import Array, EngineError, Force, ModelSpec, StateForce, within
+from harness.engines.urdf import joint_springs, read_urdf
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 

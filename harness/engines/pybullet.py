@@ -10,8 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from harness.engine import Array, EngineError, Force, ModelSpec, Spring, StateForce, within
-from harness.urdf import Mimic, joint_springs, mimics, read_urdf
+from harness.engines.protocol import (
+    Array,
+    EngineError,
+    Force,
+    ModelSpec,
+    Spring,
+    StateForce,
+    within,
+)
+from harness.engines.urdf import Mimic, joint_springs, mimics, read_urdf
 
 _REQUIRED = ("step", "gravity")
 _DEFAULTS: Mapping[str, float | bool] = {

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engine import Array, EngineError, Force, ModelSpec, StateForce
+from harness.engines.protocol import Array, EngineError, Force, ModelSpec, StateForce
 
 _KINDS = ("x", "y", "angle")
 

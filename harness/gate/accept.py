@@ -8,13 +8,13 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from harness.folders import FolderError
-from harness.gate.baseline import Entry, SystemBaseline, write_baseline
-from harness.gate.changes import Change, Status
-from harness.gate.fingerprint import NUMERICS, FolderFiles, digest_of
+from harness.baseline.changes import Change, Status
+from harness.baseline.fingerprint import NUMERICS, FolderFiles, digest_of
+from harness.baseline.snapshot import track_key
+from harness.baseline.stale import location
+from harness.baseline.store import Entry, SystemBaseline, write_baseline
+from harness.files.folders import FolderError
 from harness.gate.gate import Gated
-from harness.gate.touched import location
-from harness.gate.track import track_key
 
 
 class AcceptError(ValueError):

@@ -14,14 +14,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from harness.engines import engines
-from harness.folders import FolderError, builtin
-from harness.gate.baseline import SystemBaseline, read_baseline
-from harness.gate.changes import Change, Status
-from harness.gate.fingerprint import FolderFiles, folder_files
-from harness.gate.judge import judge
-from harness.gate.stories import Story, stories
-from harness.gate.touched import location, match, touched
+from harness.baseline.changes import Change, Status
+from harness.baseline.classify import judge
+from harness.baseline.fingerprint import FolderFiles, folder_files
+from harness.baseline.stale import location, match, touched
+from harness.baseline.store import SystemBaseline, read_baseline
+from harness.engines.registry import engines
+from harness.files.folders import FolderError, builtin
+from harness.gate.file_diffs import Story, stories
 
 Record = dict[str, Any]
 
@@ -171,7 +171,7 @@ def _run(
     progress: Callable[[int, int, Record | None], None],
 ) -> Record:  # fmt: skip
     # Imported here: they bring sympy, which costs most of a second.
-    from harness.gate.track import track_from
+    from harness.baseline.snapshot import track_from
     from harness.run import Options, Selection, run
 
     tracks = {

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.gate.annotations import Annotation, case_notes
-from harness.gate.changes import Change, Status
+from harness.baseline.changes import Change, Status
 from harness.gate.gate import Gated
+from harness.text.github import Annotation, case_notes
 
 QUIET = (Status.SAME,)
 """Cases of which a log says nothing but their number."""
@@ -108,7 +108,7 @@ def _causes(found: Gated) -> list[str]:
     if found.results is None:
         return []
     # Imported here: it brings the verdicts, and with them sympy.
-    from harness.diagnosis.sentences import cause_sentences
+    from harness.text.causes import cause_sentences
 
     lines = []
     for model in found.results["models"]:

@@ -17,20 +17,20 @@ from typing import Any
 
 import numpy as np
 
-from harness.bindings import bindings
-from harness.case import load
+from harness.cases.case import load
+from harness.cases.prepare import prepare
 from harness.diagnosis.diagnose import Diagnosis, diagnose
-from harness.diagnosis.inquiry import InquiryTask, bench
-from harness.diagnosis.suspects.bench import scratch
-from harness.engine import EngineError
-from harness.engines import engines
+from harness.diagnosis.hypotheses.trial import scratch
+from harness.diagnosis.task import InquiryTask, bench
+from harness.engines.protocol import EngineError
+from harness.engines.registry import engines
+from harness.files.bindings import bindings
+from harness.files.sidecar import Sidecar
 from harness.mutation.mistakes import Edit, Mistake, Subject, known_mistakes
-from harness.plain import follow
-from harness.prepare import prepare
+from harness.numerics.full_run import follow
+from harness.numerics.segments import BlownUpError
 from harness.run import Options, model_files
-from harness.segments import BlownUpError
-from harness.sidecar import Sidecar
-from harness.workers import Failure, Workers
+from harness.schedule.workers import Failure, Workers
 from reference.numeric import Array
 
 SIZES = {"1e-6": 1 + 1e-6, "1e-3": 1 + 1e-3, "5 %": 1.05}

@@ -14,12 +14,12 @@ from typing import Any
 
 import pytest
 
-from harness.decide import Ending, decide
+from harness.files.sidecar import Sidecar
 from harness.pytest_plugin.keys import LABORATORY
+from harness.records.outcome import Outcome
 from harness.run import Record, model_files
-from harness.sidecar import Sidecar
-from harness.told import diagnosis_lines, figures, in_brief, told
-from harness.verdict import Outcome
+from harness.text.failure import diagnosis_lines, figures, in_brief, told
+from harness.text.status import Ending, decide
 from reference.load import load_system
 from reference.system import DeclarationError, System
 

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from harness.pytest_plugin.laboratory import Laboratory
+from harness.pytest_plugin.runner import Laboratory
 
 LABORATORY = pytest.StashKey[Laboratory]()

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from harness.commands import arguments as limits
-from harness.gate.baseline import BaselineError
+from harness.baseline.store import BaselineError
+from harness.cli import arguments as limits
 from harness.pytest_plugin.collect import SystemFile
 from harness.pytest_plugin.keys import LABORATORY
-from harness.pytest_plugin.laboratory import Laboratory
 from harness.pytest_plugin.paths import DECLARATION, arguments, meant
+from harness.pytest_plugin.runner import Laboratory
 from harness.pytest_plugin.summary import summarize
 
 ABOUT = (

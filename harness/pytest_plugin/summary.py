@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from harness.verdict import Outcome
+from harness.records.outcome import Outcome
 
 
 def summarize(reporter: Any) -> None:

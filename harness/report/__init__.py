@@ -16,8 +16,8 @@ import jinja2
 from bokeh.resources import Resources
 from markupsafe import Markup
 
+from harness.records.results import write_whole
 from harness.report.view import report
-from harness.results import write_whole
 
 SCRIPTS = ("packs", "looks", "plots", "figures", "motion", "overview", "routes", "start")
 """Files of `script/`, in the order in which they follow each other in one function."""

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from harness.records.outcome import FLOOR
 from harness.report.packs import Chart, Curve
 from harness.report.runs import Run, ends, largest, single, values
 from harness.report.text import percent, quantity, sci, shown
-from harness.verdict import FLOOR
 from reference.numeric import Array
 
 OVERLAID = 9

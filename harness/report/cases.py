@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from harness.records.outcome import Outcome
 from harness.report.text import NOTHING, agreeing_digits, percent, quantity, sci, shown
-from harness.verdict import Outcome
 
 SYMBOLS = {"AGREES": "✓", "ABSENT": "○", "UNRESOLVED": "?", "DIFFERS": "≠", "FAILED": "✕"}
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from harness.diagnosis.sentences import cause_sentences
 from harness.report.text import percent, sci, shown
+from harness.text.causes import cause_sentences
 
 Record = Mapping[str, Any]
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from harness.records.outcome import Outcome
 from harness.report.cases import SYMBOLS, CaseView, severity
 from harness.report.diagnoses import DiagnosisView
 from harness.report.text import NOTHING, agreeing_digits, percent, shown
-from harness.verdict import Outcome
 
 Record = Mapping[str, Any]
 Pair = tuple[Record, CaseView]

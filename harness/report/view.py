@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from harness.records.outcome import Outcome
 from harness.report.cases import SYMBOLS, CaseView, case_view, severity
 from harness.report.content import Content
 from harness.report.diagnoses import DiagnosisView, diagnosis_view
 from harness.report.overview import Change, Matrix, Trouble, changes, matrix, troubles
 from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
-from harness.table import summary
-from harness.verdict import Outcome
+from harness.text.table import summary
 
 Record = Mapping[str, Any]
 

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.audit.engines import Remark, remarks
+from harness.audit.remarks import Remark, remarks
 from harness.audit.run import audit, run_audit
 from harness.audit.task import audit_task
 from harness.audit.terms import Compiled
-from harness.audit.text import audit_lines
-from harness.bindings import bindings, with_literals
-from harness.coordinates import coordinate_map
-from harness.prepare import prepare
-from harness.sidecar import read_sidecar
+from harness.cases.prepare import prepare
+from harness.files.bindings import bindings, with_literals
+from harness.files.sidecar import read_sidecar
+from harness.numerics.coordinates import coordinate_map
+from harness.text.findings import audit_lines
 
 MODELS = Path(__file__).parents[2] / "models"
 

@@ -3,11 +3,11 @@
 import shutil
 from pathlib import Path
 
-from harness.compare.ask import at_once
+from harness.compare.candidate import side
 from harness.compare.compare import Wish, compare
+from harness.compare.executor import at_once
 from harness.compare.match import declared
-from harness.compare.side import side
-from harness.folders import builtin
+from harness.files.folders import builtin
 
 
 def compared(a, b, engine_a=None, engine_b=None, joints="", table=None, **more):

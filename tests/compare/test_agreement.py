@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.verdict import Outcome
+from harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
 from tests.compare.chains import chain

@@ -2,10 +2,10 @@
 
 import pytest
 
-from harness.compare.edits import applied, edits
-from harness.compare.side import Side
-from harness.places import PlaceError
-from harness.sidecar import Sidecar
+from harness.compare.candidate import Side
+from harness.compare.diff import applied, edits
+from harness.files.locations import PlaceError
+from harness.files.sidecar import Sidecar
 from tests.compare.asking import written
 
 

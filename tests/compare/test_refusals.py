@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from harness.compare.candidate import CompareError, NotInstalledError, side
 from harness.compare.compare import TroubleError
 from harness.compare.match import declared, match
-from harness.compare.side import CompareError, NotInstalledError, side
-from harness.sidecar import SidecarError
+from harness.files.sidecar import SidecarError
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
 

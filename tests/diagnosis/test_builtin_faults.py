@@ -8,11 +8,11 @@ import sys
 
 import pytest
 
-from harness.diagnosis.inquiry import InquiryTask
-from harness.folders import builtin
+from harness.cases.prepare import prepare
+from harness.diagnosis.task import InquiryTask
+from harness.files.folders import builtin
 from harness.mutation.mutate import SIZES, MutationTask, mutated, survey
 from harness.mutation.text import mutation_lines
-from harness.prepare import prepare
 from harness.run import model_files
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from harness.verdict import Outcome
-from tests.diagnosis.random_draws import campaign, judge_at, pairings
+from campaigns.random_draws import campaign, judge_at, pairings
+from harness.records.outcome import Outcome
 
 # Draws at which rounding by the soft equality was once taken for a difference.
 SOFT = [

@@ -2,8 +2,8 @@
 
 import pytest
 
-from harness.engines import engines
-from tests.diagnosis.random_pairs import campaign
+from campaigns.random_pairs import campaign
+from harness.engines.registry import engines
 
 
 @pytest.mark.skipif(

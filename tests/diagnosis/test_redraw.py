@@ -6,13 +6,13 @@ import shutil
 import numpy as np
 import pytest
 
+from harness.cases.prepare import prepare
+from harness.diagnosis.corrected import redraw
 from harness.diagnosis.diagnose import Diagnosis
 from harness.diagnosis.fit import Finding
-from harness.diagnosis.inquiry import InquiryTask, bench
-from harness.diagnosis.redraw import redraw
-from harness.folders import builtin
-from harness.prepare import prepare
-from harness.sidecar import read_sidecar
+from harness.diagnosis.task import InquiryTask, bench
+from harness.files.folders import builtin
+from harness.files.sidecar import read_sidecar
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import shutil
 import numpy as np
 import pytest
 
-from harness.diagnosis.inquiry import InquiryTask, bench
-from harness.engines import engines
-from harness.folders import builtin
-from harness.prepare import prepare
-from harness.sidecar import read_sidecar
+from harness.cases.prepare import prepare
+from harness.diagnosis.task import InquiryTask, bench
+from harness.engines.registry import engines
+from harness.files.folders import builtin
+from harness.files.sidecar import read_sidecar
 
 pytestmark = pytest.mark.skipif(
     engines()["mujoco"].version() is None, reason="mujoco is not installed"

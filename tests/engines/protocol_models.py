@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engine import ModelSpec, Spring
-from harness.engines import engines
+from harness.engines.protocol import ModelSpec, Spring
+from harness.engines.registry import engines
 
 STEP = 0.004
 """The step that every file here ships with."""

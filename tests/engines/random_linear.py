@@ -12,11 +12,11 @@ from unittest.mock import patch
 import numpy as np
 from sympy import Heaviside, exp, sin
 
-from harness.coordinates import coordinate_map
-from harness.engines import engines
-from harness.segments import extrapolate
-from harness.sidecar import read_sidecar
-from harness.verdict import component_scale, judge
+from harness.cases.verdict import component_scale, judge
+from harness.engines.registry import engines
+from harness.files.sidecar import read_sidecar
+from harness.numerics.coordinates import coordinate_map
+from harness.numerics.segments import extrapolate
 from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
 from reference import solve as reference_solve
 from reference.derive import derive

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-import harness.case
-from harness.case import CaseTask, run_case
-from harness.engines import engines
-from harness.prepare import prepare
+import harness.cases.case
+from harness.cases.case import CaseTask, run_case
+from harness.cases.prepare import prepare
+from harness.engines.registry import engines
 from harness.run import model_files
 
 ROOT = Path(__file__).parents[2]
@@ -21,7 +21,7 @@ SYSTEMS = ("mass_spring_damper", "drum_pendulum")
 
 @pytest.mark.parametrize("path", [*ADAPTERS, *BENEATH], ids=lambda p: p.name)
 def test_no_adapter_imports_the_reference_or_what_holds_a_system(path):
-    allowed = {"harness.engine", "harness.engines", "harness.urdf"}
+    allowed = {"harness.engines.protocol", "harness.engines.registry", "harness.engines.urdf"}
     for node in ast.walk(ast.parse(path.read_text())):
         names = []
         if isinstance(node, ast.Import):
@@ -87,7 +87,9 @@ def test_a_case_with_poisoned_constants_comes_out_the_same(name, monkeypatch):
         shorter = dataclasses.replace(task, resolution=1e-6)
         plain = run_case(shorter)
         poisoning = Poisoning(engines()[task.engine], task.system.constants)
-        monkeypatch.setattr(harness.case, "engines", lambda p=poisoning, e=task.engine: {e: p})
+        monkeypatch.setattr(
+            harness.cases.case, "engines", lambda p=poisoning, e=task.engine: {e: p}
+        )
         poisoned = run_case(shorter)
         monkeypatch.undo()
         assert poisoning.calls > 5

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from protocol_models import GROUND, PAIRINGS, joint, link, urdf_settings
 
-from harness.engine import ModelSpec, Spring
-from harness.engines import engines
+from harness.engines.protocol import ModelSpec, Spring
+from harness.engines.registry import engines
+from tests.engines.protocol_models import GROUND, PAIRINGS, joint, link, urdf_settings
 
 ON_URDF = [p for p in PAIRINGS if p.format == "urdf"]
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 import scipy.linalg
-from protocol_models import GRAVITY, LENGTH, MASS, PAIRINGS, STEP, matrices
 
-from harness.engine import StateForce
-from harness.engines import engines
-from harness.ladder import RUNGS, limits, observed_order
+from harness.engines.protocol import StateForce
+from harness.engines.registry import engines
+from harness.numerics.ladder import RUNGS, limits, observed_order
+from tests.engines.protocol_models import GRAVITY, LENGTH, MASS, PAIRINGS, STEP, matrices
 
 LINEAR = ("free mass", "oscillator", "pair")
 CAN_SWING = [p for p in PAIRINGS if p.format != "python"]

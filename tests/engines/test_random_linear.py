@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from random_linear import PAIRINGS, summary, sweep
+
+from tests.engines.random_linear import PAIRINGS, summary, sweep
 
 CHUNK = 25
 SEED = 2025

@@ -3,10 +3,18 @@
 import re
 
 import pytest
-from protocol_models import GRAVITY, GROUND, PAIRINGS, STEP, joint, link, urdf_settings
 
-from harness.engine import EngineError, ModelSpec, Spring
-from harness.engines import engines
+from harness.engines.protocol import EngineError, ModelSpec, Spring
+from harness.engines.registry import engines
+from tests.engines.protocol_models import (
+    GRAVITY,
+    GROUND,
+    PAIRINGS,
+    STEP,
+    joint,
+    link,
+    urdf_settings,
+)
 
 SETTINGS = {"step": STEP, "gravity": [0, 0, -GRAVITY]}
 ON_URDF = [p for p in PAIRINGS if p.format == "urdf" and p.integrator != "RK4"]

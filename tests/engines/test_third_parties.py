@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.engines import engines
+from harness.engines.registry import engines
 
 
 def distribution(place, name, module, text):

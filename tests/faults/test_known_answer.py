@@ -6,7 +6,16 @@ import sys
 import time
 
 import pytest
-from bench import KNOWN, ROOT, SYSTEM, by_case, environment, known_folder, run_folders
+
+from tests.faults.known_folder import (
+    KNOWN,
+    ROOT,
+    SYSTEM,
+    by_case,
+    environment,
+    known_folder,
+    run_folders,
+)
 
 pytestmark = pytest.mark.xdist_group("known answer")
 

@@ -1,7 +1,8 @@
 """The same faults in real engines, in copies of the built-in model files."""
 
 import pytest
-from bench import off, one_scenario, run_folders, variant
+
+from tests.faults.known_folder import off, one_scenario, run_folders, variant
 
 pytestmark = pytest.mark.xdist_group("real engines")
 

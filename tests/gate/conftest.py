@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.folders import builtin
+from harness.files.folders import builtin
 from harness.gate.accept import accept
 from harness.gate.gate import Terms, gate
 

@@ -6,14 +6,14 @@ import json
 import jsonschema
 import pytest
 
-from harness import cli
-from harness.commands.codes import AGREE, DIFFER, FAIL, USAGE, exit_code
+from harness.baseline.changes import Status
+from harness.baseline.store import read_baseline
+from harness.cli import main as cli
+from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE, exit_code
 from harness.engines.pymunk import PymunkEngine
-from harness.folders import FolderError
+from harness.files.folders import FolderError
 from harness.gate.accept import AcceptError
-from harness.gate.baseline import read_baseline
-from harness.gate.changes import Status
-from harness.results import schema
+from harness.records.results import schema
 from harness.run import Options, run
 from tests.gate.conftest import SYSTEM, nothing
 

@@ -5,8 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from harness import cli
-from harness.gate.annotations import (
+from harness.baseline.changes import Change, Status
+from harness.cli import main as cli
+from harness.gate.gate import Gated
+from harness.gate.text import notes, summary
+from harness.text.github import (
     MOST_SUMMARY,
     Annotation,
     case_notes,
@@ -14,9 +17,6 @@ from harness.gate.annotations import (
     in_ci,
     write_summary,
 )
-from harness.gate.changes import Change, Status
-from harness.gate.gate import Gated
-from harness.gate.text import notes, summary
 
 HERE = {"GITHUB_ACTIONS": "true"}
 

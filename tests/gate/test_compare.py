@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.folders import system_folders
-from harness.gate.baseline import read_baseline
-from harness.gate.changes import Now, Status, compare
-from harness.gate.fingerprint import NUMERICS, folder_files
-from harness.gate.touched import location
-from harness.gate.track import inputs_of, track, track_from, track_key
-from harness.prepare import prepare
+from harness.baseline.changes import Now, Status, compare
+from harness.baseline.fingerprint import NUMERICS, folder_files
+from harness.baseline.snapshot import inputs_of, track, track_from, track_key
+from harness.baseline.stale import location
+from harness.baseline.store import read_baseline
+from harness.cases.prepare import prepare
+from harness.files.folders import system_folders
 from tests.gate.conftest import SYSTEM
 
 KEY = "space.py/free [pymunk]"
@@ -112,7 +112,7 @@ def test_a_lost_digit_is_told(told):
 
 
 def test_another_version_of_the_numerics_runs_everything_again(repository, monkeypatch):
-    for module in ("harness.gate.judge", "harness.gate.touched"):
+    for module in ("harness.baseline.classify", "harness.baseline.stale"):
         monkeypatch.setattr(f"{module}.NUMERICS", NUMERICS + 1)
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.WITHIN}
@@ -155,7 +155,8 @@ def test_the_committed_baseline_is_of_the_models_as_they_are():
 
 def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine):
     code = (
-        "import sys; from harness.cli import main; code = main(['gate', '--out', sys.argv[1]]);"
+        "import sys; from harness.cli.main import main;"
+        "code = main(['gate', '--out', sys.argv[1]]);"
         "names = {'sympy', 'scipy', 'mujoco', 'pybullet', 'pymunk'};"
         "print(code, *sorted(names & set(sys.modules)))"
     )

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 
 import harness.gate.gate as gating
-from harness import cli
-from harness.commands.codes import AGREE, FAIL
+from harness.baseline.store import BaselineError, read_baseline
+from harness.cli import main as cli
+from harness.cli.exit_codes import AGREE, FAIL
 from harness.engines.pymunk import PymunkEngine
-from harness.gate.baseline import BaselineError, read_baseline
 from tests.gate.conftest import SYSTEM
 
 
@@ -157,7 +157,7 @@ def test_a_full_disk_while_accepting_leaves_the_old_baseline(repository, monkeyp
 def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository):
     before = contents(repository)
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
-    root = Path(cli.__file__).parents[1]
+    root = Path(cli.__file__).parents[2]
     process = subprocess.Popen(
         [sys.executable, "-m", "harness", "gate"], cwd=repository.root,
         env={**os.environ, "PYTHONPATH": str(root)}, stdout=subprocess.DEVNULL,

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from harness.baseline.changes import Status
+from harness.baseline.store import read_baseline, write_baseline
 from harness.engines.pymunk import PymunkEngine
-from harness.folders import builtin
-from harness.gate.baseline import read_baseline, write_baseline
-from harness.gate.changes import Status
+from harness.files.folders import builtin
 from tests.gate.conftest import SYSTEM, Repository
 
 CHANGED, WITHIN, IMPROVED = Status.CHANGED, Status.WITHIN, Status.IMPROVED

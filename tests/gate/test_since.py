@@ -5,12 +5,12 @@ import shutil
 import jsonschema
 import pytest
 
-from harness.commands.accept import add, main
-from harness.engines import engines
-from harness.folders import builtin
-from harness.results import schema
+from harness.cli.accept import add, main
+from harness.engines.registry import engines
+from harness.files.folders import builtin
+from harness.records.results import schema
 from harness.run import Options, run
-from harness.table import print_results
+from harness.text.table import print_results
 
 pytestmark = pytest.mark.skipif(
     engines()["mujoco"].version() is None, reason="mujoco is not installed"

@@ -20,7 +20,10 @@ def place(tmp_path_factory):
 
 
 def test_the_checkout_is_not_what_is_installed(installed, place):
-    asked = "import physics_crosscheck, harness.folders as f; print(harness.__file__, f.builtin())"
+    asked = (
+        "import physics_crosscheck, harness.files.folders as f;"
+        " print(harness.__file__, f.builtin())"
+    )
     done = installed.shell(f'python -P -c "import harness; {asked}"', place)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count(str(installed.bin.parent)) == 2

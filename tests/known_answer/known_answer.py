@@ -12,7 +12,7 @@ import tomllib
 
 import numpy as np
 
-from harness.engine import EngineError
+from harness.engines.protocol import EngineError
 
 
 class OddError(Exception):

@@ -11,7 +11,6 @@ import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
-from mechanisms import EPS, oscillator
 from sympy import exp, sin
 
 import reference.closed_form
@@ -21,6 +20,7 @@ from reference.derive import derive
 from reference.linearize import linearize
 from reference.signal import pieces
 from reference.solve import is_linear, solve
+from tests.reference.mechanisms import EPS, oscillator
 
 REGIMES = {  # m, c, k: dyadic where a regime is a matter of equality
     "undamped": (1.3, 0.0, 47.0),

@@ -7,7 +7,6 @@ import sys
 
 import pytest
 import sympy as sp
-from mechanisms import MODELS, NAMES, C, F, K, M, X, built_in, constant, declared
 
 from reference import (
     Angle,
@@ -27,6 +26,7 @@ from reference import (
 from reference.derive import derive
 from reference.linearize import linearize
 from reference.load import load_system
+from tests.reference.mechanisms import MODELS, NAMES, C, F, K, M, X, built_in, constant, declared
 
 Y = Coordinate("y", "m", "another displacement")
 STRAY = sp.Symbol("stray", real=True)

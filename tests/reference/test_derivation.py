@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 import sympy as sp
-from mechanisms import CART, EPS, NAMES, built_in, equations_of, oscillator
 from sympy.physics import mechanics as me
 
 from reference import System
 from reference.derive import derive
+from tests.reference.mechanisms import CART, EPS, NAMES, built_in, equations_of, oscillator
 
 EVERY = [*NAMES, CART.name]
 

@@ -5,12 +5,12 @@ from functools import cache
 
 import pytest
 import sympy as sp
-from mechanisms import NAMES, built_in, equations_of, pendulum
 
 from reference import DeclarationError, Printed
 from reference.derive import derive
 from reference.errata import AGREES, DIFFERS, UP_TO_SIGNS, errata
 from reference.linearize import linearize
+from tests.reference.mechanisms import NAMES, built_in, equations_of, pendulum
 
 PRINTED = [(name, i) for name in NAMES for i in range(len(built_in(name).printed))]
 

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 import sympy as sp
-from mechanisms import CART, EPS, NAMES, SCENARIOS, built_in, equations_of, oscillator
 from sympy import sin
 
 import reference.integrate
@@ -23,6 +22,15 @@ from reference.integrate import (
 from reference.linearize import linearize
 from reference.signal import pieces
 from reference.solve import is_linear, solve, tile
+from tests.reference.mechanisms import (
+    CART,
+    EPS,
+    NAMES,
+    SCENARIOS,
+    built_in,
+    equations_of,
+    oscillator,
+)
 
 NONLINEAR = [
     *((n, s) for n, s in SCENARIOS if not is_linear(equations_of(n))),

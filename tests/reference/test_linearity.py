@@ -3,12 +3,12 @@
 import mpmath as mp
 import numpy as np
 import pytest
-from mechanisms import NAMES, built_in, equations_of
 
 import reference.linearity
 from reference.linearity import AMPLITUDES, linearity
 from reference.linearize import linearize
 from reference.solve import is_linear
+from tests.reference.mechanisms import NAMES, built_in, equations_of
 
 
 def errors_of(name: str):

@@ -6,18 +6,6 @@ import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
-from mechanisms import (
-    CART,
-    EPS,
-    NAMES,
-    X,
-    built_in,
-    constant,
-    declared,
-    equations_of,
-    oscillator,
-    pendulum,
-)
 
 from reference import Coordinate, Equilibrium, Input, Output, System
 from reference.derive import derive
@@ -29,6 +17,18 @@ from reference.modes import (
     poles,
     s,
     transfer_functions,
+)
+from tests.reference.mechanisms import (
+    CART,
+    EPS,
+    NAMES,
+    X,
+    built_in,
+    constant,
+    declared,
+    equations_of,
+    oscillator,
+    pendulum,
 )
 
 RESTS = [

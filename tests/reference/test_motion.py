@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 import sympy as sp
-from mechanisms import EPS, SCENARIOS, built_in, equations_of
 
 import reference.motion
 from reference.integrate import collocate, field_of
@@ -17,6 +16,7 @@ from reference.modes import modes, poles
 from reference.motion import NODES, chebyshev_nodes
 from reference.signal import pieces
 from reference.solve import SEGMENTS_A_PERIOD, SEGMENTS_AT_LEAST, is_linear, solve
+from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of
 
 
 @cache

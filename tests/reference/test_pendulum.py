@@ -4,12 +4,12 @@ import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
-from mechanisms import EPS, pendulum
 from scipy.optimize import brentq
 
 from reference.derive import derive
 from reference.motion import Motion
 from reference.solve import solve
+from tests.reference.mechanisms import EPS, pendulum
 
 G, L = 9.81, 0.75
 STARTS = {  # angle, speed

@@ -6,11 +6,11 @@ import mpmath as mp
 import numpy as np
 import pytest
 import sympy as sp
-from mechanisms import EPS, declared, oscillator
 from sympy import Abs, Heaviside, Max, Piecewise, Rational, cos, cosh, exp, floor, log, sin, sqrt
 
 from reference import DeclarationError, Input, System, t
 from reference.signal import DIGITS, Piece, generator, numeric_inputs, pieces
+from tests.reference.mechanisms import EPS, declared, oscillator
 
 
 def cut(force, duration: float = 6.0) -> tuple[Piece, ...]:

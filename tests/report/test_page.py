@@ -10,9 +10,9 @@ from typing import Any
 import jsonschema
 import pytest
 
+from harness.records.results import schema
 from harness.report import render, write_report
 from harness.report.maths import maths
-from harness.results import schema
 from tests.report.page import Page
 from tests.report.samples import results
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
-from harness.mutation.mistakes.subject import Subject
 
 _DEFAULTS: dict[str, tuple[tuple[str, str, object, str], ...]] = {
     "pybullet": (

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from harness.files.locations.attributes import Attribute
+from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
 from harness.mutation.mistakes.rests import radian
-from harness.mutation.mistakes.subject import Subject
-from harness.places.attributes import Attribute
 
 ANGLES = r"(body|frame|joint)@(euler|axisangle|ref|springref)"
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations
 
-from harness.bindings import at_constants, bindings
+from harness.files.bindings import at_constants, bindings
+from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
-from harness.mutation.mistakes.subject import Subject
 from reference.system import DeclarationError
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from harness.bindings import SIDECAR
+from harness.files.bindings import SIDECAR
+from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
-from harness.mutation.mistakes.subject import Subject
 
 SIZES = (9.8, 9.80665)
 """What people write, each where the model has something else."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from harness.files.locations.attributes import Attribute
+from harness.mutation.mistakes.context import Subject, rounded
 from harness.mutation.mistakes.mistake import Edit, Mistake
-from harness.mutation.mistakes.subject import Subject, rounded
-from harness.places.attributes import Attribute
 
 SHARE = 0.05
 """Of what would matter as much as the forces or inertias that the motion has."""

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.bindings import rewrite, with_literals
-from harness.diagnosis.suspects.bench import at
-from harness.places.attributes import Attribute, with_attributes
-from harness.sidecar import Sidecar, read_sidecar
+from harness.diagnosis.hypotheses.trial import at
+from harness.files.bindings import rewrite, with_literals
+from harness.files.locations.attributes import Attribute, with_attributes
+from harness.files.sidecar import Sidecar, read_sidecar
 
 
 @dataclass(frozen=True)

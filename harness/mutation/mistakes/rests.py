@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from harness.bindings import SIDECAR
+from harness.files.bindings import SIDECAR
+from harness.files.locations.attributes import Attribute
+from harness.mutation.mistakes.context import Subject, rounded
 from harness.mutation.mistakes.mistake import Edit, Mistake
-from harness.mutation.mistakes.subject import Subject, rounded
-from harness.places.attributes import Attribute
 
 SHARE = 0.1
 """The offset, as a share of how far the joint moves."""

@@ -1,0 +1,294 @@
+"""Benchmarks, as ratios within one run: `make bench`.
+
+1. The harness's time for a scenario's ladder against a hand-written loop of the same engine that
+   does the same steps from the same states.
+2. Engine steps to certify a trajectory to 1e-9 against the steps that plain refinement would need.
+3. The whole matrix with two workers against one.
+4. The report of it, and one of two thousand cases: size, time to draw it up, and in a headless
+   Chromium until it can be used, and until a case's first plots are drawn.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from harness.cases.case import load
+from harness.cases.prepare import prepare
+from harness.engines.registry import engines
+from harness.files.folders import builtin, system_folders
+from harness.files.sidecar import Sidecar
+from harness.numerics.full_run import plain_run
+from harness.numerics.segments import extrapolate
+from harness.report import write_report
+from harness.run import Options, model_files, run
+from tests.report.chromium import CHROMIUM, running
+
+REPEATS = 5
+MODELS = {"mujoco": "mujoco.xml", "pybullet": "robot.urdf", "pymunk": "space.py"}
+TARGET, MEASURED = 1e-9, 1e-5
+
+
+def sidecar_of(folder, name) -> Sidecar:
+    return next(s for s in model_files(folder) if isinstance(s, Sidecar) and s.model.name == name)
+
+
+def segments(motion, coordinates, rungs):
+    """(h, n, states z and w, forces or None) of every rollout that a ladder takes."""
+    z, w = coordinates.to_engine(motion.start)
+    for rung in rungs:
+        first = 0
+        for span in motion.spans:
+            chosen = slice(first, first + span.count)
+            first += span.count
+            h = span.length / rung
+            times = motion.t[chosen, None] + h * np.arange(rung)
+            u = motion.inputs(times.ravel()).reshape(span.count, rung, -1)
+            force = u @ coordinates.push_matrix.T if u.any() else None
+            yield h, rung, z[chosen].tolist(), w[chosen].tolist(), force
+
+
+def bare_mujoco(sidecar, work) -> None:
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(sidecar.model))
+    data = mujoco.MjData(model)
+    for h, n, z, w, force in work:
+        model.opt.timestep = h
+        for b in range(len(z)):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:] = z[b], w[b]
+            if force is None:
+                mujoco.mj_step(model, data, nstep=n)
+            else:
+                for i in range(n):
+                    data.qfrc_applied[:] = force[b, i]
+                    mujoco.mj_step(model, data)
+            data.qpos.copy(), data.qvel.copy()
+
+
+def bare_pybullet(sidecar, work, springs) -> None:
+    import pybullet as p
+
+    p.resetSimulation()
+    p.setPhysicsEngineParameter(enableFileCaching=0, numSubSteps=0)
+    p.setGravity(*sidecar.settings["gravity"])
+    body = p.loadURDF(str(sidecar.model), useFixedBase=1, flags=p.URDF_USE_INERTIA_FROM_FILE)
+    joints = [j for j in range(p.getNumJoints(body)) if p.getJointInfo(body, j)[2] != p.JOINT_FIXED]
+    for link in range(-1, p.getNumJoints(body)):
+        p.changeDynamics(body, link, linearDamping=0, angularDamping=0)
+    p.setJointMotorControlArray(body, joints, p.VELOCITY_CONTROL, forces=[0.0] * len(joints))
+    for h, n, z, w, force in work:
+        p.setTimeStep(h)
+        for b in range(len(z)):
+            for i, joint in enumerate(joints):
+                p.resetJointState(body, joint, z[b][i], w[b][i])
+            states = p.getJointStates(body, joints)
+            for i in range(n):
+                tau = [-k * s[0] for k, s in zip(springs, states, strict=True)]
+                if force is not None:
+                    tau = [a + f for a, f in zip(tau, force[b, i], strict=True)]
+                p.setJointMotorControlArray(body, joints, p.TORQUE_CONTROL, forces=tau)
+                p.stepSimulation()
+                states = p.getJointStates(body, joints)
+
+
+def bare_pymunk(build, work) -> None:
+    space, bodies = build()
+    bodies = list(bodies.values())
+    for h, n, z, w, force in work:
+        for b in range(len(z)):
+            for j, body in enumerate(bodies):
+                body.position = (z[b][3 * j], z[b][3 * j + 1])
+                body.angle = z[b][3 * j + 2]
+                body.velocity = (w[b][3 * j], w[b][3 * j + 1])
+                body.angular_velocity = w[b][3 * j + 2]
+            for i in range(n):
+                if force is not None:
+                    for j, body in enumerate(bodies):
+                        fx, fy, torque = force[b, i, 3 * j : 3 * j + 3]
+                        body.force = (fx, fy)
+                        body.torque = torque
+                space.step(h)
+            [(body.position, body.angle, body.velocity, body.angular_velocity) for body in bodies]
+
+
+def paired(ours: Callable[[], object], theirs: Callable[[], object]) -> tuple[float, float, float]:
+    """Median ratio and the two median times of calls taken in turn."""
+    first, second = [], []
+    for _ in range(REPEATS):
+        for call, times in ((ours, first), (theirs, second)):
+            began = time.perf_counter()
+            call()
+            times.append(time.perf_counter() - began)
+    ratios = [a / b for a, b in zip(first, second, strict=True)]
+    return statistics.median(ratios), statistics.median(first), statistics.median(second)
+
+
+def overhead(console: Console) -> None:
+    table = Table("engine", "case", "steps", "harness", "bare loop", "ratio", title="harness time")
+    cases = [("torsional_disc", "free"), ("torsional_disc", "beat"), ("mass_spring_damper", "free")]
+    cases += [("drum_pendulum", "free")]
+    for name, scenario in cases:
+        prepared = prepare(builtin() / name)
+        motion, scale = prepared.motions[scenario], prepared.scales[scenario]
+        for engine, file in MODELS.items():
+            if engine == "pybullet" and name == "drum_pendulum":
+                file = "robot_folded.urdf"
+            sidecar = sidecar_of(prepared.folder, file)
+            model, coordinates = load(prepared.system, sidecar, engine)
+            found = extrapolate(model, coordinates, motion, scale, 1e-9)
+            work = list(segments(motion, coordinates, found.rungs))
+            if engine == "mujoco":
+                bare = lambda s=sidecar, w=work: bare_mujoco(s, w)  # noqa: E731
+            elif engine == "pybullet":
+                stiffness = {"torsional_disc": [0.85], "mass_spring_damper": [47.0]}
+                springs = stiffness.get(name, [65.0, 0.0])
+                bare = lambda s=sidecar, w=work, k=springs: bare_pybullet(s, w, k)  # noqa: E731
+            else:
+                bare = lambda m=model, w=work: bare_pymunk(m._module.build, w)  # noqa: E731
+
+            def ours(s=sidecar, e=engine, b=coordinates, m=motion, c=scale) -> None:
+                extrapolate(engines()[e].load(s.spec(e)), b, m, c, 1e-9)
+
+            def only_ladder(a=model, b=coordinates, m=motion, c=scale) -> None:
+                extrapolate(a, b, m, c, 1e-9)
+
+            ratio, t_ours, t_bare = paired(ours if engine == "pybullet" else only_ladder, bare)
+            table.add_row(
+                engine, f"{name}/{scenario}", f"{found.steps}", f"{t_ours:.3f} s",
+                f"{t_bare:.3f} s",
+                f"{ratio:.2f}",
+            )  # fmt: skip
+    console.print(table)
+
+
+def certification(console: Console) -> None:
+    table = Table(
+        "engine", "segments: steps", "certified to", "plain: steps to 1e-5", "order",
+        "plain: steps to 1e-9 (extrapolated)", "ratio", title="steps to certify to 1e-9",
+    )  # fmt: skip
+    prepared = prepare(builtin() / "mass_spring_damper")
+    motion, scale = prepared.motions["free"], prepared.scales["free"]
+    for engine, file in MODELS.items():
+        model, coordinates = load(prepared.system, sidecar_of(prepared.folder, file), engine)
+        found = extrapolate(model, coordinates, motion, scale, 1e-9)
+        certified = float(np.max((found.limit.uncertainty + motion.bound) / scale))
+        size = motion.amplitude[:1]
+
+        def error(h, m=model, c=coordinates, s=size) -> float:
+            outcome = plain_run(m, c, motion, prepared.power, h)
+            return float(np.max(np.abs(outcome.error[:, :1]) / s))
+
+        h = model.step
+        coarse = error(h)
+        h *= 1.2 * MEASURED / coarse
+        fine, finer = error(h), error(h / 1.25)
+        order = math.log(fine / finer) / math.log(1.25)
+        measured = motion.duration / h * 1.25 * (finer / MEASURED) ** (1 / order)
+        needed = measured * (MEASURED / TARGET) ** (1 / order)
+        table.add_row(
+            engine, f"{found.steps}", f"{certified:.0e}", f"{measured:.3g}", f"{order:.3f}",
+            f"{needed:.2g}", f"{needed / found.steps:.2g}",
+        )  # fmt: skip
+    console.print(table)
+
+
+def multiplied(found: dict, times: int) -> dict:
+    """The same results with each system several times, under other names."""
+    made = {**found, "systems": [], "models": [], "cases": []}
+    for i in range(times):
+        for kind in ("systems", "models", "cases"):
+            for one in found[kind]:
+                copied = {**one, "folder": f"{one['folder']}_{i}"}
+                name = "name" if kind == "systems" else "system"
+                made[kind].append({**copied, name: f"{one[name]}_{i}"})
+    return made
+
+
+def report(console: Console, found: dict) -> None:
+    table = Table("cases", "HTML", "drawn up in", "usable after", "a case's first plots after",
+                  "filtered in", title="Report")  # fmt: skip
+    for times in (1, math.ceil(2000 / len(found["cases"]))):
+        results = multiplied(found, times)
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "index.html"
+            began = time.perf_counter()
+            write_report(path, results)
+            drawn_up = time.perf_counter() - began
+            size = f"{path.stat().st_size / 1e6:.1f} MB"
+            seen = looked_at(path) if CHROMIUM else ("no browser",) * 3
+        table.add_row(str(len(results["cases"])), size, f"{drawn_up:.1f} s", *seen)
+    console.print(table)
+
+
+FILTER = """(() => {
+  const began = performance.now();
+  const field = document.getElementById("search");
+  field.value = "pybullet";
+  field.dispatchEvent(new Event("input"));
+  document.body.offsetHeight;
+  return (performance.now() - began) / 1000;
+})()"""
+
+
+def looked_at(path: Path) -> tuple[str, ...]:
+    """Median times of a page in a browser: until usable, a case drawn, the list filtered."""
+    usable, opened, filtered = [], [], []
+    with running(path.parent) as browser:
+        for _ in range(REPEATS):
+            with browser.tab() as tab:
+                began = time.perf_counter()
+                tab.open(path.as_uri())
+                usable.append(time.perf_counter() - began)
+                began = time.perf_counter()
+                tab.go(
+                    tab.run("document.querySelector('[data-pack^=pack-case]').closest('.case').id")
+                )
+                tab.until("document.querySelector('.view.current [data-drawn]')")
+                opened.append(time.perf_counter() - began)
+                tab.go("overview")
+                filtered.append(tab.run(FILTER))
+    return tuple(f"{statistics.median(times):.2f} s" for times in (usable, opened, filtered))
+
+
+def matrix(console: Console) -> dict:
+    folders = system_folders([])
+    times = {}
+    for jobs in (1, 2):
+        began = time.perf_counter()
+        found = run(folders, Options(jobs=jobs), lambda *_: None)
+        times[jobs] = time.perf_counter() - began
+    worked = {"derive, linearize, solve": sum(s["seconds"] for s in found["systems"])}
+    worked["run and judge cases"] = sum(case["seconds"] for case in found["cases"])
+    console.print(
+        f"whole matrix, {len(found['cases'])} cases: one worker {times[1]:.1f} s, two"
+        f" {times[2]:.1f} s, ratio {times[2] / times[1]:.2f}"
+    )
+    for what, seconds in worked.items():
+        console.print(f"  {what}: {seconds:.1f} s of worker time")
+    by_engine: dict[str, float] = {}
+    for case in found["cases"]:
+        by_engine[case["engine"]] = by_engine.get(case["engine"], 0.0) + case["seconds"]
+    for engine, seconds in sorted(by_engine.items()):
+        console.print(f"    {engine}: {seconds:.1f} s")
+    return found
+
+
+def main() -> None:
+    console = Console(width=140)
+    overhead(console)
+    certification(console)
+    report(console, matrix(console))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""One case: a folder prepared, a model run in one scenario, and judged."""

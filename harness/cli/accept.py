@@ -1,0 +1,61 @@
+"""`crosscheck accept`: the present results become the baseline, with a reason."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from harness.cli import arguments
+from harness.cli.exit_codes import AGREE, FAIL, USAGE
+from harness.cli.gate import Watch, meant
+from harness.files.folders import check_engines
+from harness.gate.gate import gate
+from harness.text.github import in_ci
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    command.add_argument(
+        "cases", nargs="*", metavar="CASE",
+        help="cases to accept, such as 'drum_pendulum/robot.urdf/*'; none: all",
+    )  # fmt: skip
+    command.add_argument("--reason", required=True, metavar="TEXT",
+                         help="why this is right; kept in the baseline")  # fmt: skip
+    command.add_argument("--folder", action="append", default=[], dest="folders", metavar="FOLDER",
+                         help="system folder; repeatable; none: those of the baseline")  # fmt: skip
+    arguments.engine(command)
+    arguments.limits(command)
+    arguments.jobs(command)
+    arguments.baseline(command)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run what changed, and write what was found into the baseline."""
+    # Imported here: it brings sympy, which `gate` does without; this module shares its arguments.
+    from harness.gate.accept import AcceptError, accept
+
+    if in_ci():
+        print("crosscheck: accept is a person's decision and is refused in CI", file=sys.stderr)
+        return USAGE
+    reason = " ".join(options.reason.split())
+    if not reason:
+        print("crosscheck: --reason is empty; say why this is right", file=sys.stderr)
+        return USAGE
+    check_engines(options.engine)
+    folders, terms = meant(options)
+    with Watch() as watch:
+        found = gate(folders, terms, watch)
+    try:
+        done = accept(found, options.cases, reason, options.baseline, options.resolution)
+    except AcceptError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    for case in done.cases:
+        print(f"accepted {case}")
+    for path in done.files:
+        print(path)
+    if not done.cases:
+        print("every case is as accepted; nothing to accept")
+    for case in done.left:
+        print(f"crosscheck: {case}: its engine is not installed; left as it was", file=sys.stderr)
+    return FAIL if done.left else AGREE

@@ -1,0 +1,68 @@
+"""Arguments that several commands take, and what they accept."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from harness.baseline.store import DEFAULT
+
+
+def folders(command: argparse.ArgumentParser, *, some: bool) -> None:
+    """Add FOLDER ...; `some`: at least one."""
+    command.add_argument(
+        "folders", nargs="+" if some else "*", metavar="FOLDER",
+        help="system folders" if some else "system folders; none: built-in",
+    )  # fmt: skip
+
+
+def engine(command: argparse.ArgumentParser) -> None:
+    """Add --engine NAME, repeatable."""
+    command.add_argument(
+        "--engine", action="append", default=[], metavar="NAME", help="only this engine; repeatable"
+    )
+
+
+def jobs(command: argparse.ArgumentParser, otherwise: str = "one per processor") -> None:
+    """Add --jobs N; `otherwise`: how many there are where none are asked for."""
+    command.add_argument(
+        "--jobs", type=positive, default=0, metavar="N", help=f"worker processes ({otherwise})"
+    )
+
+
+def baseline(command: argparse.ArgumentParser) -> None:
+    """Add --baseline DIR."""
+    command.add_argument("--baseline", type=Path, default=DEFAULT, metavar="DIR",
+                         help=f"the accepted baseline ({DEFAULT.as_posix()})")  # fmt: skip
+
+
+def limits(command: argparse.ArgumentParser) -> None:
+    """Add --resolution R and --time-limit S."""
+    command.add_argument("--resolution", type=resolution, default=1e-9, metavar="R",
+                         help="relative discrepancy to resolve (1e-9)")  # fmt: skip
+    command.add_argument("--time-limit", type=seconds, default=120.0, metavar="S",
+                         help="seconds that one case may take (120)")  # fmt: skip
+
+
+def positive(text: str) -> int:
+    """A whole number above zero."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is no positive number")
+    return value
+
+
+def resolution(text: str) -> float:
+    """A resolution that double precision can serve."""
+    value = float(text)
+    if not 1e-13 <= value <= 1e-2:
+        raise argparse.ArgumentTypeError(f"{text} is not between 1e-13 and 1e-2")
+    return value
+
+
+def seconds(text: str) -> float:
+    """A time above zero."""
+    value = float(text)
+    if not 0 < value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text} is no time in seconds")
+    return value

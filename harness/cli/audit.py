@@ -1,0 +1,35 @@
+"""`crosscheck audit`: literals, compiled terms and engine defaults, without motion."""
+
+from __future__ import annotations
+
+import argparse
+
+from harness.cli import arguments
+from harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from harness.files.folders import check_engines, system_folders
+from harness.run import Options, audits
+from harness.text.findings import audit_lines
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    arguments.folders(command, some=True)
+    arguments.engine(command)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Audit every model of the folders and print what was found."""
+    check_engines(options.engine)
+    folders = system_folders(options.folders)
+    code = AGREE
+    for model in audits(folders, Options(tuple(options.engine))):
+        print(f"{model['system']}/{model['model']} [{model['engine']}]")
+        if model["failed"]:
+            print(f"  failed   {model['failed']}")
+            code = FAIL
+            continue
+        for text in audit_lines(model["audit"]):
+            print(f"  {text}")
+        if any(record["severity"] == "finding" for record in model["audit"]):
+            code = max(code, DIFFER)
+    return code

@@ -1,0 +1,131 @@
+"""`crosscheck gate`: run what changed, and compare it with what was accepted."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from harness.baseline.changes import Status
+from harness.cli import arguments
+from harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from harness.files.folders import check_engines, system_folders
+from harness.gate.gate import Gated, Terms, accepted_folders, gate
+from harness.gate.text import gate_lines, notes, summary
+from harness.records.results import write_whole
+from harness.text.github import commands, write_summary
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    command.add_argument(
+        "folders", nargs="*", metavar="FOLDER",
+        help="system folders; none: those of the baseline, and beside them",
+    )  # fmt: skip
+    arguments.engine(command)
+    arguments.limits(command)
+    arguments.jobs(command)
+    arguments.baseline(command)
+    command.add_argument("--diagnose", action="store_true",
+                         help="name the cause where a model differs; takes a while")  # fmt: skip
+    command.add_argument("--all", action="store_true", dest="every",
+                         help="run every case, changed or not")  # fmt: skip
+    command.add_argument(
+        "--out", type=Path, default=Path("reports/gate"), metavar="DIR",
+        help="where gate.json and summary.md go (reports/gate)",
+    )  # fmt: skip
+
+
+def main(options: argparse.Namespace) -> int:
+    """Gate, print, annotate, write; any doubt is no pass."""
+    check_engines(options.engine)
+    folders, terms = meant(options)
+    with Watch() as watch:
+        found = gate(folders, terms, watch)
+    for line in gate_lines(found):
+        print(line)
+    if found.results is not None and not found.baseline:
+        print(f"nothing is accepted in {options.baseline} yet; see `crosscheck accept --help`")
+    for line in commands(notes(found), os.environ):
+        print(line)
+    sys.stdout.flush()
+    text = summary(found)
+    write_summary(text, os.environ)
+    write_whole(options.out / "summary.md", text)
+    write_whole(options.out / "gate.json", json.dumps(_plain(found), indent=1) + "\n")
+    return code(found)
+
+
+def code(found: Gated) -> int:
+    """The exit code of what a gate found."""
+    if found.of(Status.NOT_RUN) or not found.changes:
+        return FAIL
+    return AGREE if found.passes else DIFFER
+
+
+def meant(options: argparse.Namespace) -> tuple[list[Path], Terms]:
+    """The folders and terms that the arguments mean.
+
+    Raises:
+        FolderError, BaselineError: naming what is wrong.
+    """
+    parents: tuple[Path, ...] | None = None
+    if options.folders:
+        folders = system_folders(options.folders)
+        named = [Path(name) for name in options.folders]
+        parents = tuple(p for p in named if p.is_dir() and not (p / "system.py").is_file())
+    else:
+        folders = accepted_folders(options.baseline)
+        if not folders and not any(options.baseline.glob("*.json")):
+            folders = system_folders([])
+    terms = Terms(
+        options.baseline, tuple(options.engine), getattr(options, "every", False),
+        getattr(options, "diagnose", False),
+        options.resolution, options.jobs, options.time_limit, parents,
+    )  # fmt: skip
+    return folders, terms
+
+
+class Watch:
+    """Progress as in `crosscheck run`, made when there is some: its imports cost their time."""
+
+    def __enter__(self) -> Watch:
+        self._shown: Any = None
+        return self
+
+    def __call__(self, done: int, total: int, case: Any) -> None:
+        """Tell that a case is done."""
+        if self._shown is None:
+            from harness.text.progress import Watcher
+
+            self._shown = Watcher().__enter__()
+        self._shown(done, total, case)
+
+    def __exit__(self, *_: object) -> None:
+        if self._shown is not None:
+            self._shown.__exit__(*_)
+
+
+def _plain(found: Gated) -> dict[str, Any]:
+    """The findings for other programs."""
+    return {
+        "passes": found.passes,
+        "seconds": found.seconds,
+        "cases": [
+            {
+                "case": change.case, "status": str(change.status), "kinds": list(change.kinds),
+                "told": list(change.told), "moved": change.size, "run": change.record is not None,
+            }
+            for change in found.changes
+        ],
+        "files": [
+            {
+                "system": story.system, "file": story.name, "models": list(story.models),
+                "changes": [{"line": s.line, "said": s.said} for s in story.spots],
+            }
+            for story in found.stories
+        ],
+    }  # fmt: skip

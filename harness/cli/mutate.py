@@ -1,0 +1,54 @@
+"""`crosscheck mutate`: what the check would catch, shown by making models wrong on purpose."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from harness.cli import arguments
+from harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from harness.engines.registry import engines
+from harness.files.folders import check_engines, system_folders
+from harness.mutation.mutate import AGREES, MISSED, SOUND, MutationError, mutate
+from harness.mutation.text import mutation_json, mutation_lines
+from harness.records.results import write_whole
+from harness.run import Options
+from harness.text.progress import Counter
+
+LIMIT = 600.0
+"""Seconds that one fault may take: a diagnosis may try many pairs, and the machine may be busy."""
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    arguments.folders(command, some=True)
+    arguments.engine(command)
+    arguments.jobs(command, "two")
+    command.add_argument("--json", type=Path, metavar="FILE", help="write every row there, as JSON")
+
+
+def main(options: argparse.Namespace) -> int:
+    """Make every model of the folders wrong in every known way, and print what became of it.
+
+    Exit codes: 0; 1 where a fault that motions show was missed, or another step was taken for a
+    mistake; 3 where a folder is not sound to begin with.
+    """
+    check_engines(options.engine)
+    folders = system_folders(options.folders)
+    for name, engine in engines().items():
+        if engine.version() is None and (not options.engine or name in options.engine):
+            print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
+    wanted = Options(tuple(options.engine), jobs=options.jobs, limit=LIMIT)
+    try:
+        with Counter("faults") as counter:
+            rows = mutate(folders, wanted, counter)
+    except MutationError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    for text in mutation_lines(rows):
+        print(text)
+    if options.json is not None:
+        write_whole(options.json, mutation_json(rows))
+    wrong = any(r.verdict == MISSED or (r.kind == SOUND and r.verdict != AGREES) for r in rows)
+    return DIFFER if wrong else AGREE

@@ -1,0 +1,44 @@
+"""`crosscheck new`: a commented folder that runs; from a model file where one is given."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from harness.cli.exit_codes import AGREE, FAIL, USAGE
+from harness.scaffold.folder import NewError, check_name, example, write_folder
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    command.add_argument("name", metavar="NAME", help="the folder to write, and the system's name")
+    command.add_argument("--from", dest="model", type=Path, default=None,
+                         metavar="model.urdf|model.xml",
+                         help="fill it in from this model file, as far as it tells")  # fmt: skip
+
+
+def main(options: argparse.Namespace) -> int:
+    """Write the folder; say what was written and what comes next."""
+    target = Path(options.name)
+    try:
+        check_name(target)
+    except NewError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return USAGE
+    try:
+        if options.model is None:
+            write_folder(target, example(target.name))
+        else:
+            # Only now: reading a model needs sympy and engines.
+            from harness.scaffold.from_model import from_model
+
+            for remark in from_model(options.model, target):
+                print(f"note: {remark}", file=sys.stderr)
+    except NewError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    for path in sorted(target.iterdir()):
+        print(path)
+    print(f"\nnext: crosscheck run {target}\n      crosscheck derive {target}")
+    return AGREE

@@ -1,0 +1,310 @@
+"""What would have to be written in A's file to make it B's: numbers, words, whole elements."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from harness.compare.candidate import Side
+from harness.files.locations import PlaceError, find
+from harness.files.locations.outline import Element, Value, outline
+
+
+@dataclass(frozen=True)
+class Edit:
+    """One difference between the files of A and B.
+
+    Attributes:
+        label: what differs, as an address of `harness.files.locations` where it has one.
+        where_a, where_b: file:line.
+        old, new: as A and B have it.
+        changes: replacements of bytes in A's model file, (first, after the last, new bytes).
+        settings: settings of A's sidecar to be others, by key; None: taken out.
+    """
+
+    label: str
+    where_a: str
+    where_b: str
+    old: str
+    new: str
+    changes: tuple[tuple[int, int, bytes], ...] = ()
+    settings: tuple[tuple[str, Any], ...] = ()
+
+
+def edits(a: Side, b: Side) -> tuple[Edit, ...]:
+    """Every difference that an engine may read; none where the files have not one format.
+
+    Comments and white space don't count.
+
+    Raises:
+        PlaceError: for a file that can't be read, naming its line.
+    """
+    one, other = a.sidecar.model, b.sidecar.model
+    if one.suffix != other.suffix:
+        return tuple(_bound(a, b))
+    found: list[Edit] = []
+    if one.suffix in (".xml", ".urdf"):
+        found += _Xml(one, other).edits()
+    elif one.suffix == ".py":
+        found += _python(one, other)
+    return (*found, *_settings(a, b))
+
+
+class _Xml:
+    """Two XML files, element by element."""
+
+    def __init__(self, a: Path, b: Path) -> None:
+        self.a, self.b = a, b
+        self.data_a, self.data_b = a.read_bytes(), b.read_bytes()
+
+    def edits(self) -> Iterator[Edit]:
+        yield from self._elements(outline(self.a, self.data_a), outline(self.b, self.data_b))
+
+    def _elements(self, a: Element, b: Element) -> Iterator[Edit]:
+        for name in dict.fromkeys([*a.attributes, *b.attributes]):
+            yield from self._attribute(name, a, b)
+        if a.text.text.split() != b.text.text.split():
+            yield from self._value(a.label, a.text, b.text, a, b)
+        pairs, gone, new = _aligned(a.children, b.children)
+        for one, other in pairs:
+            yield from self._elements(one, other)
+        for one in gone:
+            text = self.data_a[one.start : one.end].decode()
+            yield Edit(one.label, self._at_a(one.line), self._at_b(b.line), _short(text), "nothing",
+                       ((one.start, one.end, b""),))  # fmt: skip
+        for one in new:
+            data = self.data_b[one.start : one.end]
+            changes = ((a.inner_end, a.inner_end, data),) if a.inner_end else ()
+            yield Edit(one.label, self._at_a(a.line), self._at_b(one.line), "nothing",
+                       _short(data.decode()), changes)  # fmt: skip
+
+    def _attribute(self, name: str, a: Element, b: Element) -> Iterator[Edit]:
+        one, other = a.attributes.get(name), b.attributes.get(name)
+        label = f"{a.label}@{name}"
+        if one is not None and other is not None:
+            if one.text.split() != other.text.split():
+                yield from self._value(label, one, other, a, b)
+        elif other is not None:
+            data = b" " + self.data_b[other.outer[0] : other.outer[1]].strip()
+            yield Edit(label, self._at_a(a.line), self._at_b(other.line), "nothing", other.text,
+                       ((a.tag_end, a.tag_end, data),))  # fmt: skip
+        elif one is not None:
+            yield Edit(label, self._at_a(one.line), self._at_b(b.line), one.text, "nothing",
+                       ((*one.outer, b""),))  # fmt: skip
+
+    def _value(
+        self, label: str, one: Value, other: Value, a: Element, b: Element
+    ) -> Iterator[Edit]:
+        """A word at a time where both are as many numbers, else the whole."""
+        old, new = one.text.split(), other.text.split()
+        where = self._at_a(one.line or a.line), self._at_b(other.line or b.line)
+        numbers = all(map(_is_number, [*old, *new]))
+        if not numbers or len(old) != len(new) or len(one.words) != len(old):
+            change = (*one.span, self.data_b[other.span[0] : other.span[1]])
+            yield Edit(label, *where, _short(one.text), _short(other.text), (change,))
+            return
+        for i, (x, y) in enumerate(zip(old, new, strict=True)):
+            if float(x) != float(y):
+                index = f"[{i}]" if len(old) > 1 else ""
+                yield Edit(label + index, *where, x, y, ((*one.words[i], y.encode()),))
+
+    def _at_a(self, line: int) -> str:
+        return f"{self.a}:{line}"
+
+    def _at_b(self, line: int) -> str:
+        return f"{self.b}:{line}"
+
+
+def _aligned(
+    a: tuple[Element, ...], b: tuple[Element, ...]
+) -> tuple[list[tuple[Element, Element]], list[Element], list[Element]]:
+    """Children that are the same, and those that only one has; a name alone may have changed."""
+    left = {child.key: child for child in b}
+    pairs = [(child, left.pop(child.key)) for child in a if child.key in left]
+    taken = {id(child) for child, _ in pairs}
+    gone = [child for child in a if id(child) not in taken]
+    new = list(left.values())
+    for tag in dict.fromkeys(child.tag for child in gone):
+        ours = [child for child in gone if child.tag == tag]
+        theirs = [child for child in new if child.tag == tag]
+        if len(ours) == len(theirs):
+            pairs += zip(ours, theirs, strict=True)
+            gone = [child for child in gone if child.tag != tag]
+            new = [child for child in new if child.tag != tag]
+    return pairs, gone, new
+
+
+def _python(a: Path, b: Path) -> Iterator[Edit]:
+    """Numbers of two files that are the same code but for these."""
+    trees, data = [], a.read_bytes()
+    for path in (a, b):
+        try:
+            trees.append(ast.parse(path.read_bytes(), filename=str(path)))
+        except SyntaxError as error:
+            raise PlaceError(f"{path}:{error.lineno or 1}: no Python: {error.msg}") from None
+    shapes = [_Shape() for _ in trees]
+    for shape, tree in zip(shapes, trees, strict=True):
+        shape.visit(_without_docstrings(tree))
+    if shapes[0].text != shapes[1].text:
+        both = list(zip(shapes[0].text, shapes[1].text, strict=False))
+        first = next((i for i, (x, y) in enumerate(both) if x != y), len(both) - 1)
+        lines = [s.lines[min(first, len(s.lines) - 1)] for s in shapes]
+        yield Edit("code", f"{a}:{lines[0]}", f"{b}:{lines[1]}", "this", "other code than numbers",
+                   ((0, len(data), b.read_bytes()),))  # fmt: skip
+        return
+    names = {id(s.value): s.targets[0].id for s in trees[0].body
+             if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)}  # fmt: skip
+    starts = [0]
+    for line in data.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    for one, other in zip(shapes[0].numbers, shapes[1].numbers, strict=True):
+        old, new = ast.unparse(one), ast.unparse(other)
+        if ast.literal_eval(one) == ast.literal_eval(other):
+            continue
+        first = starts[one.lineno - 1] + one.col_offset
+        last = starts[(one.end_lineno or 1) - 1] + (one.end_col_offset or 0)
+        name = names.get(id(one), "number")
+        yield Edit(name, f"{a}:{one.lineno}", f"{b}:{other.lineno}", old, new,
+                   ((first, last, new.encode()),))  # fmt: skip
+
+
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
+            value = body[0].value
+            if isinstance(value, ast.Constant) and isinstance(value.value, str):
+                value.value = ""
+    return tree
+
+
+class _Shape(ast.NodeVisitor):
+    """A tree as words, its numbers apart; a sign belongs to its number."""
+
+    def __init__(self) -> None:
+        self.text: list[str] = []
+        self.lines: list[int] = []
+        self.numbers: list[ast.expr] = []
+
+    def generic_visit(self, node: ast.AST) -> None:
+        inner = node.operand if isinstance(node, ast.UnaryOp) else node
+        signed = not isinstance(node, ast.UnaryOp) or isinstance(node.op, ast.USub | ast.UAdd)
+        if signed and isinstance(inner, ast.Constant) and type(inner.value) in (int, float):
+            assert isinstance(node, ast.expr)
+            self.numbers.append(node)
+            self._say("number", node)
+            return
+        plain = [repr(value) for _, value in ast.iter_fields(node) if not _holds_nodes(value)]
+        self._say(f"{type(node).__name__} {plain}", node)
+        super().generic_visit(node)
+        self._say("end", node)
+
+    def _say(self, word: str, node: ast.AST) -> None:
+        self.text.append(word)
+        self.lines.append(getattr(node, "lineno", self.lines[-1] if self.lines else 1))
+
+
+def _holds_nodes(value: object) -> bool:
+    return isinstance(value, ast.AST) or (
+        isinstance(value, list) and any(isinstance(item, ast.AST) for item in value)
+    )
+
+
+def _settings(a: Side, b: Side) -> Iterator[Edit]:
+    """Settings and springs that the sidecars state, or that were assumed."""
+    one, other = _stated(a), _stated(b)
+    for key in dict.fromkeys([*one, *other]):
+        old, new = one.get(key), other.get(key)
+        if old != new:
+            yield Edit(
+                f"sidecar:{key}", _toml_line(a, key), _toml_line(b, key),
+                "nothing" if old is None else str(old), "nothing" if new is None else str(new),
+                (), ((key, new),),
+            )  # fmt: skip
+
+
+def _stated(side: Side) -> dict[str, Any]:
+    spec = side.sidecar.spec(side.engine)
+    found = {f"settings.{key}": value for key, value in spec.settings.items()}
+    for i, spring in enumerate(spec.springs):
+        found[f"spring[{i}]"] = spring
+    return found
+
+
+def _toml_line(side: Side, key: str) -> str:
+    file = Path(f"{side.sidecar.model}.toml")
+    own = key.replace("settings.", f"settings.{side.engine}.", 1)
+    for name in (own, f"{own}[0]", key, f"{key}[0]", f"{key}.stiffness"):
+        try:
+            return str(find(file, [name])[name])
+        except PlaceError:
+            continue
+    return str(file)
+
+
+def _bound(a: Side, b: Side) -> Iterator[Edit]:
+    """Across formats: literals that both sidecars bind to one expression, with unlike values."""
+    one, other = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
+    for expression in one.keys() & other.keys():
+        try:
+            ours = _find_bound(a, one[expression])
+            theirs = _find_bound(b, other[expression])
+        except PlaceError:
+            continue
+        for address, place in ours.items():
+            for named, there in theirs.items():
+                if abs(place.value - there.value) > 1e-12 * abs(there.value):
+                    change = (place.start, place.end, there.text.encode())
+                    yield Edit(
+                        f"{address} and {named}, both {expression}", str(place), str(there),
+                        place.text, there.text, (change,),
+                    )  # fmt: skip
+
+
+def _find_bound(side: Side, addresses: list[str]) -> dict[str, Any]:
+    """Places in the model file itself; the sidecar's own literals are compared as settings."""
+    own = [address for address in addresses if not address.startswith("sidecar:")]
+    return dict(find(side.sidecar.model, own))
+
+
+def _by_expression(bindings: Mapping[str, str]) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for address, expression in bindings.items():
+        try:
+            spelled = ast.unparse(ast.parse(expression.strip(), mode="eval"))
+        except SyntaxError:
+            continue
+        found.setdefault(spelled, []).append(address)
+    return found
+
+
+def applied(data: bytes, found: tuple[Edit, ...]) -> bytes:
+    """The bytes of A's model file with some edits made.
+
+    Raises:
+        ValueError: for edits that overlap.
+    """
+    changes = sorted(change for edit in found for change in edit.changes)
+    for (_, end, _), (start, _, _) in pairwise(changes):
+        if start < end:
+            raise ValueError("these edits overlap")
+    for start, end, new in reversed(changes):
+        data = data[:start] + new + data[end:]
+    return data
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return "_" not in word
+
+
+def _short(text: str) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else text[:57] + "..."

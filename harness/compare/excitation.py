@@ -1,0 +1,265 @@
+"""States of a model's own motion: where runs start, how long they are, and where they end.
+
+Where every coordinate moves by itself, starts are drawn at random; where some are held together (a
+mimic, a rolling wheel, the bodies of a Space), the mechanism is pushed from where the file draws
+it. Each chain of runs is driven by a known random force, held, or left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.compare.candidate import CompareError, Side, home, reach
+from harness.compare.match import Match
+from harness.compare.runs import Runs, ends, movement
+from harness.compare.scales import HELD, Nature, nature
+from harness.engines.protocol import Array, Model
+from harness.numerics.ladder import Limit
+
+SEED = 20260101
+DRAWN = 20
+"""Random starts, each once driven and once released."""
+
+PUSHED = 12
+"""Random pushes of a mechanism whose coordinates are held together."""
+
+LINKS_DRAWN, LINKS_PUSHED = 2, 12
+"""Runs in a chain; of a pushed one the second half is released."""
+
+SHARE = 1 / 20
+"""Length of a run, in periods of the fastest rate."""
+
+SHORTER = (1.0, 2.0, 4.0, 16.0)
+"""By how much runs are shortened until their limits are resolved."""
+
+
+@dataclass(frozen=True)
+class SourceTask:
+    """What a worker needs to record states: `given` are starts by coordinate (`x`, `x_dot`)."""
+
+    side: Side
+    match: Match
+    given: tuple[Mapping[str, float], ...]
+    resolution: float
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Runs of the source, and where they end.
+
+    Attributes:
+        runs: K runs, in its own coordinates.
+        end, uncertainty: in the coordinates of the comparison, (K, 2m).
+        scale: how far each component moves at most, (2m,).
+        driven: whether a force acts, (K,).
+        lost: runs that were left out since the source's motion is not smooth there.
+        fastest, typical: fastest and typical rate of its motions, rad/s.
+        unit: size of its motions, in the coordinates of the comparison, (m,).
+        independent: indices of the coordinates that the others follow from.
+        order, holds: leading order seen, and whether it is the one claimed.
+    """
+
+    runs: Runs
+    end: Array
+    uncertainty: Array
+    scale: Array
+    driven: NDArray[np.bool_]
+    lost: int
+    fastest: float
+    typical: float
+    unit: Array
+    independent: tuple[int, ...]
+    order: float
+    holds: bool
+
+
+def record(task: SourceTask) -> Recorded:
+    """Run the source from states of its own.
+
+    Raises:
+        EngineError, BlownUpError: naming what could not be run.
+        CompareError: for joints of the source that move on their own and have no match.
+    """
+    model = task.side.load()
+    rng = np.random.default_rng(SEED)
+    found = nature(model, rng)
+    names = tuple(model.coordinates)
+    z, w, driven, links = _starts(model, found, task.given, names, rng)
+    reduced = task.match.slopes(home(model)[None])[0]
+    compared = reduced @ found.inverse @ reduced.T
+    independent = _independent(compared)
+    unit = np.abs(reduced) @ found.unit
+    push = np.zeros((len(z), len(unit)))
+    picked = np.ix_(independent, independent)
+    mass = np.linalg.inv(compared[picked])
+    wish = rng.uniform(-1, 1, (len(z), len(independent))) * unit[list(independent)]
+    push[:, independent] = (wish * found.typical**2) @ mass
+    push[np.logical_not(driven)] = 0.0
+    chain = _chain(model, task, found, Runs(0.0, z, w, push), links)
+    recorded = _gathered(task, chain, found, unit, independent)
+    _check_left_out(task, model, found, recorded, names)
+    return recorded
+
+
+def _starts(
+    model: Model, found: Nature, given: tuple[Mapping[str, float], ...], names: tuple[str, ...],
+    rng: np.random.Generator,
+) -> tuple[Array, Array, Array, int]:  # fmt: skip
+    """Starts (B, nz), whether each is driven (B,), and how many runs follow each other."""
+    start, extent, n = home(model), reach(model), len(names)
+    own = [_one(start, names, state) for state in given]
+    still = np.zeros(n)
+    if found.tangent.shape[1] == n:
+        middle, half = extent.mean(axis=1), 0.8 * found.unit
+        drawn = middle + half * rng.uniform(-1, 1, (DRAWN, n))
+        going = 0.5 * found.unit * found.typical * rng.uniform(-1, 1, (DRAWN, n))
+        pairs = [*own, (start, still), *zip(drawn, going, strict=True)]
+        starts = [pair for pair in pairs for _ in range(2)]
+        driven = np.tile([False, True], len(pairs))
+        links = LINKS_DRAWN
+    else:
+        starts = [*own, *[(start, still)] * (PUSHED + 1)]
+        driven = np.array([False] * (len(own) + 1) + [True] * PUSHED)
+        links = LINKS_PUSHED
+    z, w = (np.array([s[i] for s in starts], dtype=float) for i in range(2))
+    return z, w, driven, links
+
+
+def _one(start: Array, names: tuple[str, ...], state: Mapping[str, float]) -> tuple[Array, Array]:
+    z, w = start.copy(), np.zeros(len(start))
+    for name, value in state.items():
+        if name in names:
+            z[names.index(name)] = value
+        elif name.endswith("_dot") and name[:-4] in names:
+            w[names.index(name[:-4])] = value
+        else:
+            raise CompareError(
+                f"--start: {name!r} is no joint of the model that the states are taken of, nor"
+                f" one's velocity; its joints are {', '.join(names)}"
+            )
+    return z, w
+
+
+def _independent(inverse: Array) -> tuple[int, ...]:
+    """Coordinates that the others follow from: pivoted Cholesky of the scaled matrix."""
+    size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    rest = inverse / np.outer(safe, safe)
+    chosen: list[int] = []
+    for _ in range(len(rest)):
+        # Of those about as free, the first.
+        free = np.diagonal(rest)
+        pivot = int(np.argmax(free > 0.5 * np.max(free)))
+        if not free[pivot] > 10 * HELD:
+            break
+        chosen.append(pivot)
+        column = rest[:, pivot].copy()
+        rest = rest - np.outer(column, column) / column[pivot]
+    return tuple(sorted(chosen))
+
+
+def _chain(
+    model: Model, task: SourceTask, found: Nature, first: Runs, links: int
+) -> list[tuple[Runs, Limit]]:
+    """Runs that follow each other, as long as the fastest rate allows."""
+    best: tuple[float, list[tuple[Runs, Limit]]] | None = None
+    for shorter in SHORTER:
+        length = 2 * np.pi / found.fastest * SHARE / shorter
+        chain = _links(model, task, found, replace(first, length=length), links)
+        sizes = [np.max(_relative(*link), axis=1) for link in chain]
+        ordered = np.sort(np.concatenate(sizes))
+        worst = float(ordered[int(0.9 * (len(ordered) - 1))])
+        if best is None or worst < best[0]:
+            best = worst, chain
+        if worst <= 0.05 * task.resolution:
+            break
+    assert best is not None
+    return best[1]
+
+
+def _links(
+    model: Model, task: SourceTask, found: Nature, runs: Runs, links: int
+) -> list[tuple[Runs, Limit]]:
+    chain: list[tuple[Runs, Limit]] = []
+    for link in range(links):
+        if chain:
+            runs, limit = chain[-1]
+            n = runs.z.shape[1]
+            lost = np.max(limit.uncertainty, axis=1, keepdims=True) == np.inf
+            state = np.where(lost, np.hstack([runs.z, runs.w]), limit.value)
+            released = links > LINKS_DRAWN and link >= links // 2
+            push = np.zeros_like(runs.push) if released else runs.push
+            runs = Runs(runs.length, state[:, :n], state[:, n:], push)
+        chain.append((runs, ends(model, runs, task.match, found.fastest, task.resolution)))
+    return chain
+
+
+def _relative(runs: Runs, limit: Limit) -> Array:
+    starts = np.hstack([runs.z, runs.w])
+    known = np.flatnonzero(np.max(limit.uncertainty, axis=1) < np.inf)
+    scale = movement(limit.value[known], starts[known])
+    relative: Array = limit.uncertainty / scale
+    return relative
+
+
+def _gathered(
+    task: SourceTask, chain: list[tuple[Runs, Limit]], found: Nature, unit: Array,
+    independent: tuple[int, ...],
+) -> Recorded:  # fmt: skip
+    match, m = task.match, len(task.match.names)
+    z, w, push = (
+        np.concatenate([getattr(runs, key) for runs, _ in chain]) for key in ("z", "w", "push")
+    )
+    value = np.concatenate([limit.value for _, limit in chain])
+    error = np.concatenate([limit.uncertainty for _, limit in chain])
+    n = z.shape[1]
+    end = np.hstack(match.over(value[:, :n], value[:, n:]))
+    start = np.hstack(match.over(z, w))
+    wrapped = unwrapped(end, start, match.periodic)
+    uncertainty = match.errors(value[:, :n], value[:, n:], error)
+    relative = uncertainty / movement(wrapped, start)
+    kept = np.flatnonzero(np.max(relative, axis=1) <= task.resolution)
+    scale = movement(wrapped[kept], start[kept]) if len(kept) else np.ones(2 * m)
+    limit = chain[0][1]
+    return Recorded(
+        Runs(chain[0][0].length, z[kept], w[kept], push[kept]), wrapped[kept], uncertainty[kept],
+        scale, np.not_equal(push[kept], 0.0).any(axis=1), len(z) - len(kept),
+        found.fastest, found.typical, unit, independent, limit.order, limit.holds,
+    )  # fmt: skip
+
+
+def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
+    """States whose angles are known modulo 2 pi, each taken near another."""
+    end = end.copy()
+    for i, turns in enumerate(periodic):
+        if turns:
+            end[:, i] += 2 * np.pi * np.round((near[:, i] - end[:, i]) / (2 * np.pi))
+    return end
+
+
+def _check_left_out(
+    task: SourceTask, model: Model, found: Nature, recorded: Recorded, names: tuple[str, ...]
+) -> None:
+    """Refuse joints of the source without a match, unless they follow from others or stay put."""
+    match = task.match
+    if not match.left_out or not len(recorded.runs.z):
+        return
+    if found.tangent.shape[1] == len(recorded.independent):
+        return
+    places = [names.index(name) for name in match.left_out]
+    moved = np.abs(recorded.runs.z[:, places] - home(model)[places]).max(axis=0)
+    free = [
+        name for name, by, i in zip(match.left_out, moved, places, strict=True)
+        if by > 1e-9 * found.unit[i]
+    ]  # fmt: skip
+    if not free:
+        return
+    other = "B" if match.source == "A" else "A"
+    raise CompareError(
+        f"joint {', '.join(free)} of {match.source} moves on its own and has no match in {other},"
+        f" whose joints are {', '.join(match.names)}; lock it, or add it to {other}"
+    )

@@ -1,0 +1,116 @@
+"""The nature of a model: its inertia, the velocities it can have, its rates, and its size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.compare.candidate import CompareError, home, reach
+from harness.compare.runs import identity
+from harness.engines.protocol import Array, Model
+from harness.numerics.accelerations import Measured, Probe
+
+HELD = 1e-6
+"""Directions in which a push moves less than this share of the easiest are held."""
+
+
+@dataclass(frozen=True)
+class Nature:
+    """What a model's responses to small pushes tell.
+
+    Attributes:
+        inverse: its inverse mass matrix where it is drawn, (nz, nz).
+        tangent: velocities that it can have there, a column each, (nz, r).
+        sizes: forces that show its inertia, (nz,).
+        fastest, typical: rates of its motions, rad/s.
+        unit: size of its motions, (nz,).
+    """
+
+    inverse: Array
+    tangent: Array
+    sizes: Array
+    fastest: float
+    typical: float
+    unit: Array
+
+
+def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Measured:
+    """Response of the accelerations to a force on each coordinate, (B, nz, nz).
+
+    The pushes have the given sizes and both signs. What moves no more than is uncertain is held,
+    and exactly zero: its rounding would pass for an inertia.
+    """
+    n = len(sizes)
+    pushes = np.concatenate([np.diag(sizes), -np.diag(sizes)])
+    states = np.repeat(np.concatenate([z, w], axis=1), 2 * n, axis=0)
+    found = probe.accelerations(
+        states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1))
+    )  # fmt: skip
+    value, error = (
+        one.reshape(len(z), 2, n, n).swapaxes(2, 3) / (2 * sizes)
+        for one in (found.value, found.uncertainty)
+    )
+    response, errors = value[:, 0] - value[:, 1], error[:, 0] + error[:, 1]
+    held = np.diagonal(np.abs(response) <= 10 * errors, axis1=1, axis2=2)
+    response[held[:, :, None] | held[:, None, :]] = 0.0
+    return Measured(response, errors)
+
+
+def free_directions(inverse: Array) -> Array:
+    """Columns (nz, r): velocities that a mechanism with this inverse mass matrix can have."""
+    size = np.sqrt(np.maximum(np.diagonal(inverse), 0.0))
+    safe = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh((inverse + inverse.T) / 2 / np.outer(safe, safe))
+    kept: Array = vectors[:, values > HELD * max(float(values[-1]), 1e-300)]
+    return kept * safe[:, None]
+
+
+def nature(model: Model, rng: np.random.Generator) -> Nature:
+    """Inertia, rates and sizes of a model, from small motions about where it is drawn.
+
+    Raises:
+        CompareError: where a push moves nothing.
+    """
+    start, extent = home(model), reach(model)
+    unit = (extent[:, 1] - extent[:, 0]) / 2
+    plain = 2 * np.pi / (1000 * model.step)
+    probe = Probe(model, identity(len(start)), unit * plain, plain)
+    # On the move: what sticks at rest would hold it.
+    going = 0.1 * unit * plain * rng.uniform(0.5, 1.0, len(unit))
+    here = start[None], going[None]
+    first = inverse_mass(probe, *here, np.ones(len(unit))).value[0]
+    ease = np.diagonal(first)
+    if not np.isfinite(first).all() or not (ease > 0).any():
+        raise CompareError("forces on the joints move nothing, or nothing finite")
+    sizes = unit * plain**2 / np.where(ease > 0, ease, np.max(ease))
+    inverse = inverse_mass(probe, *here, sizes).value[0]
+    tangent = free_directions(inverse)
+    tangent /= np.max(np.abs(tangent) / unit[:, None], axis=0)
+    rates = _rates(probe, start, tangent, plain)
+    fastest = max(float(np.max(rates)), plain)
+    moving = rates[rates > 1e-3 * fastest]
+    typical = float(np.median(moving)) if len(moving) else plain
+    return Nature(inverse, tangent, sizes, fastest, max(typical, plain / 3), unit)
+
+
+def _rates(probe: Probe, start: Array, tangent: Array, plain: float) -> Array:
+    """Magnitudes of the eigenvalues of the linearization along the free directions."""
+    r = tangent.shape[1]
+    step = 1e-3
+    moves = np.concatenate([tangent.T, -tangent.T]) * step
+    none = np.zeros_like(moves)
+    going = np.tile(0.1 * plain * tangent.sum(axis=1), (len(moves), 1))
+    states = np.concatenate([
+        np.hstack([start + moves, going]), np.hstack([start + none, going + moves * plain]),
+    ])  # fmt: skip
+    found = probe.accelerations(
+        states, np.zeros((len(states), 0)), np.zeros((len(states), len(start)))
+    ).value.reshape(2, 2, r, len(start))
+    if not np.isfinite(found).all():
+        return np.array([plain])
+    slopes = (found[:, 0] - found[:, 1]) / (2 * step)
+    back = np.linalg.pinv(tangent)
+    stiffness, damping = (back @ slopes[0].T), (back @ slopes[1].T) / plain
+    matrix = np.block([[np.zeros((r, r)), np.eye(r)], [stiffness, damping]])
+    return np.abs(np.linalg.eigvals(matrix))

@@ -1,0 +1,198 @@
+"""The suspects of a model: every number that might be wrong, and how moving it is tried."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from harness.diagnosis.fit import Hypothesis
+from harness.engines.protocol import Model
+from harness.files.bindings import Binding, bindings
+from harness.files.locations import PlaceError, find, numbers
+from harness.files.sidecar import Sidecar
+from harness.numerics.coordinates import CoordinateMap
+from reference.system import System
+from reference.variants import Variants
+
+_ORDER = (
+    "default", "axis", "exchange", "literal", "literals", "unbound literal", "setting", "constant",
+)  # fmt: skip
+"""The most specific first: what has no number to fit and yet leaves nothing is no coincidence; a
+literal says more than a constant, that than a term that the equations lack."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """What repairs one unit of fault, in the model or in the equations.
+
+    Attributes:
+        literals: what is added to each literal, by address.
+        gravity: what is added to the engine's gravity, three components.
+        settings: what the sidecar is to set, for a switch.
+        reversed: index of the engine coordinate whose axis is turned; -1: none.
+        zero: index of the engine coordinate whose zero is moved; -1: none.
+        parameters: what is added to the parameters of the equations, by index.
+    """
+
+    literals: Mapping[str, float] = field(default_factory=dict)
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    settings: Mapping[str, object] = field(default_factory=dict)
+    reversed: int = -1
+    zero: int = -1
+    parameters: Mapping[int, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A hypothesis and the change that tries it; `meant` is what a bound literal should be."""
+
+    hypothesis: Hypothesis
+    change: Change
+    meant: float | None = None
+
+
+def everything(
+    system: System, sidecar: Sidecar, model: Model, coordinates: CoordinateMap, variants: Variants
+) -> tuple[Suspect, ...]:
+    """All that might be wrong with a model."""
+    return (
+        *_parameters(variants), *_exchanges(variants), *_axes(model),
+        *_zeros(model, coordinates), *_gravity(model), *_defaults(model),
+        *literals(system, sidecar),
+    )  # fmt: skip
+
+
+def rank(kind: str) -> int:
+    """How specific a kind of cause is; a tie is broken by it."""
+    return _ORDER.index(kind) if kind in _ORDER else len(_ORDER)
+
+
+def _parameters(variants: Variants) -> Iterator[Suspect]:
+    """Every constant, and every term that the equations lack."""
+    for index, p in enumerate(variants.parameters):
+        yield Suspect(
+            Hypothesis(p.name, p.kind, p.nominal, p.size, rank(p.kind), "", 1.0),
+            Change(parameters={index: 1.0}),
+        )
+
+
+def _switch(cause: str, kind: str, change: Change) -> Suspect:
+    """A hypothesis that is true or not: a fault of 1 makes the whole change."""
+    return Suspect(Hypothesis(cause, kind, 0.0, 1.0, rank(kind), "", 1.0, True), change)
+
+
+def _exchanges(variants: Variants) -> Iterator[Suspect]:
+    """Two constants of one unit, each with the other's value."""
+    constants = [(i, p) for i, p in enumerate(variants.parameters) if p.kind == "constant"]
+    for (i, one), (j, other) in combinations(constants, 2):
+        if one.unit == other.unit and one.nominal != other.nominal:
+            apart = other.nominal - one.nominal
+            yield _switch(
+                f"{one.name}, {other.name} exchanged", "exchange",
+                Change(parameters={i: apart, j: -apart}),
+            )  # fmt: skip
+
+
+def _axes(model: Model) -> Iterator[Suspect]:
+    """Each joint turned the other way."""
+    for index, name in enumerate(model.coordinates):
+        yield _switch(f"axis of {name} reversed", "axis", Change(reversed=index))
+
+
+def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Suspect]:
+    """The zero of each engine coordinate moved: a `ref`, a rest offset, a body drawn turned.
+
+    Where engine coordinates are held together by joints, none has a zero of its own.
+    """
+    if len(model.coordinates) > coordinates.back.size:
+        return
+    for index, name in enumerate(model.coordinates):
+        hypothesis = Hypothesis(f"zero of {name}", "zero", 0.0, 1.0, rank("zero"), "", 1.0)
+        yield Suspect(hypothesis, Change(zero=index))
+
+
+def _gravity(model: Model) -> Iterator[Suspect]:
+    """Each component of the engine's gravity, for models that tell it: its size and direction."""
+    gravity = getattr(model, "gravity", None)
+    if gravity is None:
+        return
+    vector = [float(component) for component in gravity]
+    size = float(np.linalg.norm(vector)) or 9.81
+    for axis, value in enumerate(vector):
+        # A component that the model has may be wrong; one that it lacks is seldom meant.
+        order = rank("setting") if value else len(_ORDER) + 1
+        added = [0.0, 0.0, 0.0]
+        added[axis] = -1.0
+        yield Suspect(
+            Hypothesis(f"gravity along {'xyz'[axis]}", "setting", value, size, order, "", -1.0),
+            Change(gravity=(added[0], added[1], added[2])),
+        )
+
+
+def _defaults(model: Model) -> Iterator[Suspect]:
+    """What an engine does on its own unless told, each undone as the model's `remedies` say."""
+    for cause, settings in getattr(model, "remedies", {}).items():
+        yield _switch(cause, "default", Change(settings=settings))
+
+
+def literals(system: System, sidecar: Sidecar) -> Iterator[Suspect]:
+    """Every literal: bound ones alone, bound ones of one expression together, and unbound ones."""
+    found = tuple(_bound(system, sidecar))
+    for b in found:
+        yield _literal(b.address, "literal", b.value, b.expected, (b,))
+    for expression in dict.fromkeys(b.expression for b in found):
+        alike = [b for b in found if b.expression == expression]
+        # Copies of one number, which a mistake has reached all alike.
+        if len(alike) > 1 and len({b.value for b in alike}) == 1:
+            cause = ", ".join(b.address for b in alike)
+            yield _literal(cause, "literals", alike[0].value, alike[0].expected, alike)
+    yield from _unbound(sidecar, found)
+
+
+def _literal(
+    cause: str, kind: str, value: float, expected: float, moved: Sequence[Binding]
+) -> Suspect:
+    size = abs(value) or abs(expected) or 1.0
+    where = ", ".join(dict.fromkeys(f"{b.place.file.name}:{b.place.line}" for b in moved))
+    return Suspect(
+        Hypothesis(cause, kind, value, size, rank(kind), where, -1.0),
+        Change(literals={b.address: -1.0 for b in moved}),
+        expected,
+    )
+
+
+def _bound(system: System, sidecar: Sidecar) -> Iterator[Binding]:
+    """The bindings whose literal is there: one left out is a cause for the equations to name."""
+    for address, expression in sidecar.bindings.items():
+        with suppress(PlaceError):
+            yield from bindings(system, replace(sidecar, bindings={address: expression}))
+
+
+_MECHANICS = (
+    r"(joint|inertial|option|fixed|dynamics|mass|inertia|origin|mimic|body)@"
+    r"(?!timestep|tolerance|range|axis|limit|lower|upper)\w+|\w*[sS]pring\w*|implicitSpringDamper"
+)
+"""Numbers of MJCF and URDF that may be part of the mechanism, not of its looks or its solver."""
+
+
+def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Suspect]:
+    """Numbers of the mechanism that stand for no constant and are not zero: left in, perhaps."""
+    taken = {(b.place.file, b.place.start) for b in bound}
+    with suppress(PlaceError):
+        addresses = numbers(sidecar.model, _MECHANICS)
+        for address, place in find(sidecar.model, addresses).items():
+            looks = re.search(r"/(visual|collision)/", address)
+            if place.value and not looks and (place.file, place.start) not in taken:
+                kind = "unbound literal"
+                where = f"{place.file.name}:{place.line}"
+                yield Suspect(
+                    Hypothesis(
+                        address, kind, place.value, abs(place.value), rank(kind), where, -1.0
+                    ),
+                    Change(literals={address: -1.0}),
+                )

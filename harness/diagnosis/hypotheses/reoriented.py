@@ -1,0 +1,55 @@
+"""A model seen otherwise: an axis turned the other way, or read from another zero."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from harness.engines.protocol import Force, Model, StateForce
+from reference.numeric import Array
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A model whose coordinates read sign * (its own - offset), (nz,) each."""
+
+    model: Model
+    sign: Array
+    offset: Array
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Its coordinates' names."""
+        return self.model.coordinates
+
+    @property
+    def step(self) -> float:
+        """Its step, seconds."""
+        return self.model.step
+
+    @property
+    def integrator(self) -> str:
+        """Its integrator."""
+        return self.model.integrator
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """Its exponents."""
+        return self.model.exponents(varying_input)
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """Its rollout, from states and with forces as they are seen."""
+        sign, offset = self.sign, self.offset
+        if isinstance(force, StateForce):
+            inner = force
+
+            def reversed_at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
+                seen = [(a - o) * s for a, s, o in zip(z, sign, offset, strict=True)]
+                return [f * s for f, s in zip(inner.at(seen, u), sign, strict=True)]
+
+            force = StateForce(inner.inputs, reversed_at)
+        elif force is not None:
+            force = force * sign
+        z, w = self.model.rollout(q * sign + offset, v * sign, h, n, force, every)
+        return (z - offset) * sign, w * sign

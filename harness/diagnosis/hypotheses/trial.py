@@ -1,0 +1,273 @@
+"""The bench: changes tried together, in the engine's own model and in the equations."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.diagnosis.fit import Hypothesis
+from harness.diagnosis.hypotheses.candidate import Change, Suspect
+from harness.diagnosis.hypotheses.reoriented import Seen
+from harness.diagnosis.samples import (
+    RUNGS_OF_SLOPES,
+    RUNGS_USED,
+    Sample,
+    quick_ends,
+    reference_ends,
+    variant_ends,
+)
+from harness.engines.protocol import Engine, EngineError, Model
+from harness.files.bindings import locate, with_literals
+from harness.files.sidecar import Sidecar
+from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.segments import BlownUpError
+from reference.integrate import ReferenceError
+from reference.numeric import Array
+from reference.variants import Variants
+
+NUDGE = 1e-4
+"""Share of a number's size by which it is moved to learn its slope."""
+
+REFUSED = 1e6
+"""Stands for the ends that an engine refuses to compute: what explains nothing."""
+
+Faults = Mapping[int, float]
+"""Faults by index of the suspect; those not named are none."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A model, its equations, and what might be wrong with it.
+
+    Attributes:
+        sidecar, engine, model, coordinates: the model as it is.
+        variants: the equations with their parameters free.
+        samples: the segments.
+        ends: where the model ends them, scaled and flat, (N,).
+        suspects: H of them.
+        folder: for copies of the model.
+        known: slopes of the literals by their address, where a model close by has shown them.
+    """
+
+    sidecar: Sidecar
+    engine: Engine
+    model: Model
+    coordinates: CoordinateMap
+    variants: Variants
+    samples: Sequence[Sample]
+    ends: Array
+    suspects: tuple[Suspect, ...]
+    folder: Path
+    known: Mapping[str, Array] = field(default_factory=dict)
+    _engine_ends: dict[object, Array] = field(default_factory=dict, repr=False)
+    _reference_ends: dict[bytes, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """What might be wrong, in the order of the suspects."""
+        return tuple(suspect.hypothesis for suspect in self.suspects)
+
+    def defect(self, faults: Faults) -> Array:
+        """Engine - reference at the ends once these faults are repaired, scaled and flat, (N,)."""
+        return self._repaired(faults, RUNGS_USED) - self._moved(self.point(faults))
+
+    def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
+        """How much of the defect a unit of each fault makes, near these faults, (len(of), N)."""
+        of = range(len(self.suspects)) if of is None else of
+        rows = np.zeros((len(of), len(self.ends)))
+        free: dict[int, int] = {}
+        for row, index in enumerate(of):
+            hypothesis, change = self.suspects[index].hypothesis, self.suspects[index].change
+            if not hypothesis.switch and change.parameters:
+                (free[row],) = change.parameters
+            elif hypothesis.switch:
+                rows[row] = self.defect(faults) - self.defect({**faults, index: 1.0})
+            elif not faults and hypothesis.kind == "literal" and hypothesis.cause in self.known:
+                rows[row] = self.known[hypothesis.cause]
+            else:
+                rows[row] = self._slope(faults, index)
+        if free:
+            point = self.point(faults)
+            rows[list(free)] = self._parameter_slopes(point, list(free.values()))
+        return rows
+
+    def _slope(self, faults: Faults, index: int) -> Array:
+        """By a difference; from below where the engine refuses the number above."""
+        base = self._repaired(faults, RUNGS_OF_SLOPES)
+        step = NUDGE * self.suspects[index].hypothesis.size
+        for delta in (step, -step):
+            moved = {**faults, index: faults.get(index, 0.0) + delta}
+            change = base - self._repaired(moved, RUNGS_OF_SLOPES)
+            if np.max(np.abs(change)) < REFUSED / 2:
+                slope: Array = change / delta
+                return slope
+        return np.zeros_like(base)
+
+    def _parameter_slopes(self, point: Array, indices: list[int]) -> Array:
+        """Central differences of all parameters, integrated at once."""
+        steps = NUDGE * self.variants.sizes[indices]
+        moves = np.zeros((len(indices), len(point)))
+        moves[np.arange(len(indices)), indices] = steps
+        try:
+            both = variant_ends(self.variants, np.concatenate([point + moves, point - moves]),
+                                self.samples)  # fmt: skip
+        except ReferenceError:
+            # Too stiff beside one of them, as friction is: told by none but that one.
+            if len(indices) == 1:
+                return np.zeros((1, len(self.ends)))
+            return np.concatenate([self._parameter_slopes(point, [index]) for index in indices])
+        ahead, behind = np.split(both, 2)
+        slopes: Array = (ahead - behind) / (2 * steps[:, None])
+        return slopes
+
+    def point(self, faults: Faults) -> Array:
+        """Parameters of the equations with these faults repaired, (P,)."""
+        point = self.variants.nominal.copy()
+        for row, fault in faults.items():
+            for index, unit in self.suspects[row].change.parameters.items():
+                point[index] += fault * unit
+        return point
+
+    def _moved(self, point: Array) -> Array:
+        """Where the equations end, or `REFUSED` where they can't be solved there."""
+        key = point.tobytes()
+        if key not in self._reference_ends:
+            self._reference_ends[key] = self._equations(point)
+        return self._reference_ends[key]
+
+    def _equations(self, point: Array) -> Array:
+        if np.array_equal(point, self.variants.nominal):
+            return reference_ends(self.samples)
+        try:
+            with np.errstate(all="ignore"):
+                ends: Array = variant_ends(self.variants, point[None], self.samples)[0]
+        except ReferenceError:
+            return np.full(len(self.ends), REFUSED)
+        return ends if np.isfinite(ends).all() else np.full_like(ends, REFUSED)
+
+    def repaired(self, faults: Faults) -> Model | None:
+        """The model with these faults repaired; None where that can't be.
+
+        Raises:
+            EngineError: where the engine refuses it.
+        """
+        return self._load(self._repair(faults))
+
+    def _repaired(self, faults: Faults, rungs: tuple[int, ...]) -> Array:
+        """Where the engine ends with these faults repaired, or `REFUSED` where it refuses."""
+        repair = self._repair(faults)
+        key = (repair.key, rungs)
+        if key not in self._engine_ends:
+            self._engine_ends[key] = self._run(repair, rungs)
+        return self._engine_ends[key]
+
+    def _repair(self, faults: Faults) -> _Repair:
+        count = len(self.model.coordinates)
+        repair = _Repair(sign=np.ones(count), offset=np.zeros(count))
+        for row, fault in faults.items():
+            repair.take(self.suspects[row].change, fault)
+        return repair
+
+    def _run(self, repair: _Repair, rungs: tuple[int, ...]) -> Array:
+        if repair.nothing and rungs == RUNGS_USED:
+            return self.ends
+        try:
+            model = self._load(repair)
+            if model is not None:
+                return quick_ends(model, self.coordinates, self.samples, rungs)
+        except (EngineError, BlownUpError):
+            pass
+        return np.full_like(self.ends, REFUSED)
+
+    def _load(self, repair: _Repair) -> Model | None:
+        sidecar, settings = self.sidecar, repair.settings
+        literals = {address: change for address, change in repair.literals.items() if change}
+        if literals:
+            moved = self._literals(literals)
+            if moved is None:
+                return None
+            sidecar = with_literals(sidecar, moved, self.folder)
+        if repair.gravity.any():
+            own = [*getattr(self.model, "gravity", ()), 0.0][:3]  # a planar engine has two
+            settings = {**settings, "gravity": [float(g) for g in np.array(own) + repair.gravity]}
+        if settings:
+            sidecar = at(sidecar, self.engine.name, **settings)
+        same = sidecar is self.sidecar
+        model = self.model if same else self.engine.load(sidecar.spec(self.engine.name))
+        return Seen(model, repair.sign, repair.offset) if repair.turned else model
+
+    def _literals(self, changes: Mapping[str, float]) -> dict[str, float] | None:
+        """New values, or None where one would change its sign for one that is not meant."""
+        values = {}
+        for address, place in locate(self.sidecar, changes).items():
+            signs = {np.sign(place.value), 0.0, *self._meant(address)}
+            values[address] = place.value + changes[address]
+            if np.sign(values[address]) not in signs:
+                # A mass below zero ends some engines' process.
+                return None
+        return values
+
+    def _meant(self, address: str) -> Iterator[float]:
+        for suspect in self.suspects:
+            if address in suspect.change.literals and suspect.meant is not None:
+                yield float(np.sign(suspect.meant))
+
+
+@dataclass
+class _Repair:
+    """What is to be changed of a model, all faults together."""
+
+    sign: Array
+    offset: Array
+    literals: dict[str, float] = field(default_factory=dict)
+    gravity: Array = field(default_factory=lambda: np.zeros(3))
+    settings: dict[str, object] = field(default_factory=dict)
+
+    def take(self, change: Change, fault: float) -> None:
+        """Add the repair of one fault."""
+        for address, unit in change.literals.items():
+            self.literals[address] = self.literals.get(address, 0.0) + fault * unit
+        self.gravity += fault * np.array(change.gravity)
+        if fault:
+            self.settings |= change.settings
+        if change.reversed >= 0 and fault:
+            self.sign[change.reversed] *= -1
+        if change.zero >= 0:
+            self.offset[change.zero] -= fault
+
+    @property
+    def turned(self) -> bool:
+        """Whether coordinates are seen otherwise."""
+        return bool(self.offset.any() or (self.sign < 0).any())
+
+    @property
+    def nothing(self) -> bool:
+        """Whether it changes nothing."""
+        return not (any(self.literals.values()) or self.gravity.any() or self.settings
+                    or self.turned)  # fmt: skip
+
+    @property
+    def key(self) -> object:
+        """Equal for equal repairs."""
+        return (
+            tuple(sorted(self.literals.items())), self.gravity.tobytes(),
+            repr(sorted(self.settings.items())), self.sign.tobytes(), self.offset.tobytes(),
+        )  # fmt: skip
+
+
+def at(sidecar: Sidecar, engine: str, **settings: object) -> Sidecar:
+    """A sidecar with other settings for one engine."""
+    own = {**sidecar.engine_settings.get(engine, {}), **settings}
+    return replace(sidecar, engine_settings={**sidecar.engine_settings, engine: own})
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """A folder for copies of a model, gone afterwards."""
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        yield Path(folder)

@@ -1,0 +1,31 @@
+"""The built-in adapters, and those that other distributions register."""
+
+from __future__ import annotations
+
+import warnings
+from importlib.metadata import entry_points
+
+from harness.engines.mujoco import MujocoEngine
+from harness.engines.protocol import Engine
+from harness.engines.pybullet import PybulletEngine
+from harness.engines.pymunk import PymunkEngine
+
+
+def engines() -> dict[str, Engine]:
+    """Return every known adapter by name; an entry point may not take a built-in name.
+
+    One that can't be loaded is left out with a warning: the others still run.
+    """
+    known: dict[str, Engine] = {
+        engine.name: engine for engine in (MujocoEngine(), PybulletEngine(), PymunkEngine())
+    }
+    for point in entry_points(group="crosscheck.engines"):
+        try:
+            engine: Engine = point.load()()
+        except Exception as error:
+            warnings.warn(
+                f"the engine {point.name!r} of {point.value} can't be loaded: {error}", stacklevel=2
+            )
+            continue
+        known.setdefault(engine.name, engine)
+    return known

@@ -1,0 +1,71 @@
+"""Where system folders are: those that the user names, or the built-in ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+
+
+class FolderError(ValueError):
+    """A folder that is not there or is no system folder; the message says what to do."""
+
+
+def builtin() -> Path:
+    """The folder of the built-in systems: `models/` of a checkout, or the wheel's copy."""
+    return _data("models")
+
+
+def template() -> Path:
+    """The folder that `crosscheck new` copies: `template/` of a checkout, or the wheel's copy."""
+    return _data("template")
+
+
+def _data(name: str) -> Path:
+    package = Path(str(resources.files("harness")))
+    installed = package / name
+    return installed if installed.is_dir() else package.parent / name
+
+
+def system_folders(named: Sequence[str]) -> list[Path]:
+    """Return the system folders that are meant: none named means every built-in one.
+
+    A name is a path; a folder without `system.py` stands for the system folders in it; a bare name
+    such as `drum_pendulum` that is no path stands for the built-in system.
+
+    Raises:
+        FolderError: naming the folder and the remedy.
+    """
+    if not named:
+        return _inside(builtin())
+    folders: list[Path] = []
+    for name in named:
+        path = Path(name)
+        if not path.exists() and (builtin() / name / "system.py").is_file():
+            path = builtin() / name
+        if not path.is_dir():
+            known = ", ".join(p.name for p in _inside(builtin()))
+            raise FolderError(f"{name}: no such folder; built-in systems are {known}")
+        found = [path] if (path / "system.py").is_file() else _inside(path)
+        if not found:
+            raise FolderError(f"{name}: neither it nor a folder in it has a system.py")
+        folders += [folder for folder in found if folder not in folders]
+    return folders
+
+
+def _inside(folder: Path) -> list[Path]:
+    return sorted(path.parent for path in folder.glob("*/system.py"))
+
+
+def check_engines(names: Sequence[str]) -> None:
+    """Refuse engines that nobody knows.
+
+    Raises:
+        FolderError: naming those that are known.
+    """
+    # Imported here: the adapters bring numpy, which no help text needs.
+    from harness.engines.registry import engines
+
+    for name in names:
+        if name not in (known := engines()):
+            raise FolderError(f"no engine {name!r} is known; known are {', '.join(sorted(known))}")

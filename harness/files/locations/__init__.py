@@ -1,0 +1,84 @@
+"""Where a number stands in a file: an address resolved to the bytes that spell it.
+
+Addresses by the file's format:
+
+- XML (MJCF, URDF): `body[rod]/inertial@pos[2]`, `gazebo[x]/springStiffness`. The first step is any
+  element of that tag, each next one a child of it. A name in brackets is the element's `name`, or
+  where it has none its `reference`, `joint` or `class`. `@attribute` is an attribute, `[i]` its
+  i-th number, counted from 0; without `@` the element's text is meant.
+- Python: the name of a number at the top level, `MASS`.
+- TOML: `settings.gravity[2]`, `spring[0].stiffness`.
+
+An address means one number. Files are read through their parsers: comments and look-alikes don't
+count, and what the parser makes of a number must be what its bytes say.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+from harness.files.locations.location import Place, PlaceError, Resolve, Source
+from harness.files.locations.python import python_names, python_numbers
+from harness.files.locations.toml import toml_keys
+from harness.files.locations.xml import xml_numbers, xml_paths
+
+__all__ = ["Place", "PlaceError", "find", "find_in", "numbers"]
+
+_SEARCHES: dict[str, Callable[[Source], Resolve]] = {
+    ".xml": xml_paths, ".urdf": xml_paths, ".py": python_names, ".toml": toml_keys,
+}  # fmt: skip
+
+_LISTS: dict[str, Callable[[Source, re.Pattern[str]], Iterator[str]]] = {
+    ".xml": xml_numbers, ".urdf": xml_numbers, ".py": python_numbers,
+}  # fmt: skip
+
+
+def numbers(file: Path, kinds: str) -> tuple[str, ...]:
+    """Addresses of the plain numbers of a model file.
+
+    Args:
+        kinds: a regular expression for what numbers of XML are wanted: the element's tag with the
+            attribute, as in `joint@damping`, or the tag alone for a number in its text.
+
+    Raises:
+        PlaceError: for a file that can't be read or parsed.
+    """
+    source = _decoded(_read(file), file)
+    return tuple(dict.fromkeys(_LISTS[file.suffix](source, re.compile(kinds))))
+
+
+def find(file: Path, addresses: Iterable[str]) -> dict[str, Place]:
+    """Find the number that each address means.
+
+    Raises:
+        PlaceError: naming file, line, the nearest candidates and the remedy.
+    """
+    return find_in(_read(file), file, addresses)
+
+
+def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Place]:
+    """Find the number that each address means in bytes that are, or are to be, those of `file`."""
+    search = _SEARCHES.get(file.suffix)
+    if search is None:
+        known = ", ".join(_SEARCHES)
+        raise PlaceError(f"{file}: numbers are found in {known} files, not in {file.suffix} ones")
+    source = _decoded(data, file)
+    resolve = search(source)
+    return {address: source.place(resolve(address), address) for address in addresses}
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise PlaceError(f"{file}: can't be read: {error.strerror}") from None
+
+
+def _decoded(data: bytes, file: Path) -> Source:
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise PlaceError(f"{file}: byte {error.start} is no UTF-8; save it as UTF-8") from None
+    return Source(file, data)

@@ -1,0 +1,116 @@
+"""Numbers in Python, by the names that they are given at the top level."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tokenize
+from collections.abc import Iterator
+from contextlib import suppress
+from io import BytesIO
+
+from harness.files.locations.location import PlaceError, Resolve, Source, Span, nearest
+
+
+def python_names(source: Source) -> Resolve:
+    """Numbers that a name is bound to once, at the top level."""
+    try:
+        encoding, _ = tokenize.detect_encoding(BytesIO(source.data).readline)
+        if encoding not in ("utf-8", "utf-8-sig"):
+            raise PlaceError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
+        tree = ast.parse(source.data, filename=str(source.file))
+    except SyntaxError as error:
+        raise PlaceError(f"{source.file}:{error.lineno or 1}: no Python: {error.msg}") from None
+    mark = 3 if source.data.startswith(b"\xef\xbb\xbf") else 0
+    starts = [mark]
+    for line in source.data[mark:].splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    simple: dict[str, ast.expr] = {}
+    for statement in tree.body:
+        match statement:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                simple[name] = value
+            case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
+                simple[name] = value
+    bound = _bound_names(tree)
+
+    def offset(line: int, column: int) -> int:
+        return starts[line - 1] + column
+
+    def resolve(address: str) -> tuple[Span, float]:
+        if not address.isidentifier():
+            raise source.error(address, "is no address; in Python it is a name, such as 'MASS'")
+        lines = bound.get(address, [])
+        if not lines:
+            near = nearest(address, simple) or "none"
+            raise source.error(address, f"is no name at the top level; there is {near}")
+        where = offset(lines[0], 0)
+        if len(lines) > 1:
+            raise source.error(
+                address, f"is bound several times (lines {', '.join(map(str, lines))}); a number"
+                " that stands for a constant is given once", where,
+            )  # fmt: skip
+        value = simple.get(address)
+        number = None if value is None else _literal(value)
+        if value is None or number is None:
+            raise source.error(
+                address, f"is no plain number there; write '{address} = 1.5' at the top level,"
+                " and compute with it below", where,
+            )  # fmt: skip
+        assert value.end_lineno is not None
+        assert value.end_col_offset is not None
+        start = offset(value.lineno, value.col_offset)
+        return (start, offset(value.end_lineno, value.end_col_offset)), number
+
+    return resolve
+
+
+def python_numbers(source: Source, _kinds: re.Pattern[str]) -> Iterator[str]:
+    """Names of numbers at the top level: of any kind, since a name says nothing."""
+    resolve = python_names(source)
+    for statement in ast.parse(source.data).body:
+        match statement:
+            case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
+                with suppress(PlaceError):
+                    resolve(name)
+                    yield name
+
+
+def _literal(node: ast.expr) -> float | None:
+    match node:
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd() as sign, operand=ast.Constant() as inner):
+            number = _literal(inner)
+            return -number if number is not None and isinstance(sign, ast.USub) else number
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return float(number)
+    return None
+
+
+def _bound_names(tree: ast.Module) -> dict[str, list[int]]:
+    """Lines where each name of the module's scope is bound, in any way."""
+    found: dict[str, list[int]] = {}
+    waiting: list[tuple[ast.AST, frozenset[str] | None]] = [(node, None) for node in tree.body]
+    while waiting:
+        # Within a function or class only what it declares global is of the module.
+        node, within = waiting.pop(0)
+        names: list[str] = []
+        match node:
+            case ast.Name(id=name, ctx=ast.Store() | ast.Del()):
+                names = [name]
+            case (
+                ast.FunctionDef(name=name)
+                | ast.AsyncFunctionDef(name=name)
+                | ast.ClassDef(name=name)
+            ):
+                names = [name]
+            case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
+                names = [(alias.asname or alias.name).split(".")[0] for alias in aliases]
+        for name in names:
+            if within is None or name in within:
+                found.setdefault(name, []).append(getattr(node, "lineno", 1))
+        inner = within
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)):
+            inner = frozenset(n for g in ast.walk(node) if isinstance(g, ast.Global)
+                              for n in g.names)  # fmt: skip
+        waiting += [(child, inner) for child in ast.iter_child_nodes(node)]
+    return {name: sorted(lines) for name, lines in found.items()}

@@ -1,0 +1,251 @@
+"""Numbers in XML, by paths such as `body[rod]/inertial@pos[2]`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+from xml.parsers import expat
+
+from harness.files.locations.location import PlaceError, Resolve, Source, Span, nearest
+
+_IDENTITIES = ("name", "reference", "joint", "class")
+_STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
+_ADDRESS = re.compile(
+    rf"(?P<steps>{_STEP.pattern}(?:/{_STEP.pattern})*)"
+    r"(?:@(?P<attribute>[^\s/@\[\]]+)(?:\[(?P<index>\d+)\])?)?"
+)
+ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+TAG = re.compile(rb"<[^\s/>]+")
+
+
+@dataclass
+class RawElement:
+    """An element as the parser finds it; `start` is its first byte, `end` that of its end tag."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    start: int
+    parent: RawElement | None
+    children: list[RawElement] = field(default_factory=list)
+    text: str = ""
+    end: int = 0
+
+    @property
+    def identity(self) -> str | None:
+        """What tells it from its like: its name, or else what it refers to."""
+        return next((self.attributes[k] for k in _IDENTITIES if k in self.attributes), None)
+
+    @property
+    def depth(self) -> int:
+        """How many steps lead to it from the root, the root's own included."""
+        return 1 if self.parent is None else 1 + self.parent.depth
+
+    def spelled(self, steps: int) -> str:
+        """An address of it, of so many steps."""
+        own = self.tag if self.identity is None else f"{self.tag}[{self.identity}]"
+        if steps == 1 or self.parent is None:
+            return own
+        return f"{self.parent.spelled(steps - 1)}/{own}"
+
+
+def xml_paths(source: Source) -> Resolve:
+    """Numbers in attributes and elements; expat reads them and tells where elements begin."""
+    elements = read_elements(source)
+
+    def resolve(address: str) -> tuple[Span, float]:
+        match = _ADDRESS.fullmatch(address)
+        if match is None:
+            raise source.error(address, "is no address; one is like 'body[rod]/inertial@pos[2]'")
+        steps = [(tag, name or None) for tag, name in _STEP.findall(match["steps"])]
+        found = _walk(elements, steps, address, source)
+        attribute = match["attribute"]
+        if attribute is not None:
+            having = [element for element in found if attribute in element.attributes]
+            if not having:
+                first = found[0]
+                near = nearest(attribute, first.attributes) or "none"
+                raise source.error(
+                    address, f"means <{first.tag}>, which has no {attribute}; it has {near}",
+                    first.start,
+                )  # fmt: skip
+            found = having
+        if len(found) > 1:
+            depth = len(steps) + (len({e.spelled(len(steps)) for e in found}) < len(found))
+            spelled = ", ".join(dict.fromkeys(e.spelled(depth) for e in found))
+            raise source.error(
+                address, f"means several numbers ({source.lines(e.start for e in found)}); say"
+                f" which, by its name or its parent's ({spelled})", found[0].start,
+            )  # fmt: skip
+        if attribute is not None:
+            spans, words = _attribute_words(found[0], attribute, source, address)
+            what = attribute
+        else:
+            spans, words = _text_words(found[0], source, address)
+            what = f"<{found[0].tag}>"
+        return _component(spans, words, match["index"], what, address, source)
+
+    return resolve
+
+
+def xml_numbers(source: Source, kinds: re.Pattern[str]) -> Iterator[str]:
+    """Addresses of the numbers whose element and attribute, as in `joint@damping`, are of `kinds`.
+
+    Of an element's text, the kind is its tag. Those that no names tell apart have no address.
+    """
+    resolve = xml_paths(source)
+    for element in read_elements(source):
+        words = {f"@{name}": text.split() for name, text in element.attributes.items()}
+        text = [] if element.children else element.text.split()
+        words[""] = text if len(text) == 1 else []  # an address has no component of a text
+        for attribute, values in words.items():
+            if kinds.fullmatch(element.tag + attribute):
+                for index, value in enumerate(values):
+                    if _DECIMAL.fullmatch(value):
+                        ending = attribute + (f"[{index}]" if len(values) > 1 else "")
+                        yield from _address(resolve, element, ending)
+
+
+def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str]:
+    """The shortest address that means this element and begins with a name, where there is one."""
+    spelled = [element.spelled(steps) for steps in range(1, element.depth + 1)]
+    for path in sorted(spelled, key=lambda path: "[" not in path.split("/")[0]):
+        with suppress(PlaceError):
+            resolve(path + ending)
+            yield path + ending
+            return
+
+
+def read_elements(source: Source) -> list[RawElement]:
+    """Every element of a file, in its order; entity expansion off."""
+    parser = expat.ParserCreate()
+    elements: list[RawElement] = []
+    open_: list[RawElement] = []
+
+    def declare(_version: str, encoding: str | None, _standalone: int) -> None:
+        if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
+            raise PlaceError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
+
+    def refuse(*_: Any) -> None:
+        line = parser.CurrentLineNumber
+        raise PlaceError(f"{source.file}:{line}: refused: it declares entities or a DTD")
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        parent = open_[-1] if open_ else None
+        element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
+        if parent is not None:
+            parent.children.append(element)
+        elements.append(element)
+        open_.append(element)
+
+    def read(text: str) -> None:
+        open_[-1].text += text
+
+    def finish(_tag: str) -> None:
+        open_.pop().end = parser.CurrentByteIndex
+
+    parser.XmlDeclHandler = declare
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    parser.StartElementHandler = begin
+    parser.CharacterDataHandler = read
+    parser.EndElementHandler = finish
+    try:
+        parser.Parse(source.data, True)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        raise PlaceError(f"{source.file}:{error.lineno}: no XML: {reason}") from None
+    return elements
+
+
+def _walk(
+    elements: list[RawElement], steps: list[tuple[str, str | None]], address: str, source: Source
+) -> list[RawElement]:
+    """The elements that the steps of an address lead to; at least one."""
+    pool, parents = elements, list[RawElement]()
+    for tag, name in steps:
+        found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
+        if not found:
+            step = tag if name is None else f"{tag}[{name}]"
+            within = f" in {parents[0].spelled(1)}" if parents else ""
+            near = [e.spelled(1) for e in pool if e.tag == tag and e.identity is not None]
+            near = near or [e.spelled(1) for e in pool]
+            raise source.error(
+                address, f"means nothing: there is no {step}{within}; there is"
+                f" {nearest(step, near) or 'nothing'}",
+                parents[0].start if parents else None,
+            )  # fmt: skip
+        parents, pool = found, [child for e in found for child in e.children]
+    return found
+
+
+def _attribute_words(
+    element: RawElement, attribute: str, source: Source, address: str
+) -> tuple[list[Span], list[str]]:
+    """Where the words of an attribute's value are, and what the parser reads there."""
+    tag = TAG.match(source.data, element.start)
+    assert tag is not None  # the parser has found an element here
+    at = tag.end()
+    while match := ATTRIBUTE.match(source.data, at):
+        if match[1].decode("utf-8") == attribute:
+            group = 2 if match[2] is not None else 3
+            return find_words(source, match.start(group), match.end(group), address), (
+                element.attributes[attribute].split()
+            )
+        at = match.end()
+    raise AssertionError(f"{source.file}: the parser has found {attribute}, the scan has not")
+
+
+def _text_words(element: RawElement, source: Source, address: str) -> tuple[list[Span], list[str]]:
+    """The same of an element's text."""
+    if element.children:
+        remedy = "end the address with an attribute, as in '@mass', or with one of its elements"
+        raise source.error(address, f"means <{element.tag}>, no number; {remedy}", element.start)
+    if not element.text.strip():
+        near = nearest("", element.attributes)
+        remedy = f"; its attributes are {near}, as in '@{near.split(', ')[0]}'" if near else ""
+        raise source.error(address, f"means <{element.tag}>, without text{remedy}", element.start)
+    tag = TAG.match(source.data, element.start)
+    assert tag is not None  # the parser has found an element here
+    at = tag.end()
+    while match := ATTRIBUTE.match(source.data, at):
+        at = match.end()
+    first = source.data.index(b">", at) + 1
+    return find_words(source, first, element.end, address), element.text.split()
+
+
+def find_words(source: Source, start: int, end: int, address: str) -> list[Span]:
+    """Words between two bytes, comments apart."""
+    written = source.data[start:end]
+    if re.search(rb"&|<!\[CDATA\[", written):
+        raise source.error(
+            address, "is spelled with a reference or CDATA; write a plain number", start
+        )
+    written = re.sub(rb"<!--.*?-->|<\?.*?\?>", lambda m: b" " * len(m[0]), written, flags=re.DOTALL)
+    return [(start + m.start(), start + m.end()) for m in re.finditer(rb"[^ \t\r\n]+", written)]
+
+
+def _component(
+    spans: list[Span], words: list[str], index: str | None, what: str, address: str,
+    source: Source,
+) -> tuple[Span, float]:  # fmt: skip
+    count = len(spans)
+    start = spans[0][0] if spans else None
+    if index is None and count != 1:
+        raise source.error(
+            address, f"means {count} numbers; say which, as in '{address}[0]'", start
+        )
+    place = int(index or 0)
+    if place >= count:
+        raise source.error(address, f"is beyond {what}: it has {count} numbers, from [0]", start)
+    if len(words) != count:
+        raise source.error(address, f"is cut by a comment in {what}; move the comment out", start)
+    try:
+        # Python would read 1_000; no XML reader does.
+        return spans[place], float(words[place].replace("_", "?"))
+    except ValueError:
+        reason = f"is {words[place]!r} there, where a number belongs"
+        raise source.error(address, reason, spans[place][0]) from None

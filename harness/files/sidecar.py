@@ -1,0 +1,132 @@
+"""The sidecar of a model file, `<model file>.toml`: what the file itself can't say."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from harness.engines.protocol import ModelSpec, Spring
+
+_KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings"}
+
+
+class SidecarError(ValueError):
+    """A sidecar that is missing, unreadable or contradicts itself; names file, place and remedy."""
+
+
+@dataclass(frozen=True)
+class Sidecar:
+    """What a sidecar declares.
+
+    Attributes:
+        model: path of the model file.
+        engines: names of the engines that run it.
+        settings: step, gravity, integrator and the like, for every engine of the file.
+        engine_settings: the same for one engine, `[settings.<engine>]`.
+        coordinates: engine coordinate -> expression of the system's coordinates and constants;
+            empty where joints are named like coordinates.
+        readback: coordinate -> expression of engine coordinates (and constants).
+        springs: springs on linear combinations of joints.
+        bindings: address of a literal -> what it stands for, an expression of the system's
+            constants. Addresses are those of `harness.files.locations`, in the model file;
+            `sidecar:` leads into the sidecar itself.
+    """
+
+    model: Path
+    engines: tuple[str, ...]
+    settings: Mapping[str, Any]
+    engine_settings: Mapping[str, Mapping[str, Any]]
+    coordinates: Mapping[str, str]
+    readback: Mapping[str, str]
+    springs: tuple[Spring, ...]
+    bindings: Mapping[str, str] = field(default_factory=dict)
+
+    def spec(self, engine: str) -> ModelSpec:
+        """What the adapter of one engine gets to see: nothing of the system."""
+        settings = {**self.settings, **self.engine_settings.get(engine, {})}
+        return ModelSpec(self.model, self.springs, settings)
+
+
+def read_sidecar(path: Path) -> Sidecar:
+    """Read `<model file>.toml`.
+
+    Raises:
+        SidecarError: naming file, key and remedy.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise SidecarError(f"{path}: can't be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SidecarError(f"{path}: no TOML: {error}") from None
+    unknown = sorted(set(data) - _KNOWN)
+    if unknown:
+        raise SidecarError(f"{path}: unknown key {unknown[0]!r}; known are {', '.join(_KNOWN)}")
+    model = path.with_suffix("")
+    if not model.is_file():
+        raise SidecarError(f"{path}: there is no model file {model.name} beside it")
+    engines = data.get("engines")
+    if not isinstance(engines, list) or not engines or not all(isinstance(e, str) for e in engines):
+        raise SidecarError(f'{path}: engines must list engine names, such as ["mujoco"]')
+    settings = _table(data, "settings", path)
+    own = {name: value for name, value in settings.items() if isinstance(value, dict)}
+    shared = {name: value for name, value in settings.items() if name not in own}
+    for name, values in (("settings", shared), *((f"settings.{e}", s) for e, s in own.items())):
+        _check_settings(values, f"{path}: [{name}]")
+    for name in own:
+        if name not in engines:
+            raise SidecarError(f"{path}: [settings.{name}] is for an engine not in engines")
+    springs = data.get("spring", [])
+    if not isinstance(springs, list):
+        raise SidecarError(f"{path}: springs are tables in an array: [[spring]]")
+    return Sidecar(
+        model, tuple(engines), shared, own,
+        _expressions(data, "coordinates", path), _expressions(data, "readback", path),
+        tuple(_spring(s, f"{path}: [[spring]] {i + 1}") for i, s in enumerate(springs)),
+        _expressions(data, "bindings", path),
+    )  # fmt: skip
+
+
+def _table(data: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]:
+    value = data.get(key, {})
+    if not isinstance(value, dict):
+        raise SidecarError(f"{path}: {key} must be a table: [{key}]")
+    return value
+
+
+def _expressions(data: Mapping[str, Any], key: str, path: Path) -> dict[str, str]:
+    table = _table(data, key, path)
+    for name, value in table.items():
+        if not isinstance(value, (str, int, float)) or isinstance(value, bool):
+            raise SidecarError(f"{path}: [{key}] {name} must be an expression, such as 'x / r'")
+    return {name: str(value) for name, value in table.items()}
+
+
+def _check_settings(values: Mapping[str, Any], place: str) -> None:
+    step = values.get("step", 1.0)
+    if not _is_number(step) or not 0 < step < math.inf:
+        raise SidecarError(f"{place} step is {step!r}, where a positive number of seconds belongs")
+    gravity = values.get("gravity", [0, 0, 0])
+    if not isinstance(gravity, list) or len(gravity) != 3 or not all(map(_is_number, gravity)):
+        raise SidecarError(f"{place} gravity is {gravity!r}, where three numbers belong")
+
+
+def _spring(data: Any, place: str) -> Spring:
+    wanted = {"joints", "stiffness", "damping", "rest"}
+    if not isinstance(data, dict) or set(data) != wanted:
+        raise SidecarError(f"{place} must have {', '.join(sorted(wanted))}, each stated")
+    joints = data["joints"]
+    if not isinstance(joints, dict) or not joints or not all(map(_is_number, joints.values())):
+        raise SidecarError(f"{place} joints must map joint names to coefficients")
+    for key in ("stiffness", "damping", "rest"):
+        if not _is_number(data[key]):
+            raise SidecarError(f"{place} {key} is {data[key]!r}, where a number belongs")
+    return Spring(joints, data["stiffness"], data["damping"], data["rest"])
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,138 @@
+"""What changed in the files since they were accepted: literals and lines, with their places."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.baseline.changes import Change
+from harness.baseline.fingerprint import BESIDE, FolderFiles
+from harness.baseline.store import accepted_text
+from harness.files.locations import Place, PlaceError, find_in
+from harness.files.sidecar import SidecarError, read_sidecar
+
+MOST_LINES = 12
+"""Changed lines told of a file: beyond, a diff serves better."""
+
+MOST_SHOWN = 100
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A changed place: file, line (from 1) and what changed there, in one line."""
+
+    file: Path
+    line: int
+    said: str
+
+
+@dataclass(frozen=True)
+class Story:
+    """What changed in one file of a system.
+
+    Attributes:
+        system: the system.
+        name: the file, relative to the system's folder.
+        models: model files whose cases depend on it.
+        spots: changed literals first, then changed lines.
+        more: changed lines beyond those told.
+    """
+
+    system: str
+    name: str
+    models: tuple[str, ...]
+    spots: tuple[Spot, ...]
+    more: int = 0
+
+
+def stories(
+    changes: Sequence[Change], folders: Mapping[str, FolderFiles], baseline: Path
+) -> tuple[Story, ...]:
+    """Tell every changed file of the cases that were run, once."""
+    told: dict[tuple[str, str, str], set[str]] = {}
+    for change in changes:
+        if change.entry is None or change.record is None or not change.files:
+            continue
+        was = change.entry["files"]
+        for name in sorted({*was, *change.files}):
+            if was.get(name) != change.files.get(name):
+                about = (change.system, name, was.get(name, ""))
+                told.setdefault(about, set()).add(change.key.split("/")[0])
+    found = []
+    for (system, name, accepted), models in sorted(told.items()):
+        scan = folders.get(system)
+        if scan is not None:
+            spots, more = _spots(scan.folder, system, name, accepted, sorted(models), baseline)
+            found.append(Story(system, name, tuple(sorted(models)), tuple(spots), more))
+    return tuple(found)
+
+
+def _spots(
+    folder: Path, system: str, name: str, accepted: str, models: Sequence[str], baseline: Path
+) -> tuple[list[Spot], int]:
+    file = folder / name
+    if name == BESIDE:
+        return [Spot(folder, 1, "a file beside the models changed, came or went")], 0
+    if not file.is_file():
+        return [Spot(folder, 1, f"{name} is gone")], 0
+    if not accepted:
+        return [Spot(file, 1, "is used now, and was not")], 0
+    old = accepted_text(baseline, system, name, accepted)
+    if old is None:
+        return [Spot(file, 1, "changed; the accepted text is not kept, so no lines are told")], 0
+    new = file.read_text(encoding="utf-8", errors="replace")
+    spots = _literals(file, name, old, new, models)
+    known = {spot.line for spot in spots}
+    lines = [spot for spot in _lines(file, old, new) if spot.line not in known]
+    return spots + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
+
+
+def _literals(file: Path, name: str, old: str, new: str, models: Sequence[str]) -> list[Spot]:
+    """Bound literals whose number changed."""
+    spots = []
+    own = name.endswith(".toml")
+    for model in models:
+        try:
+            sidecar = read_sidecar(file.parent / f"{model}.toml")
+        except SidecarError:
+            continue
+        if name not in (model, f"{model}.toml"):
+            continue
+        for address, expression in sidecar.bindings.items():
+            if address.startswith("sidecar:") != own:
+                continue
+            within = address.removeprefix("sidecar:")
+            before, after = (_place(file, text, within) for text in (old, new))
+            if before and after and before.value != after.value:
+                said = f"{within} {before.text} -> {after.text}, bound to {expression}"
+                spots.append(Spot(file, after.line, said))
+    return spots
+
+
+def _place(file: Path, text: str, address: str) -> Place | None:
+    try:
+        return find_in(text.encode(), file, [address])[address]
+    except PlaceError:
+        return None
+
+
+def _lines(file: Path, old: str, new: str) -> list[Spot]:
+    before, after = old.splitlines(), new.splitlines()
+    spots = []
+    matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
+    for tag, a, b, c, d in matcher.get_opcodes():
+        if tag == "equal":
+            continue
+        for i in range(c, d):
+            spots.append(Spot(file, i + 1, f"+ {_short(after[i])}"))
+        if c == d:
+            gone = [line for line in before[a:b] if line.strip()] or before[a:b]
+            spots.append(Spot(file, max(c, 1), f"- {_short(gone[0])}"))
+    return spots
+
+
+def _short(line: str) -> str:
+    line = line.strip()
+    return line if len(line) <= MOST_SHOWN else f"{line[:MOST_SHOWN]}..."

@@ -1,0 +1,26 @@
+"""All families, in the order in which they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from harness.mutation.mistakes.axes import axes
+from harness.mutation.mistakes.context import Subject
+from harness.mutation.mistakes.defaults import defaults
+from harness.mutation.mistakes.degrees import degrees
+from harness.mutation.mistakes.exchanges import exchanges
+from harness.mutation.mistakes.gravity import gravity
+from harness.mutation.mistakes.left_in import left_in
+from harness.mutation.mistakes.mistake import Mistake
+from harness.mutation.mistakes.rests import rests
+from harness.mutation.mistakes.soft import soft
+from harness.mutation.mistakes.steps import steps
+
+FAMILIES: tuple[Callable[[Subject], Iterator[Mistake]], ...] = (
+    axes, gravity, exchanges, rests, degrees, left_in, soft, defaults, steps,
+)  # fmt: skip
+
+
+def known_mistakes(subject: Subject) -> tuple[Mistake, ...]:
+    """Every known mistake that this model has a place for."""
+    return tuple(mistake for family in FAMILIES for mistake in family(subject))

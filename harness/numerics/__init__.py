@@ -1,0 +1,1 @@
+"""What an engine does as h -> 0, and what its step costs."""

@@ -1,0 +1,189 @@
+"""Between a system's coordinates q and an engine's z: positions, velocities and forces.
+
+z = Z(q) and q = R(z) are declared; velocities go through their Jacobians, generalized forces
+through the transpose (virtual work: dR/dz^T Q does on z what Q does on q), and z - Z(R(z)) is the
+constraint drift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import sympy as sp
+
+from harness.engines.protocol import Force, StateForce
+from harness.files.expressions import parse
+from harness.files.sidecar import Sidecar, SidecarError
+from reference.numeric import Array, NumericFunction, compile_function
+from reference.system import System
+
+
+@dataclass(frozen=True)
+class CoordinateMap:
+    """Compiled maps for one model in one engine; n coordinates q, nz engine coordinates z.
+
+    Attributes:
+        forward: Z(q), (..., n) -> (..., nz).
+        forward_slope: dZ/dq, flattened, (..., nz * n).
+        back: R(z), (..., nz) -> (..., n).
+        back_slope: dR/dz, flattened, (..., n * nz).
+        push: dR/dz^T times the generalized forces of the inputs, of (z, u), (..., nz).
+        push_matrix: the same as a constant nz x inputs matrix, or None where it depends on z.
+        periodic: which q are angles read back modulo 2 pi (by atan2).
+    """
+
+    forward: NumericFunction
+    forward_slope: NumericFunction
+    back: NumericFunction
+    back_slope: NumericFunction
+    push: NumericFunction
+    push_matrix: Array | None
+    periodic: tuple[bool, ...]
+
+    def to_engine(self, states: Array) -> tuple[Array, Array]:
+        """States (q, v), (B, 2n), as engine positions and velocities, each (B, nz)."""
+        n = self.back.size
+        q, v = states[:, :n], states[:, n:]
+        slope = self.forward_slope(q).reshape(len(q), -1, n)
+        return self.forward(q), np.einsum("bzn,bn->bz", slope, v)
+
+    def from_engine(self, z: Array, w: Array, near: Array) -> Array:
+        """Engine positions and velocities (B, nz) as states (B, 2n), angles taken near `near`."""
+        q = self.back(z)
+        n = q.shape[1]
+        for i, periodic in enumerate(self.periodic):
+            if periodic:
+                q[:, i] += 2 * np.pi * np.round((near[:, i] - q[:, i]) / (2 * np.pi))
+        slope = self.back_slope(z).reshape(len(z), n, -1)
+        return np.concatenate([q, np.einsum("bnz,bz->bn", slope, w)], axis=1)
+
+    def follow(self, z: Array, w: Array, start: Array) -> Array:
+        """States (S, 2n) along one run, its angles continuous from `start`, (2n,)."""
+        states = self.from_engine(z, w, np.broadcast_to(start, (len(z), len(start))))
+        for i, periodic in enumerate(self.periodic):
+            if periodic:
+                states[:, i] = np.unwrap(states[:, i])
+        return states
+
+    def drift(self, z: Array) -> float:
+        """Largest |z - Z(R(z))|: how far the engine's constraints have let go."""
+        return float(np.max(np.abs(z - self.forward(self.back(z))), initial=0.0))
+
+    def grain(self, z: Array, w: Array) -> Array:
+        """How far one unit of relative rounding in z moves each component, (2n,)."""
+        n = self.back.size
+        slope = np.abs(self.back_slope(z)).reshape(len(z), n, -1)
+        moved = [np.max(np.einsum("bnz,bz->bn", slope, np.abs(a)), axis=0) for a in (z, w)]
+        return np.concatenate(moved)
+
+    def force(self, inputs: Array) -> Force:
+        """Inputs (B, n, inputs), held over each step, as forces on the engine's coordinates."""
+        if inputs.shape[-1] == 0 or not inputs.any():
+            return None
+        if self.push_matrix is not None:
+            force: Array = inputs @ self.push_matrix.T
+            return force
+        scalar = self.push.scalar
+
+        def at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
+            return scalar(*z, *u)
+
+        return StateForce(inputs, at)
+
+
+def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> CoordinateMap:
+    """Compile the map between a system and the coordinates `names` of a loaded model.
+
+    Where the sidecar declares nothing, every engine coordinate must be named like one of the
+    system's.
+
+    Raises:
+        SidecarError: naming the coordinate that is missing, unknown or not read back.
+    """
+    where = f"{sidecar.model}.toml"
+    z = [sp.Symbol(f"z{i}_", real=True) for i in range(len(names))]
+    forward = _forward(system, sidecar, names, where)
+    back = _back(system, sidecar, names, z, where)
+    values = {symbol: sp.Float(value, 17) for symbol, value in system.values.items()}
+    forward = [e.xreplace(values) for e in forward]
+    back = [e.xreplace(values) for e in back]
+    _check_inverse(system, forward, back, z, names, where)
+    back_slope = sp.Matrix(back).jacobian(z)
+    work = back_slope.T * sp.Matrix([sp.sympify(f).xreplace(values) for f in system.forces()])
+    if system.u:
+        matrix = work.jacobian(system.u)
+        constant = not matrix.free_symbols
+    else:
+        matrix, constant = sp.zeros(len(z), 0), True
+    return CoordinateMap(
+        compile_function(forward, system.q),
+        compile_function(list(sp.Matrix(forward).jacobian(system.q)), system.q),
+        compile_function(back, z),
+        compile_function(list(back_slope), z),
+        compile_function(list(work), z, system.u),
+        np.array(matrix.tolist(), dtype=float).reshape(len(z), len(system.u)) if constant else None,
+        tuple(bool(expression.has(sp.atan2)) for expression in back),
+    )
+
+
+def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str) -> list[sp.Expr]:
+    known = {c.name: c.q for c in system.coordinates} | {c.name: c.symbol for c in system.constants}
+    for name in sidecar.coordinates:
+        if name not in names:
+            raise SidecarError(
+                f"{where}: [coordinates] {name}: the model has no such coordinate; it has"
+                f" {', '.join(names)}"
+            )
+    forward = []
+    own = {c.name: c.q for c in system.coordinates}
+    for name in names:
+        place = f"{where}: [coordinates] {name}"
+        if name in sidecar.coordinates:
+            forward.append(parse(sidecar.coordinates[name], known, place))
+        elif name in own:
+            forward.append(own[name])
+        else:
+            raise SidecarError(
+                f"{place}: is no coordinate of {system.name}; say what it is, as an expression of"
+                f" {', '.join(own)}"
+            )
+    return forward
+
+
+def _back(
+    system: System, sidecar: Sidecar, names: Sequence[str], z: Sequence[sp.Symbol], where: str
+) -> list[sp.Expr]:
+    known = dict(zip(names, z, strict=True)) | {c.name: c.symbol for c in system.constants}
+    own = {c.name for c in system.coordinates}
+    for name in sidecar.readback:
+        if name not in own:
+            raise SidecarError(f"{where}: [readback] {name} is no coordinate of {system.name}")
+    back = []
+    for coordinate in system.coordinates:
+        place = f"{where}: [readback] {coordinate.name}"
+        if coordinate.name in sidecar.readback:
+            back.append(parse(sidecar.readback[coordinate.name], known, place))
+        elif coordinate.name in names:
+            back.append(known[coordinate.name])
+        else:
+            raise SidecarError(
+                f"{place}: say how it is read from {', '.join(names)}; no joint has its name"
+            )
+    return back
+
+
+def _check_inverse(
+    system: System, forward: list[sp.Expr], back: list[sp.Expr], z: Sequence[sp.Symbol],
+    names: Sequence[str], where: str,
+) -> None:  # fmt: skip
+    place = {c.q: sp.Float(0.1 + 0.07 * i) for i, c in enumerate(system.coordinates)}
+    at = {symbol: e.subs(place) for symbol, e in zip(z, forward, strict=True)}
+    for coordinate, expression in zip(system.coordinates, back, strict=True):
+        miss = abs(float(expression.subs(at)) - float(place[coordinate.q]))
+        if not miss < 1e-9:
+            raise SidecarError(
+                f"{where}: [readback] {coordinate.name} is not the inverse of [coordinates]"
+                f" ({', '.join(names)}): {float(place[coordinate.q])} comes back {miss:g} off"
+            )

@@ -1,0 +1,227 @@
+"""Extrapolation of a quantity to h -> 0 from a ladder of step counts.
+
+A fixed-step engine is a one-step method, so its motion over a given time has an expansion in
+powers of h (Hairer, Norsett and Wanner, Solving ODEs I, II.8-II.9; Deuflhard 1985, SIAM Review
+27(4)). The limit is one weighted sum of the rungs, the weights exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from reference.numeric import Array
+
+RUNGS = (2, 3, 5, 7, 11, 17, 29, 41, 61)
+"""Step counts of the rungs. Distinct primes: non-smooth motion whose rungs share a grid can fool a
+ladder. The gaps keep the sum of the weights' magnitudes at 44 for eight rungs, 52 for nine."""
+
+FIRST_JUDGED = 6
+"""Rungs needed before a limit has an uncertainty: by the fifth, two small draws in a row may still
+be chance."""
+
+ENOUGH = 2e-3
+"""Rungs are added until the uncertainty is this share of the resolution, or stops falling."""
+
+EPSILON = float(np.finfo(float).eps)
+
+
+@lru_cache(maxsize=256)
+def exact_weights(rungs: tuple[int, ...], lead: int, increment: int) -> tuple[Fraction, ...]:
+    """Weights w with sum w_i = 1 and sum w_i n_i^-e = 0 for the exponents lead, lead+increment, ...
+
+    Solved by Gauss-Jordan elimination in rationals.
+    """
+    size = len(rungs)
+    exponents = [0, *(lead + increment * i for i in range(size - 1))]
+    rows = [[Fraction(1, n**e) for n in rungs] + [Fraction(int(e == 0))] for e in exponents]
+    for column in range(size):
+        pivot = next(r for r in range(column, size) if rows[r][column])
+        rows[column], rows[pivot] = rows[pivot], rows[column]
+        head = rows[column][column]
+        rows[column] = [value / head for value in rows[column]]
+        for r in range(size):
+            if r != column and rows[r][column]:
+                factor = rows[r][column]
+                rows[r] = [a - factor * b for a, b in zip(rows[r], rows[column], strict=True)]
+    return tuple(row[-1] for row in rows)
+
+
+def weights(rungs: tuple[int, ...], exponents: tuple[int, int]) -> Array:
+    """`exact_weights`, rounded to doubles."""
+    return np.array([float(w) for w in exact_weights(rungs, *exponents)])
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Extrapolated values of K segments with C components, with their uncertainty.
+
+    Attributes:
+        value: limits, (K, C).
+        uncertainty: of each, (K, C); infinite over the segments whose limits don't draw together.
+        rungs: step counts used for `value`.
+        draws: largest |T_m - T_(m-1)| over all segments, by m from 2 rungs on, (M - 1,), in units
+            of each component's scale.
+        order: observed leading order of the raw rungs, over the segments that draw together; nan
+            where they differ by rounding alone.
+        holds: whether the order is the one that the engine claims.
+        converges: whether the limits of any segment drew together.
+    """
+
+    value: Array
+    uncertainty: Array
+    rungs: tuple[int, ...]
+    draws: Array
+    order: float
+    holds: bool
+    converges: bool
+
+
+def suffices(
+    limit: Limit, previous: Limit | None, count: int, scale: Array, resolution: float
+) -> bool:
+    """Whether a further rung is not worth its steps, after so many."""
+    worst = largest(limit.uncertainty / scale)
+    if worst <= ENOUGH * resolution:
+        return True
+    if previous is None or count <= FIRST_JUDGED + 1:
+        return False
+    before = largest(previous.uncertainty / scale)
+    # Short of the resolution every rung is worth its steps: a draw may be late by one.
+    return resolution >= worst > 0.7 * before
+
+
+def limits(
+    values: list[Array], rungs: tuple[int, ...], exponents: tuple[int, int], scale: Array,
+    grain: Array, seen: Sequence[Array] = (),
+) -> Limit:  # fmt: skip
+    """Extrapolate raw values of the rungs and judge the result.
+
+    U_m = 2.5 D_m sqrt(max(r_m, r_(m-1))) + 3 sum |w_i| s_i, where T_m is the limit of the first m
+    rungs, E_m = |T_m - T_(m-1)|, r_m = min(1, E_m / E_(m-1)), and D_m = max(E_m, E_(m-1) r_(m-1)):
+    a draw smaller than the two before it promised is not believed. E_m is taken as the largest over
+    neighbouring segments, since a single one passes through zero by chance. The rounding of a rung
+    is s_i = eps sqrt(n_i) grain, or what was seen of it where that is more.
+
+    Measured against closed forms on 935 ladders of random linear systems (the four built-in
+    pairings, and Euler, Heun, midpoint and Runge-Kutta methods written out), at 6, 7, 8 and 9 rungs
+    each: of 1 218 048 limits none is outside U, the worst at 0.60 U, median U 130 times the error.
+    With E_m for D_m, and from five rungs on, 1 218 of 456 492 were, by up to 12 U: Heun's method
+    has coefficients that vanish, and Runge-Kutta's draws are small twice in a row.
+
+    Under soft equalities, over random draws of a drum with pendulum, most of the error is rounding:
+    of 527 576 limits none is outside, the worst at 0.32 U. Without what was seen of the rounding
+    13 of 318 212 were, by up to 2.0 U.
+
+    Args:
+        values: raw ends of the segments, one (K, C) array a rung.
+        rungs: step counts of `values`.
+        exponents: leading exponent of h and increment.
+        scale: what counts as one, per component, (C,).
+        grain: magnitude that rounding is relative to, per component, (C,) or (K, C).
+        seen: rounding of each rung as `harness.numerics.rounding` sees it, (C,) each; none if not
+            looked at.
+    """
+    stack = np.stack(values)
+    estimates = [
+        np.tensordot(weights(rungs[:m], exponents), stack[:m], axes=1)
+        for m in range(1, len(rungs) + 1)
+    ]
+    steps = [np.abs(b - a) for a, b in pairwise(estimates)]
+    draws = np.array([float(np.max(step / scale)) for step in steps])
+    smooth = [_neighbourhood(step) for step in steps]
+    best: tuple[float, int, Array] | None = None
+    for m in range(FIRST_JUDGED, len(rungs) + 1):
+        here, before, earlier = smooth[m - 2], smooth[m - 3], smooth[m - 4]
+        floor = _rounding(rungs[:m], exponents, grain, seen)
+        promised = np.maximum(here, before * _ratio(before, earlier))
+        ratio = np.maximum(_ratio(here, before), _ratio(before, earlier))
+        uncertainty = 2.5 * promised * np.sqrt(ratio) + floor
+        drawn = (here <= before / 2) | (here <= 3 * floor)
+        # Slower than by halves, the draws still to come add up to more than the last one.
+        slow = np.clip(_ratio(here, before), 0.5, 0.8)
+        rest = 2.5 * np.maximum(here, before) * slow / (1 - slow)
+        uncertainty = np.where(drawn, uncertainty, np.maximum(uncertainty, rest))
+        # Where a motion is not smooth, its segments alone have no limit: the others keep theirs.
+        still = np.max(here / scale, axis=1)
+        together = (still < draws[0] / 10) | (still < 1e-12)
+        uncertainty = np.where(together[:, None], uncertainty, np.inf)
+        worst = largest(uncertainty / scale)
+        if best is None or worst < best[0]:
+            best = (worst, m, uncertainty)
+    assert best is not None, f"a limit needs {FIRST_JUDGED} rungs"
+    _, m, uncertainty = best
+    known = np.isfinite(uncertainty).all(axis=1)
+    converges = bool(known.any())
+    order, holds = observed_order(
+        (stack[:, known] if converges else stack) / scale,
+        rungs, exponents[0], float(np.max(grain / scale)),
+    )  # fmt: skip
+    return Limit(estimates[m - 1], uncertainty, rungs[:m], draws, order, holds, converges)
+
+
+def largest(uncertainty: Array) -> float:
+    """Largest uncertainty of the segments that have one; infinite where none has."""
+    known = uncertainty[np.isfinite(uncertainty)]
+    return float(np.max(known)) if known.size else float("inf")
+
+
+def observed_order(
+    stack: Array, rungs: tuple[int, ...], claimed: int, grain: float
+) -> tuple[float, bool]:
+    """Leading order of the raw values, and whether it is the claimed one.
+
+    Successive differences of the rungs fall like n_i^-p - n_(i+1)^-p. The p that the last three
+    usable differences bear out, in the mean square over all segments, must lie within 0.5 of the
+    claim; differences within rounding have nothing to say.
+    """
+    changes = np.sqrt(np.mean((stack[1:] - stack[:-1]) ** 2, axis=(1, 2)))
+    usable = [i for i, change in enumerate(changes) if change > 1e3 * EPSILON * grain]
+    if len(usable) < 3:
+        return float("nan"), True
+    pick = usable[-3:] if len(usable) > 3 else usable
+    first, last = pick[0], pick[-1]
+
+    def ratio(p: float) -> float:
+        def change(i: int) -> float:
+            return float(rungs[i] ** -p - rungs[i + 1] ** -p)
+
+        return float(np.log(change(first) / change(last)))
+
+    measured = float(np.log(changes[first] / changes[last]))
+    low, high = 0.05, 12.0
+    if not ratio(low) <= measured <= ratio(high):
+        order = low if measured < ratio(low) else high
+        return order, False
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if ratio(middle) < measured else (low, middle)
+    return low, abs(low - claimed) <= 0.5
+
+
+def _ratio(here: Array, before: Array) -> Array:
+    return np.minimum(1.0, here / np.maximum(before, 1e-300))
+
+
+def _rounding(
+    rungs: tuple[int, ...], exponents: tuple[int, int], grain: Array, seen: Sequence[Array]
+) -> Array:
+    """3 sum |w_i| times the rounding of each rung."""
+    each = [EPSILON * np.sqrt(n) * grain for n in rungs]
+    if seen:
+        each = [np.maximum(usual, own) for usual, own in zip(each, seen, strict=False)]
+    bound: Array = 3 * np.tensordot(np.abs(weights(rungs, exponents)), np.stack(each), axes=1)
+    return bound
+
+
+def _neighbourhood(values: Array, reach: int = 2) -> Array:
+    """Largest value over each segment and `reach` neighbours on either side."""
+    padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
+    shifted = [padded[i : i + len(values)] for i in range(2 * reach + 1)]
+    largest: Array = np.max(shifted, axis=0)
+    return largest

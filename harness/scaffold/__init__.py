@@ -1,0 +1,1 @@
+"""`crosscheck new`: a folder to begin from."""

@@ -1,0 +1,100 @@
+"""The constants of a mechanism that is read from a file: names, sources, and their bindings."""
+
+from __future__ import annotations
+
+import keyword
+import math
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from harness.files.locations import Place, PlaceError, find_in
+
+_TAKEN = {
+    "t", "pi", "sin", "cos", "ground", "system", "T", "V", "D", "Constant", "Coordinate",
+    "Equilibrium", "Input", "Output", "Scenario", "System", "FILE",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """A constant to declare."""
+
+    name: str
+    value: float
+    unit: str
+    description: str
+    source: str
+
+
+@dataclass
+class Ledger:
+    """Issues a constant for every number that a model file states, and binds it to its place.
+
+    `number` returns what to write for it in a formula: `-rod_z`, or `0` where it is nothing.
+    """
+
+    file: Path
+    data: bytes
+    rows: list[Row] = field(default_factory=list)
+    bindings: dict[str, str] = field(default_factory=dict)
+    names: set[str] = field(default_factory=lambda: set(_TAKEN))
+    _issued: dict[str, str] = field(default_factory=dict)
+
+    def name(self, *parts: str) -> str:
+        """An identifier that nothing else has."""
+        plain = re.sub(r"\W+", "_", "_".join(parts), flags=re.ASCII).strip("_") or "x"
+        if not plain.isidentifier() or keyword.iskeyword(plain):
+            plain = f"x_{plain}"
+        found, count = plain, 2
+        while found in self.names or f"{found}_dot" in self.names:
+            found, count = f"{plain}_{count}", count + 1
+        self.names |= {found}
+        return found
+
+    def number(
+        self, value: float, name: tuple[str, ...], unit: str, what: str, address: str | None,
+        degrees: bool = False,
+    ) -> str:  # fmt: skip
+        """A formula for a number in SI units, which stands at `address` if that can be told."""
+        if value == 0:
+            return "0"
+        sign = "-" if value < 0 else ""
+        place = None if address is None else self._place(address, value, degrees)
+        if place is None:
+            address = None
+        elif address in self._issued:
+            return f"{sign}{self._issued[address]}"
+        if unit == "rad" and (turn := quarter(value)) is not None:
+            if address is not None:
+                self.bindings[address] = f"({turn}) * 180 / pi" if degrees else turn
+            return turn
+        own = self.name(*name)
+        source = f"{self.file.name}, as compiled" if place is None else (
+            f"{place.file.name}:{place.line}"
+        )  # fmt: skip
+        self.rows.append(Row(own, abs(value), unit, what, source))
+        if address is not None:
+            self._issued[address] = own
+            self.bindings[address] = f"{sign}{own} * 180 / pi" if degrees else f"{sign}{own}"
+        return f"{sign}{own}"
+
+    def _place(self, address: str, value: float, degrees: bool) -> Place | None:
+        """Where the number stands, if what stands there is it."""
+        try:
+            place = find_in(self.data, self.file, [address])[address]
+        except PlaceError:
+            return None
+        written = math.radians(place.value) if degrees else place.value
+        return place if math.isclose(written, value, rel_tol=4e-16, abs_tol=0.0) else None
+
+
+def quarter(angle: float) -> str | None:
+    """`pi / 2` and its like, for the double nearest to some quarter turns."""
+    turns = round(angle * 2 / math.pi)
+    if turns == 0 or abs(angle - turns * math.pi / 2) > 2 * math.ulp(angle):
+        return None
+    whole, half = divmod(abs(turns), 2)
+    over = abs(turns) if half else whole
+    text = ("" if over == 1 else f"{over} * ") + ("pi / 2" if half else "pi")
+    return f"-{text}" if angle < 0 else text

@@ -1,0 +1,72 @@
+"""A new system folder on disk: its name, the example's files, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from harness.files.folders import template
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_PLACEHOLDER = b"my_model"
+
+
+class NewError(ValueError):
+    """A folder that can't be made; the message names what is in the way, and the remedy."""
+
+
+def check_name(target: Path) -> None:
+    """Refuse a name that no system could have, or a place where something is.
+
+    Raises:
+        NewError: naming it.
+    """
+    if not _NAME.fullmatch(target.name):
+        raise NewError(
+            f"{target.name!r} is no name for a system: a letter, then letters, digits, _ or -"
+        )
+    if os.path.lexists(target):
+        raise NewError(f"{target}: is there already; nothing was written. Choose another name")
+    if not target.parent.is_dir():
+        raise NewError(f"{target.parent}: no such folder, to put {target.name} in")
+
+
+def example(name: str) -> dict[str, bytes]:
+    """The files of the example under a name: a damped pendulum for every engine."""
+    return {
+        path.name: path.read_bytes().replace(_PLACEHOLDER, name.encode())
+        for path in sorted(template().iterdir())
+        if path.is_file()
+    }
+
+
+def write_folder(
+    target: Path, files: Mapping[str, bytes], check: Callable[[Path], None] | None = None
+) -> None:
+    """Write a folder whole or not at all: into a temporary one beside it, checked, then renamed.
+
+    `check` is given the temporary folder, called like the target; what it raises leaves nothing
+    behind.
+
+    Raises:
+        NewError: where something has appeared at the target meanwhile.
+    """
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as temporary:
+        made = Path(temporary) / target.name
+        for name, data in files.items():
+            (made / name).parent.mkdir(parents=True, exist_ok=True)
+            (made / name).write_bytes(data)
+        if check is not None:
+            check(made)
+            for cache in made.rglob("__pycache__"):
+                shutil.rmtree(cache)
+        try:
+            if os.path.lexists(target):
+                raise FileExistsError
+            os.rename(made, target)
+        except OSError:
+            raise NewError(f"{target}: can't be written; nothing was") from None

@@ -1,0 +1,307 @@
+"""An MJCF as a mechanism: MuJoCo compiles it, the file's text says where the numbers stand.
+
+What MuJoCo makes of defaults, frames, units and shapes need not be guessed so. A compiled number
+that stands in the file as it is gets bound to its place there; one that is computed (the inertia of
+a shape, say) is a constant without a place.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.files.locations.location import PlaceError, Source
+from harness.files.locations.xml import RawElement, read_elements
+from harness.scaffold.constants import Ledger
+from harness.scaffold.folder import NewError
+from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
+
+_FOREIGN = {
+    "include": "parts in other files", "replicate": "bodies made by repetition",
+    "composite": "bodies made by repetition", "flexcomp": "flexible bodies", "flex": "flexible"
+    " bodies", "attach": "models put into models", "plugin": "plugins", "freejoint": "free joints",
+    "equality": "equalities", "tendon": "tendons", "actuator": "actuators; inputs are applied to"
+    " joints here, so take them out",
+}  # fmt: skip
+_MASSLESS = {"mesh": "the inertia of meshes", "hfield": "height fields", "sdf": "shapes of plugins"}
+_DIGITS = 1e-15
+
+
+def read_mjcf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
+    """Read bodies and joints; each number becomes a constant, with its place where it has one.
+
+    Raises:
+        NewError: naming file, line and what can't be read.
+    """
+    if importlib.util.find_spec("mujoco") is None:
+        raise NewError(f"{path}: an MJCF is read with MuJoCo, which is not installed")
+    return _Reader(path, data, ledger).mechanism()
+
+
+class _Reader:
+    def __init__(self, path: Path, data: bytes, ledger: Ledger) -> None:
+        import mujoco
+
+        self.source, self.ledger, self.path = Source(path, data), ledger, path
+        try:
+            self.elements = read_elements(self.source)
+        except PlaceError as error:
+            raise NewError(str(error)) from None
+        self._refuse_foreign()
+        try:
+            self.m: Any = mujoco.MjSpec.from_file(str(path)).compile()
+        except (ValueError, mujoco.FatalError) as error:
+            reason = " ".join(str(error).split())
+            raise NewError(f"{path}: MuJoCo can't load it: {reason}") from None
+        world = [e for e in self.elements if e.tag == "worldbody"]
+        self.bodies = [e for top in world for e in _below(top, "body")]
+        self.joints = [e for body in self.bodies for e in _own(body, "joint")]
+        self.remarks: list[str] = []
+        if len(self.bodies) + 1 != self.m.nbody or len(self.joints) != self.m.njnt:
+            raise NewError(f"{path}: MuJoCo makes other bodies or joints of it than stand in it")
+
+    def refuse(self, element: RawElement, sentence: str) -> NewError:
+        return NewError(f"{self.path}:{self.source.line(element.start)}: {sentence}")
+
+    def _refuse_foreign(self) -> None:
+        for element in self.elements:
+            if element.tag in _FOREIGN and (element.children or element.attributes):
+                raise self.refuse(element, f"<{element.tag}>: {_FOREIGN[element.tag]} can't be"
+                                  " read so far")  # fmt: skip
+
+    def mechanism(self) -> Mechanism:
+        m = self.m
+        if m.opt.wind.any() or m.opt.density or m.opt.viscosity:
+            raise NewError(f"{self.path}: a medium (wind, density or viscosity) can't be read")
+        gravity = [
+            self.ledger.number(float(value), ("g",) if np.count_nonzero(m.opt.gravity) == 1
+                               else (f"g_{axis}",), "m/s^2", "gravity", f"option@gravity[{i}]")
+            for i, (axis, value) in enumerate(zip("xyz", m.opt.gravity, strict=True))
+        ]  # fmt: skip
+        frames = {0: "ground"}
+        bodies = []
+        for i, element in enumerate(self.bodies, start=1):
+            if m.body_mocapid[i] >= 0 or m.body_gravcomp[i]:
+                raise self.refuse(element, "mocap bodies and gravity compensation can't be read")
+            bodies.append(self._body(i, element, frames))
+        return Mechanism(tuple(bodies), (gravity[0], gravity[1], gravity[2]), tuple(self.remarks))
+
+    def _body(self, i: int, element: RawElement, frames: dict[int, str]) -> Body:
+        m = self.m
+        name = element.attributes.get("name") or f"body_{i}"
+        address = self._address(element)
+        at = self._triple(m.body_pos[i], (name,), "m", f"{name} in its parent's frame",
+                          address and f"{address}@pos")  # fmt: skip
+        turns = self._turns(m.body_quat[i], element, address, name)
+        first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
+        joints = tuple(self._joint(j) for j in range(first, first + count))
+        frames[i] = self.ledger.name(name, "frame")
+        mass, centre, principal, moments, products = self._inertial(i, element, address, name)
+        return Body(
+            name, frames[i], frames[int(m.body_parentid[i])], at, turns, joints, mass, centre,
+            principal, moments, products,
+        )  # fmt: skip
+
+    def _inertial(
+        self, i: int, element: RawElement, address: str | None, name: str
+    ) -> tuple[str, Triple, tuple[Turn, ...], Triple, Triple]:
+        m = self.m
+        none: Triple = ("0", "0", "0")
+        own = _own(element, "inertial")
+        if not own and m.body_mass[i]:
+            for geom in _own(element, "geom"):
+                kind = "mesh" if "mesh" in geom.attributes else geom.attributes.get("type", "")
+                if kind in _MASSLESS and geom.attributes.get("mass") != "0":
+                    raise self.refuse(geom, f"{_MASSLESS[kind]} can't be read; give body {name!r}"
+                                      " an <inertial>")  # fmt: skip
+            self.remarks.append(
+                f"body {name!r} has no <inertial>: its mass and moments are those that MuJoCo"
+                " computes from its geoms, and have no place in the file"
+            )
+        within = f"{address}/inertial" if own and address else None
+        mass = self.ledger.number(float(m.body_mass[i]), (name, "mass"), "kg", f"mass of {name}",
+                                  within and f"{within}@mass")  # fmt: skip
+        centre = self._triple(m.body_ipos[i], (name, "centre"), "m", f"centre of mass of {name}",
+                              within and f"{within}@pos")  # fmt: skip
+        full = own[0].attributes.get("fullinertia", "").split() if own else []
+        if full:
+            # MuJoCo turns these into principal moments; in the file they stand in body axes.
+            six = [
+                self.ledger.number(float(value), (name, f"i{axes}"), "kg*m^2",
+                                   f"I{axes} of {name} about its centre",
+                                   within and f"{within}@fullinertia[{k}]")
+                for k, (axes, value) in enumerate(
+                    zip(("xx", "yy", "zz", "xy", "xz", "yz"), full, strict=True))
+            ]  # fmt: skip
+            return mass, centre, (), (six[0], six[1], six[2]), (six[3], six[4], six[5])
+        moments = tuple(
+            self.ledger.number(float(value), (name, f"i{axis}{axis}"), "kg*m^2",
+                               f"I{axis}{axis} of {name} about its centre",
+                               within and f"{within}@diaginertia[{k}]")
+            for k, (axis, value) in enumerate(zip("xyz", m.body_inertia[i], strict=True))
+        )  # fmt: skip
+        inner = self._turns(m.body_iquat[i], own[0] if own else None, within, f"{name}_inertia")
+        return mass, centre, inner, (moments[0], moments[1], moments[2]), none
+
+    def _joint(self, j: int) -> Joint:
+        import mujoco
+
+        m, element = self.m, self.joints[j]
+        name = m.joint(j).name
+        kind = mujoco.mjtJoint(m.jnt_type[j])
+        if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+            what = kind.name[6:].lower()
+            raise self.refuse(element, f"joint {name!r} is a {what} joint; only slides and hinges"
+                              " are supported so far")  # fmt: skip
+        if not name:
+            raise self.refuse(element, "this joint has no name; its coordinate needs one")
+        hinge = kind == mujoco.mjtJoint.mjJNT_HINGE
+        d = int(m.jnt_dofadr[j])
+        if m.dof_frictionloss[d]:
+            raise self.refuse(element, f"joint {name!r} has frictionloss, which is not smooth: no"
+                              " digit can be claimed of it")  # fmt: skip
+        unit, force = ("rad", "N*m") if hinge else ("m", "N")
+        inertia = "kg*m^2" if hinge else "kg"
+        damping = self._first(m.dof_damping[d], m, "dof_dampingpoly", d, element, "damping")
+        stiffness = self._first(m.jnt_stiffness[j], m, "jnt_stiffnesspoly", j, element, "stiffness")
+        symbol = self.ledger.name(name)
+        number = self._of_joint(element, name)
+        limits = (float(m.jnt_range[j][0]), float(m.jnt_range[j][1])) if m.jnt_limited[j] else None
+        x, y, z = map(float, m.jnt_axis[j])
+        rest = float(m.qpos_spring[m.jnt_qposadr[j]])
+        return Joint(
+            name, symbol, hinge, (x, y, z),
+            self._triple(m.jnt_pos[j], (name,), "m", f"axis of {name} in its body",
+                         self._attribute(element, "pos")),
+            number(float(m.qpos0[m.jnt_qposadr[j]]), "ref", unit, hinge),
+            number(damping, "damping", f"{force}*s/{unit}", False),
+            number(stiffness, "stiffness", f"{force}/{unit}", False),
+            number(rest, "springref", unit, hinge) if stiffness else "0",
+            number(float(m.dof_armature[d]), "armature", inertia, False),
+            limits, f"{self.path.name}:{self.source.line(element.start)}",
+        )  # fmt: skip
+
+    def _first(
+        self, value: Any, m: Any, higher: str, index: int, element: RawElement, what: str
+    ) -> float:
+        """A stiffness or damping; MuJoCo 4 has polynomials, whose higher terms are refused."""
+        terms = [
+            *np.ravel(value),
+            *np.ravel(getattr(m, higher)[index] if hasattr(m, higher) else 0),
+        ]
+        if any(terms[1:]):
+            raise self.refuse(element, f"its {what} is a polynomial; only the first term is read")
+        return float(terms[0])
+
+    def _of_joint(self, element: RawElement, name: str) -> Any:
+        degrees = not self._radians()
+
+        def number(value: float, key: str, unit: str, angle: bool) -> str:
+            return self.ledger.number(value, (name, key), unit, f"{key} of {name}",
+                                      self._attribute(element, key), angle and degrees)  # fmt: skip
+
+        return number
+
+    def _radians(self) -> bool:
+        return any(e.tag == "compiler" and e.attributes.get("angle") == "radian"
+                   for e in self.elements)  # fmt: skip
+
+    def _attribute(self, element: RawElement, key: str) -> str | None:
+        """Where an attribute stands: in the element, or in the defaults of its class."""
+        address = self._address(element)
+        if key in element.attributes:
+            return address and f"{address}@{key}"
+        holder: RawElement | None = element
+        wanted = element.attributes.get("class")
+        while wanted is None and holder is not None:
+            wanted, holder = holder.attributes.get("childclass"), holder.parent
+        defaults = [e for e in self.elements if e.tag == "default"]
+        found = next((e for e in defaults if e.attributes.get("class", "main") == (wanted or "main")
+                      ), None)  # fmt: skip
+        while found is not None and found.tag == "default":
+            for own in _own(found, element.tag):
+                if key in own.attributes:
+                    return self._address(own) and f"{self._address(own)}@{key}"
+            found = found.parent
+        return None
+
+    def _address(self, element: RawElement) -> str | None:
+        """The shortest path that means this element alone."""
+        alike = [e for e in self.elements if e.tag == element.tag]
+        levels: dict[int, RawElement | None] = {id(e): e for e in alike}
+        own: RawElement | None = element
+        for depth in range(1, element.depth + 1):
+            assert own is not None
+            # A step without a name means every element of its tag.
+            alike = [
+                e for e in alike
+                if (here := levels[id(e)]) is not None and here.tag == own.tag
+                and own.identity in (None, here.identity)
+            ]  # fmt: skip
+            if len(alike) == 1:
+                return element.spelled(depth)
+            levels = {id(e): here.parent for e in alike if (here := levels[id(e)]) is not None}
+            own = own.parent
+        return None
+
+    def _triple(
+        self, values: Any, name: tuple[str, ...], unit: str, what: str, address: str | None
+    ) -> Triple:
+        x, y, z = (
+            self.ledger.number(float(value), (*name, axis), unit, f"{axis} of {what}"
+                               if unit == "m" else what, address and f"{address}[{i}]")
+            for i, (axis, value) in enumerate(zip("xyz", values, strict=True))
+        )  # fmt: skip
+        return x, y, z
+
+    def _turns(
+        self, quaternion: Any, element: RawElement | None, address: str | None, name: str
+    ) -> tuple[Turn, ...]:
+        """One turn about one axis; its angle is bound where the file states it as such."""
+        w, vector = float(quaternion[0]), np.array(quaternion[1:], dtype=float)
+        sine = float(np.linalg.norm(vector))
+        if sine < _DIGITS:
+            return ()
+        angle, axis = 2 * float(np.arctan2(sine, w)), vector / sine
+        place = None
+        if element is not None and address and "euler" in element.attributes:
+            euler = [float(x) for x in element.attributes["euler"].split()]
+            if np.count_nonzero(euler) == 1 and not self._has("eulerseq"):
+                k = int(np.flatnonzero(euler)[0])
+                axis, place = np.eye(3)[k], f"{address}@euler[{k}]"
+                angle = euler[k] if self._radians() else float(np.radians(euler[k]))
+        if element is not None and address and "axisangle" in element.attributes:
+            *given, angle = (float(x) for x in element.attributes["axisangle"].split())
+            axis, place = np.array(given), f"{address}@axisangle[3]"
+            angle = angle if self._radians() else float(np.radians(angle))
+        x, y, z = (0.0 if abs(a) < _DIGITS else float(a) for a in axis)
+        text = self.ledger.number(angle, (name, "turn"), "rad", f"turn of {name}", place,
+                                  not self._radians())  # fmt: skip
+        return (Turn((x, y, z), text),)
+
+    def _has(self, key: str) -> bool:
+        return any(key in e.attributes for e in self.elements if e.tag == "compiler")
+
+
+def _own(element: RawElement, tag: str) -> list[RawElement]:
+    """Children of a tag; <frame> is no more than a bracket around them."""
+    found = []
+    for child in element.children:
+        if child.tag == tag:
+            found.append(child)
+        elif child.tag == "frame":
+            found += _own(child, tag)
+    return found
+
+
+def _below(element: RawElement, tag: str) -> list[RawElement]:
+    """Elements of a tag at any depth, in the order of the file."""
+    found = []
+    for child in element.children:
+        if child.tag == tag:
+            found.append(child)
+        found += _below(child, tag)
+    return found

@@ -1,0 +1,214 @@
+"""system.py and the sidecar of a mechanism that was read from a file."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from harness.scaffold.constants import Row
+from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
+from harness.scaffold.scenarios import Plan
+
+_WIDTH = 100
+
+
+def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row], plan: Plan) -> str:
+    """The whole of system.py."""
+    joints = mechanism.joints
+    body = "\n".join([
+        f'"""The physics of {name}, read from {file} by `crosscheck new`."""',
+        "",
+        "SYMPYfrom reference import (",
+        "    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t,",
+        ")  # fmt: skip",
+        "from reference.kinematics import ground",
+        "",
+        *_comment(f"""What follows was derived from {file} itself, so it checks the engines, and
+            every later edit of {file}: but not yet {file} against what you mean. For that, replace
+            the constants by your own, from drawings and data sheets, write numbers that follow
+            from others as formulas (m * l**2 / 12), and the energies as you would on paper. Then
+            the bindings in {file}.toml, which say where each number comes from."""),
+        "",
+        "# Coordinates, named like the joints.",
+        *(_coordinate(joint) for joint in joints),
+        "",
+        "# Every number of the file but zeros and axes, with the line that it stands in.",
+        *(line for row in rows for line in _constant(row)),
+        "",
+        "# A force on every joint, to drive it with.",
+        *(_input(joint) for joint in joints),
+        "",
+        "# The tree: each body's frame in its parent's, and its centre of mass.",
+        *(line for one in mechanism.bodies for line in _frames(one)),
+        "",
+        *_energies(mechanism),
+        "",
+        "system = System(",
+        f"    name={_quoted(name)},",
+        f"    title={_quoted(name.replace('_', ' '))},",
+        f"    source={_quoted(f'{file}, read by crosscheck new')},",
+        f"    coordinates={_tuple(j.symbol for j in joints)},",
+        f"    constants={_tuple(row.name for row in rows)},",
+        f"    inputs={_tuple(j.force for j in joints)},",
+        "    outputs=(",
+        *(f"        Output({_quoted(j.symbol)}, {j.symbol}.q, {_quoted(_unit(j))},"
+          f" {_quoted(f'position of {j.name}')})," for j in joints),
+        "    ),",
+        "    T=T,", "    V=V,", "    D=D,",
+        *plan.lines(joints, [j.force for j in joints]),
+        "    printed=(),",
+        ")  # fmt: skip",
+        "",
+    ])  # fmt: skip
+    used = [word for word in ("pi", "sin") if re.search(rf"\b{word}\b", body)]
+    return body.replace("SYMPY", f"from sympy import {', '.join(used)}\n\n" if used else "", 1)
+
+
+def sidecar_text(
+    file: str, engines: Sequence[str], joints: Sequence[Joint], bindings: dict[str, str],
+    left_out: dict[str, str], settings: bool,
+) -> str:  # fmt: skip
+    """The sidecar: engines, what the format has no word for, and where each number comes from."""
+    lines = [f"# The sidecar of {file}: what the file itself can't say."]
+    lines += [f"# Left out: {name}: {why}" for name, why in left_out.items()]
+    lines += [f"engines = [{', '.join(map(_quoted, engines))}]", ""]
+    if settings:
+        lines += [
+            "# A URDF carries neither; PyBullet would take 1/240 s and no gravity, MuJoCo 2 ms and"
+            " -9.81.", "[settings]", "step = 0.002", "gravity = [0, 0, -9.81]", "",
+        ]  # fmt: skip
+        if "mujoco" in engines:
+            lines += ["[settings.mujoco]", 'integrator = "Euler"', ""]
+    renamed = [joint for joint in joints if joint.name != joint.symbol]
+    if renamed:
+        lines += ["# Joints whose names no formula could hold.", "[coordinates]"]
+        lines += [f"{_quoted(joint.name)} = {_quoted(joint.symbol)}" for joint in renamed]
+        lines += ["", "[readback]"]
+        lines += [f"{joint.symbol} = {_quoted(joint.name)}" for joint in renamed]
+        lines += [""]
+    lines += ["# What each number stands for: with it, a wrong one is named with its line.",
+              "[bindings]"]  # fmt: skip
+    lines += [f"{_quoted(address)} = {_quoted(formula)}" for address, formula in bindings.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _coordinate(joint: Joint) -> str:
+    kind = "hinge about" if joint.hinge else "slide along"
+    what = f"{kind} {_axis(joint.axis)}, {joint.where}"
+    if joint.limits is not None:
+        what += f", from {joint.limits[0]:g} to {joint.limits[1]:g}"
+    return f"{joint.symbol} = Coordinate({_quoted(joint.symbol)}, {_quoted(_unit(joint))}, " + (
+        f"{_quoted(what)})"
+    )
+
+
+def _constant(row: Row) -> list[str]:
+    parts = (f"{_quoted(row.name)}, {row.value!r}, {_quoted(row.unit)},",
+             f"{_quoted(row.description)}, {_quoted(row.source)}")  # fmt: skip
+    line = f"{row.name} = Constant({' '.join(parts)})"
+    if len(line) <= _WIDTH:
+        return [line]
+    return [f"{row.name} = Constant({parts[0]}", f"    {parts[1]})"]
+
+
+def _input(joint: Joint) -> str:
+    unit = "N*m" if joint.hinge else "N"
+    name = joint.force
+    return (
+        f"{name} = Input({_quoted(name)}, {_quoted(unit)}, {_quoted(f'drives {joint.name}')},"
+        f" on={{{joint.symbol}: 1}})"
+    )
+
+
+def _frames(body: Body) -> list[str]:
+    steps = [*_shift(body.at), *map(_turn, body.turns)]
+    for joint in body.joints:
+        word = f"hinge({joint.symbol}, about=" if joint.hinge else f"slide({joint.symbol}, along="
+        zero = "" if joint.zero == "0" else f", zero={joint.zero}"
+        back = (_minus(joint.at[0]), _minus(joint.at[1]), _minus(joint.at[2]))
+        steps += [*_shift(joint.at), f".{word}{_axis(joint.axis)}{zero})", *_shift(back)]
+    lines = _chain(body.symbol, body.parent, steps)
+    if body.heavy:
+        inner = [*_shift(body.centre), *map(_turn, body.principal)]
+        lines += _chain(body.centred, body.symbol, inner)
+    return lines
+
+
+def _chain(name: str, start: str, steps: Sequence[str]) -> list[str]:
+    line = f"{name} = {start}{''.join(steps)}"
+    if len(line) <= _WIDTH:
+        return [line]
+    return [f"{name} = (", f"    {start}", *(f"    {step}" for step in steps), ")"]
+
+
+def _shift(at: Triple) -> list[str]:
+    return [] if at == ("0", "0", "0") else [f".at({', '.join(at)})"]
+
+
+def _turn(turn: Turn) -> str:
+    return f".turned({_axis(turn.axis)}, {turn.angle})"
+
+
+def _minus(formula: str) -> str:
+    return "0" if formula == "0" else formula[1:] if formula[0] == "-" else f"-{formula}"
+
+
+def _energies(mechanism: Mechanism) -> list[str]:
+    heavy = [body for body in mechanism.bodies if body.heavy]
+    kinetic = []
+    for b in heavy:
+        products = "" if b.products == ("0", "0", "0") else f", ({', '.join(b.products)})"
+        kinetic.append(f"{b.centred}.kinetic({b.mass}, ({', '.join(b.moments)}){products})")
+    potential = [
+        f"{b.centred}.weight({b.mass}, ({', '.join(mechanism.gravity)}))" for b in heavy
+        if b.mass != "0" and mechanism.gravity != ("0", "0", "0")
+    ]  # fmt: skip
+    dissipated = []
+    for joint in mechanism.joints:
+        if joint.armature != "0":
+            kinetic.append(f"{joint.armature} * {joint.symbol}.v ** 2 / 2")
+        if joint.stiffness != "0":
+            stretch = f"{joint.symbol}.q"
+            if joint.rest != "0":
+                stretch = f"({stretch} - {joint.rest})".replace("- -", "+ ")
+            potential.append(f"{joint.stiffness} * {stretch} ** 2 / 2")
+        if joint.damping != "0":
+            dissipated.append(f"{joint.damping} * {joint.symbol}.v ** 2 / 2")
+    return [
+        "# Kinetic energy, potential energy, and half the power that friction takes.",
+        *_sum("T", kinetic), *_sum("V", potential), *_sum("D", dissipated),
+    ]  # fmt: skip
+
+
+def _sum(name: str, terms: Sequence[str]) -> list[str]:
+    if len(terms) < 2:
+        return [f"{name} = {terms[0] if terms else 0}"]
+    return [f"{name} = (", f"    {terms[0]}", *(f"    + {term}" for term in terms[1:]), ")"]
+
+
+def _axis(axis: Sequence[float]) -> str:
+    return f"({', '.join(str(int(a)) if a == int(a) else repr(a) for a in axis)})"
+
+
+def _unit(joint: Joint) -> str:
+    return "rad" if joint.hinge else "m"
+
+
+def _tuple(names: Iterable[str]) -> str:
+    items = list(names)
+    line = f"({', '.join(items)}{',' if len(items) == 1 else ''})"
+    if len(line) < _WIDTH - 20:
+        return line
+    wrapped = textwrap.wrap(", ".join(items) + ",", _WIDTH - 10)
+    return "(\n" + "\n".join(f"        {part}" for part in wrapped) + "\n    )"
+
+
+def _comment(text: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), _WIDTH - 2)]
+
+
+def _quoted(text: str) -> str:
+    """A string literal that Python and TOML both read; joints may have any name."""
+    plain = "".join(c if c.isprintable() else "?" for c in text)
+    return '"' + plain.replace("\\", "\\\\").replace('"', '\\"') + '"'

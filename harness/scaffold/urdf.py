@@ -1,0 +1,261 @@
+"""A URDF as a mechanism."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.files.locations.location import PlaceError, Source
+from harness.files.locations.xml import RawElement, read_elements
+from harness.scaffold.constants import Ledger, quarter
+from harness.scaffold.folder import NewError
+from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
+
+_AXES: tuple[tuple[float, float, float], ...] = ((0, 0, 1), (0, 1, 0), (1, 0, 0))
+_ZERO: Triple = ("0", "0", "0")
+
+
+def read_urdf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
+    """Read links and joints; each number becomes a constant with its place.
+
+    Raises:
+        NewError: naming file, line and what can't be read.
+    """
+    return _Reader(path, data, ledger).mechanism()
+
+
+class _Reader:
+    def __init__(self, path: Path, data: bytes, ledger: Ledger) -> None:
+        self.source, self.ledger = Source(path, data), ledger
+        try:
+            elements = read_elements(self.source)
+        except PlaceError as error:
+            raise NewError(str(error)) from None
+        if not elements or elements[0].tag != "robot":
+            raise NewError(f"{path}:1: the root is not <robot>: no URDF")
+        self.top = elements[0].children
+        self.remarks: list[str] = []
+
+    def refuse(self, element: RawElement, sentence: str) -> NewError:
+        return NewError(f"{self.source.file}:{self.source.line(element.start)}: {sentence}")
+
+    def mechanism(self) -> Mechanism:
+        links = self._named("link")
+        joints = self._named("joint")
+        above: dict[str, RawElement] = {}
+        for joint in joints.values():
+            for end in ("parent", "child"):
+                element = _child(joint, end)
+                link = "" if element is None else element.attributes.get("link", "")
+                if link not in links:
+                    raise self.refuse(joint, f"its <{end}> is {link!r}, which is no link")
+                if end == "child":
+                    if link in above:
+                        raise self.refuse(joint, f"link {link!r} has two parents: closed loops"
+                                          " are not supported")  # fmt: skip
+                    above[link] = joint
+        roots = [name for name in links if name not in above]
+        if len(roots) != 1:
+            raise NewError(f"{self.source.file}: it has {len(roots)} links without a parent, where"
+                           " one belongs")  # fmt: skip
+        frames = {roots[0]: "ground"}
+        bodies: list[Body] = []
+        queue = [roots[0]]
+        while queue:
+            parent = queue.pop(0)
+            for link, joint in above.items():
+                if _child_link(joint, "parent") == parent:
+                    bodies.append(self._body(links[link], joint, frames))
+                    queue.append(link)
+        if len(bodies) < len(above):
+            raise NewError(f"{self.source.file}: some links hang on themselves, not on"
+                           f" {roots[0]!r}")  # fmt: skip
+        return Mechanism(tuple(bodies), _ZERO, tuple(self.remarks))
+
+    def _named(self, tag: str) -> dict[str, RawElement]:
+        found: dict[str, RawElement] = {}
+        for element in self.top:
+            if element.tag != tag:
+                continue
+            name = element.attributes.get("name", "")
+            if not name or name in found:
+                raise self.refuse(element, f"this <{tag}> needs a name of its own")
+            found[name] = element
+        return found
+
+    def _body(self, link: RawElement, joint: RawElement, frames: dict[str, str]) -> Body:
+        name, joint_name = link.attributes["name"], joint.attributes["name"]
+        at, turns = self._origin(joint, f"joint[{joint_name}]", name)
+        moving = self._joint(joint)
+        mass, centre, moments, products = "0", _ZERO, _ZERO, _ZERO
+        principal: tuple[Turn, ...] = ()
+        inertial = _child(link, "inertial")
+        if inertial is None:
+            if moving is not None:
+                raise self.refuse(link, f"link {name!r} moves and has no <inertial>; engines differ"
+                                  " in what they take for it: write one")  # fmt: skip
+            self.remarks.append(
+                f"link {name!r} has no <inertial> and is taken to weigh nothing; PyBullet takes"
+                " 1 kg for it"
+            )
+        else:
+            within = f"link[{name}]/inertial"
+            centre, principal = self._origin(inertial, within, f"{name}_centre")
+            element = self._wanted(inertial, "mass")
+            mass = self._number(element, "value", f"{within}/mass", (name, "mass"), "kg",
+                                f"mass of {name}")  # fmt: skip
+            element = self._wanted(inertial, "inertia")
+            moments = self._tensor(element, ("ixx", "iyy", "izz"), within, name)
+            products = self._tensor(element, ("ixy", "ixz", "iyz"), within, name)
+        frames[name] = self.ledger.name(name, "frame")
+        parent = frames[_child_link(joint, "parent")]
+        return Body(
+            name, frames[name], parent, at, turns, () if moving is None else (moving,), mass,
+            centre, principal, moments, products,
+        )  # fmt: skip
+
+    def _tensor(self, element: RawElement, keys: Triple, within: str, name: str) -> Triple:
+        one, two, three = (
+            self._number(element, key, f"{within}/inertia", (name, key), "kg*m^2",
+                         f"{key} of {name} about its centre")
+            for key in keys
+        )  # fmt: skip
+        return one, two, three
+
+    def _joint(self, joint: RawElement) -> Joint | None:
+        name, kind = joint.attributes["name"], joint.attributes.get("type", "")
+        if kind == "fixed":
+            return None
+        if kind not in ("revolute", "continuous", "prismatic"):
+            raise self.refuse(joint, f"joint {name!r} is of type {kind!r}; only slides and hinges"
+                              " are supported so far")  # fmt: skip
+        if _child(joint, "mimic") is not None:
+            raise self.refuse(joint, f"joint {name!r} mimics another, which is not read; write its"
+                              " folder by hand, beginning from `crosscheck new`")  # fmt: skip
+        hinge = kind != "prismatic"
+        unit = "rad" if hinge else "m"
+        force = "N*m" if hinge else "N"
+        symbol = self.ledger.name(name)
+        axis = self._axis(joint, name)
+        damping = "0"
+        dynamics = _child(joint, "dynamics")
+        if dynamics is not None:
+            if self._value(dynamics, "friction"):
+                raise self.refuse(dynamics, f"joint {name!r} has friction, which is not smooth: no"
+                                  " digit can be claimed of it")  # fmt: skip
+            damping = self._number(dynamics, "damping", f"joint[{name}]/dynamics",
+                                   (name, "damping"), f"{force}*s/{unit}",
+                                   f"viscous friction of {name}")  # fmt: skip
+        stiffness = rest = "0"
+        for gazebo in self.top:
+            if gazebo.tag == "gazebo" and gazebo.attributes.get("reference") == name:
+                stiffness = self._text(gazebo, "springStiffness", name, "stiffness",
+                                       f"{force}/{unit}")  # fmt: skip
+                rest = self._text(gazebo, "springReference", name, "rest", unit)
+        return Joint(
+            name, symbol, hinge, axis, _ZERO, "0", damping, stiffness, rest, "0",
+            self._limits(joint, kind, name), f"{self.source.file.name}:{self._line(joint)}",
+        )  # fmt: skip
+
+    def _line(self, element: RawElement) -> int:
+        return self.source.line(element.start)
+
+    def _axis(self, joint: RawElement, name: str) -> tuple[float, float, float]:
+        element = _child(joint, "axis")
+        if element is None:
+            return (1.0, 0.0, 0.0)
+        x, y, z = self._three(element, "xyz", "1 0 0")
+        if not (x or y or z):
+            raise self.refuse(element, f"the axis of joint {name!r} has no length")
+        return x, y, z
+
+    def _limits(self, joint: RawElement, kind: str, name: str) -> tuple[float, float] | None:
+        if kind == "continuous":
+            return None
+        limit = _child(joint, "limit")
+        if limit is None or "lower" not in limit.attributes or "upper" not in limit.attributes:
+            raise self.refuse(joint, f"joint {name!r} states no limits, lower and upper; engines"
+                              " hold it at 0: state them, or make it continuous")  # fmt: skip
+        return self._value(limit, "lower"), self._value(limit, "upper")
+
+    def _origin(
+        self, element: RawElement, within: str, name: str
+    ) -> tuple[Triple, tuple[Turn, ...]]:
+        origin = _child(element, "origin")
+        if origin is None:
+            return _ZERO, ()
+        place = self._three(origin, "xyz", "0 0 0")
+        at = tuple(
+            self.ledger.number(value, (name, axis), "m", f"{axis} of {name} in its parent's frame"
+                               if "inertial" not in within else f"{axis} of the centre of mass",
+                               f"{within}/origin@xyz[{i}]")
+            for i, (axis, value) in enumerate(zip("xyz", place, strict=True))
+        )  # fmt: skip
+        roll_pitch_yaw = self._three(origin, "rpy", "0 0 0")
+        turns = []
+        if sum(angle != 0 and quarter(angle) is None for angle in roll_pitch_yaw) > 1:
+            # As symbols, several angles at a place make formulas of many thousand terms.
+            self.remarks.append(
+                f"the turn of {name} is taken as numbers: a wrong one shows, but is not named"
+            )
+            turns = [Turn(axis, repr(roll_pitch_yaw[i]))
+                     for i, axis in ((2, _AXES[0]), (1, _AXES[1]), (0, _AXES[2]))
+                     if roll_pitch_yaw[i]]  # fmt: skip
+            return (at[0], at[1], at[2]), tuple(turns)
+        for i, axis, what in ((2, _AXES[0], "yaw"), (1, _AXES[1], "pitch"), (0, _AXES[2], "roll")):
+            angle = self.ledger.number(roll_pitch_yaw[i], (name, what), "rad", f"{what} of {name}",
+                                       f"{within}/origin@rpy[{i}]")  # fmt: skip
+            if angle != "0":
+                turns.append(Turn(axis, angle))
+        return (at[0], at[1], at[2]), tuple(turns)
+
+    def _wanted(self, inertial: RawElement, tag: str) -> RawElement:
+        element = _child(inertial, tag)
+        if element is None:
+            raise self.refuse(inertial, f"this <inertial> has no <{tag}>")
+        return element
+
+    def _number(
+        self,
+        element: RawElement,
+        key: str,
+        within: str,
+        name: tuple[str, ...],
+        unit: str,
+        what: str,
+    ) -> str:
+        return self.ledger.number(self._value(element, key), name, unit, what, f"{within}@{key}")
+
+    def _text(self, gazebo: RawElement, tag: str, joint: str, what: str, unit: str) -> str:
+        element = _child(gazebo, tag)
+        if element is None:
+            return "0"
+        try:
+            value = float(element.text)
+        except ValueError:
+            raise self.refuse(element, f"{element.text!r} is no number") from None
+        return self.ledger.number(value, (joint, what), unit, f"spring of {joint}: {what}",
+                                  f"gazebo[{joint}]/{tag}")  # fmt: skip
+
+    def _value(self, element: RawElement, key: str) -> float:
+        text = element.attributes.get(key, "0")
+        try:
+            return float(text)
+        except ValueError:
+            raise self.refuse(element, f"{key} is {text!r}, where a number belongs") from None
+
+    def _three(self, element: RawElement, key: str, default: str) -> tuple[float, float, float]:
+        text = element.attributes.get(key, default)
+        try:
+            x, y, z = map(float, text.split())
+        except ValueError:
+            raise self.refuse(element, f"{key} is {text!r}, where three numbers belong") from None
+        return x, y, z
+
+
+def _child(element: RawElement, tag: str) -> RawElement | None:
+    return next((child for child in element.children if child.tag == tag), None)
+
+
+def _child_link(joint: RawElement, tag: str) -> str:
+    element = _child(joint, tag)
+    return "" if element is None else element.attributes.get("link", "")

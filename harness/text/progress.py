@@ -1,0 +1,69 @@
+"""Progress: a bar at a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from harness.text.table import line
+
+
+class Watcher:
+    """Progress: a bar at a terminal, a line a case elsewhere."""
+
+    def __enter__(self) -> Watcher:
+        self._bar = _bar("cases")
+        return self
+
+    def __call__(self, done: int, total: int, case: dict[str, Any] | None) -> None:
+        """Tell that a case is done."""
+        if self._bar is not None:
+            self._bar.update(self._bar.task_ids[0], completed=done, total=total)
+        elif case is not None:
+            print(line(done, total, case), file=sys.stderr, flush=True)
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+class Counter:
+    """Progress of many small things: a bar at a terminal, a line every tenth elsewhere."""
+
+    def __init__(self, things: str) -> None:
+        self._things = things
+        self._tenths = 0
+
+    def __enter__(self) -> Counter:
+        self._bar = _bar(self._things)
+        return self
+
+    def __call__(self, done: int, total: int, _: object) -> None:
+        """Tell how many are done; a total of 0 is not known yet."""
+        if self._bar is not None:
+            self._bar.update(self._bar.task_ids[0], completed=done, total=total or None)
+        elif total and 10 * done // total > self._tenths:
+            self._tenths = 10 * done // total
+            told = f"{done} of {total} {self._things} ({10 * self._tenths} %)"
+            print(told, file=sys.stderr, flush=True)
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+
+def _bar(things: str) -> Progress | None:
+    """A running bar, or None where there is no terminal to show it."""
+    if not sys.stderr.isatty() or os.environ.get("CI"):
+        return None
+    bar = Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        console=Console(stderr=True), transient=True,
+    )  # fmt: skip
+    bar.add_task(things, total=None)
+    bar.start()
+    return bar

@@ -1,0 +1,136 @@
+"""The command line as a person uses it: exit codes, messages, files."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from harness.cli.exit_codes import exit_code
+from harness.files.folders import builtin
+from harness.records.results import schema
+
+ROOT = Path(__file__).parents[2]
+
+
+def crosscheck(*arguments, cwd, **environment):
+    return subprocess.run(
+        [sys.executable, "-m", "harness", *map(str, arguments)],
+        cwd=cwd, capture_output=True, text=True, timeout=300, check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "CI": "1", **environment},
+    )  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A copy of a built-in folder, with a user's name for it."""
+    shutil.copytree(builtin() / "mass_spring_damper", tmp_path / "my mass")
+    return tmp_path / "my mass"
+
+
+def edit(path, old, new):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(folder, tmp_path):
+    done = crosscheck("run", folder, "--engine", "mujoco", "--out", "out dir", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "6 cases: 6 AGREES" in done.stdout
+    found = json.loads((tmp_path / "out dir" / "results.json").read_text())
+    jsonschema.validate(found, schema())
+    assert {case["engine"] for case in found["cases"]} == {"mujoco"}
+    assert (tmp_path / "out dir" / "index.html").stat().st_size > 10_000
+    assert len(re.findall(r"^\[\d/6\] AGREES", done.stderr, re.MULTILINE)) == 6
+
+
+def test_a_wrong_literal_exits_1_and_is_told(folder, tmp_path):
+    edit(folder / "mujoco.xml", 'stiffness="47.0"', 'stiffness="47.000047"')
+    done = crosscheck("run", folder, "--engine", "mujoco", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "3 DIFFERS" in done.stdout
+    assert "DIFFERS mass_spring_damper/mujoco.xml/free [mujoco]" in done.stdout
+
+
+@pytest.mark.parametrize(("name", "old", "new", "sentence"), [
+    ("mujoco.xml", "<worldbody>", "<worldbody", "mujoco.xml: MuJoCo can't load it"),
+    ("mujoco.xml.toml", "engines", "motors", "unknown key 'motors'"),
+    ("robot.urdf", "</robot>", "", r"robot.urdf:\d+: no XML"),
+    ("space.py", "def build():", "def build():\n    oops", r"space.py:\d+: build\(\) fails.*oops"),
+    ("system.py", "k * x.q**2 / 2", "k * y.q**2 / 2", r"system.py:\d+: NameError: name 'y'"),
+    ("system.py", "k * x.q**2 / 2", "k * x.q / 2", r"V has the unit kg\*m\*s\^-2, where"),
+])  # fmt: skip
+def test_a_bad_file_exits_3_and_is_named_with_its_place(folder, tmp_path, name, old, new, sentence):
+    edit(folder / name, old, new)
+    done = crosscheck("run", folder, cwd=tmp_path)
+    assert done.returncode == 3
+    assert re.search(sentence, done.stdout), done.stdout
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+def test_a_bad_file_does_not_cost_the_models_beside_it(folder, tmp_path):
+    edit(folder / "mujoco.xml", "<worldbody>", "<worldbody")
+    done = crosscheck("run", folder, cwd=tmp_path)
+    assert "9 AGREES, 3 FAILED" in done.stdout
+
+
+def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder, tmp_path):
+    (folder / "mujoco.xml.toml").unlink()
+    done = crosscheck("run", folder, "--engine", "pymunk", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "has no sidecar; write mujoco.xml.toml" in done.stdout
+
+
+@pytest.mark.parametrize(("arguments", "sentence"), [
+    (["run", "nowhere"], "nowhere: no such folder; built-in systems are anchored_pair"),
+    (["run", "--engine", "havok"], "no engine 'havok' is known; known are mujoco"),
+    (["run", "--resolution", "0"], "is not between"),
+    (["run", "--jobs", "0"], "no positive number"),
+    (["report", "nothing.json"], "nothing.json: can't be read"),
+    (["frobnicate"], "invalid choice"),
+    ([], "required"),
+])  # fmt: skip
+def test_wrong_usage_exits_2_with_a_sentence(tmp_path, arguments, sentence):
+    done = crosscheck(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_report_draws_from_results_without_running_anything(folder, tmp_path):
+    crosscheck("run", folder, "--engine", "pymunk", "--out", "out", cwd=tmp_path)
+    (tmp_path / "out" / "index.html").unlink()
+    shutil.rmtree(folder)
+    done = crosscheck("report", "out/results.json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "index.html").stat().st_size > 10_000
+
+
+def test_engines_are_listed_with_their_versions(tmp_path):
+    done = crosscheck("engines", cwd=tmp_path)
+    assert done.returncode == 0
+    for name in ("mujoco", "pybullet", "pymunk"):
+        assert re.search(rf"^{name} +\d+\.\d+", done.stdout, re.MULTILINE)
+
+
+def test_derive_shows_the_computed_errata(tmp_path):
+    done = crosscheck("derive", "free_pair", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"2\.25.*differs", done.stdout)
+    latex = crosscheck("derive", "free_pair", "--latex", cwd=tmp_path)
+    assert r"\ddot" in latex.stdout
+
+
+@pytest.mark.parametrize(("outcomes", "required", "code"), [
+    (["AGREES", "AGREES"], False, 0), (["AGREES", "DIFFERS"], False, 1),
+    (["AGREES", "UNRESOLVED"], False, 1), (["DIFFERS", "FAILED"], False, 3),
+    (["AGREES", "ABSENT"], False, 0), (["AGREES", "ABSENT"], True, 3), ([], False, 3),
+])  # fmt: skip
+def test_exit_codes_gate(outcomes, required, code):
+    assert exit_code({"cases": [{"outcome": outcome} for outcome in outcomes]}, required) == code

@@ -1,0 +1,133 @@
+"""Folders with faults, and the command line run on them: its own process, real workers."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+KNOWN_ANSWER = ROOT / "tests" / "known_answer"
+
+SYSTEM = '''
+"""An oscillator for tests of the known-answer engine."""
+
+from sympy import sin
+
+from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
+
+x = Coordinate("x", "m", "displacement")
+m = Constant("m", 1.3, "kg", "mass", "chosen")
+c = Constant("c", 0.9, "N*s/m", "damping", "chosen")
+k = Constant("k", 47.0, "N/m", "stiffness", "chosen")
+f = Input("f", "N", "force", on={x: 1})
+system = System(
+    name="oscillator", title="Oscillator", source="a test", coordinates=(x,),
+    constants=(m, c, k), inputs=(f,), outputs=(Output("x", x.q, "m", "displacement"),),
+    T=m * x.v**2 / 2, V=k * x.q**2 / 2, D=c * x.v**2 / 2,
+    equilibria=(Equilibrium("rest", {x: 0}, False, "relaxed"),),
+    scenarios=(
+        Scenario("free", "released", {x: 0.25}, {x: -0.4}, {f: 0}, 5.0),
+        Scenario("driven", "driven", {x: 0.1}, {x: 0.2}, {f: 1.5 * sin(5.9 * t)}, 5.0),
+    ),
+    printed=(),
+)
+'''
+
+KNOWN = """
+names = ["x"]
+M = [[1.3]]
+C = [[0.9]]
+K = [[47.0]]
+W = [0.0]
+step = 0.005
+method = "euler"
+claims = 1
+"""
+
+
+def known_folder(place, files):
+    """Write a folder with the oscillator and `.known` files: name -> text added to a good one."""
+    place.mkdir(parents=True, exist_ok=True)
+    (place / "system.py").write_text(SYSTEM)
+    for name, added in files.items():
+        (place / f"{name}.known").write_text(KNOWN + added)
+        (place / f"{name}.known.toml").write_text('engines = ["known"]\n')
+    return place
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from harness.records.results import write_results
+from harness.run import Options, run
+out, limit, *folders = sys.argv[1:]
+options = Options(jobs=2, limit=float(limit))
+write_results(Path(out), run([Path(f) for f in folders], options, lambda *_: None))
+"""
+
+
+def environment(*first):
+    """What a process needs to find the checkout, and the known-answer engine by its entry point."""
+    paths = [*map(str, first), str(ROOT), str(KNOWN_ANSWER)]
+    return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "CI": "1"}
+
+
+def run_folders(*folders, out, limit=60.0, first_on_path=()):
+    """Run every case of the folders in a process of its own with two workers; its results."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(out), str(limit), *map(str, folders)],
+        capture_output=True, text=True, timeout=280, env=environment(*first_on_path),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(out.read_text())
+
+
+def by_case(results):
+    """Cases by (model file, engine, scenario)."""
+    return {(c["model"], c["engine"], c["scenario"]): c for c in results["cases"]}
+
+
+def one_scenario(system, place, scenario):
+    """A built-in system's folder with one scenario and no model files yet."""
+    place.mkdir(parents=True, exist_ok=True)
+    text = (ROOT / "models" / system / "system.py").read_text()
+    kept = f"[s for s in system.scenarios if s.name == {scenario!r}]"
+    text += "\n\nfrom dataclasses import replace\n\n"
+    text += f"system = replace(system, scenarios=tuple({kept}))\n"
+    (place / "system.py").write_text(text)
+    return place
+
+
+def variant(place, system, source, name, *changes, engine=None):
+    """Copy a built-in model file under another name, with (old, new) changes.
+
+    A change goes to the model file, or where that hasn't the old text, to the sidecar. `engine`
+    keeps this one of its engines.
+    """
+    model = ROOT / "models" / system / source
+    texts = [model.read_text(), Path(f"{model}.toml").read_text()]
+    for old, new in changes:
+        which = 0 if old in texts[0] else 1
+        assert texts[which].count(old) >= 1, f"{model} has no {old!r}"
+        texts[which] = texts[which].replace(old, new, 1)
+    if engine is not None:
+        lines = texts[1].splitlines()
+        lines = [f'engines = ["{engine}"]' if x.startswith("engines") else x for x in lines]
+        if engine != "mujoco" and "[settings.mujoco]" in lines:
+            first = lines.index("[settings.mujoco]")
+            last = next((i for i in range(first + 1, len(lines)) if lines[i].startswith("[")), None)
+            lines[first : last or len(lines)] = []
+        texts[1] = "\n".join(lines) + "\n"
+    file = place / f"{name}{model.suffix}"
+    file.write_text(texts[0])
+    Path(f"{file}.toml").write_text(texts[1])
+
+
+def off(place_of_number, share=1e-6):
+    """A change: the last number in a piece of text, off by a share."""
+    found = list(re.finditer(r"-?\d+(\.\d+)?(e-?\d+)?", place_of_number))[-1]
+    value = repr(float(found.group()) * (1 + share))
+    head, tail = place_of_number[: found.start()], place_of_number[found.end() :]
+    return place_of_number, head + value + tail

@@ -1,0 +1,63 @@
+"""Attributes set, added and taken out: all else in the file stays, byte for byte."""
+
+from pathlib import Path
+
+import pytest
+
+from harness.files.locations import PlaceError
+from harness.files.locations.attributes import Attribute, elements, with_attributes
+
+TEXT = (
+    "<!-- <joint name='x' damping='9'/> é -->\r\n"
+    "<mujoco>\r\n\t<default><joint  damping = '1' /></default>\r\n"
+    "  <body><joint name=\"x\"\n         axis='1 0 0'   /><joint name='y'></joint></body>\r\n"
+    "</mujoco>\r\n"
+)
+
+
+@pytest.fixture
+def file(tmp_path) -> Path:
+    path = tmp_path / "model.xml"
+    path.write_bytes(TEXT.encode())
+    return path
+
+
+def changed(file, name, attribute, value):
+    element = next(e for e in elements(file) if e.attributes.get("name") == name)
+    return with_attributes(
+        file.read_bytes(), file, [Attribute(element.start, attribute, value)]
+    ).decode()
+
+
+def test_an_attribute_is_added_after_the_others(file):
+    assert changed(file, "x", "armature", "0.1") == TEXT.replace(
+        "axis='1 0 0' ", "axis='1 0 0' armature=\"0.1\" "
+    )
+    assert changed(file, "y", "armature", "0.1") == TEXT.replace(
+        "<joint name='y'>", "<joint name='y' armature=\"0.1\">"
+    )
+
+
+def test_an_attribute_is_set_where_it_stands(file):
+    assert changed(file, "x", "axis", "0 0 1") == TEXT.replace(
+        "\n         axis='1 0 0'", ' axis="0 0 1"'
+    )
+
+
+def test_an_attribute_is_taken_out_and_one_that_is_not_there_is_none(file):
+    assert changed(file, "x", "axis", None) == TEXT.replace("\n         axis='1 0 0'", "")
+    assert changed(file, "x", "damping", None) == TEXT
+
+
+def test_several_are_changed_at_once(file):
+    x, y = (e.start for e in elements(file) if "name" in e.attributes)
+    wanted = [Attribute(x, "a", "1"), Attribute(y, "b", '"<&'), Attribute(x, "axis", None)]
+    path = file.with_name("new.xml")
+    path.write_bytes(with_attributes(file.read_bytes(), file, wanted))
+    found = {e.attributes["name"]: e.attributes for e in elements(path) if "name" in e.attributes}
+    assert found == {"x": {"name": "x", "a": "1"}, "y": {"name": "y", "b": '"<&'}}
+
+
+def test_a_byte_where_no_element_starts_is_refused(file):
+    with pytest.raises(PlaceError, match="no element starts at byte 5"):
+        with_attributes(file.read_bytes(), file, [Attribute(5, "a", "1")])

@@ -1,0 +1,353 @@
+"""Bindings: evaluated, compared, and rewritten without touching anything else."""
+
+import math
+import os
+import shutil
+import sys
+from fractions import Fraction
+
+import pytest
+
+from harness.engines.registry import engines
+from harness.files.bindings import (
+    at_constants,
+    bindings,
+    locate,
+    mismatches,
+    rewrite,
+    with_constants,
+    with_literals,
+)  # fmt: skip
+from harness.files.folders import builtin
+from harness.files.locations import PlaceError
+from harness.files.sidecar import SidecarError, read_sidecar
+from reference import DeclarationError
+from reference.load import load_system
+
+URDF = """<!-- Rod: <mass value="0.8"/>, gravity in the sidecar; à la carte. -->
+<robot name="r"><link name="rod"><inertial>
+  <mass value='0.8'/><origin xyz="0\t0  -0.3"/><inertia ixx="0.024" iyy="0.02400"/>
+</inertial></link></robot>
+"""
+SIDECAR = """engines = ["pybullet"] # ü
+[settings]
+step = 0.002
+gravity = [0, 0, -9.81]
+[bindings]
+"sidecar:settings.gravity[2]" = "-g"
+"mass@value" = "m"
+"inertia@ixx" = "m*l**2/12"
+"inertia@iyy" = "m*l**2/12"
+"origin@xyz[2]" = "-l/2"
+"""
+NAMES = ["sidecar:settings.gravity[2]", "mass@value", "inertia@ixx", "inertia@iyy", "origin@xyz[2]"]
+
+
+@pytest.fixture(scope="module")
+def drum():
+    return load_system(builtin() / "drum_pendulum")
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write the model and its sidecar, with changes and line ends, and read the sidecar."""
+
+    def make(*changes, end="\n"):
+        texts = [URDF, SIDECAR]
+        for old, new in changes:
+            assert old in "".join(texts)
+            texts = [text.replace(old, new) for text in texts]
+        folder = tmp_path / "model"
+        folder.mkdir(exist_ok=True)
+        for name, text in zip(("robot.urdf", "robot.urdf.toml"), texts, strict=True):
+            (folder / name).write_bytes(text.replace("\n", end).encode())
+        return read_sidecar(folder / "robot.urdf.toml")
+
+    return make
+
+
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+# What a literal should be.
+
+
+def test_a_binding_tells_what_the_file_says_and_what_it_should_say(drum, write):
+    found = bindings(drum, write(('ixx="0.024"', 'ixx="0.025"')))
+    assert [b.address for b in found] == NAMES
+    gravity, mass, inertia = found[:3]
+    assert (gravity.value, gravity.expected) == (-9.81, -9.81)
+    assert gravity.place.file.name == "robot.urdf.toml"
+    assert (mass.expression, mass.value, str(mass.place)[-12:]) == ("m", 0.8, "robot.urdf:3")
+    assert inertia.expected == pytest.approx(0.024, rel=1e-15)
+    assert inertia.error == pytest.approx(1 / 24)
+    assert mismatches(found) == (inertia,)
+
+
+def test_the_expected_value_is_that_of_the_doubles_correctly_rounded(drum, write):
+    changes = ("'0.8'", "'0.4'"), ('"mass@value" = "m"', '"mass@value" = "M/6"')
+    axle = bindings(drum, write(*changes))[1]
+    assert axle.expected == float(Fraction(2.4) / 6)
+    assert axle.expected != 0.4  # 2.4 is no double
+    assert axle.exact
+    root = bindings(drum, write(('"mass@value" = "m"', '"mass@value" = "sqrt(l**2 + 0.28)"')))[1]
+    assert root.expected == pytest.approx(0.8, rel=2e-16)
+    assert root.exact
+
+
+def ulps(value, count):
+    for _ in range(abs(count)):
+        value = math.nextafter(value, math.copysign(math.inf, count))
+    return value
+
+
+@pytest.mark.parametrize(("literal", "kind"), [
+    ("0.024", "exact"),
+    (repr(ulps(0.024, 1)), "exact"),
+    (repr(ulps(0.024, 9)), "wrong"),
+    (repr(ulps(0.024, -9)), "wrong"),
+    ("0.024000001", "wrong"),
+    ("2.4000001e-2", "wrong"),
+    ("-0.024", "wrong"),
+    ("0.0240000", "exact"),
+])  # fmt: skip
+def test_a_literal_is_right_to_the_roundings_of_doubles(drum, write, literal, kind):
+    found = bindings(drum, write(('ixx="0.024"', f'ixx="{literal}"')))
+    assert found[2].exact == (kind == "exact")
+    assert mismatches(found) == (() if kind == "exact" else (found[2],))
+
+
+@pytest.mark.parametrize(("literal", "rounded"), [
+    ("5.555556", True),
+    ("5.55556", True),
+    ("0.555556e1", True),
+    ("5.555555", False),  # cut off
+    ("5.555557", False),
+    ("5.5556", False),  # too few digits to be taken for a rounding
+    ("6", False),
+    ("5.555555555555555", False),  # exact, so not rounded
+])  # fmt: skip
+def test_a_literal_with_few_digits_passes_where_it_is_correctly_rounded(
+    drum, write, literal, rounded
+):
+    found = bindings(drum, write(('ixx="0.024"', f'ixx="{literal}"'), ('"m*l**2/12"', '"1/r"')))
+    assert found[2].rounded == rounded
+    assert (found[2] in mismatches(found)) == (not rounded and literal != "5.555555555555555")
+    if rounded:
+        assert found[2].error == pytest.approx((float(literal) - 1 / 0.18) * 0.18, rel=1e-9)
+
+
+def test_zero_that_should_be_something_and_something_that_should_be_zero_differ(drum, write):
+    changes = ("0\t0  -0.3", "0\t0  0.0000000"), ('"mass@value" = "m"', '"mass@value" = "m - m"')
+    found = bindings(drum, write(*changes))
+    assert mismatches(found) == (found[1], found[4])
+    assert found[1].error == 0.8
+
+
+def test_the_correction_is_the_shortest_decimal_that_is_right(drum, write):
+    found = bindings(drum, write())
+    assert [repr(b.correction) for b in found] == ["-9.81", "0.8", "0.024", "0.024", "-0.3"]
+
+
+@pytest.mark.parametrize(("change", "sentence"), [
+    (('"mass@value" = "m"', '"mass@value" = "n"'), "n is neither a coordinate nor a constant"),
+    (('"mass@value" = "m"', '"mass@value" = "theta"'), "theta is neither"),
+    (('"mass@value" = "m"', '"mass@value" = "m*"'), "can't read 'm\\*'"),
+    (('"mass@value" = "m"', '"mass@value" = "m/0"'), "no finite real number"),
+    (('"mass@value" = "m"', '"mass@value" = "sqrt(-m)"'), "no finite real number"),
+    (('"mass@value" = "m"', '"mass@value" = "log(m - m)"'), "no finite real number"),
+    (('"mass@value" = "m"', '"mass@value" = "m"\n"link/inertial/mass@value" = "m"'),
+     r"'link/inertial/mass@value' is the same number as 'mass@value' \(.*urdf:3\); keep one"),
+])  # fmt: skip
+def test_a_binding_that_means_nothing_is_refused(drum, write, change, sentence):
+    sidecar = write(change)
+    with pytest.raises(SidecarError, match=sentence) as refused:
+        bindings(drum, sidecar)
+    assert str(refused.value).startswith(f"{sidecar.model}.toml: [bindings] '")
+
+
+def test_a_binding_to_nowhere_is_refused(drum, write):
+    with pytest.raises(PlaceError, match=r"robot\.urdf: .*no masses; there is mass"):
+        bindings(drum, write(('"mass@value"', '"masses@value"')))
+    with pytest.raises(PlaceError, match=r"robot\.urdf\.toml: 'settings\.gravitas"):
+        bindings(drum, write(("settings.gravity", "settings.gravitas")))
+
+
+def test_a_sidecar_without_bindings_has_none(drum, write):
+    assert bindings(drum, write((SIDECAR[SIDECAR.index("[bindings]") :], ""))) == ()
+
+
+# Copies.
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"], ids=["LF", "CRLF"])
+def test_a_copy_differs_in_the_literals_alone(write, tmp_path, end):
+    sidecar = write(end=end)
+    before = contents(sidecar.model.parent)
+    copy = with_literals(
+        sidecar,
+        {"origin@xyz[2]": -1 / 3, "mass@value": 1e-7, "sidecar:settings.gravity[2]": -10.0},
+        tmp_path / "copy",
+    )
+    assert contents(sidecar.model.parent) == before
+    after = contents(tmp_path / "copy")
+    assert after["robot.urdf"] == before["robot.urdf"].replace(
+        b"value='0.8'", b"value='1e-07'"
+    ).replace(b"-0.3", b"-0.3333333333333333")
+    assert after["robot.urdf.toml"] == before["robot.urdf.toml"].replace(b"-9.81]", b"-10.0]")
+    assert copy.model == tmp_path / "copy" / "robot.urdf"
+    assert copy.settings["gravity"] == [0, 0, -10.0]
+    assert locate(copy, ["origin@xyz[2]"])["origin@xyz[2]"].value == -1 / 3
+
+
+def test_a_literal_that_says_it_already_is_left_as_written(write, tmp_path):
+    sidecar = write()
+    with_literals(sidecar, {"inertia@iyy": 0.024, "mass@value": 0.8}, tmp_path / "copy")
+    assert contents(tmp_path / "copy") == contents(sidecar.model.parent)
+
+
+def test_any_number_with_an_address_can_be_replaced_bound_or_not(write, tmp_path):
+    copy = with_literals(write(), {"origin@xyz[0]": 0.1}, tmp_path / "copy")
+    assert b'xyz="0.1\t0  -0.3"' in copy.model.read_bytes()
+
+
+def test_what_lies_beside_a_model_is_found_from_its_copy(write, tmp_path):
+    sidecar = write()
+    folder = sidecar.model.parent
+    (folder / "meshes").mkdir()
+    (folder / "meshes" / "rod.stl").write_text("solid")
+    (folder / "other.urdf").write_text(URDF)
+    (folder / "system.py").write_text("raise SystemExit")
+    into = folder / "copies" / "one"
+    with_literals(sidecar, {"mass@value": 1.0}, into)
+    assert (into / "meshes" / "rod.stl").read_text() == "solid"
+    assert {path.name for path in into.iterdir()} == {
+        "robot.urdf", "robot.urdf.toml", "meshes", "other.urdf",
+    }  # fmt: skip
+    # A copy of another model beside it replaces the link, not what it leads to.
+    shutil.copy(folder / "robot.urdf.toml", folder / "other.urdf.toml")
+    other = read_sidecar(folder / "other.urdf.toml")
+    with_literals(other, {"mass@value": 2.0}, into)
+    assert (folder / "other.urdf").read_text() == URDF
+    assert "2.0" in (into / "other.urdf").read_text()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_value_that_is_not_finite_is_written_nowhere(write, tmp_path, value):
+    with pytest.raises(ValueError, match="'mass@value' can't be"):
+        with_literals(write(), {"mass@value": value}, tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
+
+
+def test_a_copy_never_lands_on_the_users_own_file(write):
+    sidecar = write()
+    before = contents(sidecar.model.parent)
+    with pytest.raises(ValueError, match="copies go elsewhere"):
+        with_literals(sidecar, {"mass@value": 1.0}, sidecar.model.parent / "." / "")
+    assert contents(sidecar.model.parent) == before
+
+
+def test_two_addresses_of_one_number_must_agree_on_it(write, tmp_path):
+    with pytest.raises(PlaceError, match="the same number as another"):
+        with_literals(
+            write(), {"mass@value": 1.0, "inertial/mass@value": 2.0}, tmp_path / "copy"
+        )  # fmt: skip
+
+
+def test_changed_constants_move_every_literal_that_they_enter(drum, write, tmp_path):
+    sidecar = write()
+    copy = with_constants(drum, sidecar, {"l": 0.9}, tmp_path / "copy")
+    assert {a: p.value for a, p in locate(copy, NAMES).items()} == {
+        "sidecar:settings.gravity[2]": -9.81, "mass@value": 0.8, "origin@xyz[2]": -0.45,
+        "inertia@ixx": pytest.approx(0.054, rel=1e-15),
+        "inertia@iyy": pytest.approx(0.054, rel=1e-15),
+    }  # fmt: skip
+    changed = at_constants(drum, {"l": 0.9})
+    assert mismatches(bindings(changed, copy)) == ()
+    assert len(mismatches(bindings(drum, copy))) == 3
+
+
+def test_unchanged_constants_leave_a_right_model_as_it_is_and_set_a_wrong_one_right(
+    drum, write, tmp_path
+):
+    # 0.4, not the 0.39999999999999997 that a sixth of the double 2.4 is.
+    sidecar = write(("'0.8'", "'0.4'"), ('"mass@value" = "m"', '"mass@value" = "M/6"'))
+    with_constants(drum, sidecar, {}, tmp_path / "copy")
+    assert contents(tmp_path / "copy") == contents(sidecar.model.parent)
+    copy = with_constants(drum, write(("'0.8'", "'0.9'")), {}, tmp_path / "copy")
+    assert locate(copy, ["mass@value"])["mass@value"].value == 0.8
+
+
+def test_a_system_at_other_constants_is_that_system(drum):
+    changed = at_constants(drum, {"l": 1.2, "g": 1.62})
+    assert {c.name: c.value for c in changed.constants} == {
+        "M": 2.4, "r": 0.18, "m": 0.8, "l": 1.2, "k": 65.0, "g": 1.62,
+    }  # fmt: skip
+    assert changed.T == drum.T
+    assert changed.values.keys() == drum.values.keys()
+    assert drum.constants[3].value == 0.6
+
+
+@pytest.mark.parametrize(("constants", "sentence"), [
+    ({"L": 1.0}, "drum_pendulum has no constant 'L'; it has M, r, m, l, k, g"),
+    ({"l": -1.0}, r"l is declared positive and can't be varied to -1\.0"),
+    ({"l": 0.0}, "can't be varied to 0"),
+    ({"l": math.nan}, "can't be varied to nan"),
+])  # fmt: skip
+def test_constants_that_the_equations_do_not_admit_are_refused(drum, constants, sentence):
+    with pytest.raises(DeclarationError, match=sentence):
+        at_constants(drum, constants)
+
+
+@pytest.mark.skipif(engines()["pymunk"].version() is None, reason="pymunk is not installed")
+def test_a_python_model_rewritten_within_a_second_runs_as_rewritten(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    # The same path, second and size: what Python goes by to tell stale bytecode.
+    sidecar = read_sidecar(builtin() / "torsional_disc" / "space.py.toml")
+    for value in (0.022, 0.023, 0.024):
+        copy = with_literals(sidecar, {"INERTIA": value}, tmp_path / "copy")
+        os.utime(copy.model, (1e9, 1e9))
+        model = engines()["pymunk"].load(copy.spec("pymunk"))
+        assert model._bodies["disc"].moment == value
+
+
+# In place.
+
+
+def test_a_model_is_set_right_in_place_on_demand(drum, write):
+    sidecar = write(("'0.8'", "'0.800001'"), ("-9.81", "-9.8"))
+    os.chmod(sidecar.model, 0o640)
+    wrong = mismatches(bindings(drum, sidecar))
+    assert len(wrong) == 2
+    rewrite(sidecar, {b.address: b.correction for b in wrong})
+    assert sidecar.model.read_bytes() == URDF.encode()
+    assert sidecar.model.stat().st_mode & 0o777 == 0o640
+    assert (sidecar.model.parent / "robot.urdf.toml").read_bytes() == SIDECAR.encode()
+
+
+def test_a_rewrite_that_fails_leaves_both_files_whole(write, monkeypatch):
+    sidecar = write()
+    before = contents(sidecar.model.parent)
+    with pytest.raises(PlaceError):
+        rewrite(sidecar, {"mass@value": 1.0, "sidecar:settings.gravitas": 2.0})
+    assert contents(sidecar.model.parent) == before
+
+    def full(*_):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OSError, match="no space"):
+        rewrite(sidecar, {"mass@value": 1.0})
+    assert contents(sidecar.model.parent) == before
+
+
+def test_a_rewrite_through_a_link_reaches_the_file_and_keeps_the_link(write, tmp_path):
+    sidecar = write()
+    linked = tmp_path / "linked"
+    linked.mkdir()
+    for name in ("robot.urdf", "robot.urdf.toml"):
+        (linked / name).symlink_to(sidecar.model.parent / name)
+    rewrite(read_sidecar(linked / "robot.urdf.toml"), {"mass@value": 1.0})
+    assert (linked / "robot.urdf").is_symlink()
+    assert b"value='1.0'" in sidecar.model.read_bytes()

@@ -1,0 +1,139 @@
+"""The built-in models: every number that stands for a constant is bound, and is right."""
+
+import re
+import shutil
+
+import pytest
+
+from harness.files.bindings import bindings, mismatches, with_literals
+from harness.files.folders import builtin, system_folders
+from harness.files.sidecar import read_sidecar
+from harness.run import model_files
+from reference.load import load_system
+from tests.files.literals import unaccounted
+
+MODELS = [s for folder in system_folders([]) for s in model_files(folder)]
+
+SYSTEMS = {sidecar.model.parent.name for sidecar in MODELS}
+LEVEL = {"anchored_pair", "free_pair", "mass_spring_damper", "torsional_disc"}
+PAIRS = {"anchored_pair", "free_pair"}
+DRUM, PENDULUM = {"drum_pendulum"}, {"simple_pendulum"}
+
+
+def moments(number):
+    return [(f"inertia {axis}", number) for axis in ("ixx", "iyy", "izz")]
+
+
+# Numbers that stand for no constant: why, in which systems, file, (key, number).
+EXCEPTED = [
+    ("the ground does not move", SYSTEMS, "robot.urdf", [("mass value", "1"), *moments("1")]),
+    ("the ground does not move", DRUM, "robot_folded.urdf", [("mass value", "1"), *moments("1")]),
+    ("all motion is level, or about an upright shaft: gravity is no constant",
+     LEVEL, "mujoco.xml", [("option gravity", "-9.81")]),
+    ("the same", LEVEL, "robot.urdf.toml", [("settings.gravity", "-9.81")]),
+    ("which joints a spring is between, and the sign of each",
+     PAIRS, "mujoco.xml", [("joint coef", "1"), ("joint coef", "-1")]),
+    ("the same",
+     PAIRS, "robot.urdf.toml", [("spring.joints.x1", "-1"), ("spring.joints.x2", "1")]),
+    ("a thin rod's moment about itself is small, and it never turns so",
+     DRUM, "mujoco.xml", [("inertial diaginertia", "0.0001")]),
+    ("the same", DRUM, "mujoco_rolling.xml", [("inertial diaginertia", "0.0001")]),
+    ("the same", DRUM, "robot.urdf", [("inertia izz", "0.0001")]),
+    ("the same", DRUM, "robot_folded.urdf", [("inertia izz", "0.0001")]),
+    ("the axle only slides, and its own moments are small: its mass is the drum's",
+     DRUM, "mujoco_rolling.xml", [("inertial diaginertia", "0.002")]),
+    ("the same", DRUM, "robot.urdf", moments("0.002")),
+    ("a point mass has no moments; MuJoCo refuses none",
+     PENDULUM, "mujoco.xml", [("inertial diaginertia", "1e-14")]),
+    ("the same", PENDULUM, "robot.urdf", moments("1e-14")),
+    ("where things are when the springs are relaxed is a choice",
+     {"anchored_pair"}, "space.py", [("DISTANCE", "1.2"), ("REST_LENGTH", "0.75")]),
+    ("the same", {"free_pair"}, "space.py", [("DISTANCE", "1.5"), ("REST_LENGTH", "1.2")]),
+    ("the same", {"mass_spring_damper"}, "space.py", [("REST_LENGTH", "0.75")]),
+    ("the same", DRUM, "space.py", [("REST_LENGTH", "1.1")]),
+    ("a spring without stiffness has no rest",
+     {"anchored_pair"}, "space.py", [("rest_length", "0.9")]),
+    ("the drum is drawn with its radius, and does not turn",
+     DRUM, "space.py", [("DRUM_RADIUS", "0.18")]),
+]  # fmt: skip
+
+
+def excepted(system):
+    """Exceptions for a system: (file, key, number)."""
+    return {(file, *item) for _, of, file, items in EXCEPTED if system in of for item in items}
+
+
+def name(sidecar):
+    return f"{sidecar.model.parent.name}-{sidecar.model.name}"
+
+
+@pytest.fixture(scope="module", params=MODELS, ids=name)
+def model(request):
+    return load_system(request.param.model.parent), request.param
+
+
+def test_every_binding_is_found_and_right_to_the_last_digit(model):
+    system, sidecar = model
+    found = bindings(system, sidecar)
+    assert found
+    assert [b.address for b in found if not b.exact] == []
+    assert [b.address for b in found if b.correction != b.value] == []
+
+
+def test_every_literal_that_is_off_by_a_few_units_in_the_last_place_is_told(model, tmp_path):
+    system, sidecar = model
+    found = bindings(system, sidecar)
+    for b in found:
+        off = b.value + 2 * b.rounding
+        copy = with_literals(sidecar, {b.address: off}, tmp_path / "copy")
+        assert [m.address for m in mismatches(bindings(system, copy))] == [b.address]
+
+
+def test_every_number_that_says_physics_is_bound_or_excepted_with_a_reason(model):
+    system, sidecar = model
+    places = {b.address: b.place for b in bindings(system, sidecar)}
+    assert unaccounted(sidecar, places, excepted(system.name)) == []
+
+
+def test_no_exception_is_left_over():
+    used = set()
+    for sidecar in MODELS:
+        system = load_system(sidecar.model.parent)
+        places = {b.address: b.place for b in bindings(system, sidecar)}
+        used |= {(system.name, *item) for item in unaccounted(sidecar, places, ())}
+    declared = {(system, *item) for system in SYSTEMS for item in excepted(system)}
+    assert declared - used == set()
+
+
+@pytest.mark.parametrize(("folder", "file", "old", "new", "left"), [
+    ("drum_pendulum", "mujoco.xml", 'axis="0 -1 0"', 'axis="0 -1 0" damping="0.02"',
+     ("mujoco.xml", "joint damping", "0.02")),
+    ("drum_pendulum", "mujoco.xml", 'name="rod">', 'name="rod"><geom mass="0.1" size="1"/>',
+     ("mujoco.xml", "geom mass", "0.1")),
+    ("drum_pendulum", "robot.urdf", 'friction="0"', 'friction="0.1"',
+     ("robot.urdf", "dynamics friction", "0.1")),
+    ("drum_pendulum", "robot.urdf", "<springReference>0<", "<springReference>0.1<",
+     ("robot.urdf", "springReference", "0.1")),
+    ("drum_pendulum", "robot.urdf", 'xyz="0 0 -0.3"', 'xyz="0.01 0 -0.3"',
+     ("robot.urdf", "origin xyz", "0.01")),
+    ("free_pair", "robot.urdf.toml", "rest = 0", "rest = 0.1",
+     ("robot.urdf.toml", "spring.rest", "0.1")),
+    ("drum_pendulum", "space.py", "GRAVITY = 9.81", "DRAG = 0.5\nGRAVITY = 9.81",
+     ("space.py", "DRAG", "0.5")),
+    ("drum_pendulum", "space.py", "pymunk.Body(ROD_MASS,", "pymunk.Body(0.8,",
+     ("space.py", "Body", "0.8")),
+    ("drum_pendulum", "space.py", "damping=0)", "damping=0.5)",
+     ("space.py", "damping", "0.5")),
+    ("drum_pendulum", "space.py", "(0, -GRAVITY)", "(0, -9.81)",
+     ("space.py", "gravity", "9.81")),
+])  # fmt: skip
+def test_a_number_that_is_added_without_a_binding_is_found(tmp_path, folder, file, old, new, left):
+    shutil.copytree(builtin() / folder, tmp_path / folder)
+    path = tmp_path / folder / file
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    sidecar = read_sidecar(tmp_path / folder / (re.sub(r"\.toml$", "", file) + ".toml"))
+    system = load_system(tmp_path / folder)
+    places = {b.address: b.place for b in bindings(system, sidecar)}
+    assert unaccounted(sidecar, places, excepted(system.name)) == [left]

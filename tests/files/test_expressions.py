@@ -1,0 +1,48 @@
+"""Expressions in sidecars: exact arithmetic of declared names, and no way to run code."""
+
+import pytest
+import sympy as sp
+
+from harness.files.expressions import parse
+from harness.files.sidecar import SidecarError
+
+m, r, angle, arm = sp.symbols("m r angle arm")
+NAMES = {"m": m, "r": r, "bob.angle": angle, "left arm.x": arm}
+
+
+@pytest.mark.parametrize(("text", "meant"), [
+    ("m", m),
+    (" -r/2 ", -r / 2),
+    ("m*r**2/12", m * r**2 / 12),
+    ("0.1", sp.Rational(1, 10)),
+    ("1e-3 * m", m / 1000),
+    ("1_000", sp.Integer(1000)),
+    ("2*pi*sqrt(r)", 2 * sp.pi * sp.sqrt(r)),
+    ("sin(bob.angle) + atan2(m, -r)", sp.sin(angle) + sp.atan2(m, -r)),
+    ("left arm.x - 1.2", arm - sp.Rational(6, 5)),
+])  # fmt: skip
+def test_an_expression_is_read_exactly(text, meant):
+    assert parse(text, NAMES, "here") == meant
+
+
+@pytest.mark.parametrize(("text", "sentence"), [
+    ("m*", "can't read 'm\\*'"),
+    ("", "can't read ''"),
+    ("m^2", r"a power is written \*\*"),
+    ("q", "q is neither a coordinate nor a constant"),
+    ("M", "M is neither"),
+    ("m.r", "'m.r' is neither a number"),
+    ("len(m)", "'len.m.' is neither"),
+    ("sin(x=m)", "is neither a number"),
+    ("True", "'True' is neither"),
+    ("'m'", "is neither a number"),
+    ("m if r else m", "is neither a number"),
+    ("m < r", "is neither a number"),
+    ("(1).__class__", "is neither a number"),
+    ("__import__('os').getcwd()", "is neither a number"),
+    ("[m for m in (r,)]", "is neither a number"),
+])  # fmt: skip
+def test_what_is_no_arithmetic_of_declared_names_is_refused(text, sentence):
+    with pytest.raises(SidecarError, match=sentence) as refused:
+        parse(text, NAMES, "f.toml: [bindings] a")
+    assert str(refused.value).startswith("f.toml: [bindings] a: ")

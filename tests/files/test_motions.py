@@ -1,0 +1,117 @@
+"""Bindings say what the engines do: models and equations at other constants still agree."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from harness.cases.case import load
+from harness.cases.verdict import component_scale, judge
+from harness.engines.registry import engines
+from harness.files.bindings import at_constants, bindings, with_constants, with_literals
+from harness.files.folders import system_folders
+from harness.numerics.segments import extrapolate
+from harness.records.outcome import Outcome
+from harness.run import model_files
+from reference.derive import derive
+from reference.load import load_system
+from reference.solve import solve
+
+SECONDS = 2.0
+COARSE = 1e-5
+"""Resolution that tells a share of a thousandth."""
+
+FORCED = {
+    # A known force: without, masses and stiffnesses are known but for a common factor.
+    "anchored_pair": "near_mode", "drum_pendulum": "driven", "free_pair": "driven",
+    "mass_spring_damper": "resonance", "simple_pendulum": "driven", "torsional_disc": "beat",
+}  # fmt: skip
+SLIDES = "a body that only slides does not turn"
+HINGES = "it turns about another axis"
+NO_EFFECT = {
+    ("anchored_pair", "diaginertia"): SLIDES, ("anchored_pair", "/inertia@"): SLIDES,
+    ("free_pair", "diaginertia"): SLIDES, ("free_pair", "/inertia@"): SLIDES,
+    ("mass_spring_damper", "diaginertia"): SLIDES, ("mass_spring_damper", "/inertia@"): SLIDES,
+    ("torsional_disc", "mass"): "the disc turns in its place",
+    ("torsional_disc", "MASS"): "the disc turns in its place",
+    ("torsional_disc", "diaginertia[0]"): HINGES, ("torsional_disc", "diaginertia[1]"): HINGES,
+    ("torsional_disc", "inertia@ixx"): HINGES, ("torsional_disc", "inertia@iyy"): HINGES,
+    ("drum_pendulum", "body[rod]/inertial@diaginertia[0]"): HINGES,
+    ("drum_pendulum", "link[rod]/inertial/inertia@ixx"): HINGES,
+    ("drum_pendulum", "body[drum]/inertial@diaginertia[0]"): HINGES,
+    ("drum_pendulum", "body[drum]/inertial@diaginertia[2]"): HINGES,
+    ("drum_pendulum", "link[drum]/inertial/inertia@ixx"): HINGES,
+    ("drum_pendulum", "link[drum]/inertial/inertia@izz"): HINGES,
+    # Where the rolling is an armature or a mass, the drum itself does not turn.
+    ("drum_pendulum", "mujoco.xml:body[drum]/inertial@diaginertia[1]"): SLIDES,
+    ("drum_pendulum", "robot_folded.urdf:link[drum]/inertial/inertia@iyy"): SLIDES,
+}  # fmt: skip
+
+CASES = [
+    pytest.param(sidecar, engine, id=f"{folder.name}-{sidecar.model.name}-{engine}",
+                 marks=pytest.mark.xdist_group(f"bindings of {folder.name}"))
+    for folder in system_folders([]) for sidecar in model_files(folder)
+    for engine in sidecar.engines
+]  # fmt: skip
+
+
+@cache
+def drawn(folder):
+    """A system at random constants, its draw, and its free motion."""
+    rng = np.random.default_rng(20240817)
+    system = load_system(folder)
+    draw = {c.name: c.value * rng.uniform(0.7, 1.4) for c in system.constants}
+    system = at_constants(system, draw)
+    return system, draw, solve(derive(system), replace(system.scenario("free"), duration=SECONDS))
+
+
+@cache
+def forced(folder):
+    """A system as declared, and a motion under a known force."""
+    system = load_system(folder)
+    scenario = replace(system.scenario(FORCED[system.name]), duration=SECONDS)
+    return system, solve(derive(system), scenario)
+
+
+def verdict(system, sidecar, engine, motion, resolution):
+    model, coordinates = load(system, sidecar, engine)
+    scale = component_scale(motion, [])
+    claimed, _ = model.exponents(not all(span.constant_input for span in motion.spans))
+    found = extrapolate(model, coordinates, motion, scale, resolution)
+    names = [c.name for c in system.coordinates]
+    components = (*names, *(f"{name}_dot" for name in names))
+    return judge(found.limit, motion, scale, components, claimed, resolution)
+
+
+@pytest.fixture(autouse=True)
+def _installed(engine):
+    if engines()[engine].version() is None:
+        pytest.skip(f"{engine} is not installed")
+
+
+@pytest.mark.parametrize(("sidecar", "engine"), CASES)
+def test_a_model_and_equations_at_random_constants_agree(sidecar, engine, tmp_path):
+    nominal = load_system(sidecar.model.parent)
+    system, draw, motion = drawn(sidecar.model.parent)
+    copy = with_constants(nominal, sidecar, draw, tmp_path / "copy")
+    found = verdict(system, copy, engine, motion, 1e-9)
+    assert found.outcome is Outcome.AGREES, found.reason
+    # The draw moves the motion: the file as it ships does something else.
+    assert verdict(system, sidecar, engine, motion, COARSE).outcome is Outcome.DIFFERS
+
+
+@pytest.mark.parametrize(("sidecar", "engine"), CASES)
+def test_a_literal_off_by_a_thousandth_differs_unless_no_motion_depends_on_it(
+    sidecar, engine, tmp_path
+):
+    system, motion = forced(sidecar.model.parent)
+    expected, outcomes = {}, {}
+    for b in bindings(system, sidecar):
+        copy = with_literals(sidecar, {b.address: b.value * 1.001}, tmp_path / "copy")
+        outcomes[b.address] = verdict(system, copy, engine, motion, COARSE).outcome
+        known = f"{sidecar.model.name}:{b.address}"
+        idle = any(folder == system.name and part in known for folder, part in NO_EFFECT)
+        expected[b.address] = Outcome.AGREES if idle else Outcome.DIFFERS
+    assert outcomes == expected
+    assert Outcome.DIFFERS in outcomes.values()

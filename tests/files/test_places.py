@@ -1,0 +1,276 @@
+"""Addresses: each means the bytes of one number, or is refused with file, line and remedy."""
+
+import pytest
+
+from harness.files.locations import PlaceError, find, numbers
+from harness.files.locations.location import Source
+
+MJCF = """<?xml version="1.0" encoding="UTF-8"?>
+<!-- Trägheit: <joint name="x" stiffness="1.0"/> is no joint, nor is mass="2" a mass. -->
+<mujoco model="drum > pendulum">
+  <option gravity="0 0 -9.81" note='stiffness="7"'/>
+  <default><joint damping="0.01"/></default>
+  <worldbody>
+    <body name="drum">
+      <joint name="x" type="slide" stiffness = '65.0' armature="1.2e0"/>
+      <inertial pos="0 0 0" mass="2.4" diaginertia="
+        0.02744   0.03888
+        +.02744 "/>
+      <body name="Stäbchen – rod"><inertial mass="0.8" pos="-0 0 -0.3"/></body>
+    </body>
+    <body><inertial mass="1"/></body>
+  </worldbody>
+  <equality><joint name="rolling" joint1="phi" polycoef="0 5.5 0 0 0"/></equality>
+  <tendon><fixed name="coupling" stiffness="38"><joint joint="x" coef="-1"/></fixed></tendon>
+</mujoco>
+"""
+URDF = """<robot name="r">
+  <link name="rod"><inertial><mass value="0.8"/><origin xyz="0 0 -0.3"/>
+    <inertia ixx="0.024" iyy="0.025" izz="1e-4"/></inertial></link>
+  <joint name="x"><dynamics damping="0.9" friction="0"/></joint>
+  <joint name="phi"><mimic joint="x" multiplier="5.5"/></joint>
+  <gazebo reference="x"><springStiffness> <!-- N/m, 48 before -->
+    47.0 </springStiffness><springReference>0</springReference></gazebo>
+  <gazebo reference="y"><springStiffness>1 2</springStiffness></gazebo>
+</robot>
+"""
+PYTHON = '''"""MASS = 9 in a docstring."""
+import math
+from math import tau
+WÖRTER = "MASS = 8"; MASS = 1.3  # MASS = 7
+REST: float = -0.75
+COUNT = 3
+PLUS = +1_000.5
+COMPUTED = MASS * 2
+TWICE = 1.0
+TWICE = 2.0
+if COUNT:
+    SOMETIMES = 1.0
+ADDED = 1.0
+ADDED += 1
+SHARED = ALIAS = 4.0
+PAIR, OTHER = 1.0, 2.0
+SPACED = - 3
+HEX = 0x10
+YES = True
+GLOBAL = 1.0
+
+def build():
+    global GLOBAL
+    MASS = 5.0
+    GLOBAL = 2.0
+    return MASS
+'''
+TOML = """# stiffness = 1
+engines = ["a", 'b', "gravity = [1]"]
+note = \"\"\"[[spring]]
+stiffness = 3\"\"\"
+"quoted key".é-no = 1 # not a key
+[settings]
+step = 2e-3
+gravity = [
+  0, # gravity = 1
+  0,
+  -9.81, ]
+[settings.mujoco]
+solref = [1e-6, 0.5]
+day = 1979-05-27 07:32:00
+[[spring]]
+joints = { x1 = 1, "x 2" = -1 }
+stiffness = 38.0
+[[spring]]
+stiffness = 1_000
+nested = { rest = [{ at = 0.5 }] }
+[spring.inner]
+deep = 7.5
+"""
+TOML = TOML.replace(".é-no", '."é-no"')
+
+FOUND = [
+    ("m.xml", MJCF, {
+        "joint[x]@stiffness": "65.0", "joint[x]@armature": "1.2e0", "joint[x]@coef": "-1",
+        "body[drum]/joint[x]@stiffness": "65.0", "option@gravity[2]": "-9.81",
+        "default/joint@damping": "0.01", "joint@damping": "0.01",
+        "body[drum]/inertial@mass": "2.4", "body[drum]/inertial@diaginertia[0]": "0.02744",
+        "body[drum]/inertial@diaginertia[2]": "+.02744", "inertial@diaginertia[1]": "0.03888",
+        "body[drum]/body/inertial@mass": "0.8",
+        "body[Stäbchen – rod]/inertial@mass": "0.8",
+        "body[Stäbchen – rod]/inertial@pos[2]": "-0.3",
+        "body[Stäbchen – rod]/inertial@pos[0]": "-0",
+        "equality/joint[rolling]@polycoef[1]": "5.5", "fixed[coupling]@stiffness": "38",
+        "tendon/fixed/joint[x]@coef": "-1", "joint[x]@armature[0]": "1.2e0",
+    }),
+    ("m.urdf", URDF, {
+        "link[rod]/inertial/mass@value": "0.8", "mass@value": "0.8",
+        "link[rod]/inertial/origin@xyz[2]": "-0.3", "link[rod]/inertial/inertia@izz": "1e-4",
+        "joint[x]/dynamics@damping": "0.9", "joint[phi]/mimic@multiplier": "5.5",
+        "mimic[x]@multiplier": "5.5", "gazebo[x]/springStiffness": "47.0",
+        "gazebo/springReference": "0",
+    }),
+    ("m.py", PYTHON, {"MASS": "1.3", "REST": "-0.75", "COUNT": "3", "PLUS": "+1_000.5"}),
+    ("first.py", "MASS = 1.3\n", {"MASS": "1.3"}),
+    ("m.toml", TOML, {
+        "settings.gravity[2]": "-9.81", "settings.step": "2e-3",
+        "settings.mujoco.solref[0]": "1e-6",
+        "spring[0].stiffness": "38.0", "spring[1].stiffness": "1_000",
+        "spring[0].joints.x1": "1", 'spring[0].joints."x 2"': "-1",
+        "spring[1].nested.rest[0].at": "0.5", "spring[1].inner.deep": "7.5",
+        '"quoted key"."é-no"': "1",
+    }),
+]  # fmt: skip
+EVERY = [
+    pytest.param(file, mark + text, end, address, number, id=f"{file}-{address}-{kind}")
+    for file, text, found in FOUND
+    for address, number in found.items()
+    for kind, mark, end in (("LF", "", "\n"), ("CRLF", "", "\r\n"), ("BOM", "\ufeff", "\n"))
+    if not (mark and file.endswith(".toml"))  # TOML has no byte order mark
+]
+
+
+@pytest.mark.parametrize(("file", "text", "end", "address", "number"), EVERY)
+def test_an_address_means_the_bytes_of_its_number(tmp_path, file, text, end, address, number):
+    data = text.replace("\n", end).encode()
+    (tmp_path / file).write_bytes(data)
+    place = find(tmp_path / file, [address])[address]
+    assert place.text == number
+    assert data[place.start : place.end] == number.encode()
+    assert place.value == float(number)
+    line = text.removeprefix("\ufeff").split("\n")[place.line - 1]
+    assert line[place.column - 1 :].startswith(number)
+    assert str(place) == f"{tmp_path / file}:{place.line}"
+
+
+def test_look_alikes_come_before_the_places_they_look_like():
+    # Else the test above would not tell a parser from a search for text.
+    assert MJCF.index('stiffness="1.0"') < MJCF.index("stiffness = '65.0'")
+    assert URDF.index("48 before") < URDF.index("47.0")
+    assert PYTHON.index("MASS = 9") < PYTHON.index("MASS = 1.3")
+    assert TOML.index("gravity = [1]") < TOML.index("gravity = [\n")
+
+
+@pytest.mark.parametrize(("file", "text", "address", "line", "sentence"), [
+    # Nothing is meant.
+    ("m.xml", MJCF, "joint[y]@stiffness", None,
+     r"there is no joint\[y\]; there is joint\[x\], joint\[rolling\]"),
+    ("m.xml", MJCF, "bodi[drum]/inertial@mass", None, r"no bodi\[drum\]; there is body\[drum\]"),
+    ("m.xml", MJCF, "body[drum]/intertial@mass", 7,
+     r"no intertial in body\[drum\]; there is inertial"),
+    ("m.xml", MJCF, "body[drum]/joint[x]@stifness", 8, "has no stifness; it has stiffness"),
+    ("m.xml", MJCF, "worldbody/inertial@mass", 6, "no inertial in worldbody; there is body"),
+    ("m.py", PYTHON, "MAS", None, "no name at the top level; there is MASS"),
+    ("m.toml", TOML, "spring[2].stiffness", None, r"no number; there is spring\[.\]\.stiffness"),
+    ("m.toml", TOML, "settings.gravity", None, r"no number; there is settings\.gravity\[\d\]"),
+    ("m.toml", TOML, "settings.mujoco.day", 14, "means no number"),
+    ("m.toml", TOML, "engines[0]", None, "means no number"),
+    # Several are.
+    ("m.xml", MJCF, "body/inertial@mass", 9,
+     r"several numbers \(lines 9, 12, 14\); say which.*body\[drum\]/inertial, "
+     r"body\[Stäbchen – rod\]/inertial, body/inertial"),
+    ("m.xml", MJCF, "inertial@mass", 9, r"\(body\[drum\]/inertial, body\[Stäb"),
+    ("m.xml", MJCF, "option@gravity", 4, r"means 3 numbers; say which, as in 'option@gravity\[0"),
+    ("m.urdf", URDF, "springStiffness", 6,
+     r"lines 6, 8\); say which.*\(gazebo\[x\]/springStiffness, gazebo\[y\]/springStiffness\)"),
+    ("m.urdf", URDF, "gazebo[y]/springStiffness", 8, "means 2 numbers"),
+    ("m.py", PYTHON, "TWICE", 9, r"bound several times \(lines 9, 10\)"),
+    ("m.py", PYTHON, "ADDED", 13, r"bound several times \(lines 13, 14\)"),
+    ("m.py", PYTHON, "GLOBAL", 20, r"bound several times \(lines 20, 25\)"),
+    # What is meant is no number, or can't be replaced.
+    ("m.xml", MJCF, "option@gravity[3]", 4, "beyond gravity: it has 3 numbers"),
+    ("m.xml", MJCF, "joint[x]@type", 8, "is 'slide' there, where a number belongs"),
+    ("m.xml", MJCF, "body[drum]", 7, r"no number; end the address with an attribute"),
+    ("m.urdf", URDF, "joint[x]/dynamics", 4, "without text; its attributes are damping, friction"),
+    ("m.py", PYTHON, "COMPUTED", 8, "no plain number there; write 'COMPUTED = 1.5'"),
+    ("m.py", PYTHON, "SOMETIMES", 12, "no plain number there"),
+    ("m.py", PYTHON, "SHARED", 15, "no plain number there"),
+    ("m.py", PYTHON, "PAIR", 16, "no plain number there"),
+    ("m.py", PYTHON, "YES", 19, "no plain number there"),
+    ("m.py", PYTHON, "build", 22, "no plain number there"),
+    ("m.py", PYTHON, "math", 2, "no plain number there"),
+    ("m.py", PYTHON, "tau", 3, "no plain number there"),
+    ("m.py", PYTHON, "SPACED", 17, "'- 3' there, where a decimal number belongs"),
+    ("m.py", PYTHON, "HEX", 18, "'0x10' there, where a decimal number belongs"),
+    # No address.
+    ("m.xml", MJCF, "joint[x]@", None, r"is no address; one is like 'body\[rod\]"),
+    ("m.xml", MJCF, "joint[x", None, "is no address"),
+    ("m.xml", MJCF, "", None, "is no address"),
+    ("m.py", PYTHON, "build.MASS", None, "is no address; in Python it is a name"),
+    ("m.toml", TOML, "settings.", None, r"is no address; one is like 'spring\[0\]\.stiffness'"),
+    ("m.toml", TOML, "[0]", None, "is no address"),
+    ("m.toml", TOML, "spring 0", None, "is no address"),
+    # The file can't be read.
+    ("m.xml", "<a>\n<b></a>", "b@x", 2, "no XML: mismatched tag"),
+    ("m.py", "A = 1\nB = (", "A", 2, "no Python"),
+    ("m.toml", "a = = 1", "a", None, "no TOML"),
+    ("m.json", "{}", "a", None, r"numbers are found in \.xml, \.urdf, \.py, \.toml files"),
+    ("m.xml", '<!DOCTYPE a [<!ENTITY k "1">]>\n<a b="&k;"/>', "a@b", 1, "declares entities"),
+    ("m.xml", '<!DOCTYPE a SYSTEM "a.dtd">\n<a b="1"/>', "a@b", 1, "declares entities or a DTD"),
+    ("m.xml", '<?xml version="1.0" encoding="latin-1"?>\n<a b="1"/>', "a@b", 1, "as UTF-8"),
+    ("m.py", "# coding: latin-1\nA = 1", "A", 1, "save it as UTF-8"),
+    # The bytes are not what is read.
+    ("m.xml", '<a b="4&#55;.0"/>', "a@b", 1, "spelled with a reference"),
+    ("m.xml", "<a><![CDATA[47]]></a>", "a", 1, "spelled with a reference or CDATA"),
+    ("m.xml", "<a>4<!-- and -->7</a>", "a", 1, "means 2 numbers"),
+    ("m.xml", '<a b="1_0"/>', "a@b", 1, "is '1_0' there, where a number belongs"),
+    ("m.xml", '<a b="٣"/>', "a@b", 1, "is '٣' there, where a decimal number belongs"),
+    ("m.xml", '<a b="inf"/>', "a@b", 1, "is 'inf' there, where a decimal number belongs"),
+    ("m.xml", '<a b=""/>', "a@b", None, "means 0 numbers"),
+])  # fmt: skip
+def test_what_means_no_single_number_is_refused(tmp_path, file, text, address, line, sentence):
+    path = tmp_path / file
+    path.write_bytes(text.encode())
+    with pytest.raises(PlaceError, match=sentence) as refused:
+        find(path, [address])
+    where = f"{path}: " if line is None else f"{path}:{line}: "
+    assert str(refused.value).startswith(where)
+
+
+def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path):
+    (tmp_path / "m.xml").write_bytes(b'<a b="\xe9"/>')
+    with pytest.raises(PlaceError, match=r"m\.xml: byte 6 is no UTF-8"):
+        find(tmp_path / "m.xml", ["a@b"])
+    with pytest.raises(PlaceError, match=r"gone\.xml: can't be read: No such file"):
+        find(tmp_path / "gone.xml", ["a@b"])
+
+
+def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path):
+    source = Source(tmp_path / "m.xml", b'<a b="1.5"/>')
+    assert source.place(((6, 9), 1.5), "a@b").text == "1.5"
+    with pytest.raises(
+        PlaceError, match=r"m\.xml:1: 'a@b' is read as 2\.5 there, but written '1\.5'"
+    ):
+        source.place(((6, 9), 2.5), "a@b")
+
+
+MECHANICS = r"(joint|inertial|mass)@\w+|springStiffness"
+
+
+def test_numbers_are_listed_by_addresses_that_find_them(tmp_path):
+    file = tmp_path / "model.xml"
+    file.write_text(
+        '<mujoco><geom name="g" size="1 2"/><body name="a"><joint name="x" damping="0.1"'
+        ' axis="0 0 1"/><inertial mass="2" pos="1 2 3"/></body><body name="b">'
+        '<inertial mass="3"/></body></mujoco>'
+    )
+    listed = numbers(file, r"(joint|inertial)@\w+")
+    assert listed == (
+        "joint[x]@damping", "joint[x]@axis[0]", "joint[x]@axis[1]", "joint[x]@axis[2]",
+        "body[a]/inertial@mass", "body[a]/inertial@pos[0]", "body[a]/inertial@pos[1]",
+        "body[a]/inertial@pos[2]", "body[b]/inertial@mass",
+    )  # fmt: skip
+    found = find(file, listed)
+    assert [place.value for place in found.values()] == [0.1, 0, 0, 1, 2, 1, 2, 3, 3]
+
+
+def test_numbers_without_an_address_of_their_own_are_left_out(tmp_path):
+    file = tmp_path / "model.urdf"
+    file.write_text(
+        '<robot><gazebo reference="x"><springStiffness>4</springStiffness></gazebo>'
+        '<link><mass value="1"/></link><link><mass value="2"/></link></robot>'
+    )
+    assert numbers(file, MECHANICS) == ("gazebo[x]/springStiffness",)
+
+
+def test_numbers_of_python_are_names_at_the_top_level(tmp_path):
+    file = tmp_path / "space.py"
+    file.write_text("A = 1.5\nB: float = -2\nC = A * 2\n\ndef f():\n    D = 3\n")
+    assert numbers(file, "unused") == ("A", "B")

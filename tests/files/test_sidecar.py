@@ -1,0 +1,78 @@
+"""Sidecars: what they may say, and how a wrong one is refused."""
+
+import pytest
+
+from harness.files.sidecar import SidecarError, read_sidecar
+
+GOOD = """
+engines = ["pybullet", "mujoco"]
+[settings]
+step = 0.002
+gravity = [0, 0, -9.81]
+[settings.mujoco]
+integrator = "Euler"
+[coordinates]
+phi = "x / r"
+[readback]
+x = "x"
+[[spring]]
+joints = {x1 = 1, x2 = -1}
+stiffness = 38.0
+damping = 0.35
+rest = 0
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def make(text):
+        (tmp_path / "robot.urdf").write_text("<robot/>")
+        path = tmp_path / "robot.urdf.toml"
+        path.write_text(text)
+        return path
+
+    return make
+
+
+def test_everything_said_is_read(write):
+    found = read_sidecar(write(GOOD))
+    assert found.engines == ("pybullet", "mujoco")
+    assert found.coordinates == {"phi": "x / r"}
+    assert found.springs[0].joints == {"x1": 1, "x2": -1}
+    assert found.springs[0].stiffness == 38.0
+
+
+def test_an_engine_sees_its_own_settings_and_no_other(write):
+    found = read_sidecar(write(GOOD))
+    assert found.spec("mujoco").settings["integrator"] == "Euler"
+    assert "integrator" not in found.spec("pybullet").settings
+    assert found.spec("pybullet").settings["step"] == 0.002
+
+
+@pytest.mark.parametrize(("change", "sentence"), [
+    (('engines = ["pybullet", "mujoco"]', ""), "engines must list engine names"),
+    (('engines = ["pybullet", "mujoco"]', "engines = []"), "engines must list engine names"),
+    (("step = 0.002", "step = 0"), "step is 0, where a positive number"),
+    (("step = 0.002", "step = '2 ms'"), "step is '2 ms'"),
+    (("[0, 0, -9.81]", "-9.81"), "gravity is -9.81, where three numbers belong"),
+    (("[settings.mujoco]", "[settings.drake]"), "not in engines"),
+    (("[readback]", "[read_back]"), "unknown key 'read_back'; known are"),
+    (('phi = "x / r"', "phi = true"), "phi must be an expression"),
+    (("stiffness = 38.0\n", ""), "must have damping, joints, rest, stiffness, each stated"),
+    (("stiffness = 38.0", "stiffness = nan"), "stiffness is nan"),
+    (("{x1 = 1, x2 = -1}", "['x1', 'x2']"), "joints must map joint names"),
+    (("step = 0.002", "step = = 1"), "no TOML"),
+])  # fmt: skip
+def test_a_wrong_sidecar_is_refused_with_its_file_and_place(write, change, sentence):
+    assert change[0] in GOOD
+    path = write(GOOD.replace(*change))
+    with pytest.raises(SidecarError, match=sentence) as refused:
+        read_sidecar(path)
+    assert str(path) in str(refused.value)
+
+
+def test_a_sidecar_without_its_model_is_refused(tmp_path):
+    path = tmp_path / "gone.urdf.toml"
+    path.write_text('engines = ["mujoco"]')
+    with pytest.raises(SidecarError, match=r"there is no model file gone\.urdf"):
+        read_sidecar(path)

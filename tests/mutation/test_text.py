@@ -1,0 +1,113 @@
+"""What `crosscheck mutate` prints and writes, from rows made up."""
+
+import json
+
+import pytest
+
+from harness.cli.main import main
+from harness.mutation.mutate import FAULTS, Mutation, MutationError
+from harness.mutation.text import mutation_json, mutation_lines, summary
+from harness.text.progress import Counter
+
+INFINITE = float("inf")
+
+
+def row(kind, name, verdict, place="joint[x]@stiffness", told="", first=1e-9):
+    return Mutation(
+        "swing", "mujoco.xml", "mujoco", kind, name, place, verdict, 0.1, told, float("nan"), first
+    )
+
+
+ROWS = (
+    *(row("literal", name, "named") for name in FAULTS),
+    *(row("literal", name, "unseen", "joint[x]@range[0]", first=INFINITE) for name in FAULTS),
+    row("mistake", "axis flipped", "named", "x"),
+    row("mistake", "axis flipped", "caught", "y", "gravity along z"),
+    row("mistake", "gravity off", "unseen", "option@gravity[2]", first=INFINITE),
+    row("mistake", "friction left in", "missed", "x"),
+    row("mistake", "motors", "refused", "settings.motors", "it won't"),
+    row("no mistake", "another time step", "agrees", "step 0.004 s", "raw error 1% -> 2%"),
+)
+
+
+def test_one_line_sums_up_without_what_no_motion_shows():
+    assert summary(ROWS) == (
+        "small faults: 3 of 3 caught, 3 named, 0 refused by the engine;"
+        " mistakes: 6 of 7 caught, 5 named, 1 refused by the engine;"
+        " another step or integrator: 1 of 1 agree;"
+        " 1 literals that no motion depends on (see audit)"
+    )
+
+
+def test_the_tables_have_a_row_a_literal_and_a_row_a_kind_of_mistake():
+    lines = mutation_lines(ROWS)
+    stiffness = next(line for line in lines if "joint[x]@stiffness" in line)
+    assert stiffness.split() == ["joint[x]@stiffness", "1e-09", *["named"] * len(FAULTS)]
+    assert "  another time step, step 0.004 s: agrees, raw error 1% -> 2%" in lines
+    flipped = next(line for line in lines if line.startswith("axis flipped"))
+    assert flipped.split() == ["axis", "flipped", "2", "1", "1", ".", ".", ".", "1e-09"]
+    assert lines[-1] == summary(ROWS)
+
+
+def test_what_was_not_named_is_listed_with_what_was_told():
+    text = "\n".join(mutation_lines(ROWS))
+    assert "told:\n  swing/mujoco.xml [mujoco] y axis flipped: gravity along z\n" in text
+    assert "missed:\n  swing/mujoco.xml [mujoco] x friction left in\n" in text
+    assert "engine:\n  swing/mujoco.xml [mujoco] settings.motors motors: it won't\n" in text
+
+
+def test_a_step_that_is_taken_for_a_mistake_is_listed():
+    wrong = row("no mistake", "another time step", "caught", "step 0.004 s", "damping on x")
+    text = "\n".join(mutation_lines([wrong]))
+    assert "no mistake, but told to be one:" in text
+    assert "0 of 1 agree" in text
+
+
+def test_json_has_every_row_and_no_infinity():
+    found = json.loads(mutation_json(ROWS), parse_constant=pytest.fail)
+    assert len(found["rows"]) == len(ROWS)
+    unseen = next(r for r in found["rows"] if r["place"] == "joint[x]@range[0]")
+    assert unseen["first_caught"] is None
+    assert found["summary"] == summary(ROWS)
+
+
+def test_progress_without_a_terminal_is_a_line_every_tenth(capsys):
+    with Counter("faults") as counter:
+        counter(1, 0, None)  # the total is not known yet
+        for done in range(2, 201):
+            counter(done, 200, None)
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 10
+    assert told[0] == "20 of 200 faults (10 %)"
+    assert told[-1] == "200 of 200 faults (100 %)"
+
+
+@pytest.mark.parametrize(
+    ("rows", "code"),
+    [
+        (ROWS, 1),  # one was missed
+        ([r for r in ROWS if r.verdict != "missed"], 0),
+        ([row("no mistake", "another time step", "caught", "step 0.004 s")], 1),
+    ],
+)
+def test_the_command_writes_json_whole_and_tells_by_its_exit_code(
+    rows, code, monkeypatch, tmp_path, capsys
+):
+    monkeypatch.setattr("harness.cli.mutate.mutate", lambda *_: list(rows))
+    file = tmp_path / "new" / "mutations.json"
+    assert main(["mutate", "mass_spring_damper", "--json", str(file)]) == code
+    assert len(json.loads(file.read_text())["rows"]) == len(rows)
+    assert capsys.readouterr().out.rstrip().endswith(summary(rows))
+
+
+def test_a_folder_that_is_not_sound_is_one_line_and_writes_nothing(monkeypatch, tmp_path, capsys):
+    def refuse(*_):
+        raise MutationError("mujoco.xml: it differs already")
+
+    monkeypatch.setattr("harness.cli.mutate.mutate", refuse)
+    file = tmp_path / "mutations.json"
+    assert main(["mutate", "mass_spring_damper", "--json", str(file)]) == 3
+    told = capsys.readouterr()
+    assert told.err.splitlines()[-1] == "crosscheck: mujoco.xml: it differs already"
+    assert not told.out
+    assert not file.exists()

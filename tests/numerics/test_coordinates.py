@@ -1,0 +1,107 @@
+"""Maps between a system's coordinates and an engine's."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines.protocol import StateForce
+from harness.files.folders import builtin
+from harness.files.sidecar import Sidecar, SidecarError
+from harness.numerics.coordinates import coordinate_map
+from reference.load import load_system
+
+
+@pytest.fixture(scope="module")
+def drum():
+    return load_system(builtin() / "drum_pendulum")
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return load_system(builtin() / "simple_pendulum")
+
+
+def sidecar(coordinates=None, readback=None):
+    return Sidecar(Path("m.xml"), ("x",), {}, {}, coordinates or {}, readback or {}, ())
+
+
+BOB = sidecar(
+    {"bob.x": "l*sin(theta)", "bob.y": "-l*cos(theta)", "bob.angle": "0"},
+    {"theta": "atan2(bob.x, -bob.y)"},
+)
+NAMES = ("bob.x", "bob.y", "bob.angle")
+
+
+def test_joints_named_like_coordinates_need_no_declaration(drum):
+    found = coordinate_map(drum, sidecar(), ("theta", "x"))
+    z, w = found.to_engine(np.array([[0.1, 0.2, 0.3, 0.4]]))
+    assert z.tolist() == [[0.2, 0.1]]
+    assert w.tolist() == [[0.4, 0.3]]
+    assert found.push_matrix.tolist() == [[0.0, 1.0], [1.0, 0.0]]
+
+
+def test_velocities_go_through_the_jacobian_and_back(pendulum):
+    found = coordinate_map(pendulum, BOB, NAMES)
+    states = np.array([[0.7, 1.3], [-2.9, 4.0]])
+    z, w = found.to_engine(states)
+    step = 1e-6
+    moved, _ = found.to_engine(states + step * np.array([[1.3, 0], [4.0, 0]]))
+    assert w == pytest.approx((moved - z) / step, abs=1e-5)
+    assert found.from_engine(z, w, states) == pytest.approx(states, abs=1e-14)
+
+
+def test_forces_go_through_the_transpose(pendulum):
+    found = coordinate_map(pendulum, BOB, NAMES)
+    force = found.force(np.full((1, 3, 1), 2.0))
+    assert isinstance(force, StateForce)
+    z, w = found.to_engine(np.array([[0.7, 1.3]]))
+    # The same power on z as on q: F . dz/dt = tau theta'.
+    assert np.array(force.at(z[0], [2.0])) @ w[0] == pytest.approx(2.0 * 1.3, rel=1e-14)
+
+
+def test_an_angle_read_by_atan2_is_taken_near_the_reference(pendulum):
+    found = coordinate_map(pendulum, BOB, NAMES)
+    states = np.array([[3.5, 1.0], [-9.0, 1.0], [20.0, 0.0]])
+    assert found.from_engine(*found.to_engine(states), states) == pytest.approx(states, abs=1e-13)
+
+
+def test_an_angle_is_followed_past_a_turn_that_the_reference_does_not_take(pendulum):
+    found = coordinate_map(pendulum, BOB, NAMES)
+    states = np.stack([np.linspace(2.9, 16.0, 50), np.full(50, 3.0)], axis=1)
+    assert found.follow(*found.to_engine(states), states[0]) == pytest.approx(states, abs=1e-12)
+
+
+def test_the_residual_of_the_map_is_the_constraint_drift(drum):
+    rolling = sidecar({"phi": "x/r"})
+    found = coordinate_map(drum, rolling, ("x", "phi", "theta"))
+    z, _ = found.to_engine(np.array([[0.18, 0.5, 0, 0]]))
+    assert z[0, 1] == pytest.approx(1.0, rel=1e-15)
+    assert found.drift(z) < 1e-15
+    z[0, 1] += 1e-3  # the drum slips
+    assert found.drift(z) == pytest.approx(1e-3)
+
+
+def test_no_input_is_no_force(drum):
+    found = coordinate_map(drum, sidecar(), ("x", "theta"))
+    assert found.force(np.zeros((2, 3, 2))) is None
+
+
+@pytest.mark.parametrize(("coordinates", "readback", "names", "sentence"), [
+    ({}, {}, ("x", "phi"), r"\[coordinates\] phi: is no coordinate of drum_pendulum"),
+    ({"spin": "x/r"}, {}, ("x", "theta"), r"spin: the model has no such coordinate"),
+    ({"phi": "x/R"}, {}, ("x", "phi", "theta"), r"R is neither a coordinate nor a constant"),
+    ({"phi": "x/"}, {}, ("x", "phi", "theta"), r"can't read 'x/'"),
+    ({"slide": "x"}, {}, ("slide", "theta"), r"\[readback\] x: say how it is read"),
+    ({"slide": "x"}, {"x": "2*slide"}, ("slide", "theta"), r"is not the inverse"),
+    ({}, {"y": "x"}, ("x", "theta"), r"\[readback\] y is no coordinate"),
+])  # fmt: skip
+def test_a_map_that_does_not_close_is_refused_by_name(drum, coordinates, readback, names, sentence):
+    with pytest.raises(SidecarError, match=sentence) as refused:
+        coordinate_map(drum, sidecar(coordinates, readback), names)
+    assert "m.xml.toml" in str(refused.value)
+
+
+def test_expressions_are_no_way_to_run_code(drum):
+    with pytest.raises(SidecarError, match="can't read"):
+        coordinate_map(drum, sidecar({"phi": "__import__('os').getcwd()"}), ("x", "phi", "theta"))

@@ -1,0 +1,153 @@
+"""Extrapolated segments, defects and verdicts, with an engine of a few lines."""
+
+import numpy as np
+import pytest
+from sympy import Heaviside, Rational, sin
+
+from harness.cases.verdict import component_scale, judge
+from harness.numerics.segments import BlownUpError, extrapolate
+from harness.records.outcome import Outcome
+from reference import t
+from tests.numerics.conftest import MASS, STIFFNESS, SymplecticEuler
+
+NAMES = ("x", "x_dot")
+
+
+def verdict(bench, resolution=1e-9):
+    scale = component_scale(bench.motion, [])
+    found = extrapolate(bench.model, bench.coordinates, bench.motion, scale, resolution)
+    claimed = bench.model.exponents(False)[0]
+    return judge(found.limit, bench.motion, scale, NAMES, claimed, resolution), found
+
+
+@pytest.mark.parametrize("drive", [0, 6 * Heaviside(t - Rational(13, 10)), sin(5 * t) + t / 3])
+def test_a_right_engine_agrees_to_eleven_digits(bench, drive):
+    found, _ = verdict(bench(drive=drive))
+    assert found.outcome is Outcome.AGREES
+    assert found.discrepancy <= found.uncertainty < 1e-11
+    assert found.order == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("fault", [1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("literal", ["mass", "damping", "stiffness"])
+def test_a_wrong_literal_differs_by_its_fault(bench, literal, fault):
+    model = SymplecticEuler()
+    setattr(model, literal, getattr(model, literal) * (1 + fault))
+    found, _ = verdict(bench(model))
+    assert found.outcome is Outcome.DIFFERS
+    # The damper makes a twentieth of the force, so its fault reads smaller.
+    assert 0.02 * fault < found.discrepancy < 2 * fault
+    assert "off" in found.reason
+
+
+def test_a_fault_below_the_floor_agrees(bench):
+    found, _ = verdict(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + 1e-14))))
+    assert found.outcome is Outcome.AGREES
+
+
+class TwoStages(SymplecticEuler):
+    """The midpoint method: order 2, though it inherits the claim of order 1."""
+
+    def rollout(self, q, v, h, n, force, every):
+        q, v = q.copy(), v.copy()
+        for _ in range(n):
+            a = (-self.stiffness * q - self.damping * v) / self.mass
+            middle_q, middle_v = q + h / 2 * v, v + h / 2 * a
+            q = q + h * middle_v
+            v = v + h * (-self.stiffness * middle_q - self.damping * middle_v) / self.mass
+        return q[:, None], v[:, None]
+
+
+def test_an_order_that_is_not_the_claimed_one_leaves_no_digit(bench):
+    found, _ = verdict(bench(TwoStages()))
+    assert found.outcome is Outcome.UNRESOLVED
+    assert "exponents don't hold" in found.reason
+    assert "order 2" in found.reason
+
+
+class Frozen(SymplecticEuler):
+    """Returns its start: what an engine that resets itself does to every rung."""
+
+    def rollout(self, q, v, h, n, force, every):
+        return 0 * q[:, None], 0 * v[:, None]
+
+
+def test_rungs_that_are_all_the_same_are_no_answer(bench):
+    found, _ = verdict(bench(Frozen()))
+    assert found.outcome is Outcome.UNRESOLVED
+    assert "did not step" in found.reason
+
+
+class Noisy(SymplecticEuler):
+    """Single precision: the limit can't be known to nine digits."""
+
+    def rollout(self, q, v, h, n, force, every):
+        z, w = super().rollout(q, v, h, n, force, every)
+        return z.astype(np.float32).astype(float), w.astype(np.float32).astype(float)
+
+
+def test_single_precision_is_unresolved_at_nine_digits_but_not_at_four(bench):
+    assert verdict(bench(Noisy()))[0].outcome is Outcome.UNRESOLVED
+    assert verdict(bench(Noisy()), resolution=1e-3)[0].outcome is Outcome.AGREES
+
+
+def test_a_coarse_fault_is_seen_through_single_precision(bench):
+    found, _ = verdict(bench(Noisy(stiffness=STIFFNESS * 1.05)))
+    assert found.outcome is Outcome.DIFFERS
+
+
+class Stop(SymplecticEuler):
+    """An inelastic stop at x = -0.1."""
+
+    def rollout(self, q, v, h, n, force, every):
+        q, v = q.copy(), v.copy()
+        for _ in range(n):
+            v = v + h * (-self.stiffness * q - self.damping * v) / MASS
+            q = q + h * v
+            hit = q < -0.1
+            q, v = np.where(hit, -0.1, q), np.where(hit, 0.0, v)
+        return q[:, None], v[:, None]
+
+
+def test_a_stop_on_the_way_never_agrees(bench):
+    found, _ = verdict(bench(Stop()))
+    assert found.outcome in (Outcome.DIFFERS, Outcome.UNRESOLVED)
+    assert found.discrepancy > 1e-2
+
+
+class Exploding(SymplecticEuler):
+    def rollout(self, q, v, h, n, force, every):
+        z, w = super().rollout(q, v, h, n, force, every)
+        z[3] = np.nan
+        return z, w
+
+
+def test_values_that_are_not_finite_are_told_with_their_time(bench):
+    with pytest.raises(BlownUpError, match=r"not finite, from the segment at t = 0\.0"):
+        verdict(bench(Exploding()))
+
+
+def test_every_rung_takes_a_whole_number_of_steps_to_each_break_of_the_input(bench):
+    made = bench(drive=6 * Heaviside(t - Rational(13, 10)))
+    _, found = verdict(made)
+    before, after = made.motion.spans
+    assert before.start + before.length * before.count == pytest.approx(1.3, abs=1e-15)
+    assert {(h, n) for h, n, _ in made.model.calls} == {
+        (span.length / rung, rung) for span in (before, after) for rung in found.rungs
+    }
+
+
+def test_steps_are_counted(bench):
+    made = bench()
+    _, found = verdict(made)
+    assert found.steps == sum(n * batch for _, n, batch in made.model.calls)
+
+
+def test_the_scale_of_a_still_component_is_floored_by_the_other_scenarios(bench):
+    moving, still = bench().motion, bench(duration=1.0).motion
+    quiet = type(still)(
+        still.t, 0 * still.start, 0 * still.end, still.bound, 0 * still.nodes, still.spans,
+        still.inputs, still.fastest, still.method,
+    )  # fmt: skip
+    assert component_scale(quiet, [moving]) == pytest.approx(0.01 * moving.movement)
+    assert np.all(component_scale(quiet, [quiet]) > 0)

@@ -1,0 +1,175 @@
+"""Which tests there are, what they are called, and how they are selected."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.engines.mujoco import MujocoEngine
+from harness.pytest_plugin.runner import Laboratory
+
+pytest_plugins = ["pytester"]
+
+ROOT = Path(__file__).parents[2]
+MSD = "models/msd/system.py::mass_spring_damper"
+SCENARIOS = ("free", "step", "resonance", "audit")
+
+
+@pytest.fixture(autouse=True)
+def nothing_runs(monkeypatch):
+    def run(*_):
+        raise AssertionError("something was run")
+
+    monkeypatch.setattr(Laboratory, "_run", run)
+
+
+def test_every_model_engine_and_scenario_is_a_test_with_a_readable_id(project):
+    project.add(files=("mujoco.xml", "robot.urdf"))
+    assert project.collected("--crosscheck", "models") == [
+        *(f"{MSD}/mujoco.xml/{name}" for name in SCENARIOS),
+        *(f"{MSD}/robot.urdf/{name}[pybullet]" for name in SCENARIOS),
+        *(f"{MSD}/robot.urdf/{name}[mujoco]" for name in SCENARIOS),
+    ]
+
+
+def test_folders_are_found_at_any_depth_and_under_several_paths(project):
+    project.add("a", under="models/arms/left")
+    project.add("b", under="others")
+    project.add("hidden", under="models/.cache")
+    found = project.collected("--crosscheck", "models", "--crosscheck", "others/b/system.py")
+    assert {name.split("::")[0] for name in found} == {
+        "models/arms/left/a/system.py", "others/b/system.py",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("selection", "count"), [
+    (["-k", "free"], 3), (["-k", "mujoco.xml and not audit"], 3), (["-k", "pybullet"], 4),
+    (["-m", "mujoco"], 8), (["-m", "mass_spring_damper and pybullet"], 4),
+    (["-m", "crosscheck"], 12), (["-m", 'crosscheck(engine="mujoco", scenario="free")'], 2),
+    (["--deselect", f"{MSD}/robot.urdf"], 4),
+    ([f"{MSD}/robot.urdf/free[pybullet]"], 1), ([f"{MSD}/robot.urdf/free"], 2),
+    (["models/msd"], 12),
+])  # fmt: skip
+def test_tests_are_selected_by_name_marker_and_id(project, selection, count):
+    project.add(files=("mujoco.xml", "robot.urdf"))
+    assert len(project.collected("--crosscheck", "models", *selection)) == count
+
+
+def test_a_projects_own_tests_are_run_where_they_are_named(project):
+    project.add()
+    (project.path / "tests").mkdir()
+    (project.path / "tests" / "test_own.py").write_text("def test_own(): pass\n")
+    own = ["tests/test_own.py::test_own"]
+    cases = [f"{MSD}/mujoco.xml/{name}" for name in SCENARIOS]
+    assert project.collected() == own
+    assert project.collected("--crosscheck", "models") == cases
+    assert project.collected("--crosscheck", "models", "tests") == own + cases
+    assert sorted(project.collected("--crosscheck", "models", ".")) == sorted(own + cases)
+
+
+def test_the_ini_files_paths_are_added_to_a_plain_run_and_to_no_other(project):
+    project.add()
+    (project.path / "tests").mkdir()
+    (project.path / "tests" / "test_own.py").write_text("def test_own(): pass\n")
+    (project.path / "pytest.ini").write_text(
+        "[pytest]\ntestpaths = tests\ncrosscheck_paths = models\n"
+    )
+    assert len(project.collected()) == 5
+    assert project.collected("tests") == ["tests/test_own.py::test_own"]
+    assert len(project.collected("models/msd")) == 4
+
+
+def test_python_files_of_a_model_are_no_test_modules(project):
+    project.add(files=("space.py",))
+    (project.path / "pytest.ini").write_text("[pytest]\npython_files = s*.py\n")
+    assert project.collected("--crosscheck", "models") == [
+        f"{MSD}/space.py/{name}" for name in SCENARIOS
+    ]
+    assert len(project.collected("--crosscheck", "models", ".", "--doctest-modules")) == 4
+
+
+def test_without_the_option_nothing_happens(project):
+    project.add()
+    (project.path / "test_own.py").write_text("def test_own(request):\n    pass\n")
+    done = project.run("-q", "--strict-markers", "--strict-config")
+    done.assert_outcomes(passed=1)
+    done.stdout.no_fnmatch_line("*crosscheck*")
+
+
+def test_the_plugin_imports_nothing_but_pytest():
+    told = "import sys, pytest; before = set(sys.modules); import pytest_crosscheck;"
+    told += "print(sorted(set(sys.modules) - before))"
+    done = subprocess.run(
+        [sys.executable, "-c", told], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "['pytest_crosscheck']"
+
+
+@pytest.mark.parametrize(("arguments", "sentence"), [
+    (["--crosscheck", "nowhere"], "--crosscheck nowhere: no such folder; built-in systems are"),
+    (["--crosscheck", "empty"], "--crosscheck empty: neither it nor a folder under it has a"),
+    (["--crosscheck", "models", "--crosscheck-resolution", "0"], "0 is not between"),
+    (["--crosscheck", "models", "--crosscheck-time-limit", "-1"], "-1 is no time in seconds"),
+])  # fmt: skip
+def test_wrong_usage_is_a_sentence_and_no_run(project, arguments, sentence):
+    project.add()
+    (project.path / "empty").mkdir()
+    done = project.run(*arguments)
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    assert sentence in done.stderr.str()
+    assert "Traceback" not in done.stderr.str()
+
+
+def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project):
+    broken = project.add("broken")
+    project.edit(broken / "system.py", "k * x.q**2 / 2", "k * y.q**2 / 2")
+    project.edit(project.add("ends") / "system.py", "from sympy", "raise SystemExit(3)\nfrom sympy")
+    (project.add("lonely") / "mujoco.xml.toml").unlink()
+    project.add("bare", files=())
+    project.edit(project.add("typo") / "mujoco.xml.toml", "engines", "motors")
+    done = project.run("--crosscheck", "models", "-W", "error")
+    # The folder without a sidecar has two reasons: the file, and that nothing is left to run.
+    done.assert_outcomes(failed=6)
+    done.stdout.fnmatch_lines(
+        [
+            "*/bare: it has no model file with a sidecar*",
+            "*/broken/system.py:*NameError: name 'y' is not defined",
+            "*/ends/system.py: it ends the process, exit code 3",
+            "*/lonely/mujoco.xml: this model file has no sidecar*",
+            "*/typo/mujoco.xml.toml: unknown key 'motors'*",
+        ]
+    )
+    assert "Traceback" not in done.stdout.str()
+
+
+def test_scenarios_with_names_that_mean_something_to_pytest_have_ids_all_the_same(project):
+    folder = project.add()
+    project.edit(folder / "system.py", 'Scenario("free"', 'Scenario("audit"')
+    project.edit(folder / "system.py", 'Scenario("step"', 'Scenario("a::b[c]"')
+    done = project.run("--crosscheck", "models", "--collect-only", "-q")
+    for name in ("audit", "a:b(c)", "resonance", "audit of the model"):
+        assert f"{MSD}/mujoco.xml/{name}" in done.outlines
+
+
+def test_a_system_named_like_a_marker_is_not_marked_with_it(project, answers):
+    folder = project.add()
+    project.edit(folder / "system.py", 'name="mass_spring_damper"', 'name="skip"')
+    (project.path / "pytest.ini").write_text("[pytest]\nmarkers =\n    mujoco: needs a licence\n")
+    arguments = ("--crosscheck", "models", "--strict-markers")
+    project.run(*arguments).assert_outcomes(passed=4)
+    assert project.collected(*arguments, "-m", "mujoco") == []
+    assert len(project.collected(*arguments, "-m", 'crosscheck(engine="mujoco")')) == 4
+
+
+def test_a_missing_engine_skips_in_sight_and_fails_where_it_is_required(project, monkeypatch):
+    monkeypatch.setattr(MujocoEngine, "version", lambda _: None)
+    project.add()
+    done = project.run("--crosscheck", "models")
+    done.assert_outcomes(skipped=4)
+    done.stdout.fnmatch_lines(["not run: 4 tests: mujoco is not installed"])
+    done = project.run("--crosscheck", "models", "-rs")
+    done.stdout.fnmatch_lines(["SKIPPED*models/msd/mujoco.xml:1: mujoco is not installed"])
+    done = project.run("--crosscheck", "models", "--require-engines")
+    done.assert_outcomes(failed=4)
+    done.stdout.fnmatch_lines(["ABSENT: mujoco is not installed"])

@@ -1,0 +1,198 @@
+"""What a test says of what it ran: real engines, and answers in their place."""
+
+import re
+import xml.etree.ElementTree as ET
+
+import pytest
+
+from harness.cli.main import main
+from harness.diagnosis.task import inquire
+from harness.pytest_plugin.runner import Laboratory
+from harness.text.status import Ending, decide
+
+pytest_plugins = ["pytester"]
+
+MSD = "models/msd/system.py::mass_spring_damper"
+
+
+def test_a_sound_model_passes_under_strict_settings_and_leaves_its_numbers(project):
+    project.add()
+    (project.path / "pytest.ini").write_text(
+        "[pytest]\naddopts = --strict-markers --strict-config\nfilterwarnings = error\n"
+    )
+    done = project.run("--crosscheck", "models", "-k", "free or audit", "--junitxml=j.xml", "-v")
+    done.assert_outcomes(passed=2, deselected=2)
+    done.stdout.fnmatch_lines(
+        [f"{MSD}/mujoco.xml/free PASSED*", "1 AGREES; all that agree do so to *"]
+    )
+    case = ET.parse(project.path / "j.xml").find(".//testcase")
+    assert case.get("classname") == "models.msd.system"
+    assert case.get("name") == "mass_spring_damper/mujoco.xml/free"
+    told = {p.get("name"): p.get("value") for p in case.iter("property")}
+    assert told["outcome"] == "AGREES"
+    assert 0 < float(told["discrepancy"]) < float(told["uncertainty"]) < 1e-9
+    assert 0 < float(told["raw_error"]) < 0.1
+    assert float(told["order"]) == pytest.approx(1, abs=0.05)
+
+
+def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(project, monkeypatch):
+    asked = []
+    run = Laboratory._run
+    monkeypatch.setattr(
+        Laboratory, "_run", lambda self, f, task: asked.append(f) or run(self, f, task)
+    )
+    path = project.add() / "mujoco.xml"
+    project.edit(path, 'stiffness="47.0"', 'stiffness="47.000047"')
+    line = path.read_text()[: path.read_text().index("47.000047")].count("\n") + 1
+    done = project.run(
+        "--crosscheck", "models", "-k", "free or step or audit", "--junitxml=j.xml", "-v"
+    )
+    done.assert_outcomes(failed=3, deselected=1)
+    cause = f"cause: joint[[]x]@stiffness (mujoco.xml:{line}) is 47.000047, the motion wants 47 ± *"
+    done.stdout.fnmatch_lines(
+        [
+            "*_ mass_spring_damper/mujoco.xml/free [[]mujoco] _*",
+            "DIFFERS: x_dot ends the segment at t = * of its movement off; *",
+            "  discrepancy *e-06, uncertainty *",
+            cause,
+            "*_ mass_spring_damper/mujoco.xml/audit [[]mujoco] _*",
+            f"*mujoco.xml:{line}: joint[[]x]@stiffness is 47.000047 where k = 47.0 *",
+            f"FAILED {MSD}/mujoco.xml/free - DIFFERS*",
+        ]
+    )
+    shown = done.stdout.str()
+    assert "Traceback" not in shown
+    assert not re.search(r"collect\.py|laboratory\.py|Error\b", shown)
+    assert asked.count(inquire) == 1
+    failure = ET.parse(project.path / "j.xml").find(".//failure")
+    assert "joint[x]@stiffness" in failure.get("message")
+    assert "DIFFERS: x_dot" in failure.text
+    assert f"mujoco.xml:{line}" in failure.text
+
+
+def test_what_failed_is_run_again_by_lf_and_by_its_id(project, answers):
+    project.add()
+    answers["step"] = {"outcome": "DIFFERS", "reason": "x is off"}
+    project.run("--crosscheck", "models").assert_outcomes(passed=3, failed=1)
+    project.run("--crosscheck", "models", "--lf").assert_outcomes(failed=1)
+    done = project.run("--crosscheck", "models", f"{MSD}/mujoco.xml/step")
+    done.assert_outcomes(failed=1)
+    done.stdout.fnmatch_lines(["DIFFERS: x is off", "no cause found: untold"])
+
+
+def test_a_crash_is_one_failed_test_with_what_was_printed(project):
+    folder = project.add(files=("space.py", "mujoco.xml"))
+    project.edit(
+        folder / "space.py", "    space = pymunk.Space()\n",
+        "    import os\n    print('about to crash', flush=True)\n    os.kill(os.getpid(), 11)\n"
+        "    space = pymunk.Space()\n",
+    )  # fmt: skip
+    done = project.run("--crosscheck", "models", "-k", "free")
+    done.assert_outcomes(passed=1, failed=1, deselected=6)
+    done.stdout.fnmatch_lines(
+        ["FAILED: the engine's process died (SIGSEGV)*", "  | about to crash"]
+    )
+
+
+def test_a_model_that_hangs_is_stopped_at_the_time_limit(project):
+    folder = project.add(files=("space.py",))
+    project.edit(folder / "space.py", "def build():", "def build():\n    while True: pass\n")
+    done = project.run("--crosscheck", "models", "-k", "audit", "--crosscheck-time-limit", "2")
+    done.assert_outcomes(failed=1, deselected=3)
+    done.stdout.fnmatch_lines(["FAILED: it took more than the 2 s allowed and was stopped"])
+
+
+def test_all_tests_of_a_system_are_one_xdist_workers(project, pytester):
+    pytest.importorskip("xdist")
+    project.add("a")
+    project.add("b", source="torsional_disc")
+    project.edit(project.path / "models/b/mujoco.xml", 'timestep="0.002"', 'timestep="-1"')
+    (project.path / "tests").mkdir()
+    (project.path / "tests" / "test_own.py").write_text("def test_own(): assert False\n")
+    (project.path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\n")
+    done = pytester.runpytest_subprocess(
+        "-p", "harness.pytest_plugin", "-n", "2", "--dist", "loadfile", "-v",
+        "--crosscheck", "models", "-k", "free or audit", "--junitxml=j.xml",
+    )  # fmt: skip
+    done.assert_outcomes(passed=3, failed=1)
+    ran = re.findall(r"\[(gw\d)\] \[.*\] (?:PASSED|FAILED) models/(\w)/", done.stdout.str())
+    assert len(ran) == 4
+    assert len(set(ran)) == 2
+    assert len({worker for worker, _ in ran}) == 2
+    done.stdout.fnmatch_lines(["1 AGREES, 1 FAILED; all that agree do so to *"])
+    assert len(ET.parse(project.path / "j.xml").findall(".//failure")) == 1
+
+
+def test_a_known_difference_passes_and_is_shown(project, answers):
+    project.add()
+    answers["free"] = {"outcome": "DIFFERS", "reason": "x is off", "accepted": "a soft joint"}
+    done = project.run("--crosscheck", "models", "--junitxml=j.xml")
+    done.assert_outcomes(passed=4)
+    done.stdout.fnmatch_lines([f"accepted: DIFFERS {MSD}/mujoco.xml/free: a soft joint"])
+    told = {
+        p.get("name"): p.get("value") for p in ET.parse(project.path / "j.xml").iter("property")
+    }
+    assert told["accepted"] == "a soft joint"
+
+
+def test_what_was_accepted_passes_until_it_changes(project, monkeypatch):
+    monkeypatch.chdir(project.path)
+    # What no person sits at may not accept.
+    for name in ("CI", "GITHUB_ACTIONS"):
+        monkeypatch.delenv(name, raising=False)
+    path = project.add() / "mujoco.xml"
+    project.edit(path, 'stiffness="47.0"', 'stiffness="47.01"')
+    arguments = ("--crosscheck", "models", "-k", "free")
+    project.run(*arguments).assert_outcomes(failed=1, deselected=3)
+    assert main(["accept", "--folder", "models", "--reason", "a worn spring"]) == 0
+    done = project.run(*arguments)
+    done.assert_outcomes(passed=1, deselected=3)
+    done.stdout.fnmatch_lines([f"accepted: DIFFERS {MSD}/mujoco.xml/free: a worn spring"])
+    project.edit(path, 'stiffness="47.01"', 'stiffness="47.02"')
+    done = project.run(*arguments)
+    done.assert_outcomes(failed=1, deselected=3)
+    done.stdout.fnmatch_lines(["DIFFERS: *a known difference was accepted here (a worn spring)*"])
+    entry = next((project.path / "reports/baseline").glob("*.json"))
+    entry.write_text(entry.read_text().replace("a worn spring", "nothing"))
+    assert project.run(*arguments).ret == pytest.ExitCode.USAGE_ERROR
+
+
+def test_a_projects_conftest_may_demand_more_of_the_models_below_it(project, answers):
+    project.add()
+    project.add("b", under="others")
+    (project.path / "models" / "conftest.py").write_text(
+        "def pytest_crosscheck_case(record):\n"
+        "    if record['raw_error'] > 0.001 and record['scenario'] == 'free':\n"
+        "        return f\"its raw error is {record['raw_error']:.1%}\"\n"
+    )
+    done = project.run("--crosscheck", "models", "--crosscheck", "others")
+    done.assert_outcomes(passed=7, failed=1)
+    done.stdout.fnmatch_lines(
+        ["AGREES, but its raw error is 0.5%", f"FAILED {MSD}/mujoco.xml/free - *"]
+    )
+
+
+FINDING = {"severity": "finding", "kind": "literal", "where": "", "message": "is wrong"}
+
+
+@pytest.mark.parametrize(("record", "ending"), [
+    ({"outcome": "AGREES"}, Ending.PASS), ({"outcome": "DIFFERS", "reason": "r"}, Ending.FAIL),
+    ({"outcome": "UNRESOLVED", "reason": "r"}, Ending.FAIL),
+    ({"outcome": "FAILED", "reason": "r"}, Ending.FAIL),
+    ({"outcome": "ABSENT", "reason": "r"}, Ending.SKIP),
+    ({"outcome": "DIFFERS", "reason": "r", "accepted": "known"}, Ending.PASS),
+    ({"outcome": "UNRESOLVED", "reason": "r", "accepted": "known"}, Ending.PASS),
+    ({"outcome": "FAILED", "reason": "r", "accepted": "known"}, Ending.FAIL),
+    ({"outcome": "ABSENT", "reason": "r", "accepted": "known"}, Ending.SKIP),
+    ({"audit": []}, Ending.PASS), ({"audit": [FINDING | {"severity": "note"}]}, Ending.PASS),
+    ({"audit": [FINDING]}, Ending.FAIL), ({"audit": [FINDING], "accepted": "known"}, Ending.PASS),
+])  # fmt: skip
+def test_what_passes_fails_and_is_skipped(record, ending):
+    assert decide(record, require_engines=False).ending is ending
+
+
+def test_an_engine_that_is_required_and_a_demand_that_is_not_met_fail():
+    absent = {"outcome": "ABSENT", "reason": "r"}
+    assert decide(absent, require_engines=True).ending is Ending.FAIL
+    agrees = {"outcome": "AGREES"}
+    assert decide(agrees, require_engines=False, demands=["no"]).ending is Ending.FAIL

@@ -1,0 +1,183 @@
+"""`crosscheck new`: the example, and folders from model files."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.cli.main import main
+from harness.files.bindings import bindings, mismatches
+from harness.files.folders import template
+from harness.files.sidecar import read_sidecar
+from harness.run import Options, model_files, run
+from harness.scaffold.folder import NewError, check_name, example, write_folder
+from harness.scaffold.from_model import from_model
+from reference.derive import derive
+from reference.load import load_system
+
+REPOSITORY = Path(__file__).parents[1] / "installed" / "repository" / "models"
+CRANE = Path(__file__).parent / "crane.xml"
+ARM = Path(__file__).parent / "arm.urdf"
+
+
+def test_the_example_agrees_at_once_in_every_engine(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "my_arm"]) == 0
+    assert "next: crosscheck run my_arm" in capsys.readouterr().out
+    found = run([tmp_path / "my_arm"], Options(jobs=2), lambda *_: None)
+    assert {case["outcome"] for case in found["cases"]} == {"AGREES"}
+    assert {case["engine"] for case in found["cases"]} == {"mujoco", "pybullet", "pymunk"}
+    assert not any(f["severity"] == "finding" for m in found["models"] for f in m["audit"])
+    assert found["systems"][0]["name"] == "my_arm"
+
+
+def test_every_number_of_the_example_that_matters_is_bound():
+    system = load_system(template())
+    for sidecar in model_files(template()):
+        assert len(bindings(system, sidecar)) == 5
+        assert not mismatches(bindings(system, sidecar))
+
+
+@pytest.mark.parametrize("name", ["a b", "2arms", "", "é", "a/.."])
+def test_a_name_that_is_none_is_refused(name, tmp_path):
+    with pytest.raises(NewError, match="no name for a system"):
+        check_name(tmp_path / name if name else Path())
+
+
+def test_nothing_is_overwritten_and_nothing_put_nowhere(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "link").symlink_to("nowhere")
+    for name in ("arm", "link"):
+        assert main(["new", name]) == 2
+        assert "is there already; nothing was written" in capsys.readouterr().err
+    assert main(["new", "no/where"]) == 2
+    assert "no: no such folder" in capsys.readouterr().err
+    assert not list((tmp_path / "arm").iterdir())
+
+
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
+    def fails(made):
+        assert (made / "system.py").is_file()
+        raise NewError("no")
+
+    with pytest.raises(NewError):
+        write_folder(tmp_path / "arm", example("arm"), fails)
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("system", ["cart_pole", "double_pendulum"])
+@pytest.mark.parametrize("file", ["mujoco.xml", "robot.urdf"])
+def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(tmp_path, system, file):
+    target = tmp_path / "read"
+    assert from_model(REPOSITORY / system / file, target) == ()
+    read = derive(load_system(target))
+    hand = derive(load_system(REPOSITORY / system))
+    random = np.random.default_rng(7)
+    q, v = random.uniform(-1, 1, (2, 5, 2))
+    u = [np.zeros((5, len(e.system.u))) for e in (read, hand)]
+    got = read.numeric_acceleration(q, v, u[0], np.zeros((5, 1)))
+    wanted = hand.numeric_acceleration(q, v, u[1], np.zeros((5, 1)))
+    np.testing.assert_allclose(got, wanted, rtol=1e-11)
+    sidecar = read_sidecar(target / f"{file}.toml")
+    found = bindings(read.system, sidecar)
+    # Every constant has its place, and its line is its source.
+    assert len(found) == len(read.system.constants)
+    places = {c.source for c in read.system.constants}
+    assert {
+        f"{b.place.file.name}:{b.place.line}" for b in found if "sidecar:" not in b.address
+    } <= (places)
+    assert not mismatches(found)
+
+
+def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(tmp_path):
+    remarks = from_model(CRANE, tmp_path / "crane")
+    assert any("computes from its geoms" in remark for remark in remarks)
+    system = load_system(tmp_path / "crane")
+    constants = {c.name: c for c in system.constants}
+    assert constants["sway_damping"].value == 0.12
+    assert constants["sway_springref"].value == pytest.approx(np.radians(15), rel=1e-15)
+    assert constants["hook_mass"].value == pytest.approx(700 * 8 * 0.1 * 0.05 * 0.08, rel=1e-12)
+    bound = read_sidecar(tmp_path / "crane" / "crane.xml.toml").bindings
+    assert bound["joint[sway]@springref"] == "sway_springref * 180 / pi"
+    # One number for both hinges of the class.
+    assert bound["default[hinge]/joint@damping"] == "sway_damping"
+    assert not mismatches(bindings(system, read_sidecar(tmp_path / "crane" / "crane.xml.toml")))
+
+
+def test_turned_frames_products_fixed_joints_and_limits_are_read(tmp_path):
+    """Both engines agree with it, or it would not have been written."""
+    remarks = from_model(ARM, tmp_path / "arm")
+    assert remarks == (
+        "the turn of boom_centre is taken as numbers: a wrong one shows, but is not named",
+    )
+    system = load_system(tmp_path / "arm")
+    sidecar = read_sidecar(tmp_path / "arm" / "arm.urdf.toml")
+    assert sidecar.engines == ("pybullet", "mujoco")
+    assert sidecar.bindings["joint[lift]/origin@rpy[2]"] == "pi / 2"
+    assert not mismatches(bindings(system, sidecar))
+    pan = next(c for c in system.coordinates if c.name == "pan")
+    assert pan.description.endswith("arm.urdf:30, from -2.5 to 2.5")
+
+
+URDF = (REPOSITORY / "cart_pole" / "robot.urdf").read_text()
+MJCF = (REPOSITORY / "cart_pole" / "mujoco.xml").read_text()
+
+
+@pytest.mark.parametrize(("suffix", "old", "new", "says"), [
+    (".urdf", 'type="continuous"', 'type="floating"', r"m\.urdf:\d+: joint 'theta' is of type"),
+    (".urdf", 'damping="0.004" friction="0"', 'friction="0.1"', "has friction, which is not"),
+    (".urdf", "<axis xyz=\"0 -1 0\"/>", '<mimic joint="x"/>', "mimics another"),
+    (".urdf", '<limit lower="-100" upper="100"', "<limit", "states no limits"),
+    (".urdf", '<child link="pole"/>', '<child link="bar"/>', "its <child> is 'bar', which"),
+    (".urdf", 'mass value="0.25"', 'mass value="a"', "value is 'a', where a number belongs"),
+    (".urdf", "</robot>", "", r"m\.urdf:\d+: no XML"),
+    (".urdf", "xyz=\"1 0 0\"", 'xyz="0 0 1"', "no rest position within the limits"),
+    (".xml", "</worldbody>", "</worldbody><actuator><motor joint='x'/></actuator>", "<actuator>"),
+    (".xml", 'type="hinge" axis="0 -1 0" damping="0.004"', 'type="ball"', "is a ball joint"),
+    (".xml", 'damping="0.004"', 'frictionloss="0.1"', "has frictionloss"),
+    (".xml", 'name="theta" ', "", r"m\.xml:\d+: this joint has no name"),
+    (".xml", "<worldbody>", "<include file='a.xml'/><worldbody>", "<include>: parts in other"),
+    (".xml", "<option", "<option density='1.2'", "a medium"),
+    (".txt", "", "", "a model file is a .urdf"),
+])  # fmt: skip
+def test_what_can_not_be_read_is_named_and_nothing_is_written(tmp_path, suffix, old, new, says):
+    text = MJCF if suffix == ".xml" else URDF
+    assert old in text
+    model = tmp_path / f"m{suffix}"
+    model.write_text(text.replace(old, new))
+    with pytest.raises(NewError, match=says):
+        from_model(model, tmp_path / "read")
+    assert os.listdir(tmp_path) == [model.name]
+
+
+def test_a_reading_that_no_engine_shares_is_not_written(tmp_path, monkeypatch):
+    model = tmp_path / "m.urdf"
+    model.write_text(URDF)
+    # A fault of the reading: gravity that the sidecar doesn't have.
+    monkeypatch.setattr("harness.scaffold.from_model.GRAVITY", 9.80)
+    with pytest.raises(NewError, match="no engine agrees with what was read"):
+        from_model(model, tmp_path / "read")
+    assert os.listdir(tmp_path) == ["m.urdf"]
+
+
+def test_meshes_are_copied_and_those_elsewhere_refused(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    shape = tmp_path / "meshes" / "pole.obj"
+    shape.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
+    visual = (
+        '<visual><geometry><mesh filename="{}"/></geometry></visual></link>\n\n  <joint name="x"'
+    )
+    for name, good in (("meshes/pole.obj", True), ("package://robot/pole.obj", False)):
+        model = tmp_path / "m.urdf"
+        model.write_text(URDF.replace('</link>\n\n  <joint name="x"', visual.format(name)))
+        target = tmp_path / "read"
+        if good:
+            from_model(model, target)
+            assert (target / name).read_bytes() == shape.read_bytes()
+            shutil.rmtree(target)
+        else:
+            with pytest.raises(NewError, match="not below its folder"):
+                from_model(model, target)

@@ -1,0 +1,253 @@
+"""What `crosscheck derive` prints: complete, computed, and fit for a terminal or for LaTeX."""
+
+import dataclasses
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.text.equations import describe
+from reference import DeclarationError, Equilibrium
+from reference.load import load_system
+
+MODELS = Path(__file__).parents[2] / "models"
+NAMES = sorted(path.parent.name for path in MODELS.glob("*/system.py"))
+STYLES = ["text", "latex"]
+
+
+@cache
+def system_of(name: str):
+    return load_system(MODELS / name)
+
+
+@cache
+def page(name: str, style: str = "text") -> str:
+    return describe(system_of(name), style)
+
+
+def squeeze(text: str) -> str:
+    """Return a page without the breaks and blanks of its layout."""
+    return re.sub(r"\s+", " ", text)
+
+
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize("name", NAMES)
+def test_the_page_names_what_is_declared(name, style):
+    system, text = system_of(name), squeeze(page(name, style))
+    assert system.title in text
+    assert system.source in text
+    for item in (*system.coordinates, *system.inputs, *system.constants):
+        assert item.description in text
+    for constant in system.constants:
+        assert constant.source in text.replace(r"\textasciicircum{}", "^")
+        assert f"{constant.value:.6g}" in text
+    for equilibrium in system.equilibria:
+        assert f"Equilibrium {equilibrium.name}: {equilibrium.description}" in text
+    for printed in system.printed:
+        assert f"Eq. {printed.number}" in text
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_text_fits_a_terminal_of_100_columns(name):
+    assert max(map(len, page(name).splitlines())) <= 100
+    assert not re.search(r"[ \t]$", page(name), re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_text_has_no_names_of_the_program(name):
+    text = page(name)
+    assert "_dot" not in text
+    assert "_ddot" not in text
+    assert "_deviation" not in text
+    assert "**" not in text
+    assert not re.search(r"\bnan\b|\binf\b|-0(?![.\d])|Float|Matrix", text)
+
+
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        ("mass_spring_damper", [
+            "m*x'' = -c*x' - k*x + f",
+            "SISO, linear.",
+            "x/f = 1 / (m*s^2 + c*s + k)",
+            f"{np.sqrt(47 / 1.3):.6g}",
+            f"{np.sqrt(47 / 1.3) / (2 * np.pi):.6g}",
+            f"{0.9 / (2 * np.sqrt(47 * 1.3)):.6g}",
+            f"-{0.9 / 2.6:.6g} ±",
+            "Eq. 2.5 motion of x: agrees up to signs",
+            "Eq. 2.6 motion of x: agrees ",
+        ]),
+        ("torsional_disc", [
+            "J*theta'' = -k_theta*theta + T",
+            f"{np.sqrt(0.85 / 0.021):.6g}",
+            "theta/T = 1 / (J*s^2 + k_theta)",
+        ]),
+        ("free_pair", [
+            "SIMO, linear.",
+            "0 0 0 2 rigid body",
+            "0 0 1 1 rigid body",
+            "x2/f = (c*s + k) / (m1*m2*s^4 + c*(m1 + m2)*s^3 + k*(m1 + m2)*s^2)",
+            "1 of 5 differs",
+            "Eq. 2.25 motion of x2: differs",
+            "left over k*x1 - k*x2",
+        ]),
+        ("anchored_pair", [
+            "SIMO, linear.",
+            "Modes with damping",
+            "x1/f = c*s / (m1*m2*s^4 + c*(m1 + m2)*s^3 + (k1*m2 + k2*m1)*s^2 + c*(k1 + k2)*s"
+            " + k1*k2)",
+        ]),
+        ("drum_pendulum", [
+            "MIMO, nonlinear.",
+            "(3*M/2 + m)*x'' + l*m*cos(theta)/2*theta'' = -k*x + l*m*theta'^2*sin(theta)/2 + F",
+            "theta = pi",
+            "dtheta = theta - pi",
+            "grows, 5.18574 1/s",
+            "upright: unstable",
+            "Eq. 3.14 linear about hanging: agrees",
+        ]),
+        ("simple_pendulum", [
+            "l^2*m*theta'' + g*l*m*theta - g*l*m/6*theta^3 = tau",
+            "l^2*m*theta'' - g*l*m*dtheta + g*l*m/6*dtheta^3 = tau",
+            f"{np.sqrt(9.81 / 0.75):.6g}",
+            "0.01 0.00297 %",
+            "none of 2 differs",
+        ]),
+    ],
+)  # fmt: skip
+def test_the_text_holds_what_is_computed(name, lines):
+    text = squeeze(page(name))
+    for line in lines:
+        assert line in text
+
+
+def test_a_changed_constant_changes_the_numbers():
+    system = system_of("mass_spring_damper")
+    m, c, k = system.constants
+    stiffer = dataclasses.replace(system, constants=(m, c, dataclasses.replace(k, value=48.0)))
+    assert f"{np.sqrt(48 / 1.3):.6g}" in describe(stiffer)
+    assert f"{np.sqrt(47 / 1.3):.6g}" not in describe(stiffer)
+
+
+def test_a_planted_erratum_is_counted():
+    system = system_of("mass_spring_damper")
+    first, second = system.printed
+    wrong = dataclasses.replace(second, text="m*x'' + 2*c*x' + k*x = f")
+    text = squeeze(describe(dataclasses.replace(system, printed=(first, wrong))))
+    assert "1 of 2 differs" in text
+    assert "Eq. 2.6 motion of x: differs" in text
+    assert "left over c*x'" in text
+
+
+def test_a_linear_system_has_no_taylor_series_and_no_reach():
+    text = page("mass_spring_damper")
+    assert "Taylor" not in text
+    assert "How far" not in text
+    assert "Taylor" in page("simple_pendulum")
+
+
+def test_a_system_without_inputs_is_described():
+    system = system_of("simple_pendulum")
+    free = dataclasses.replace(
+        system, inputs=(), scenarios=(dataclasses.replace(system.scenarios[0], inputs={}),)
+    )
+    text = squeeze(describe(free))
+    assert "autonomous, nonlinear. Inputs: none. Outputs: theta." in text
+    assert "Transfer functions" not in text
+
+
+def test_an_equilibrium_that_is_none_is_refused():
+    system = system_of("simple_pendulum")
+    off = Equilibrium("off", {system.coordinates[0]: 1}, False, "none")
+    with pytest.raises(DeclarationError, match="'off': is none"):
+        describe(dataclasses.replace(system, equilibria=(off,)))
+
+
+# LaTeX
+
+
+def environments(text: str) -> None:
+    """Fail unless every environment is closed, in its order."""
+    opened: list[str] = []
+    for kind, name in re.findall(r"\\(begin|end)\{([a-z*]+)\}", text):
+        if kind == "begin":
+            opened.append(name)
+        else:
+            assert opened.pop() == name
+    assert not opened
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_latex_is_balanced(name):
+    text = page(name, "latex")
+    environments(text)
+    depth = 0
+    for sign in re.sub(r"\\[{}]", "", text):
+        depth += {"{": 1, "}": -1}.get(sign, 0)
+        assert depth >= 0
+    assert depth == 0
+    assert text.count(r"\left(") == text.count(r"\right)")
+    assert len(re.findall(r"(?<!\\)\$", text)) % 2 == 0
+    assert text.count(r"\[") == text.count(r"\]")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_table_in_latex_has_as_many_cells_as_columns(name):
+    tables = re.findall(
+        r"\\begin\{tabular\}\{((?:l|p\{[^}]*\})+)\}\n(.*?)\n\\end\{tabular\}",
+        page(name, "latex"),
+        re.DOTALL,
+    )
+    assert len(tables) == page(name, "latex").count(r"\begin{tabular}")
+    for columns, body in tables:
+        count = len(re.sub(r"p\{[^}]*\}", "l", columns))
+        for row in body.splitlines():
+            assert len(re.findall(r"(?<!\\)&", row)) == count - 1
+            # A bracket at the start of a row would be taken for the spacing of the row above.
+            assert not row.startswith("[")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name):
+    text = page(name, "latex")
+    outside = re.sub(r"\$[^$]*\$|\\\[.*?\\\]|\\begin\{align\*\}.*?\\end\{align\*\}", "", text,
+                     flags=re.DOTALL)  # fmt: skip
+    assert not re.search(r"(?<!\\)[_^#%]", outside)
+    assert "±" not in text
+    assert "''" not in text
+    assert "ddot}" not in text.replace(r"\ddot{", "")
+    assert "deviation" not in outside or "deviations" in outside
+    assert text.isascii()
+
+
+@pytest.mark.parametrize(
+    ("name", "formulas"),
+    [
+        ("mass_spring_damper", [
+            r"m \, \ddot{x} &= -c \dot{x} - k x + f",
+            r"\frac{x}{f} &= \frac{1}{m \, s^{2} + c \, s + k}",
+            r"\pm 6.00283 \mathrm{j}",
+            r"$f \pm k x \pm c \dot{x} = m \ddot{x}$",
+        ]),
+        ("torsional_disc", [r"J \ddot{\theta} + k_{\theta} \theta = T"]),
+        ("drum_pendulum", [
+            r"\Delta_{\theta} &= \theta - \pi",
+            r"(m l/2) \cos(\theta) \ddot{x}",
+        ]),
+    ],
+)  # fmt: skip
+def test_the_latex_holds_what_is_computed(name, formulas):
+    text = page(name, "latex")
+    for formula in formulas:
+        assert formula in text
+
+
+def test_special_signs_in_words_are_escaped():
+    system = system_of("mass_spring_damper")
+    m, c, k = system.constants
+    odd = dataclasses.replace(m, description=r"50 % of m_1 & {more} \ #2 ~ $")
+    text = describe(dataclasses.replace(system, constants=(odd, c, k)), "latex")
+    assert r"50 \% of m\_1 \& \{more\} \textbackslash  \#2 \textasciitilde{} \$" in text
+    environments(text)
