@@ -14,29 +14,42 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Declare the options."""
     group = parser.getgroup("crosscheck", "physics models against their equations")
     group.addoption(
-        "--crosscheck", action="append", default=[], metavar="PATH",
+        "--crosscheck",
+        action="append",
+        default=[],
+        metavar="PATH",
         help="test every case of every system folder under PATH; repeatable",
-    )  # fmt: skip
+    )
     group.addoption(
-        "--require-engines", action="store_true", dest="crosscheck_require_engines",
+        "--require-engines",
+        action="store_true",
+        dest="crosscheck_require_engines",
         help="fail, not skip, the cases whose engine is not installed",
-    )  # fmt: skip
+    )
     group.addoption(
-        "--crosscheck-resolution", metavar="R", default="1e-9",
+        "--crosscheck-resolution",
+        metavar="R",
+        default="1e-9",
         help="relative discrepancy to resolve (1e-9)",
-    )  # fmt: skip
+    )
     group.addoption(
-        "--crosscheck-time-limit", metavar="S", default="120",
+        "--crosscheck-time-limit",
+        metavar="S",
+        default="120",
         help="seconds that one case may take (120)",
-    )  # fmt: skip
+    )
     group.addoption(
-        "--crosscheck-baseline", metavar="DIR", default="reports/baseline",
+        "--crosscheck-baseline",
+        metavar="DIR",
+        default="reports/baseline",
         help="where known differences are looked up, in the root folder (reports/baseline)",
-    )  # fmt: skip
+    )
     parser.addini(
-        "crosscheck_paths", type="paths", default=[],
+        "crosscheck_paths",
+        type="paths",
+        default=[],
         help="paths for --crosscheck, where the command line names neither tests nor paths",
-    )  # fmt: skip
+    )
 
 
 def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:

@@ -26,7 +26,7 @@ from harness.cases.prepare import prepare
 from harness.engines.registry import engines
 from harness.files.folders import builtin, system_folders
 from harness.files.sidecar import Sidecar
-from harness.numerics.full_run import plain_run
+from harness.numerics.full_run import full_run
 from harness.numerics.segments import extrapolate
 from harness.report import write_report
 from harness.run import Options, model_files, run
@@ -164,18 +164,27 @@ def overhead(console: Console) -> None:
 
             ratio, t_ours, t_bare = paired(ours if engine == "pybullet" else only_ladder, bare)
             table.add_row(
-                engine, f"{name}/{scenario}", f"{found.steps}", f"{t_ours:.3f} s",
+                engine,
+                f"{name}/{scenario}",
+                f"{found.steps}",
+                f"{t_ours:.3f} s",
                 f"{t_bare:.3f} s",
                 f"{ratio:.2f}",
-            )  # fmt: skip
+            )
     console.print(table)
 
 
 def certification(console: Console) -> None:
     table = Table(
-        "engine", "segments: steps", "certified to", "plain: steps to 1e-5", "order",
-        "plain: steps to 1e-9 (extrapolated)", "ratio", title="steps to certify to 1e-9",
-    )  # fmt: skip
+        "engine",
+        "segments: steps",
+        "certified to",
+        "plain: steps to 1e-5",
+        "order",
+        "plain: steps to 1e-9 (extrapolated)",
+        "ratio",
+        title="steps to certify to 1e-9",
+    )
     prepared = prepare(builtin() / "mass_spring_damper")
     motion, scale = prepared.motions["free"], prepared.scales["free"]
     for engine, file in MODELS.items():
@@ -185,7 +194,7 @@ def certification(console: Console) -> None:
         size = motion.amplitude[:1]
 
         def error(h, m=model, c=coordinates, s=size) -> float:
-            outcome = plain_run(m, c, motion, prepared.power, h)
+            outcome = full_run(m, c, motion, prepared.power, h)
             return float(np.max(np.abs(outcome.error[:, :1]) / s))
 
         h = model.step
@@ -196,9 +205,14 @@ def certification(console: Console) -> None:
         measured = motion.duration / h * 1.25 * (finer / MEASURED) ** (1 / order)
         needed = measured * (MEASURED / TARGET) ** (1 / order)
         table.add_row(
-            engine, f"{found.steps}", f"{certified:.0e}", f"{measured:.3g}", f"{order:.3f}",
-            f"{needed:.2g}", f"{needed / found.steps:.2g}",
-        )  # fmt: skip
+            engine,
+            f"{found.steps}",
+            f"{certified:.0e}",
+            f"{measured:.3g}",
+            f"{order:.3f}",
+            f"{needed:.2g}",
+            f"{needed / found.steps:.2g}",
+        )
     console.print(table)
 
 
@@ -215,8 +229,15 @@ def multiplied(found: dict, times: int) -> dict:
 
 
 def report(console: Console, found: dict) -> None:
-    table = Table("cases", "HTML", "drawn up in", "usable after", "a case's first plots after",
-                  "filtered in", title="Report")  # fmt: skip
+    table = Table(
+        "cases",
+        "HTML",
+        "drawn up in",
+        "usable after",
+        "a case's first plots after",
+        "filtered in",
+        title="Report",
+    )
     for times in (1, math.ceil(2000 / len(found["cases"]))):
         results = multiplied(found, times)
         with tempfile.TemporaryDirectory() as folder:

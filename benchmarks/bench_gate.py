@@ -23,9 +23,13 @@ def timed(root: Path, *arguments: str) -> tuple[float, str]:
     environment = {**os.environ, "PYTHONPATH": str(builtin().parent), "CI": "1"}
     began = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-m", "harness", "gate", *arguments], cwd=root, env=environment,
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        [sys.executable, "-m", "harness", "gate", *arguments],
+        cwd=root,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     return time.perf_counter() - began, f"exit {done.returncode}; {done.stdout.splitlines()[-1]}"
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from campaigns.random_draws import pairings
 from harness.cases.prepare import prepare
 from harness.diagnosis.hypotheses.trial import scratch
-from harness.diagnosis.task import InquiryTask, diagnosed
+from harness.diagnosis.task import DiagnosisTask, diagnosed
 from harness.engines.protocol import EngineError
 from harness.files.bindings import bindings, with_literals
 from harness.mutation.mutate import survey
@@ -47,7 +47,7 @@ def prepared(folder: Path):
 
 def task(folder, sidecar, engine):
     physics = prepared(folder)
-    return InquiryTask(
+    return DiagnosisTask(
         physics.system, sidecar, engine, physics.motions, physics.scales, physics.variants
     )
 
@@ -57,9 +57,10 @@ def pair(folder, sidecar, engine, rng) -> Trial | None:
     found = survey(task(folder, sidecar, engine))
     physics = prepared(folder)
     seen = [
-        b for b, first in zip(bindings(physics.system, sidecar), found.first_caught, strict=True)
+        b
+        for b, first in zip(bindings(physics.system, sidecar), found.first_caught, strict=True)
         if first < VISIBLE
-    ]  # fmt: skip
+    ]
     if len(seen) < 2:
         return None
     small, large = (seen[i] for i in rng.permutation(len(seen))[:2])

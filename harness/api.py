@@ -24,7 +24,7 @@ from harness.schedule.main_module import without_main
 from harness.schedule.workers import LIMIT
 from harness.text.failure import diagnosis_lines, told
 from harness.text.findings import audit_lines
-from harness.text.status import Ending, decide
+from harness.text.status import TestStatus, decide
 from harness.text.table import audit_findings, case_id, summary
 
 
@@ -61,7 +61,7 @@ class CheckedCase:
     @property
     def agrees(self) -> bool:
         """Whether it AGREES, or what it does instead is accepted."""
-        return decide(self.record, require_engines=True).ending is Ending.PASS
+        return decide(self.record, require_engines=True).ending is TestStatus.PASS
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class CheckedModel:
     @property
     def agrees(self) -> bool:
         """Whether the audit finds nothing, or what it finds is accepted."""
-        return decide(self.record, require_engines=True).ending is Ending.PASS
+        return decide(self.record, require_engines=True).ending is TestStatus.PASS
 
 
 @dataclass(frozen=True, repr=False)
@@ -109,9 +109,12 @@ class Checked:
         return self.agree
 
     def case(
-        self, scenario: str | None = None, model: str | None = None, engine: str | None = None,
+        self,
+        scenario: str | None = None,
+        model: str | None = None,
+        engine: str | None = None,
         system: str | None = None,
-    ) -> CheckedCase:  # fmt: skip
+    ) -> CheckedCase:
         """The one case that has what is given.
 
         Raises:
@@ -145,9 +148,13 @@ class Checked:
 
 
 def check(
-    *paths: str | PathLike[str], engines: Sequence[str] = (), resolution: float = 1e-9,
-    jobs: int = 0, time_limit: float = LIMIT, baseline: str | PathLike[str] = DEFAULT,
-) -> Checked:  # fmt: skip
+    *paths: str | PathLike[str],
+    engines: Sequence[str] = (),
+    resolution: float = 1e-9,
+    jobs: int = 0,
+    time_limit: float = LIMIT,
+    baseline: str | PathLike[str] = DEFAULT,
+) -> Checked:
     """Run every model of the system folders at `paths` in every scenario, and judge it.
 
     Args:
@@ -179,9 +186,18 @@ def check(
 
 def _case(record: Mapping[str, Any]) -> CheckedCase:
     names = (
-        "system", "model", "engine", "scenario", "discrepancy", "uncertainty", "component",
-        "order", "raw_error", "shipped_step", "reason",
-    )  # fmt: skip
+        "system",
+        "model",
+        "engine",
+        "scenario",
+        "discrepancy",
+        "uncertainty",
+        "component",
+        "order",
+        "raw_error",
+        "shipped_step",
+        "reason",
+    )
     fields = {name: record[name] for name in names}
     outcome, accepted = Outcome(record["outcome"]), record.get("accepted") or ""
     return CheckedCase(**fields, outcome=outcome, accepted=accepted, record=record)
@@ -191,7 +207,10 @@ def _model(record: Mapping[str, Any]) -> CheckedModel:
     findings = audit_findings(record)
     diagnosis = record.get("diagnosis")
     return CheckedModel(
-        record["system"], record["model"], record["engine"],
+        record["system"],
+        record["model"],
+        record["engine"],
         tuple(audit_lines(findings)) if findings else (),
-        tuple(diagnosis_lines(diagnosis)) if diagnosis else (), record,
-    )  # fmt: skip
+        tuple(diagnosis_lines(diagnosis)) if diagnosis else (),
+        record,
+    )

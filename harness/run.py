@@ -20,10 +20,10 @@ from harness.audit.run import run_audit
 from harness.audit.task import audit_task
 from harness.baseline.known import accepted, mark_known, since
 from harness.baseline.measure import measure, measure_task
-from harness.baseline.snapshot import Track
-from harness.cases.case import TwinTask, case_task, run_case, run_twins
+from harness.baseline.snapshot import Snapshot
+from harness.cases.case import LinearizationTask, case_task, run_case, run_linearizations
 from harness.cases.prepare import Prepared, prepare
-from harness.diagnosis.task import InquiryTask, inquire, inquiry_task
+from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
 from harness.engines.protocol import Engine
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
@@ -48,7 +48,7 @@ class Selection:
     """
 
     models: frozenset[tuple[str, str, str]]
-    tracks: Mapping[str, Track] = field(default_factory=dict)
+    tracks: Mapping[str, Snapshot] = field(default_factory=dict)
     diagnose: bool = False
 
 
@@ -68,7 +68,7 @@ class Options:
 class _Inquiry:
     """What a diagnosis would need, should one of a model's scenarios differ."""
 
-    task: InquiryTask
+    task: DiagnosisTask
     record: Record
     scenarios: int
 
@@ -160,10 +160,14 @@ def _cases(started: dict[Future[Any], Record | Path]) -> list[Record]:
 
 
 def _plan(
-    prepared: Prepared, known: dict[str, Engine], options: Options, workers: Workers,
-    models: list[Record], inquiries: dict[tuple[str, str, str], _Inquiry],
-    tracks: Mapping[str, Track],
-) -> tuple[list[Record], dict[Future[Any], Record | Path]]:  # fmt: skip
+    prepared: Prepared,
+    known: dict[str, Engine],
+    options: Options,
+    workers: Workers,
+    models: list[Record],
+    inquiries: dict[tuple[str, str, str], _Inquiry],
+    tracks: Mapping[str, Snapshot],
+) -> tuple[list[Record], dict[Future[Any], Record | Path]]:
     """Start every case of a folder; returns those that can't be started, and the started ones."""
     ended: list[Record] = []
     started: dict[Future[Any], Record | Path] = {}
@@ -179,9 +183,11 @@ def _plan(
             if selection is not None and wanted not in selection.models:
                 continue
             model = {
-                "system": prepared.system.name, "folder": str(prepared.folder),
-                "model": found.model.name, "engine": name,
-            }  # fmt: skip
+                "system": prepared.system.name,
+                "folder": str(prepared.folder),
+                "model": found.model.name,
+                "engine": name,
+            }
             barred = hurdle(known, name, found)
             for place, scenario in enumerate(prepared.system.scenarios):
                 case = model | {"scenario": scenario.name, "place": place}
@@ -198,17 +204,23 @@ def _plan(
                 models.append(model | texts(found))
                 models[-1] |= {"linearization": []}
                 if selection is None:
-                    twins = TwinTask(
-                        prepared.system, found, name, prepared.equilibria, prepared.amplitude,
+                    twins = LinearizationTask(
+                        prepared.system,
+                        found,
+                        name,
+                        prepared.equilibria,
+                        prepared.amplitude,
                         prepared.push,
-                    )  # fmt: skip
-                    started[workers.submit(run_twins, twins)] = models[-1]
+                    )
+                    started[workers.submit(run_linearizations, twins)] = models[-1]
                     audit = workers.submit(run_audit, audit_task(prepared, found, name))
                     started[audit] = {"auditing": models[-1]}
                 if selection is not None and not selection.diagnose:
                     continue
                 inquiries[_key(model)] = _Inquiry(
-                    inquiry_task(prepared, found, name), models[-1], len(prepared.system.scenarios)
+                    diagnosis_task(prepared, found, name),
+                    models[-1],
+                    len(prepared.system.scenarios),
                 )
     return ended, started
 
@@ -227,9 +239,11 @@ def _key(record: Record) -> tuple[str, str, str]:
 
 
 def _diagnose(
-    case: Record, cases: list[Record], inquiries: dict[tuple[str, str, str], _Inquiry],
+    case: Record,
+    cases: list[Record],
+    inquiries: dict[tuple[str, str, str], _Inquiry],
     workers: Workers,
-) -> dict[Future[Any], Record | Path]:  # fmt: skip
+) -> dict[Future[Any], Record | Path]:
     """Start the diagnosis of a model once its last case is in and one of them differs."""
     inquiry = inquiries.get(_key(case))
     if inquiry is None:
@@ -238,7 +252,7 @@ def _diagnose(
     differs = any(c["outcome"] == Outcome.DIFFERS for c in mine)
     if len(mine) < inquiry.scenarios or not differs:
         return {}
-    return {workers.submit(inquire, inquiry.task): {"diagnosing": inquiry.record}}
+    return {workers.submit(diagnose_model, inquiry.task): {"diagnosing": inquiry.record}}
 
 
 def audits(folders: Sequence[Path], options: Options) -> list[Record]:
@@ -264,8 +278,10 @@ def audits(folders: Sequence[Path], options: Options) -> list[Record]:
                 for name in found.engines:
                     if not options.engines or name in options.engines:
                         where = {
-                            "system": value.system.name, "model": found.model.name, "engine": name,
-                        }  # fmt: skip
+                            "system": value.system.name,
+                            "model": found.model.name,
+                            "engine": name,
+                        }
                         task = audit_task(value, found, name)
                         pending.append((where, workers.submit(run_audit, task)))
         for where, future in pending:
@@ -312,8 +328,10 @@ def hurdle(known: dict[str, Engine], name: str, sidecar: Sidecar) -> Record | No
 
 def _unprepared(folder: Path, failure: Failure) -> Record:
     return _not_run("system.py", failure.reason) | {
-        "system": folder.name, "folder": str(folder), "printed": failure.printed,
-    }  # fmt: skip
+        "system": folder.name,
+        "folder": str(folder),
+        "printed": failure.stdout,
+    }
 
 
 def _not_run(model: str, reason: str) -> Record:
@@ -324,8 +342,10 @@ def _not_run(model: str, reason: str) -> Record:
 def failed(failure: Failure) -> Record:
     """The fields of a case that could not be run."""
     return _empty() | {
-        "outcome": str(Outcome.FAILED), "reason": failure.reason, "printed": failure.printed,
-    }  # fmt: skip
+        "outcome": str(Outcome.FAILED),
+        "reason": failure.reason,
+        "printed": failure.stdout,
+    }
 
 
 def _empty() -> Record:

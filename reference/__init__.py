@@ -2,11 +2,19 @@
 
 from reference.sketch import Angle, Body, Link
 from reference.system import (
-    Constant, Coordinate, DeclarationError, Equilibrium, Input, Output, Printed, Scenario, System,
+    Constant,
+    Coordinate,
+    DeclarationError,
+    Equilibrium,
+    Input,
+    Output,
+    PublishedEquation,
+    Scenario,
+    System,
     t,
-)  # fmt: skip
+)
 
 __all__ = [
     "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
-    "Output", "Printed", "Scenario", "System", "t",
+    "Output", "PublishedEquation", "Scenario", "System", "t",
 ]  # fmt: skip

@@ -88,10 +88,13 @@ def solve_closed_form(
     end = np.concatenate(ends)
     inner = np.concatenate(nodes)
     return Segments(
-        np.concatenate(times), np.concatenate(starts) + origin, end + origin, inner + origin,
+        np.concatenate(times),
+        np.concatenate(starts) + origin,
+        end + origin,
+        inner + origin,
         np.finfo(float).eps * np.max(np.abs(end + origin), axis=0),
         f"matrix exponential of the linear equations, {DIGITS} digits",
-    )  # fmt: skip
+    )
 
 
 def _inner(matrix: mp.matrix, span: Span, states: Array) -> Array:

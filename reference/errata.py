@@ -16,7 +16,7 @@ from sympy.parsing.sympy_parser import parse_expr
 
 from reference.derive import Equations
 from reference.linearize import Linearization
-from reference.system import DeclarationError, Printed, System
+from reference.system import DeclarationError, PublishedEquation, System
 
 AGREES = "agrees"
 UP_TO_SIGNS = "agrees up to signs"
@@ -37,7 +37,7 @@ class Erratum:
         difference: printed minus derived under the signs that leave least, "" where it agrees.
     """
 
-    printed: Printed
+    printed: PublishedEquation
     verdict: str
     derived: str
     difference: str
@@ -58,7 +58,7 @@ def errata(equations: Equations, linearizations: tuple[Linearization, ...]) -> t
 
 
 def _compare(
-    printed: Printed, equations: Equations, linearizations: tuple[Linearization, ...]
+    printed: PublishedEquation, equations: Equations, linearizations: tuple[Linearization, ...]
 ) -> Erratum:
     candidates = _candidates(printed, equations, linearizations)
     if not printed.driven:
@@ -83,7 +83,7 @@ def _compare(
 
 
 def _candidates(
-    printed: Printed, equations: Equations, linearizations: tuple[Linearization, ...]
+    printed: PublishedEquation, equations: Equations, linearizations: tuple[Linearization, ...]
 ) -> list[sp.Expr]:
     system = equations.system
     where = f"system {system.name!r}, Eq. {printed.number}"
@@ -128,7 +128,7 @@ def _left_over(
     return difference
 
 
-def _readings(printed: Printed, system: System) -> list[sp.Expr]:
+def _readings(printed: PublishedEquation, system: System) -> list[sp.Expr]:
     names = {str(symbol): symbol for symbol in (*system.q, *system.v, *system.a, *system.u)}
     names |= {c.name: c.symbol for c in system.constants}
     count = printed.text.count("±")

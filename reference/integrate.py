@@ -67,9 +67,14 @@ def trajectory(
         last = piece is signals[-1]
         chosen = (times >= piece.start) & ((times <= piece.stop) if last else (times < piece.stop))
         solved = scipy.integrate.solve_ivp(
-            rate, (piece.start, piece.stop), state, method="DOP853", rtol=rtol, atol=rtol * 1e-2,
+            rate,
+            (piece.start, piece.stop),
+            state,
+            method="DOP853",
+            rtol=rtol,
+            atol=rtol * 1e-2,
             t_eval=np.append(times[chosen], [] if last and piece.stop in times else piece.stop),
-        )  # fmt: skip
+        )
         if not solved.success or not np.isfinite(solved.y).all():
             raise ReferenceError(f"the equations cannot be integrated past {solved.t[-1]:g} s")
         values[chosen] = solved.y.T[: chosen.sum()]
@@ -113,9 +118,13 @@ def solve_numerically(
         )
     other = "heyoka's Taylor series" if by_series else "DOP853"
     return Segments(
-        times, starts, end, np.concatenate(nodes), apart + 2 * np.finfo(float).eps * size,
+        times,
+        starts,
+        end,
+        np.concatenate(nodes),
+        apart + 2 * np.finfo(float).eps * size,
         f"Gauss collocation of order {2 * STAGES}, checked by {other}",
-    )  # fmt: skip
+    )
 
 
 def collocate(field: Field, times: Array, states: Array, length: float) -> tuple[Array, Array]:
@@ -140,8 +149,9 @@ def collocate(field: Field, times: Array, states: Array, length: float) -> tuple
                 break
         if not np.isfinite(change) or change > 1e-12:
             raise ReferenceError("the stage equations of the collocation do not converge")
-        inside = [(i, 2 * c - part) for i, c in enumerate(chebyshev_nodes())
-                  if part <= 2 * c <= part + 1]  # fmt: skip
+        inside = [
+            (i, 2 * c - part) for i, c in enumerate(chebyshev_nodes()) if part <= 2 * c <= part + 1
+        ]
         for i, c in inside:
             output[:, i] = current + half * np.einsum("j,bjc->bc", integrals(c), slopes)
         current = current + half * np.einsum("j,bjc->bc", weights, slopes)
@@ -180,9 +190,15 @@ def _runge_kutta(
         return field(times + elapsed, flat.reshape(shape)).ravel()
 
     solved = scipy.integrate.solve_ivp(
-        rate, (0.0, length), states.ravel(), method="DOP853", rtol=3e-14, atol=1e-16,
-        first_step=length / 4, max_step=length / 4,
-    )  # fmt: skip
+        rate,
+        (0.0, length),
+        states.ravel(),
+        method="DOP853",
+        rtol=3e-14,
+        atol=1e-16,
+        first_step=length / 4,
+        max_step=length / 4,
+    )
     if not solved.success:
         raise ReferenceError(f"DOP853 stops within a segment: {solved.message}")
     end: Array = solved.y[:, -1].reshape(shape)
@@ -210,13 +226,21 @@ def _taylor_series(
     inputs = dict(zip(system.u, piece.expressions, strict=True))
     # from_sympy refuses rationals: every number goes in as a float. evalf alone would leave those
     # within a function's argument, such as sin((4 + t/3)*t).
-    right = [sp.sympify(e).xreplace(system.values).xreplace(inputs).evalf(17).replace(
-                 lambda part: part.is_number and part.is_real and not part.is_Integer,
-                 lambda part: sp.Float(part, 17))
-             for e in equations.first_order]  # fmt: skip
+    right = [
+        sp.sympify(e)
+        .xreplace(system.values)
+        .xreplace(inputs)
+        .evalf(17)
+        .replace(
+            lambda part: part.is_number and part.is_real and not part.is_Integer,
+            lambda part: sp.Float(part, 17),
+        )
+        for e in equations.first_order
+    ]
     names = {t: hy.time}
-    converted = [hy.from_sympy(e, names) if e.free_symbols else hy.expression(float(e))
-                 for e in right]  # fmt: skip
+    converted = [
+        hy.from_sympy(e, names) if e.free_symbols else hy.expression(float(e)) for e in right
+    ]
     variables = hy.make_vars(*(str(x) for x in (*system.q, *system.v)))
     variables = [variables] if isinstance(variables, hy.expression) else list(variables)
     integrator = hy.taylor_adaptive(

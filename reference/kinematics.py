@@ -42,9 +42,11 @@ class Frame:
         """The frame shifted by x, y, z along its own axes, fixed to the same body."""
         shift = _column((x, y, z))
         return Frame(
-            self.rotation, _m(self.origin + self.rotation * shift),
-            _m(self.velocity + self.spin.cross(shift)), self.spin,
-        )  # fmt: skip
+            self.rotation,
+            _m(self.origin + self.rotation * shift),
+            _m(self.velocity + self.spin.cross(shift)),
+            self.spin,
+        )
 
     def turned(self, about: Triple, angle: Any) -> Frame:
         """The frame turned by a fixed angle about an axis through its origin, in rad."""
@@ -89,9 +91,11 @@ class Frame:
 
 
 ground = Frame(
-    sp.ImmutableMatrix.eye(3), sp.ImmutableMatrix.zeros(3, 1), sp.ImmutableMatrix.zeros(3, 1),
+    sp.ImmutableMatrix.eye(3),
     sp.ImmutableMatrix.zeros(3, 1),
-)  # fmt: skip
+    sp.ImmutableMatrix.zeros(3, 1),
+    sp.ImmutableMatrix.zeros(3, 1),
+)
 """The frame that does not move."""
 
 

@@ -93,9 +93,17 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
                 b[n + i, j] = lower_f[i, j]
         position = np.array([float(sp.N(p.subs(values), 30)) for p in at])
     return Linearization(
-        equilibrium.name, at, position, mass, damping, stiffness, pushes, seen, through,
+        equilibrium.name,
+        at,
+        position,
+        mass,
+        damping,
+        stiffness,
+        pushes,
+        seen,
+        through,
         {"M": m, "C": c, "K": k, "F": f, "A": a, "B": b, "Cy": cy, "D": d},
-    )  # fmt: skip
+    )
 
 
 def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, ...]:
@@ -127,8 +135,9 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
         return at
     with mp.workdps(DIGITS):
         residual = sp.lambdify(free, [p.xreplace(values) for p in pull], "mpmath", cse=True)
-        guess = [mp.mpf(sp.N(p.subs(values), 30))
-                 for q, p in zip(system.q, at, strict=True) if q in free]  # fmt: skip
+        guess = [
+            mp.mpf(sp.N(p.subs(values), 30)) for q, p in zip(system.q, at, strict=True) if q in free
+        ]
         try:
             found = mp.findroot(lambda *q: residual(*q), guess, tol=mp.mpf(10) ** (-80))
         except (ValueError, ZeroDivisionError):

@@ -128,11 +128,14 @@ def _breaks(expression: sp.Expr, place: str) -> set[float]:
 
 def _resolve(expression: sp.Expr, middle: sp.Rational) -> sp.Expr:
     """Return the branch that holds around `middle`."""
-    switches = {h: sp.Integer(int(bool(h.args[0].subs(t, middle) > 0)))
-                for h in expression.atoms(sp.Heaviside)}  # fmt: skip
+    switches = {
+        h: sp.Integer(int(bool(h.args[0].subs(t, middle) > 0)))
+        for h in expression.atoms(sp.Heaviside)
+    }
     resolved = expression.xreplace(switches)
-    conditions = {r: sp.true if r.subs(t, middle) == sp.true else sp.false
-                  for r in resolved.atoms(Relational)}  # fmt: skip
+    conditions = {
+        r: sp.true if r.subs(t, middle) == sp.true else sp.false for r in resolved.atoms(Relational)
+    }
     return sp.sympify(resolved.xreplace(conditions))
 
 

@@ -29,11 +29,15 @@ def solved(matrix: sp.Matrix, right: sp.Matrix) -> sp.Matrix:
 
     def minor(rows: tuple[int, ...], columns: tuple[int, ...]) -> sp.Expr:
         if (rows, columns) not in known:
-            known[rows, columns] = sp.Add(*(
-                (-1) ** k * matrix[rows[0], column]
-                * minor(rows[1:], columns[:k] + columns[k + 1 :])
-                for k, column in enumerate(columns) if matrix[rows[0], column] != 0
-            ))  # fmt: skip
+            known[rows, columns] = sp.Add(
+                *(
+                    (-1) ** k
+                    * matrix[rows[0], column]
+                    * minor(rows[1:], columns[:k] + columns[k + 1 :])
+                    for k, column in enumerate(columns)
+                    if matrix[rows[0], column] != 0
+                )
+            )
         return known[rows, columns]
 
     every = tuple(range(n))
@@ -42,8 +46,10 @@ def solved(matrix: sp.Matrix, right: sp.Matrix) -> sp.Matrix:
         return every[:i] + every[i + 1 :]
 
     determinant = minor(every, every)
-    return sp.Matrix([
-        sp.Add(*((-1) ** (i + j) * minor(without(j), without(i)) * right[j] for j in every))
-        / determinant
-        for i in every
-    ])  # fmt: skip
+    return sp.Matrix(
+        [
+            sp.Add(*((-1) ** (i + j) * minor(without(j), without(i)) * right[j] for j in every))
+            / determinant
+            for i in every
+        ]
+    )

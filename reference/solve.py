@@ -38,9 +38,12 @@ def solve(equations: Equations, scenario: Scenario) -> Motion:
     signals = pieces(system, scenario)
     values = system.values
     start = np.array(
-        [float(sp.sympify(given[c]).subs(values))
-         for given in (scenario.q, scenario.v) for c in system.coordinates]
-    )  # fmt: skip
+        [
+            float(sp.sympify(given[c]).subs(values))
+            for given in (scenario.q, scenario.v)
+            for c in system.coordinates
+        ]
+    )
     fastest = _fastest_rate(equations, signals, start, scenario.duration)
     spans = tile(signals, fastest)
     if is_linear(equations) and all(piece.generators is not None for piece in signals):
@@ -49,9 +52,16 @@ def solve(equations: Equations, scenario: Scenario) -> Motion:
     else:
         segments = solve_numerically(equations, start, signals, spans)
     return Motion(
-        segments.t, segments.start, segments.end, segments.bound, segments.nodes,
-        spans, numeric_inputs(signals), fastest, segments.method,
-    )  # fmt: skip
+        segments.t,
+        segments.start,
+        segments.end,
+        segments.bound,
+        segments.nodes,
+        spans,
+        numeric_inputs(signals),
+        fastest,
+        segments.method,
+    )
 
 
 def is_linear(equations: Equations) -> bool:
@@ -114,8 +124,9 @@ def _differences(equations: Equations, states: Array, inputs: Array, times: Arra
     columns = []
     for i, h in enumerate(step):
         ends = [states + sign * h * np.eye(2 * n)[i] for sign in (1, -1)]
-        up, down = (equations.numeric_acceleration(s[:, :n], s[:, n:], inputs, times[:, None])
-                    for s in ends)  # fmt: skip
+        up, down = (
+            equations.numeric_acceleration(s[:, :n], s[:, n:], inputs, times[:, None]) for s in ends
+        )
         columns.append((up - down) / (2 * h))
     return np.stack(columns, axis=2)
 
@@ -142,8 +153,11 @@ def _fastest_rate(
     full[:, n:] = lower
     rates = [float(np.max(np.abs(np.linalg.eigvals(full))))]
     if len(times) > 1:
-        rates += [float(np.max(np.abs(states[:, n + i])))
-                  for i, c in enumerate(system.coordinates) if c.unit == "rad"]  # fmt: skip
+        rates += [
+            float(np.max(np.abs(states[:, n + i])))
+            for i, c in enumerate(system.coordinates)
+            if c.unit == "rad"
+        ]
     grid = np.linspace(0.0, duration, 2001)
     u = inputs(grid)
     for piece in signals:
@@ -152,6 +166,9 @@ def _fastest_rate(
         if len(values) > 2 and not piece.constant:
             reach = np.max(np.abs(values - values.mean(axis=0)), axis=0)
             slope = np.max(np.abs(np.diff(values, axis=0)), axis=0) / (grid[1] - grid[0])
-            rates += [float(s / r) for s, r in zip(slope, reach, strict=True)
-                      if r > 1e-12 * np.max(np.abs(u))]  # fmt: skip
+            rates += [
+                float(s / r)
+                for s, r in zip(slope, reach, strict=True)
+                if r > 1e-12 * np.max(np.abs(u))
+            ]
     return max(rates)

@@ -155,7 +155,7 @@ class Scenario:
 
 
 @dataclass(frozen=True)
-class Printed:
+class PublishedEquation:
     """A numbered equation of the source as its transcript has it.
 
     `text` is `left = right`. A prime is a time derivative; `±` marks a place where the transcript
@@ -197,7 +197,7 @@ class System:
     D: sp.Expr
     equilibria: tuple[Equilibrium, ...]
     scenarios: tuple[Scenario, ...]
-    printed: tuple[Printed, ...]
+    printed: tuple[PublishedEquation, ...]
     sketch: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:

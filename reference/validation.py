@@ -40,8 +40,10 @@ def _check_names(system: System, where: str) -> None:
     seen = {"t": "the time", **{f"{c.name}_dot": "a velocity" for c in system.coordinates}}
     seen |= {f"{c.name}_ddot": "an acceleration" for c in system.coordinates}
     for kind, items in (
-        ("coordinate", system.coordinates), ("constant", system.constants), ("input", system.inputs)
-    ):  # fmt: skip
+        ("coordinate", system.coordinates),
+        ("constant", system.constants),
+        ("input", system.inputs),
+    ):
         for item in items:
             if not item.name.isidentifier():
                 raise DeclarationError(f"{where}: the {kind} name {item.name!r} is no identifier")
@@ -51,9 +53,10 @@ def _check_names(system: System, where: str) -> None:
             if not item.description:
                 raise DeclarationError(f"{where}: the {kind} {item.name} has no description")
     for kind, named in (
-        ("output", system.outputs), ("scenario", system.scenarios),
+        ("output", system.outputs),
+        ("scenario", system.scenarios),
         ("equilibrium", system.equilibria),
-    ):  # fmt: skip
+    ):
         names = [item.name for item in named]
         for name in names:
             if names.count(name) > 1:

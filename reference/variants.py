@@ -67,9 +67,13 @@ class Variants:
         return np.array([parameter.size for parameter in self.parameters])
 
     def flow(
-        self, parameters: Array, times: Array, starts: Array, length: float,
+        self,
+        parameters: Array,
+        times: Array,
+        starts: Array,
+        length: float,
         inputs: Callable[[Array], Array],
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """Ends (B, 2n) of B segments, each with its own parameters (B, P)."""
         n = starts.shape[1] // 2
 
@@ -85,15 +89,22 @@ class Variants:
         return ends
 
     def flows(
-        self, points: Array, times: Array, starts: Array, length: float,
+        self,
+        points: Array,
+        times: Array,
+        starts: Array,
+        length: float,
         inputs: Callable[[Array], Array],
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """Ends (K, B, 2n) of B segments at each of K parameter points (K, P)."""
         batch = len(times)
         ends = self.flow(
-            np.repeat(points, batch, axis=0), np.tile(times, len(points)),
-            np.tile(starts, (len(points), 1)), length, inputs,
-        )  # fmt: skip
+            np.repeat(points, batch, axis=0),
+            np.tile(times, len(points)),
+            np.tile(starts, (len(points), 1)),
+            length,
+            inputs,
+        )
         return ends.reshape(len(points), batch, -1)
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from harness.audit.finding import Finding
 from harness.files.bindings import Binding, bindings
-from harness.files.locations import PlaceError
+from harness.files.locations import LocationError
 from harness.files.sidecar import Sidecar, SidecarError
 from reference.system import System
 
@@ -18,14 +18,14 @@ def declared_bindings(
     """Every binding that can be read, and a finding for each that can't."""
     try:
         return bindings(system, sidecar), ()
-    except (PlaceError, SidecarError):
+    except (LocationError, SidecarError):
         found: list[Binding] = []
         lost = []
         for address, expression in sidecar.bindings.items():
             try:
                 alone = replace(sidecar, bindings={address: expression})
                 found += bindings(system, alone)
-            except (PlaceError, SidecarError) as error:
+            except (LocationError, SidecarError) as error:
                 lost.append(Finding("literal", f"the binding can't be read: {error}"))
         if not lost:
             raise  # what is wrong is between two of them

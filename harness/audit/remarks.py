@@ -65,8 +65,9 @@ def remarks(task: _Asked, model: Model, z: Array, w: Array) -> Iterator[Remark]:
     elif task.engine == "pybullet":
         yield Remark(
             "PyBullet's own link damping (0.04), joint motors, speed limit, inertia from collision"
-            " shapes and gravity are switched off by the adapter", False,
-        )  # fmt: skip
+            " shapes and gravity are switched off by the adapter",
+            False,
+        )
     elif task.engine == "pymunk":
         yield from _pymunk(model, file)
 
@@ -86,14 +87,20 @@ def _urdf(
     file: Path, engine: str, ranges: dict[str, tuple[float, float, float]]
 ) -> Iterator[Remark]:
     robot = read_urdf(file.read_text(encoding="utf-8"), file)
-    moved = {joint.find("child").get("link") for joint in robot.findall("joint")  # type: ignore[union-attr]  # the engine has loaded it
-             if joint.get("type") != "fixed"}  # fmt: skip
+    moved = {
+        child.get("link")
+        for joint in robot.findall("joint")
+        if joint.get("type") != "fixed" and (child := joint.find("child")) is not None
+    }
     for link in robot.findall("link"):
         name = link.get("name", "")
         if name in moved and link.find("inertial") is None:
             takes = "a mass of 1 kg" if engine == "pybullet" else "its geoms' masses, or none"
-            yield Remark(f"link {name} moves and has no <inertial>: {engine} takes {takes}", True,
-                         _named(file, "link", name))  # fmt: skip
+            yield Remark(
+                f"link {name} moves and has no <inertial>: {engine} takes {takes}",
+                True,
+                _named(file, "link", name),
+            )
     for joint in robot.findall("joint"):
         name = joint.get("name", "")
         if name not in ranges:
@@ -111,13 +118,20 @@ def _urdf(
             if quick >= velocity:
                 yield Remark(
                     f"<limit velocity> of {name} is {velocity:g} and the motions reach {quick:.4g};"
-                    f" {engine} does not hold it to that here", False, where, velocity,
-                )  # fmt: skip
+                    f" {engine} does not hold it to that here",
+                    False,
+                    where,
+                    velocity,
+                )
         dynamics = joint.find("dynamics")
         friction = float(dynamics.get("friction", "0")) if dynamics is not None else 0.0
         if friction and engine == "pybullet":
-            yield Remark(f"<dynamics friction> of {name} is {friction:g}; PyBullet ignores it",
-                         True, where, friction)  # fmt: skip
+            yield Remark(
+                f"<dynamics friction> of {name} is {friction:g}; PyBullet ignores it",
+                True,
+                where,
+                friction,
+            )
 
 
 def _limit(
@@ -127,8 +141,11 @@ def _limit(
         if beyond:
             yield Remark(
                 f"{name} is limited to [{lower:g}, {upper:g}], and the motions reach"
-                f" {reached:.4g}: the limit stops it", True, where, bound,
-            )  # fmt: skip
+                f" {reached:.4g}: the limit stops it",
+                True,
+                where,
+                bound,
+            )
 
 
 def _mujoco(model: Any, sidecar: Sidecar, z: Array) -> Iterator[Remark]:
@@ -146,12 +163,21 @@ def _mujoco_joints(m: Any, file: Path, z: Array) -> Iterator[Remark]:
         where = _named(file, "joint", name)
         if m.dof_armature[i]:
             value = float(m.dof_armature[i])
-            yield Remark(f"armature of {name} adds an inertia of {value:g}", False, where, value,
-                         ("inertia",))  # fmt: skip
+            yield Remark(
+                f"armature of {name} adds an inertia of {value:g}",
+                False,
+                where,
+                value,
+                ("inertia",),
+            )
         if m.dof_frictionloss[i]:
             value = float(m.dof_frictionloss[i])
-            yield Remark(f"frictionloss of {name} holds it with {value:g}; friction is not smooth",
-                         True, where, value)  # fmt: skip
+            yield Remark(
+                f"frictionloss of {name} holds it with {value:g}; friction is not smooth",
+                True,
+                where,
+                value,
+            )
         if m.jnt_limited[i] and file.suffix != ".urdf":
             lower, upper = map(float, m.jnt_range[i])
             yield from _limit(name, lower, upper, float(z[:, i].min()), float(z[:, i].max()), where)
@@ -161,8 +187,9 @@ def _mujoco_joints(m: Any, file: Path, z: Array) -> Iterator[Remark]:
             yield Remark(message, False, where, rest, _PULL)
         if m.qpos0[i]:
             value = float(m.qpos0[i])
-            yield Remark(f"{name} is {value:g} where the file draws it (ref)", False, where, value,
-                         _PULL)  # fmt: skip
+            yield Remark(
+                f"{name} is {value:g} where the file draws it (ref)", False, where, value, _PULL
+            )
 
 
 def _mujoco_options(m: Any, sidecar: Sidecar) -> Iterator[Remark]:
@@ -179,8 +206,11 @@ def _mujoco_options(m: Any, sidecar: Sidecar) -> Iterator[Remark]:
     ):
         yield Remark(f"no gravity is stated: MuJoCo takes ({shown})", False, where, shows_in=_PULL)
     if m.opt.wind.any() or m.opt.density or m.opt.viscosity:
-        yield Remark("a medium (wind, density or viscosity) acts on the bodies", True,
-                     _line(sidecar.model, r"\b(wind|density|viscosity)\s*="))  # fmt: skip
+        yield Remark(
+            "a medium (wind, density or viscosity) acts on the bodies",
+            True,
+            _line(sidecar.model, r"\b(wind|density|viscosity)\s*="),
+        )
 
 
 def _mujoco_equalities(m: Any, sidecar: Sidecar) -> Iterator[Remark]:
@@ -195,11 +225,18 @@ def _mujoco_equalities(m: Any, sidecar: Sidecar) -> Iterator[Remark]:
         elif np.array_equal(m.eq_solref[i], plain.solref):
             yield Remark(
                 f"equality {name} is soft: solref is MuJoCo's default, 0.02 s, and wrong at any"
-                " step", True, where, float(m.eq_solref[i][0]),
-            )  # fmt: skip
+                " step",
+                True,
+                where,
+                float(m.eq_solref[i][0]),
+            )
         elif np.array_equal(m.eq_solimp[i], plain.solimp):
-            yield Remark(f"equality {name} is soft: solimp is MuJoCo's default", False, where,
-                         shows_in=("inertia",))  # fmt: skip
+            yield Remark(
+                f"equality {name} is soft: solimp is MuJoCo's default",
+                False,
+                where,
+                shows_in=("inertia",),
+            )
 
 
 def _mujoco_tendons(m: Any, file: Path) -> Iterator[Remark]:
@@ -214,8 +251,11 @@ def _mujoco_tendons(m: Any, file: Path) -> Iterator[Remark]:
             yield Remark(
                 f"tendon {tendon.name or i + 1} states no springlength: its spring rests at"
                 f" {value:g}, its length where the joints are at their springref",
-                False, where, value, _PULL,
-            )  # fmt: skip
+                False,
+                where,
+                value,
+                _PULL,
+            )
         if m.tendon_limited[i] or m.tendon_frictionloss[i]:
             yield Remark(f"tendon {tendon.name or i + 1} has a limit or friction", True, where)
 
@@ -240,8 +280,11 @@ def _mujoco_contacts(m: Any, file: Path, z: Array) -> Iterator[Remark]:
         yield Remark(f"geoms {names[0]} and {names[1]} touch along the motions", True, str(file))
     if not touching:
         able = int(np.sum((m.geom_contype > 0) | (m.geom_conaffinity > 0)))
-        yield Remark(f"{able} geoms can collide (contype, conaffinity); at the motions' states none"
-                     " does", False, str(file))  # fmt: skip
+        yield Remark(
+            f"{able} geoms can collide (contype, conaffinity); at the motions' states none does",
+            False,
+            str(file),
+        )
 
 
 def _pymunk(model: Any, file: Path) -> Iterator[Remark]:
@@ -252,12 +295,18 @@ def _pymunk(model: Any, file: Path) -> Iterator[Remark]:
         value = float(space.damping)
         yield Remark(
             f"Space.damping is {value:g}: every velocity loses {1 - value:.3g} of itself a second",
-            True, _line(file, r"\.damping\s*=[^=]"), value,
-        )  # fmt: skip
+            True,
+            _line(file, r"\.damping\s*=[^=]"),
+            value,
+        )
     gravity = tuple(map(float, space.gravity))
     if gravity[0] and gravity[1]:
-        yield Remark(f"gravity is tilted: {gravity} is along no axis", False,
-                     _line(file, r"\.gravity\s*="), shows_in=_PULL)  # fmt: skip
+        yield Remark(
+            f"gravity is tilted: {gravity} is along no axis",
+            False,
+            _line(file, r"\.gravity\s*="),
+            shows_in=_PULL,
+        )
     plain = pymunk.PivotJoint(pymunk.Body(1, 1), pymunk.Body(1, 1), (0, 0)).error_bias
     for constraint in space.constraints:
         kind = type(constraint).__name__
@@ -267,11 +316,15 @@ def _pymunk(model: Any, file: Path) -> Iterator[Remark]:
         if constraint.error_bias == plain:
             yield Remark(
                 f"error_bias of a {kind} is pymunk's default, 0.9**60: at ordinary steps the"
-                " joint takes energy out of the motion", False, where, float(plain),
-            )  # fmt: skip
+                " joint takes energy out of the motion",
+                False,
+                where,
+                float(plain),
+            )
         if constraint.max_force < float("inf") or constraint.max_bias < float("inf"):
-            yield Remark(f"a {kind} has a largest force or correction: it lets go beyond", False,
-                         where)  # fmt: skip
+            yield Remark(
+                f"a {kind} has a largest force or correction: it lets go beyond", False, where
+            )
     yield from _pymunk_springs(space.constraints, file)
     shapes = [s for s in space.shapes if not s.sensor and s.filter.mask != 0]
     if len(shapes) > 1:
@@ -295,5 +348,8 @@ def _pymunk_springs(constraints: Iterable[Any], file: Path) -> Iterator[Remark]:
         if abs(here - rest) > 1e-9 * max(1.0, abs(here)):
             yield Remark(
                 f"a {type(spring).__name__} is built at the {what} {here:g} and rests at {rest:g}",
-                False, _line(file, rf"\b{type(spring).__name__}\("), float(rest), _PULL,
-            )  # fmt: skip
+                False,
+                _line(file, rf"\b{type(spring).__name__}\("),
+                float(rest),
+                _PULL,
+            )

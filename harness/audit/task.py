@@ -34,6 +34,12 @@ def audit_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> AuditTask:
     # Every so many states for contacts, and each component's extremes for limits.
     picked = np.unique(np.concatenate([extremes, np.linspace(0, len(states) - 1, 200).astype(int)]))
     return AuditTask(
-        prepared.system, prepared.equilibria, states[picked], prepared.push, prepared.amplitude,
-        max(m.fastest for m in motions), sidecar, engine,
-    )  # fmt: skip
+        prepared.system,
+        prepared.equilibria,
+        states[picked],
+        prepared.push,
+        prepared.amplitude,
+        max(m.fastest for m in motions),
+        sidecar,
+        engine,
+    )

@@ -12,7 +12,7 @@ from harness.audit.finding import Finding
 from harness.audit.task import AuditTask
 from harness.cases.prepare import Equilibrium
 from harness.engines.protocol import Model
-from harness.numerics.accelerations import RESOLVED, Measured, Probe
+from harness.numerics.accelerations import RESOLVED, Estimate, Probe
 from harness.numerics.coordinates import CoordinateMap
 from reference.derive import derive
 from reference.numeric import Array, NumericFunction
@@ -85,17 +85,20 @@ class Compiled:
         # Inertia is measured on the move: what sticks at rest would hold it.
         ends = np.concatenate([speeds, -speeds])
         rest = np.hstack([places, np.tile(still, (len(places), 1))])
-        states = np.concatenate([
-            np.hstack([places, np.tile(going, (len(places), 1))]),
-            np.hstack([np.tile(at, (len(ends), 1)), ends]),
-        ])  # fmt: skip
+        states = np.concatenate(
+            [
+                np.hstack([places, np.tile(going, (len(places), 1))]),
+                np.hstack([np.tile(at, (len(ends), 1)), ends]),
+            ]
+        )
         masses, forces = self._reference(states, np.zeros((len(states), len(self.task.push))))
         sizes = np.abs(np.diagonal(masses[0])) * self.probe.speed * self.probe.fastest
         mass, force = self.probe.mechanics(states, sizes)
         k = len(places)
         ahead, astern = slice(k, 2 * k), slice(2 * k, 3 * k)
-        yield from self._entries("inertia", equilibrium.name, masses[0], mass.value[0],
-                                mass.uncertainty[0])  # fmt: skip
+        yield from self._entries(
+            "inertia", equilibrium.name, masses[0], mass.value[0], mass.uncertainty[0]
+        )
         # Odd in the velocity: damping, and what is constant but for its sign.
         odd = (force.value[ahead] - force.value[astern]) / 2
         odd_error = (force.uncertainty[ahead] + force.uncertainty[astern]) / 2
@@ -104,41 +107,64 @@ class Compiled:
         slope = -_slopes(miss, np.diag(more))
         slope_error = _slope_errors(miss_error, np.diag(more))
         expected = equilibrium.matrices["C"]
-        yield from self._entries("damping", equilibrium.name, expected, expected + slope,
-                                 slope_error)  # fmt: skip
+        yield from self._entries(
+            "damping", equilibrium.name, expected, expected + slope, slope_error
+        )
         left = -(miss[0] + slope @ going)
         left_error = miss_error[0] + slope_error @ going
         sticky = False
         for i, name in enumerate(self.names):
             if abs(left[i]) > left_error[i]:
                 sticky = True
-                yield name, Finding(
-                    "friction", f"a friction of {left[i]:.6g} acts on {name}, whatever its speed;"
-                    " the equations have none", "", 0.0, float(left[i]),
-                )  # fmt: skip
+                yield (
+                    name,
+                    Finding(
+                        "friction",
+                        f"a friction of {left[i]:.6g} acts on {name}, whatever its speed;"
+                        " the equations have none",
+                        "",
+                        0.0,
+                        float(left[i]),
+                    ),
+                )
         if sticky:
-            yield "all", Finding(
-                "unresolved", "stiffness and rest forces can't be told from friction, which holds"
-                " what is at rest", severity="note",
-            )  # fmt: skip
+            yield (
+                "all",
+                Finding(
+                    "unresolved",
+                    "stiffness and rest forces can't be told from friction, which holds"
+                    " what is at rest",
+                    severity="note",
+                ),
+            )
             return
         # At rest: the engine's accelerations there, times the inertia found on the move.
-        pull = self._times(rest, Measured(mass.value[:k], mass.uncertainty[:k]))
+        pull = self._times(rest, Estimate(mass.value[:k], mass.uncertainty[:k]))
         wanted = self._reference(rest, np.zeros((k, len(self.task.push))))[1]
         miss, miss_error = pull.value - wanted, pull.uncertainty + 16 * EPSILON * np.abs(wanted)
         for i, name in enumerate(self.names):
             if abs(miss[0, i]) > miss_error[0, i]:
-                yield name, Finding(
-                    "rest", f"at rest in equilibrium {equilibrium.name!r} {name} is pulled with"
-                    f" {pull.value[0, i]:.6g}; the equations have no force there",
-                    "", float(wanted[0, i]), float(pull.value[0, i]),
-                )  # fmt: skip
+                yield (
+                    name,
+                    Finding(
+                        "rest",
+                        f"at rest in equilibrium {equilibrium.name!r} {name} is pulled with"
+                        f" {pull.value[0, i]:.6g}; the equations have no force there",
+                        "",
+                        float(wanted[0, i]),
+                        float(pull.value[0, i]),
+                    ),
+                )
         expected = equilibrium.matrices["K"]
-        yield from self._entries("stiffness", equilibrium.name, expected,
-                                 expected - _slopes(miss, step),
-                                 _slope_errors(miss_error, step))  # fmt: skip
+        yield from self._entries(
+            "stiffness",
+            equilibrium.name,
+            expected,
+            expected - _slopes(miss, step),
+            _slope_errors(miss_error, step),
+        )
 
-    def _times(self, states: Array, mass: Measured) -> Measured:
+    def _times(self, states: Array, mass: Estimate) -> Estimate:
         """Forces at states, from the accelerations there and inertias known already."""
         none = np.zeros((len(states), len(self.task.push)))
         found = self.probe.accelerations(states, none, np.zeros((len(states), len(self.names))))
@@ -146,7 +172,7 @@ class Compiled:
             force = np.einsum("bij,bj->bi", mass.value, found.value)
             error = np.einsum("bij,bj->bi", np.abs(mass.value), found.uncertainty)
             error += np.einsum("bij,bj->bi", mass.uncertainty, np.abs(found.value))
-        return Measured(force, np.where(np.isnan(error), np.inf, error))
+        return Estimate(force, np.where(np.isnan(error), np.inf, error))
 
     def _entries(
         self, kind: str, equilibrium: str, expected: Array, found: Array, error: Array
@@ -172,10 +198,14 @@ class Compiled:
                 elif not resolved[i, j]:
                     unresolved.append(about)
         if unresolved:
-            yield kind, Finding(
-                "unresolved", f"{kind} of {', '.join(unresolved)} is not resolved without motion",
-                severity="note",
-            )  # fmt: skip
+            yield (
+                kind,
+                Finding(
+                    "unresolved",
+                    f"{kind} of {', '.join(unresolved)} is not resolved without motion",
+                    severity="note",
+                ),
+            )
 
     def _anywhere(self, known: bool) -> Iterator[Finding]:
         """Accelerations at random states and inputs, of the size of the system's motions."""
@@ -200,25 +230,33 @@ class Compiled:
         lost = (error > RESOLVED * natural).any(axis=1) & ~differing.any(axis=1)
         if lost.any():
             yield Finding(
-                "unresolved", f"accelerations at {int(lost.sum())} of {DRAWS} random states are not"
-                " resolved without motion", severity="note",
-            )  # fmt: skip
+                "unresolved",
+                f"accelerations at {int(lost.sum())} of {DRAWS} random states are not"
+                " resolved without motion",
+                severity="note",
+            )
         if not differing.any():
             return
         share = np.where(differing, miss / np.where(scale > 0, scale, 1.0), 0.0)
         row, i = np.unravel_index(int(np.argmax(share)), share.shape)
         at = ", ".join(
             f"{name} = {value:.4g}"
-            for name, value in zip((*self.names, *(f"{x}_dot" for x in self.names)), states[row],
-                                   strict=True)
-        )  # fmt: skip
+            for name, value in zip(
+                (*self.names, *(f"{x}_dot" for x in self.names)), states[row], strict=True
+            )
+        )
         here, there = float(found.value[row, i]), float(wanted[row, i])
         shown = _apart(here, there)
         yield Finding(
-            "acceleration", f"{self.names[i]} accelerates with {shown[0]} in the model, {shown[1]}"
+            "acceleration",
+            f"{self.names[i]} accelerates with {shown[0]} in the model, {shown[1]}"
             f" in the equations, at {at} (one of {int(differing.any(axis=1).sum())} of {DRAWS}"
-            " random states)", "", there, here, "note" if known else "finding",
-        )  # fmt: skip
+            " random states)",
+            "",
+            there,
+            here,
+            "note" if known else "finding",
+        )
 
 
 def _slopes(values: Array, steps: Array) -> Array:
@@ -241,9 +279,7 @@ _COUPLING: Mapping[str, str] = {
 }  # fmt: skip
 
 
-def _sentence(
-    kind: str, about: str, own: bool, found: float, expected: float, error: float
-) -> str:  # fmt: skip
+def _sentence(kind: str, about: str, own: bool, found: float, expected: float, error: float) -> str:
     name = f"{kind} of {about}" if own else f"{_COUPLING[kind]} {about}"
     nothing = max(error, 1e-9 * abs(expected - found))
     if abs(found) <= nothing:

@@ -161,16 +161,30 @@ def compare(system: str, key: str, entry: Record, track: Record, now: Now) -> Ch
     told += _constants(entry["constants"], measured["constants"])
     told += [sentence for cause, sentence in causes.items() if cause in ("engine", "tool")]
     status = (
-        Status.CHANGED if worse else Status.IMPROVED if better
-        else Status.KNOWN if was != "AGREES" else Status.WITHIN if causes else Status.SAME
-    )  # fmt: skip
+        Status.CHANGED
+        if worse
+        else Status.IMPROVED
+        if better
+        else Status.KNOWN
+        if was != "AGREES"
+        else Status.WITHIN
+        if causes
+        else Status.SAME
+    )
     if status in (Status.WITHIN, Status.KNOWN) and not kinds:
         kinds = [cause if cause in ("engine", "tool") else "text" for cause in causes]
     return Change(
-        system, key, status, tuple(dict.fromkeys(kinds)), tuple(told),
-        max(moved.size, equations.size), record, entry, now.files,
+        system,
+        key,
+        status,
+        tuple(dict.fromkeys(kinds)),
+        tuple(told),
+        max(moved.size, equations.size),
+        record,
+        entry,
+        now.files,
         now.engine,
-    )  # fmt: skip
+    )
 
 
 def is_known(entry: Record, track: Record, record: Record) -> str:

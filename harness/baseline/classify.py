@@ -16,9 +16,14 @@ def unaccepted(case: Mapping[str, Any]) -> str:
 
 
 def judge(
-    system: str, case: Mapping[str, Any], scan: FolderFiles, one: SystemBaseline | None,
-    versions: Mapping[str, str | None], resolution: float, stale: bool = False,
-) -> Change:  # fmt: skip
+    system: str,
+    case: Mapping[str, Any],
+    scan: FolderFiles,
+    one: SystemBaseline | None,
+    versions: Mapping[str, str | None],
+    resolution: float,
+    stale: bool = False,
+) -> Change:
     """Hold a case against what was accepted of it.
 
     Args:

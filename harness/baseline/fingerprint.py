@@ -75,11 +75,7 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
             broken.append(str(error))
     models = [p.name for p in sorted(folder.iterdir()) if p.suffix in _MODEL]
     broken += [f"{folder / name}: has no sidecar" for name in models if name not in sidecars]
-    beside = {
-        name: digest(folder / name)
-        for name in _inside(folder, apart)
-        if name not in own
-    }  # fmt: skip
+    beside = {name: digest(folder / name) for name in _inside(folder, apart) if name not in own}
     system = digest(folder / "system.py")
     found = []
     for name, sidecar in sidecars.items():

@@ -15,7 +15,7 @@ from typing import Any
 from harness.baseline.changes import Status, is_known
 from harness.baseline.classify import judge, unaccepted
 from harness.baseline.fingerprint import FolderFiles, folder_files
-from harness.baseline.snapshot import Track, track_from
+from harness.baseline.snapshot import Snapshot, snapshot_from
 from harness.baseline.stale import match, touched
 from harness.baseline.store import SystemBaseline, case_key, read_baseline
 from harness.engines.registry import engines
@@ -44,7 +44,7 @@ class Accepted:
     versions: Mapping[str, str | None]
     resolution: float
     engines: tuple[str, ...]
-    tracks: Mapping[str, Track] = field(repr=False)
+    tracks: Mapping[str, Snapshot] = field(repr=False)
 
     @property
     def known(self) -> frozenset[str]:
@@ -66,7 +66,7 @@ def accepted(
         return None
     versions = {name: engine.version() for name, engine in engines().items()}
     found: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
-    tracks: dict[str, Track] = {}
+    tracks: dict[str, Snapshot] = {}
     for folder in folders:
         scan = folder_files(folder, place)
         one = match(folder, place, systems)
@@ -82,7 +82,7 @@ def accepted(
         for key, entry in one.cases.items():
             model, engine = key.split("/")[0], key.rsplit("[", 1)[1].rstrip("]")
             if key in one.known or (model, engine) in stale:
-                tracks[f"{one.system}/{key}"] = track_from(one.tracks[entry["track"]])
+                tracks[f"{one.system}/{key}"] = snapshot_from(one.tracks[entry["track"]])
     return Accepted(place, systems, found, versions, resolution, only, tracks)
 
 
@@ -125,9 +125,15 @@ def since(cases: Sequence[Record], found: Accepted | None) -> Record | None:
             scenario, engine = rest.rstrip("]").rsplit(" [", 1)
             if (one.system, key) not in seen and (not found.engines or engine in found.engines):
                 changes.append(
-                    {"system": one.system, "model": model, "engine": engine, "scenario": scenario,
-                     "kind": "missing", "message": "it was accepted, and there is no such case now"}
-                )  # fmt: skip
+                    {
+                        "system": one.system,
+                        "model": model,
+                        "engine": engine,
+                        "scenario": scenario,
+                        "kind": "missing",
+                        "message": "it was accepted, and there is no such case now",
+                    }
+                )
     order = ["regression", "missing", "change", "new", "improvement"]
     changes.sort(key=lambda change: order.index(change["kind"]))
     return {"name": found.place.as_posix(), "changes": changes}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.baseline.snapshot import Track, ends, finite, inputs_of, track
+from harness.baseline.snapshot import Snapshot, ends, finite, inputs_of, track
 from harness.cases.case import CaseTask, load
 from harness.diagnosis.diagnose import NAMED
 from harness.files.sidecar import Sidecar
@@ -41,15 +41,22 @@ class MeasureTask:
     scale: Array
     components: tuple[str, ...]
     variants: Variants
-    accepted: Track | None
+    accepted: Snapshot | None
 
 
-def measure_task(case: CaseTask, variants: Variants, accepted: Track | None) -> MeasureTask:
+def measure_task(case: CaseTask, variants: Variants, accepted: Snapshot | None) -> MeasureTask:
     """Gather what measuring a case needs beside its verdict's own task."""
     return MeasureTask(
-        case.system, case.sidecar, case.engine, case.scenario, case.motion, case.scale,
-        case.components, variants, accepted,
-    )  # fmt: skip
+        case.system,
+        case.sidecar,
+        case.engine,
+        case.scenario,
+        case.motion,
+        case.scale,
+        case.components,
+        variants,
+        accepted,
+    )
 
 
 def measure(task: MeasureTask) -> dict[str, Any]:
@@ -84,13 +91,13 @@ def measure(task: MeasureTask) -> dict[str, Any]:
     }
 
 
-def _comparable(own: Track, accepted: Track) -> bool:
+def _comparable(own: Snapshot, accepted: Snapshot) -> bool:
     inputs = {nodes.shape[1] for nodes in (*own.inputs, *accepted.inputs)}
     return own.start.shape[1] == accepted.start.shape[1] and len(inputs) == 1
 
 
 def identify(
-    variants: Variants, one: Track, end: Array, uncertainty: Array
+    variants: Variants, one: Snapshot, end: Array, uncertainty: Array
 ) -> dict[str, list[float]]:
     """Constants of the equations that explain where the segments end: name -> [value, error].
 
@@ -134,20 +141,24 @@ def identify(
     errors = np.sqrt((inverse**2) @ weight**2)
     return {
         variants.parameters[index].name: [
-            float(variants.nominal[index] + shift[i] * sizes[i]), float(errors[i] * sizes[i])
+            float(variants.nominal[index] + shift[i] * sizes[i]),
+            float(errors[i] * sizes[i]),
         ]
         for i, index in enumerate(chosen)
         if float(np.linalg.norm(free[:, i])) < TIED
-    }  # fmt: skip
+    }
 
 
-def _flow(variants: Variants, points: Array, one: Track) -> Array:
+def _flow(variants: Variants, points: Array, one: Snapshot) -> Array:
     """Ends by the equations at some parameters: points (P, parameters) -> (P, K, 2n)."""
     found = np.empty((len(points), *one.end.shape))
     for length in np.unique(one.length):
         chosen = one.length == length
         found[:, chosen] = variants.flows(
-            points, one.t[chosen], one.start[chosen], float(length),
+            points,
+            one.t[chosen],
+            one.start[chosen],
+            float(length),
             inputs_of(one, chosen, len(points)),
-        )  # fmt: skip
+        )
     return found

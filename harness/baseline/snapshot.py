@@ -20,7 +20,7 @@ import sympy as sp
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import RUNGS, limits
-from harness.numerics.segments import BlownUpError, grains, run_ends, spread
+from harness.numerics.segments import BlownUpError, rounding_scales, run_ends, spread
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.system import System
@@ -37,7 +37,7 @@ _INTERPOLATED = 1e-13
 
 
 @dataclass(frozen=True)
-class Track:
+class Snapshot:
     """Picked segments of a scenario; K of them, 2n components.
 
     Attributes:
@@ -86,37 +86,48 @@ class Track:
             "scale": self.scale.tolist(),
         }
 
-    def same_as(self, other: Track) -> bool:
+    def same_as(self, other: Snapshot) -> bool:
         """Whether both are the same segments of the same motion."""
         if self.start.shape != other.start.shape or len(self.inputs) != len(other.inputs):
             return False
         if self.components != other.components or self.varying != other.varying:
             return False
         pairs: list[tuple[Array, Array, Array | float]] = [
-            (self.t, other.t, 1.0), (self.length, other.length, float(np.max(self.length))),
-            (self.start, other.start, self.scale), (self.end, other.end, self.scale),
+            (self.t, other.t, 1.0),
+            (self.length, other.length, float(np.max(self.length))),
+            (self.start, other.start, self.scale),
+            (self.end, other.end, self.scale),
             (self.scale, other.scale, self.scale),
-            *((a, b, 1.0 + np.max(np.abs(a), initial=0.0))
-              for a, b in zip(self.inputs, other.inputs, strict=True)),
-        ]  # fmt: skip
+            *(
+                (a, b, 1.0 + np.max(np.abs(a), initial=0.0))
+                for a, b in zip(self.inputs, other.inputs, strict=True)
+            ),
+        ]
         return all(
             a.shape == b.shape and bool(np.all(np.abs(a - b) <= SAME * scale))
             for a, b, scale in pairs
         )
 
 
-def track_from(record: Mapping[str, Any]) -> Track:
-    """The track that `Track.record` has written."""
-    return Track(
-        record["scenario"], tuple(record["components"]), record["duration"],
-        tuple(record["drive"]), record["fastest"], record["varying"], np.array(record["t"]),
-        np.array(record["length"]), np.array(record["start"]),
+def snapshot_from(record: Mapping[str, Any]) -> Snapshot:
+    """The track that `Snapshot.record` has written."""
+    return Snapshot(
+        record["scenario"],
+        tuple(record["components"]),
+        record["duration"],
+        tuple(record["drive"]),
+        record["fastest"],
+        record["varying"],
+        np.array(record["t"]),
+        np.array(record["length"]),
+        np.array(record["start"]),
         tuple(np.array(nodes).reshape(len(nodes), -1) for nodes in record["inputs"]),
-        np.array(record["end"]), np.array(record["scale"]),
-    )  # fmt: skip
+        np.array(record["end"]),
+        np.array(record["scale"]),
+    )
 
 
-def track_key(record: Mapping[str, Any]) -> str:
+def snapshot_key(record: Mapping[str, Any]) -> str:
     """Name of a track by what is in it, such as `free@1f0a2b3c4d5e`."""
     text = json.dumps(record, sort_keys=True, allow_nan=False)
     return f"{record['scenario']}@{hashlib.sha256(text.encode()).hexdigest()[:12]}"
@@ -124,29 +135,35 @@ def track_key(record: Mapping[str, Any]) -> str:
 
 def track(
     system: System, name: str, motion: Motion, scale: Array, components: tuple[str, ...]
-) -> Track:
+) -> Snapshot:
     """Pick segments evenly over a scenario, from each of its spans in proportion."""
     chosen = np.concatenate([indices for _, indices in spread(motion, PICKED)])
     scenario = system.scenario(name)
     t, length = motion.t[chosen], motion.lengths[chosen]
-    return Track(
-        name, components, float(motion.duration),
+    return Snapshot(
+        name,
+        components,
+        float(motion.duration),
         tuple(f"{i.name} = {sp.sstr(sp.sympify(scenario.inputs[i]))}" for i in system.inputs),
-        float(motion.fastest), not all(span.constant_input for span in motion.spans),
-        t, length, motion.start[chosen],
+        float(motion.fastest),
+        not all(span.constant_input for span in motion.spans),
+        t,
+        length,
+        motion.start[chosen],
         tuple(_nodes(motion.inputs, a, h) for a, h in zip(t, length, strict=True)),
-        motion.end[chosen], scale,
-    )  # fmt: skip
+        motion.end[chosen],
+        scale,
+    )
 
 
-def ends(model: Model, coordinates: CoordinateMap, one: Track) -> tuple[Array, Array]:
+def ends(model: Model, coordinates: CoordinateMap, one: Snapshot) -> tuple[Array, Array]:
     """Where an engine ends the segments as h -> 0, with the uncertainty, (K, 2n) each.
 
     Raises:
         BlownUpError: where the engine returns values that are not finite.
     """
     z, w = coordinates.to_engine(one.start)
-    grain = grains(coordinates, z, w, one.fastest, float(np.max(one.length)))
+    grain = rounding_scales(coordinates, z, w, one.fastest, float(np.max(one.length)))
     values = []
     for rung in RUNGS:
         raw = np.empty_like(one.end)
@@ -162,7 +179,7 @@ def ends(model: Model, coordinates: CoordinateMap, one: Track) -> tuple[Array, A
     return found.value, found.uncertainty
 
 
-def inputs_of(one: Track, chosen: Array, copies: int) -> Callable[[Array], Array]:
+def inputs_of(one: Snapshot, chosen: Array, copies: int) -> Callable[[Array], Array]:
     """u at flat times of `copies` runs over the chosen segments, as the reference asks for it."""
     t = np.tile(one.t[chosen], copies)
     length = np.tile(one.length[chosen], copies)

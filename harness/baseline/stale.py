@@ -32,9 +32,13 @@ def match(
 
 
 def touched(
-    scan: FolderFiles, model: ModelFiles, engine: str, one: SystemBaseline | None,
-    versions: Mapping[str, str | None], resolution: float,
-) -> bool:  # fmt: skip
+    scan: FolderFiles,
+    model: ModelFiles,
+    engine: str,
+    one: SystemBaseline | None,
+    versions: Mapping[str, str | None],
+    resolution: float,
+) -> bool:
     """Whether anything that the cases of a model in an engine depend on is not as accepted."""
     if one is None or one.declared != scan.system or not one.scenarios:
         return True
@@ -46,9 +50,12 @@ def touched(
 
 
 def as_accepted(
-    entry: Entry, hashes: Mapping[str, str], engine: str, versions: Mapping[str, str | None],
+    entry: Entry,
+    hashes: Mapping[str, str],
+    engine: str,
+    versions: Mapping[str, str | None],
     resolution: float,
-) -> bool:  # fmt: skip
+) -> bool:
     """Whether what a case depends on is what it was when it was accepted."""
     return bool(
         entry["files"] == hashes

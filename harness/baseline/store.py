@@ -98,8 +98,10 @@ def accepted_text(folder: Path, system: str, name: str, wanted: str) -> str | No
 
 
 def write_baseline(
-    folder: Path, systems: Sequence[SystemBaseline], texts: Mapping[tuple[str, str], bytes],
-) -> list[Path]:  # fmt: skip
+    folder: Path,
+    systems: Sequence[SystemBaseline],
+    texts: Mapping[tuple[str, str], bytes],
+) -> list[Path]:
     """Write systems, and texts by (system, file name); returns the files that changed.
 
     Everything is written beside its place first and then renamed, so that a full disk or a run
@@ -191,9 +193,12 @@ def _tables(tables: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _head(one: SystemBaseline) -> dict[str, Any]:
     return {
-        "system": one.system, "folder": one.folder, "declared": one.declared,
-        "scenarios": list(one.scenarios), "constants": dict(one.constants),
-    }  # fmt: skip
+        "system": one.system,
+        "folder": one.folder,
+        "declared": one.declared,
+        "scenarios": list(one.scenarios),
+        "constants": dict(one.constants),
+    }
 
 
 def _write(one: SystemBaseline) -> str:
@@ -235,9 +240,14 @@ def _read(path: Path) -> SystemBaseline:
         if head["system"] != path.stem:
             raise BaselineError(f"{path}: is of the system {head['system']!r}; {remedy}")
         return SystemBaseline(
-            head["system"], head["folder"], head["declared"], tuple(head["scenarios"]),
-            head["constants"], tables["tracks"], tables["cases"],
-        )  # fmt: skip
+            head["system"],
+            head["folder"],
+            head["declared"],
+            tuple(head["scenarios"]),
+            head["constants"],
+            tables["tracks"],
+            tables["cases"],
+        )
     except (KeyError, TypeError, AttributeError):
         raise BaselineError(f"{path}: is not whole; {remedy}") from None
 

@@ -17,7 +17,7 @@ from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
 from harness.numerics.full_run import TARGETS, Cost, cost
-from harness.numerics.linearization import Twin, twin
+from harness.numerics.linearization import EngineLinearization, twin
 from harness.numerics.segments import Extrapolated, extrapolate
 from harness.records.outcome import FLOOR, Outcome
 from reference.motion import Motion
@@ -48,7 +48,7 @@ class CaseTask:
 
 
 @dataclass(frozen=True)
-class TwinTask:
+class LinearizationTask:
     """Everything a worker needs for the linearizations of one model in one engine."""
 
     system: System
@@ -64,10 +64,17 @@ def case_task(
 ) -> CaseTask:
     """Gather what one case needs of its prepared system."""
     return CaseTask(
-        prepared.system, sidecar, engine, scenario, prepared.motions[scenario],
-        prepared.scales[scenario], prepared.amplitude, prepared.power, prepared.components,
+        prepared.system,
+        sidecar,
+        engine,
+        scenario,
+        prepared.motions[scenario],
+        prepared.scales[scenario],
+        prepared.amplitude,
+        prepared.power,
+        prepared.components,
         resolution,
-    )  # fmt: skip
+    )
 
 
 def load(system: System, sidecar: Sidecar, engine: str) -> tuple[Model, CoordinateMap]:
@@ -144,20 +151,25 @@ def _cost_record(lived: Cost) -> dict[str, Any]:
     apart = lived.apart
     shipped = lived.shipped
     return {
-        "apart": None if apart is None else {
-            "amplitude": apart.amplitude, "phase": apart.phase, "frequency": apart.frequency,
-            "damping": apart.damping, "explained": apart.explained,
+        "apart": None
+        if apart is None
+        else {
+            "amplitude": apart.amplitude,
+            "phase": apart.phase,
+            "frequency": apart.frequency,
+            "damping": apart.damping,
+            "explained": apart.explained,
         },
         "steps_for": [
             {"target": target, "step": step}
             for target, step in zip(TARGETS, lived.steps_for, strict=True)
         ],
-        "checked_step": None if lived.checked is None else dict(
-            zip(("target", "step", "measured"), lived.checked, strict=True)
-        ),
+        "checked_step": None
+        if lived.checked is None
+        else dict(zip(("target", "step", "measured"), lived.checked, strict=True)),
         "energy_error": shipped.energy,
         "constraint_drift": shipped.drift,
-    }  # fmt: skip
+    }
 
 
 def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) -> dict[str, Any]:
@@ -188,8 +200,9 @@ def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) 
         },
         "plain": {
             "h": [run.h for run in runs],
-            "error": [_round(float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])), 5)
-                      for run in runs],
+            "error": [
+                _round(float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])), 5) for run in runs
+            ],
             "seconds": [_round(run.seconds, 3) for run in runs],
         },
         "energy": {
@@ -197,23 +210,21 @@ def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) 
             "supplied": _tidy(balance.supplied[picked], 5),
             "dissipated": _tidy(balance.dissipated[picked], 5),
         },
-    }  # fmt: skip
+    }
 
 
-def run_twins(task: TwinTask) -> list[dict[str, Any]]:
+def run_linearizations(task: LinearizationTask) -> list[dict[str, Any]]:
     """The engine's linearization about every equilibrium, beside Taylor's."""
     model, coordinates = load(task.system, task.sidecar, task.engine)
     return [
-        _twin_record(
-            twin(
-                model, coordinates, e.name, e.position, e.matrices, task.amplitude, task.push
-            )
+        _linearization_record(
+            twin(model, coordinates, e.name, e.position, e.matrices, task.amplitude, task.push)
         )
         for e in task.equilibria
-    ]  # fmt: skip
+    ]
 
 
-def _twin_record(found: Twin) -> dict[str, Any]:
+def _linearization_record(found: EngineLinearization) -> dict[str, Any]:
     return {
         "equilibrium": found.equilibrium,
         "A": found.a.tolist(),
@@ -233,9 +244,11 @@ def _twin_record(found: Twin) -> dict[str, Any]:
 def _pole(value: complex) -> Mapping[str, float]:
     size = abs(value)
     return {
-        "real": value.real, "imaginary": value.imag, "frequency": size,
+        "real": value.real,
+        "imaginary": value.imag,
+        "frequency": size,
         "damping": -value.real / size if size else math.nan,
-    }  # fmt: skip
+    }
 
 
 def _round(value: float, digits: int) -> float:

@@ -120,8 +120,10 @@ def describe_system(
     def formula(expression: Any) -> dict[str, str]:
         expression = sp.sympify(expression)
         return {
-            "text": sp.sstr(expression), "latex": latex(expression), "mathml": write(expression),
-        }  # fmt: skip
+            "text": sp.sstr(expression),
+            "latex": latex(expression),
+            "mathml": write(expression),
+        }
 
     energies = {"T": system.T, "V": system.V, "D": system.D, "L": system.T - system.V}
     record = {
@@ -146,34 +148,55 @@ def describe_system(
                 **_linear_record(one),
                 "mathml": _linear_mathml(one, system),
                 "transfer_functions": [
-                    {"output": o.name, "input": i.name, **formula(function),
-                     "mathml": equal(
-                         f"<mfrac>{write(sp.Symbol(o.name))}{write(i.symbol)}</mfrac>",
-                         rational(write, function, s),
-                     )}
+                    {
+                        "output": o.name,
+                        "input": i.name,
+                        **formula(function),
+                        "mathml": equal(
+                            f"<mfrac>{write(sp.Symbol(o.name))}{write(i.symbol)}</mfrac>",
+                            rational(write, function, s),
+                        ),
+                    }
                     for (o, i), function in _transfers(one, system).items()
                 ],
             }
             for one in linear
         ],
         "linearity": [
-            {"equilibrium": e.equilibrium, "mode": e.mode, "period": e.period,
-             "amplitudes": list(e.amplitudes), "errors": list(e.errors)}
-            for one in linear for e in linearity(equations, one)
+            {
+                "equilibrium": e.equilibrium,
+                "mode": e.mode,
+                "period": e.period,
+                "amplitudes": list(e.amplitudes),
+                "errors": list(e.errors),
+            }
+            for one in linear
+            for e in linearity(equations, one)
         ],
         "errata": [
-            {"number": e.printed.number, "printed": e.printed.text, "verdict": e.verdict,
-             "derived": e.derived, "difference": e.difference, "note": e.printed.note}
+            {
+                "number": e.printed.number,
+                "printed": e.printed.text,
+                "verdict": e.verdict,
+                "derived": e.derived,
+                "difference": e.difference,
+                "note": e.printed.note,
+            }
             for e in errata(equations, linear)
         ],
         "scenarios": [
-            {"name": s.name, "description": s.description, "duration": float(s.duration),
-             "inputs": {i.name: sp.sstr(sp.sympify(s.inputs[i])) for i in system.inputs},
-             "segments": len(motions[s.name].t), "method": motions[s.name].method,
-             "bound": float(np.max(motions[s.name].bound))}
+            {
+                "name": s.name,
+                "description": s.description,
+                "duration": float(s.duration),
+                "inputs": {i.name: sp.sstr(sp.sympify(s.inputs[i])) for i in system.inputs},
+                "segments": len(motions[s.name].t),
+                "method": motions[s.name].method,
+                "bound": float(np.max(motions[s.name].bound)),
+            }
             for s in system.scenarios
         ],
-    }  # fmt: skip
+    }
     sketch = sketch_record(system)
     return record if sketch is None else {**record, "sketch": sketch}
 
@@ -194,16 +217,25 @@ def _linear_record(one: Linearization) -> dict[str, Any]:
         "position": one.position.tolist(),
         "matrices": {name: array.tolist() for name, array in one.arrays.items()},
         "poles": [
-            {"real": p.value.real, "imaginary": p.value.imag, "multiplicity": p.multiplicity,
-             "frequency": p.frequency, "damping": p.damping}
+            {
+                "real": p.value.real,
+                "imaginary": p.value.imag,
+                "multiplicity": p.multiplicity,
+                "frequency": p.frequency,
+                "damping": p.damping,
+            }
             for p in poles(one)
         ],
         "modes": [
-            {"frequency": float(m.frequency), "growth": float(m.growth), "shape": m.shape.tolist(),
-             "rigid": m.rigid}
+            {
+                "frequency": float(m.frequency),
+                "growth": float(m.growth),
+                "shape": m.shape.tolist(),
+                "rigid": m.rigid,
+            }
             for m in modes(one)
         ],
-    }  # fmt: skip
+    }
 
 
 def _transfers(one: Linearization, system: System) -> dict[tuple[Any, Any], Any]:
@@ -229,10 +261,12 @@ def _linear_mathml(one: Linearization, system: System) -> str:
     terms = [
         matrix(write, factor.tolist()) + column(symbols)
         for factor, symbols in (
-            (one.mass, system.a), (one.damping, system.v), (one.stiffness, system.q)
+            (one.mass, system.a),
+            (one.damping, system.v),
+            (one.stiffness, system.q),
         )
         if any(factor)
-    ]  # fmt: skip
+    ]
     driven = system.inputs and any(one.input)
     push = matrix(write, one.input.tolist()) + column(system.u) if driven else write(0)
     return equal(f"<mrow>{'<mo>+</mo>'.join(terms)}</mrow>", f"<mrow>{push}</mrow>")

@@ -55,9 +55,13 @@ def component_scale(motion: Motion, others: list[Motion]) -> Array:
 
 
 def judge(
-    limit: Limit, motion: Motion, scale: Array, names: tuple[str, ...], claimed: int,
+    limit: Limit,
+    motion: Motion,
+    scale: Array,
+    names: tuple[str, ...],
+    claimed: int,
     resolution: float,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """Judge the extrapolated segments of one scenario.
 
     A segment differs where its defect exceeds its own uncertainty; a segment that could not be
@@ -116,6 +120,11 @@ def _no_digit(
             f" the engine claims {claimed}; no digit of the limit can be trusted"
         )
     return Verdict(
-        Outcome.UNRESOLVED, float(defect[where]), float("inf"), names[int(where[1])],
-        float(motion.t[int(where[0])]), limit.order, reason,
-    )  # fmt: skip
+        Outcome.UNRESOLVED,
+        float(defect[where]),
+        float("inf"),
+        names[int(where[1])],
+        float(motion.t[int(where[0])]),
+        limit.order,
+        reason,
+    )

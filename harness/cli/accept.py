@@ -16,13 +16,22 @@ from harness.text.github import in_ci
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     command.add_argument(
-        "cases", nargs="*", metavar="CASE",
+        "cases",
+        nargs="*",
+        metavar="CASE",
         help="cases to accept, such as 'drum_pendulum/robot.urdf/*'; none: all",
-    )  # fmt: skip
-    command.add_argument("--reason", required=True, metavar="TEXT",
-                         help="why this is right; kept in the baseline")  # fmt: skip
-    command.add_argument("--folder", action="append", default=[], dest="folders", metavar="FOLDER",
-                         help="system folder; repeatable; none: those of the baseline")  # fmt: skip
+    )
+    command.add_argument(
+        "--reason", required=True, metavar="TEXT", help="why this is right; kept in the baseline"
+    )
+    command.add_argument(
+        "--folder",
+        action="append",
+        default=[],
+        dest="folders",
+        metavar="FOLDER",
+        help="system folder; repeatable; none: those of the baseline",
+    )
     arguments.engine(command)
     arguments.limits(command)
     arguments.jobs(command)

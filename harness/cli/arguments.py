@@ -11,9 +11,11 @@ from harness.baseline.store import DEFAULT
 def folders(command: argparse.ArgumentParser, *, some: bool) -> None:
     """Add FOLDER ...; `some`: at least one."""
     command.add_argument(
-        "folders", nargs="+" if some else "*", metavar="FOLDER",
+        "folders",
+        nargs="+" if some else "*",
+        metavar="FOLDER",
         help="system folders" if some else "system folders; none: built-in",
-    )  # fmt: skip
+    )
 
 
 def engine(command: argparse.ArgumentParser) -> None:
@@ -32,16 +34,31 @@ def jobs(command: argparse.ArgumentParser, otherwise: str = "one per processor")
 
 def baseline(command: argparse.ArgumentParser) -> None:
     """Add --baseline DIR."""
-    command.add_argument("--baseline", type=Path, default=DEFAULT, metavar="DIR",
-                         help=f"the accepted baseline ({DEFAULT.as_posix()})")  # fmt: skip
+    command.add_argument(
+        "--baseline",
+        type=Path,
+        default=DEFAULT,
+        metavar="DIR",
+        help=f"the accepted baseline ({DEFAULT.as_posix()})",
+    )
 
 
 def limits(command: argparse.ArgumentParser) -> None:
     """Add --resolution R and --time-limit S."""
-    command.add_argument("--resolution", type=resolution, default=1e-9, metavar="R",
-                         help="relative discrepancy to resolve (1e-9)")  # fmt: skip
-    command.add_argument("--time-limit", type=seconds, default=120.0, metavar="S",
-                         help="seconds that one case may take (120)")  # fmt: skip
+    command.add_argument(
+        "--resolution",
+        type=resolution,
+        default=1e-9,
+        metavar="R",
+        help="relative discrepancy to resolve (1e-9)",
+    )
+    command.add_argument(
+        "--time-limit",
+        type=seconds,
+        default=120.0,
+        metavar="S",
+        help="seconds that one case may take (120)",
+    )
 
 
 def positive(text: str) -> int:

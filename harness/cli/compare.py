@@ -14,7 +14,7 @@ from rich.markup import escape
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from harness.compare.candidate import CompareError, NotInstalledError, side
-from harness.compare.compare import TroubleError, Wish, compare
+from harness.compare.compare import CompareOptions, FailureError, compare
 from harness.compare.executor import in_workers
 from harness.compare.match import declared
 from harness.compare.text import failed_record, print_comparison, record
@@ -35,12 +35,23 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument("--engine", metavar="NAME", help="engine of both")
     command.add_argument("--engine-a", metavar="NAME", help="engine of A")
     command.add_argument("--engine-b", metavar="NAME", help="engine of B")
-    command.add_argument("--joints", default="", metavar="a=b,...",
-                         help="joints of A by those of B, as hip=j1,knee=-j2")  # fmt: skip
-    command.add_argument("--map", type=Path, metavar="FILE",
-                         help="TOML, [joints]: those of B as expressions of A's")  # fmt: skip
-    command.add_argument("--start", action="append", default=[], type=_start, metavar="j=1,...",
-                         help="a state to start from, j=1,j_dot=0; repeatable")  # fmt: skip
+    command.add_argument(
+        "--joints",
+        default="",
+        metavar="a=b,...",
+        help="joints of A by those of B, as hip=j1,knee=-j2",
+    )
+    command.add_argument(
+        "--map", type=Path, metavar="FILE", help="TOML, [joints]: those of B as expressions of A's"
+    )
+    command.add_argument(
+        "--start",
+        action="append",
+        default=[],
+        type=_start,
+        metavar="j=1,...",
+        help="a state to start from, j=1,j_dot=0; repeatable",
+    )
     command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
     arguments.limits(command)
 
@@ -49,11 +60,13 @@ def main(options: argparse.Namespace) -> int:
     """Compare, print what came out, and write the record."""
     created = datetime.datetime.now(datetime.UTC)
     try:
-        wish = Wish(
+        wish = CompareOptions(
             side("A", options.a, options.engine_a or options.engine),
             side("B", options.b, options.engine_b or options.engine),
-            declared(options.joints, options.map), tuple(options.start), options.resolution,
-        )  # fmt: skip
+            declared(options.joints, options.map),
+            tuple(options.start),
+            options.resolution,
+        )
     except CompareError as error:
         return _stop(str(error), USAGE)
     except (SidecarError, NotInstalledError) as error:
@@ -64,13 +77,13 @@ def main(options: argparse.Namespace) -> int:
             found = compare(wish, in_workers(workers))
     except CompareError as error:
         return _stop(str(error), USAGE)
-    except TroubleError as error:
-        trouble = error.trouble
-        console.print(f"[{STYLES['FAILED']}]FAILED[/]  {escape(trouble.reason)}", soft_wrap=True)
-        for line in trouble.printed.splitlines()[-6:]:
+    except FailureError as error:
+        failure = error.failure
+        console.print(f"[{STYLES['FAILED']}]FAILED[/]  {escape(failure.reason)}", soft_wrap=True)
+        for line in failure.stdout.splitlines()[-6:]:
             console.print(f"  | {escape(line)}", soft_wrap=True)
         if options.json:
-            _write(options.json, failed_record(wish, trouble, created))
+            _write(options.json, failed_record(wish, failure, created))
         return FAIL
     print_comparison(console, found)
     if options.json:

@@ -13,7 +13,7 @@ from harness.baseline.changes import Status
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.files.folders import check_engines, system_folders
-from harness.gate.gate import Gated, Terms, accepted_folders, gate
+from harness.gate.gate import GateOptions, GateResult, accepted_folders, gate
 from harness.gate.text import gate_lines, notes, summary
 from harness.records.results import write_whole
 from harness.text.github import commands, write_summary
@@ -22,21 +22,30 @@ from harness.text.github import commands, write_summary
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     command.add_argument(
-        "folders", nargs="*", metavar="FOLDER",
+        "folders",
+        nargs="*",
+        metavar="FOLDER",
         help="system folders; none: those of the baseline, and beside them",
-    )  # fmt: skip
+    )
     arguments.engine(command)
     arguments.limits(command)
     arguments.jobs(command)
     arguments.baseline(command)
-    command.add_argument("--diagnose", action="store_true",
-                         help="name the cause where a model differs; takes a while")  # fmt: skip
-    command.add_argument("--all", action="store_true", dest="every",
-                         help="run every case, changed or not")  # fmt: skip
     command.add_argument(
-        "--out", type=Path, default=Path("reports/gate"), metavar="DIR",
+        "--diagnose",
+        action="store_true",
+        help="name the cause where a model differs; takes a while",
+    )
+    command.add_argument(
+        "--all", action="store_true", dest="every", help="run every case, changed or not"
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        default=Path("reports/gate"),
+        metavar="DIR",
         help="where gate.json and summary.md go (reports/gate)",
-    )  # fmt: skip
+    )
 
 
 def main(options: argparse.Namespace) -> int:
@@ -59,14 +68,14 @@ def main(options: argparse.Namespace) -> int:
     return code(found)
 
 
-def code(found: Gated) -> int:
+def code(found: GateResult) -> int:
     """The exit code of what a gate found."""
     if found.of(Status.NOT_RUN) or not found.changes:
         return FAIL
     return AGREE if found.passes else DIFFER
 
 
-def meant(options: argparse.Namespace) -> tuple[list[Path], Terms]:
+def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
     """The folders and terms that the arguments mean.
 
     Raises:
@@ -81,11 +90,16 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], Terms]:
         folders = accepted_folders(options.baseline)
         if not folders and not any(options.baseline.glob("*.json")):
             folders = system_folders([])
-    terms = Terms(
-        options.baseline, tuple(options.engine), getattr(options, "every", False),
+    terms = GateOptions(
+        options.baseline,
+        tuple(options.engine),
+        getattr(options, "every", False),
         getattr(options, "diagnose", False),
-        options.resolution, options.jobs, options.time_limit, parents,
-    )  # fmt: skip
+        options.resolution,
+        options.jobs,
+        options.time_limit,
+        parents,
+    )
     return folders, terms
 
 
@@ -109,23 +123,29 @@ class Watch:
             self._shown.__exit__(*_)
 
 
-def _plain(found: Gated) -> dict[str, Any]:
+def _plain(found: GateResult) -> dict[str, Any]:
     """The findings for other programs."""
     return {
         "passes": found.passes,
         "seconds": found.seconds,
         "cases": [
             {
-                "case": change.case, "status": str(change.status), "kinds": list(change.kinds),
-                "told": list(change.told), "moved": change.size, "run": change.record is not None,
+                "case": change.case,
+                "status": str(change.status),
+                "kinds": list(change.kinds),
+                "told": list(change.told),
+                "moved": change.size,
+                "run": change.record is not None,
             }
             for change in found.changes
         ],
         "files": [
             {
-                "system": story.system, "file": story.name, "models": list(story.models),
+                "system": story.system,
+                "file": story.name,
+                "models": list(story.models),
                 "changes": [{"line": s.line, "said": s.said} for s in story.spots],
             }
             for story in found.stories
         ],
-    }  # fmt: skip
+    }

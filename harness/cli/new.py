@@ -13,9 +13,14 @@ from harness.scaffold.folder import NewError, check_name, example, write_folder
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     command.add_argument("name", metavar="NAME", help="the folder to write, and the system's name")
-    command.add_argument("--from", dest="model", type=Path, default=None,
-                         metavar="model.urdf|model.xml",
-                         help="fill it in from this model file, as far as it tells")  # fmt: skip
+    command.add_argument(
+        "--from",
+        dest="model",
+        type=Path,
+        default=None,
+        metavar="model.urdf|model.xml",
+        help="fill it in from this model file, as far as it tells",
+    )
 
 
 def main(options: argparse.Namespace) -> int:

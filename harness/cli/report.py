@@ -12,8 +12,13 @@ from harness.report import write_report
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    command.add_argument("results", nargs="?", type=Path, default=Path("reports/results.json"),
-                         metavar="RESULTS.json")  # fmt: skip
+    command.add_argument(
+        "results",
+        nargs="?",
+        type=Path,
+        default=Path("reports/results.json"),
+        metavar="RESULTS.json",
+    )
     command.add_argument("--out", type=Path, default=None, metavar="DIR", help="beside the results")
 
 

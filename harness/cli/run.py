@@ -26,11 +26,17 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.engine(command)
     arguments.limits(command)
     arguments.jobs(command)
-    command.add_argument("--out", type=Path, default=Path("reports"), metavar="DIR",
-                         help="where results.json and index.html go (reports)")  # fmt: skip
+    command.add_argument(
+        "--out",
+        type=Path,
+        default=Path("reports"),
+        metavar="DIR",
+        help="where results.json and index.html go (reports)",
+    )
     arguments.baseline(command)
-    command.add_argument("--require-engines", action="store_true",
-                         help="exit 3 where an engine is not installed")  # fmt: skip
+    command.add_argument(
+        "--require-engines", action="store_true", help="exit 3 where an engine is not installed"
+    )
 
 
 def main(options: argparse.Namespace) -> int:
@@ -38,9 +44,12 @@ def main(options: argparse.Namespace) -> int:
     check_engines(options.engine)
     folders = system_folders(options.folders)
     wanted = Options(
-        tuple(options.engine), options.resolution, options.jobs, options.time_limit,
+        tuple(options.engine),
+        options.resolution,
+        options.jobs,
+        options.time_limit,
         options.baseline,
-    )  # fmt: skip
+    )
     with Watcher() as watcher:
         found = run(folders, wanted, watcher)
     write_results(options.out / "results.json", found)

@@ -35,7 +35,7 @@ class NotInstalledError(RuntimeError):
 
 
 @dataclass(frozen=True)
-class Side:
+class Candidate:
     """A model file in an engine.
 
     Attributes:
@@ -63,7 +63,7 @@ class Side:
         """
         return engines()[self.engine].load(self.sidecar.spec(self.engine))
 
-    def at(self, **settings: object) -> Side:
+    def at(self, **settings: object) -> Candidate:
         """The same with other settings."""
         own = {**self.sidecar.engine_settings.get(self.engine, {}), **settings}
         changed = {**self.sidecar.engine_settings, self.engine: own}
@@ -80,7 +80,7 @@ class Facts:
     gravity: tuple[float, ...]
 
 
-def facts(side: Side) -> Facts:
+def facts(side: Candidate) -> Facts:
     """Load a model and ask it.
 
     Raises:
@@ -91,7 +91,7 @@ def facts(side: Side) -> Facts:
     return Facts(tuple(model.coordinates), model.integrator, model.step, gravity)
 
 
-def side(label: str, path: Path, engine: str | None) -> Side:
+def side(label: str, path: Path, engine: str | None) -> Candidate:
     """The model at `path`, in the engine asked for, or in the one that fits its format.
 
     Raises:
@@ -107,8 +107,8 @@ def side(label: str, path: Path, engine: str | None) -> Side:
     own = _quirks(path, name)
     if sidecar is None:
         bare, notes = _bare(path, name)
-        return Side(label, bare, name, (*notes, *own))
-    return Side(label, sidecar, name, own)
+        return Candidate(label, bare, name, (*notes, *own))
+    return Candidate(label, sidecar, name, own)
 
 
 def _engine(label: str, path: Path, asked: str | None, sidecar: Sidecar | None) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.compare.candidate import CompareError, Facts, Side, facts
+from harness.compare.candidate import Candidate, CompareError, Facts, facts
 from harness.compare.diff import Edit, edits
 from harness.compare.excitation import Recorded, SourceTask, record
 from harness.compare.judge import Followed, Judgement, TargetTask, follow, judge
@@ -23,10 +23,11 @@ from harness.compare.match import Match, match
 from harness.compare.mechanics import Mechanics, MechanicsTask, mechanics
 from harness.compare.runs import Runs
 from harness.compare.terms import Frame, Term, terms
-from harness.compare.trials import Trial, TrialTask, tried, weigh
+from harness.compare.trials import Trial, TrialTask, attribute_difference, tried
 from harness.engines.protocol import Array
-from harness.files.locations import PlaceError
+from harness.files.locations import LocationError
 from harness.records.outcome import Outcome
+from harness.schedule.workers import Failure
 
 MOST_TRIED = 60
 """Differences of the files that are tried one by one; beyond, they are only counted."""
@@ -39,32 +40,23 @@ TURNED = 1e-4
 
 Ask = Callable[[str, Callable[[Any], Any], list[Any]], list[Any]]
 """Runs a function on each argument, elsewhere: (who is asked, function, arguments) -> values. An
-argument that fails gives a `Trouble`."""
+argument that fails gives a `Failure`."""
 
 
-@dataclass(frozen=True)
-class Trouble:
-    """Why something could not be run, and what was printed meanwhile."""
-
-    reason: str
-    printed: str
-    usage: bool = False
-
-
-class TroubleError(RuntimeError):
+class FailureError(RuntimeError):
     """A comparison that could not be run."""
 
-    def __init__(self, trouble: Trouble) -> None:
-        super().__init__(trouble.reason)
-        self.trouble = trouble
+    def __init__(self, failure: Failure) -> None:
+        super().__init__(failure.reason)
+        self.failure = failure
 
 
 @dataclass(frozen=True)
-class Wish:
+class CompareOptions:
     """What is to be compared, and how: see `harness.compare.match` and `states`."""
 
-    a: Side
-    b: Side
+    a: Candidate
+    b: Candidate
     joints: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
     starts: tuple[Mapping[str, float], ...] = ()
     resolution: float = 1e-9
@@ -84,7 +76,7 @@ class Comparison:
         notes: what was assumed or left out.
     """
 
-    wish: Wish
+    wish: CompareOptions
     facts: tuple[Facts, Facts]
     match: Match
     recorded: Recorded
@@ -98,7 +90,7 @@ class Comparison:
     seconds: float
 
 
-def compare(wish: Wish, ask: Ask) -> Comparison:
+def compare(wish: CompareOptions, ask: Ask) -> Comparison:
     """Compare two models.
 
     Raises:
@@ -109,9 +101,11 @@ def compare(wish: Wish, ask: Ask) -> Comparison:
     a, b = wish.a, wish.b
     told = (_one(ask, a, facts, a), _one(ask, b, facts, b))
     matched = match(
-        told[0].coordinates, told[1].coordinates, wish.joints,
+        told[0].coordinates,
+        told[1].coordinates,
+        wish.joints,
         (a.sidecar.readback, b.sidecar.readback),
-    )  # fmt: skip
+    )
     source, target = (a, b) if matched.source == "A" else (b, a)
     recorded: Recorded = _one(
         ask, source, record, SourceTask(source, matched, wish.starts, wish.resolution)
@@ -121,7 +115,7 @@ def compare(wish: Wish, ask: Ask) -> Comparison:
         reason = (
             f"its motion is resolved in none of {recorded.lost} runs (contact, limit, friction)"
         )
-        raise TroubleError(Trouble(f"{source.name}: {reason}", ""))
+        raise FailureError(Failure(f"{source.name}: {reason}", ""))
     if recorded.lost:
         notes.append(
             f"{recorded.lost} of {recorded.lost + len(recorded.runs.z)} runs are left out: there"
@@ -139,15 +133,25 @@ def compare(wish: Wish, ask: Ask) -> Comparison:
         found = _terms(ask, source, target, recorded, runs, matched, signs)
     trials, untried = _trials(ask, wish, recorded, runs, followed, matched)
     return Comparison(
-        wish, told, matched, recorded, judgement, turned, left, found, trials, untried,
-        tuple(notes), time.perf_counter() - began,
-    )  # fmt: skip
+        wish,
+        told,
+        matched,
+        recorded,
+        judgement,
+        turned,
+        left,
+        found,
+        trials,
+        untried,
+        tuple(notes),
+        time.perf_counter() - began,
+    )
 
 
-def _one(ask: Ask, side: Side, function: Callable[[Any], Any], argument: Any) -> Any:
+def _one(ask: Ask, side: Candidate, function: Callable[[Any], Any], argument: Any) -> Any:
     (value,) = ask(side.name, function, [argument])
-    if isinstance(value, Trouble):
-        raise CompareError(value.reason) if value.usage else TroubleError(value)
+    if isinstance(value, Failure):
+        raise CompareError(value.reason) if value.usage else FailureError(value)
     return value
 
 
@@ -156,7 +160,7 @@ class _Following:
     """The target run from the source's states, with joints turned or not."""
 
     ask: Ask
-    target: Side
+    target: Candidate
     recorded: Recorded
     runs: Runs
     match: Match
@@ -185,7 +189,7 @@ def _turned(
                 guess[i] = -1.0
                 try:
                     one = trial.judged(guess)[1]
-                except TroubleError:
+                except FailureError:
                     continue
                 sizes[i] = float(np.max(one.by_component))
         best = min(sizes, key=lambda i: sizes[i], default=None)
@@ -200,9 +204,14 @@ def _turned(
 
 
 def _terms(
-    ask: Ask, source: Side, target: Side, recorded: Recorded, runs: Runs, matched: Match,
+    ask: Ask,
+    source: Candidate,
+    target: Candidate,
+    recorded: Recorded,
+    runs: Runs,
+    matched: Match,
     signs: Array,
-) -> tuple[Term, ...]:  # fmt: skip
+) -> tuple[Term, ...]:
     """The terms of both models, measured at some of the states."""
     going = np.flatnonzero(np.max(np.abs(runs.w), axis=1) > 0)
     count = len(recorded.independent) + 6
@@ -212,30 +221,43 @@ def _terms(
     shared = (recorded.independent, recorded.unit, recorded.fastest, recorded.typical)
     own = recorded.runs
     ones = np.ones(len(signs))
-    one: Mechanics = _one(ask, source, mechanics, MechanicsTask(
-        source, matched, ones, own.z[picked], own.w[picked], *shared
-    ))  # fmt: skip
-    other: Mechanics = _one(ask, target, mechanics, MechanicsTask(
-        target, None, signs, runs.z[picked] * signs, runs.w[picked] * signs, *shared
-    ))  # fmt: skip
+    one: Mechanics = _one(
+        ask,
+        source,
+        mechanics,
+        MechanicsTask(source, matched, ones, own.z[picked], own.w[picked], *shared),
+    )
+    other: Mechanics = _one(
+        ask,
+        target,
+        mechanics,
+        MechanicsTask(target, None, signs, runs.z[picked] * signs, runs.w[picked] * signs, *shared),
+    )
     if matched.source == "B":
         one, other = other, one
     chosen = list(recorded.independent)
     frame = Frame(
-        [matched.names[i] for i in chosen], runs.z[picked][:, chosen], recorded.unit[chosen],
+        [matched.names[i] for i in chosen],
+        runs.z[picked][:, chosen],
+        recorded.unit[chosen],
         recorded.typical,
-    )  # fmt: skip
+    )
     return terms(one, other, frame)
 
 
 def _trials(
-    ask: Ask, wish: Wish, recorded: Recorded, runs: Runs, followed: Followed, matched: Match
+    ask: Ask,
+    wish: CompareOptions,
+    recorded: Recorded,
+    runs: Runs,
+    followed: Followed,
+    matched: Match,
 ) -> tuple[tuple[Trial, ...], int]:
     """What each difference of the files does to the motions, and all of them together."""
     try:
         found = edits(wish.a, wish.b)
-    except PlaceError as error:
-        raise TroubleError(Trouble(str(error), "")) from None
+    except LocationError as error:
+        raise FailureError(Failure(str(error), "")) from None
     can = [edit for edit in found if edit.changes or edit.settings]
     if not can:
         return tuple(Trial((edit,), 0.0, 0.0, "it can't be tried alone") for edit in found), 0
@@ -247,7 +269,7 @@ def _trials(
     near = recorded.end[some]
     is_source = matched.source == "A"
 
-    def task(side: Side, made: tuple[Edit, ...], source: bool) -> TrialTask:
+    def task(side: Candidate, made: tuple[Edit, ...], source: bool) -> TrialTask:
         own = recorded.runs if source else runs
         part = Runs(own.length, own.z[some], own.w[some], own.push[some])
         return TrialTask(
@@ -264,11 +286,14 @@ def _trials(
     values = ask(wish.a.name, tried, [task(wish.a, made, is_source) for made in sets])
     trials = [
         Trial(made, 0.0, 0.0, value.reason)
-        if isinstance(value, Trouble)
-        else weigh(made, value, a, b, recorded.scale, floor)
+        if isinstance(value, Failure)
+        else attribute_difference(made, value, a, b, recorded.scale, floor)
         for made, value in zip(sets, values, strict=True)
     ]
-    trials += [Trial((edit,), 0.0, 0.0, "it can't be tried alone") for edit in found
-               if not edit.changes and not edit.settings]  # fmt: skip
+    trials += [
+        Trial((edit,), 0.0, 0.0, "it can't be tried alone")
+        for edit in found
+        if not edit.changes and not edit.settings
+    ]
     trials.sort(key=lambda one: (-one.explained, -one.moved, len(one.edits)))
     return tuple(trials), max(0, len(can) - MOST_TRIED)

@@ -9,8 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from harness.compare.candidate import Side
-from harness.files.locations import PlaceError, find
+from harness.compare.candidate import Candidate
+from harness.files.locations import LocationError, find
 from harness.files.locations.outline import Element, Value, outline
 
 
@@ -35,7 +35,7 @@ class Edit:
     settings: tuple[tuple[str, Any], ...] = ()
 
 
-def edits(a: Side, b: Side) -> tuple[Edit, ...]:
+def edits(a: Candidate, b: Candidate) -> tuple[Edit, ...]:
     """Every difference that an engine may read; none where the files have not one format.
 
     Comments and white space don't count.
@@ -74,13 +74,25 @@ class _Xml:
             yield from self._elements(one, other)
         for one in gone:
             text = self.data_a[one.start : one.end].decode()
-            yield Edit(one.label, self._at_a(one.line), self._at_b(b.line), _short(text), "nothing",
-                       ((one.start, one.end, b""),))  # fmt: skip
+            yield Edit(
+                one.label,
+                self._at_a(one.line),
+                self._at_b(b.line),
+                _short(text),
+                "nothing",
+                ((one.start, one.end, b""),),
+            )
         for one in new:
             data = self.data_b[one.start : one.end]
             changes = ((a.inner_end, a.inner_end, data),) if a.inner_end else ()
-            yield Edit(one.label, self._at_a(a.line), self._at_b(one.line), "nothing",
-                       _short(data.decode()), changes)  # fmt: skip
+            yield Edit(
+                one.label,
+                self._at_a(a.line),
+                self._at_b(one.line),
+                "nothing",
+                _short(data.decode()),
+                changes,
+            )
 
     def _attribute(self, name: str, a: Element, b: Element) -> Iterator[Edit]:
         one, other = a.attributes.get(name), b.attributes.get(name)
@@ -90,11 +102,23 @@ class _Xml:
                 yield from self._value(label, one, other, a, b)
         elif other is not None:
             data = b" " + self.data_b[other.outer[0] : other.outer[1]].strip()
-            yield Edit(label, self._at_a(a.line), self._at_b(other.line), "nothing", other.text,
-                       ((a.tag_end, a.tag_end, data),))  # fmt: skip
+            yield Edit(
+                label,
+                self._at_a(a.line),
+                self._at_b(other.line),
+                "nothing",
+                other.text,
+                ((a.tag_end, a.tag_end, data),),
+            )
         elif one is not None:
-            yield Edit(label, self._at_a(one.line), self._at_b(b.line), one.text, "nothing",
-                       ((*one.outer, b""),))  # fmt: skip
+            yield Edit(
+                label,
+                self._at_a(one.line),
+                self._at_b(b.line),
+                one.text,
+                "nothing",
+                ((*one.outer, b""),),
+            )
 
     def _value(
         self, label: str, one: Value, other: Value, a: Element, b: Element
@@ -145,7 +169,7 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         try:
             trees.append(ast.parse(path.read_bytes(), filename=str(path)))
         except SyntaxError as error:
-            raise PlaceError(f"{path}:{error.lineno or 1}: no Python: {error.msg}") from None
+            raise LocationError(f"{path}:{error.lineno or 1}: no Python: {error.msg}") from None
     shapes = [_Shape() for _ in trees]
     for shape, tree in zip(shapes, trees, strict=True):
         shape.visit(_without_docstrings(tree))
@@ -153,11 +177,20 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         both = list(zip(shapes[0].text, shapes[1].text, strict=False))
         first = next((i for i, (x, y) in enumerate(both) if x != y), len(both) - 1)
         lines = [s.lines[min(first, len(s.lines) - 1)] for s in shapes]
-        yield Edit("code", f"{a}:{lines[0]}", f"{b}:{lines[1]}", "this", "other code than numbers",
-                   ((0, len(data), b.read_bytes()),))  # fmt: skip
+        yield Edit(
+            "code",
+            f"{a}:{lines[0]}",
+            f"{b}:{lines[1]}",
+            "this",
+            "other code than numbers",
+            ((0, len(data), b.read_bytes()),),
+        )
         return
-    names = {id(s.value): s.targets[0].id for s in trees[0].body
-             if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)}  # fmt: skip
+    names = {
+        id(s.value): s.targets[0].id
+        for s in trees[0].body
+        if isinstance(s, ast.Assign) and isinstance(s.targets[0], ast.Name)
+    }
     starts = [0]
     for line in data.splitlines(keepends=True):
         starts.append(starts[-1] + len(line))
@@ -168,8 +201,14 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         first = starts[one.lineno - 1] + one.col_offset
         last = starts[(one.end_lineno or 1) - 1] + (one.end_col_offset or 0)
         name = names.get(id(one), "number")
-        yield Edit(name, f"{a}:{one.lineno}", f"{b}:{other.lineno}", old, new,
-                   ((first, last, new.encode()),))  # fmt: skip
+        yield Edit(
+            name,
+            f"{a}:{one.lineno}",
+            f"{b}:{other.lineno}",
+            old,
+            new,
+            ((first, last, new.encode()),),
+        )
 
 
 def _without_docstrings(tree: ast.Module) -> ast.Module:
@@ -214,20 +253,24 @@ def _holds_nodes(value: object) -> bool:
     )
 
 
-def _settings(a: Side, b: Side) -> Iterator[Edit]:
+def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
     """Settings and springs that the sidecars state, or that were assumed."""
     one, other = _stated(a), _stated(b)
     for key in dict.fromkeys([*one, *other]):
         old, new = one.get(key), other.get(key)
         if old != new:
             yield Edit(
-                f"sidecar:{key}", _toml_line(a, key), _toml_line(b, key),
-                "nothing" if old is None else str(old), "nothing" if new is None else str(new),
-                (), ((key, new),),
-            )  # fmt: skip
+                f"sidecar:{key}",
+                _toml_line(a, key),
+                _toml_line(b, key),
+                "nothing" if old is None else str(old),
+                "nothing" if new is None else str(new),
+                (),
+                ((key, new),),
+            )
 
 
-def _stated(side: Side) -> dict[str, Any]:
+def _stated(side: Candidate) -> dict[str, Any]:
     spec = side.sidecar.spec(side.engine)
     found = {f"settings.{key}": value for key, value in spec.settings.items()}
     for i, spring in enumerate(spec.springs):
@@ -235,37 +278,41 @@ def _stated(side: Side) -> dict[str, Any]:
     return found
 
 
-def _toml_line(side: Side, key: str) -> str:
+def _toml_line(side: Candidate, key: str) -> str:
     file = Path(f"{side.sidecar.model}.toml")
     own = key.replace("settings.", f"settings.{side.engine}.", 1)
     for name in (own, f"{own}[0]", key, f"{key}[0]", f"{key}.stiffness"):
         try:
             return str(find(file, [name])[name])
-        except PlaceError:
+        except LocationError:
             continue
     return str(file)
 
 
-def _bound(a: Side, b: Side) -> Iterator[Edit]:
+def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
     """Across formats: literals that both sidecars bind to one expression, with unlike values."""
     one, other = _by_expression(a.sidecar.bindings), _by_expression(b.sidecar.bindings)
     for expression in one.keys() & other.keys():
         try:
             ours = _find_bound(a, one[expression])
             theirs = _find_bound(b, other[expression])
-        except PlaceError:
+        except LocationError:
             continue
         for address, place in ours.items():
             for named, there in theirs.items():
                 if abs(place.value - there.value) > 1e-12 * abs(there.value):
                     change = (place.start, place.end, there.text.encode())
                     yield Edit(
-                        f"{address} and {named}, both {expression}", str(place), str(there),
-                        place.text, there.text, (change,),
-                    )  # fmt: skip
+                        f"{address} and {named}, both {expression}",
+                        str(place),
+                        str(there),
+                        place.text,
+                        there.text,
+                        (change,),
+                    )
 
 
-def _find_bound(side: Side, addresses: list[str]) -> dict[str, Any]:
+def _find_bound(side: Candidate, addresses: list[str]) -> dict[str, Any]:
     """Places in the model file itself; the sidecar's own literals are compared as settings."""
     own = [address for address in addresses if not address.startswith("sidecar:")]
     return dict(find(side.sidecar.model, own))

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.compare.candidate import CompareError, Side, home, reach
+from harness.compare.candidate import Candidate, CompareError, home, reach
 from harness.compare.match import Match
 from harness.compare.runs import Runs, ends, movement
-from harness.compare.scales import HELD, Nature, nature
+from harness.compare.scales import HELD, CharacteristicScales, nature
 from harness.engines.protocol import Array, Model
 from harness.numerics.ladder import Limit
 
@@ -41,7 +41,7 @@ SHORTER = (1.0, 2.0, 4.0, 16.0)
 class SourceTask:
     """What a worker needs to record states: `given` are starts by coordinate (`x`, `x_dot`)."""
 
-    side: Side
+    side: Candidate
     match: Match
     given: tuple[Mapping[str, float], ...]
     resolution: float
@@ -106,9 +106,12 @@ def record(task: SourceTask) -> Recorded:
 
 
 def _starts(
-    model: Model, found: Nature, given: tuple[Mapping[str, float], ...], names: tuple[str, ...],
+    model: Model,
+    found: CharacteristicScales,
+    given: tuple[Mapping[str, float], ...],
+    names: tuple[str, ...],
     rng: np.random.Generator,
-) -> tuple[Array, Array, Array, int]:  # fmt: skip
+) -> tuple[Array, Array, Array, int]:
     """Starts (B, nz), whether each is driven (B,), and how many runs follow each other."""
     start, extent, n = home(model), reach(model), len(names)
     own = [_one(start, names, state) for state in given]
@@ -163,7 +166,7 @@ def _independent(inverse: Array) -> tuple[int, ...]:
 
 
 def _chain(
-    model: Model, task: SourceTask, found: Nature, first: Runs, links: int
+    model: Model, task: SourceTask, found: CharacteristicScales, first: Runs, links: int
 ) -> list[tuple[Runs, Limit]]:
     """Runs that follow each other, as long as the fastest rate allows."""
     best: tuple[float, list[tuple[Runs, Limit]]] | None = None
@@ -182,7 +185,7 @@ def _chain(
 
 
 def _links(
-    model: Model, task: SourceTask, found: Nature, runs: Runs, links: int
+    model: Model, task: SourceTask, found: CharacteristicScales, runs: Runs, links: int
 ) -> list[tuple[Runs, Limit]]:
     chain: list[tuple[Runs, Limit]] = []
     for link in range(links):
@@ -207,9 +210,12 @@ def _relative(runs: Runs, limit: Limit) -> Array:
 
 
 def _gathered(
-    task: SourceTask, chain: list[tuple[Runs, Limit]], found: Nature, unit: Array,
+    task: SourceTask,
+    chain: list[tuple[Runs, Limit]],
+    found: CharacteristicScales,
+    unit: Array,
     independent: tuple[int, ...],
-) -> Recorded:  # fmt: skip
+) -> Recorded:
     match, m = task.match, len(task.match.names)
     z, w, push = (
         np.concatenate([getattr(runs, key) for runs, _ in chain]) for key in ("z", "w", "push")
@@ -226,10 +232,19 @@ def _gathered(
     scale = movement(wrapped[kept], start[kept]) if len(kept) else np.ones(2 * m)
     limit = chain[0][1]
     return Recorded(
-        Runs(chain[0][0].length, z[kept], w[kept], push[kept]), wrapped[kept], uncertainty[kept],
-        scale, np.not_equal(push[kept], 0.0).any(axis=1), len(z) - len(kept),
-        found.fastest, found.typical, unit, independent, limit.order, limit.holds,
-    )  # fmt: skip
+        Runs(chain[0][0].length, z[kept], w[kept], push[kept]),
+        wrapped[kept],
+        uncertainty[kept],
+        scale,
+        np.not_equal(push[kept], 0.0).any(axis=1),
+        len(z) - len(kept),
+        found.fastest,
+        found.typical,
+        unit,
+        independent,
+        limit.order,
+        limit.holds,
+    )
 
 
 def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
@@ -242,7 +257,11 @@ def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:
 
 
 def _check_left_out(
-    task: SourceTask, model: Model, found: Nature, recorded: Recorded, names: tuple[str, ...]
+    task: SourceTask,
+    model: Model,
+    found: CharacteristicScales,
+    recorded: Recorded,
+    names: tuple[str, ...],
 ) -> None:
     """Refuse joints of the source without a match, unless they follow from others or stay put."""
     match = task.match
@@ -253,9 +272,10 @@ def _check_left_out(
     places = [names.index(name) for name in match.left_out]
     moved = np.abs(recorded.runs.z[:, places] - home(model)[places]).max(axis=0)
     free = [
-        name for name, by, i in zip(match.left_out, moved, places, strict=True)
+        name
+        for name, by, i in zip(match.left_out, moved, places, strict=True)
         if by > 1e-9 * found.unit[i]
-    ]  # fmt: skip
+    ]
     if not free:
         return
     other = "B" if match.source == "A" else "A"

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from harness.compare.candidate import CompareError
-from harness.compare.compare import Trouble
 from harness.schedule.workers import Failure, Workers
 
 
@@ -17,7 +16,7 @@ def in_workers(workers: Workers) -> Callable[[str, Callable[[Any], Any], list[An
         futures = [workers.submit(_Guarded(function), argument) for argument in arguments]
         values = [workers.outcome(future) for future in futures]
         return [
-            Trouble(_named(who, value.reason), value.printed)
+            Failure(_named(who, value.reason), value.stdout)
             if isinstance(value, Failure)
             else value
             for value in values
@@ -41,7 +40,7 @@ class _Guarded:
         try:
             return self.function(argument)
         except CompareError as error:
-            return Trouble(str(error), "", True)
+            return Failure(str(error), "", True)
 
 
 def at_once(who: str, function: Callable[[Any], Any], arguments: list[Any]) -> list[Any]:
@@ -51,5 +50,5 @@ def at_once(who: str, function: Callable[[Any], Any], arguments: list[Any]) -> l
         try:
             values.append(_Guarded(function)(argument))
         except (RuntimeError, ValueError) as error:
-            values.append(Trouble(_named(who, str(error)), ""))
+            values.append(Failure(_named(who, str(error)), ""))
     return values

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.candidate import Side
+from harness.compare.candidate import Candidate
 from harness.compare.excitation import Recorded, unwrapped
 from harness.compare.match import Match
 from harness.compare.runs import Runs, ends
@@ -19,7 +19,7 @@ from harness.records.outcome import Outcome
 class TargetTask:
     """What a worker needs to run the target: `signs` turns joints the other way, (m,)."""
 
-    side: Side
+    side: Candidate
     runs: Runs
     fastest: float
     resolution: float

@@ -89,9 +89,11 @@ def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, 
 
 
 def match(
-    a: Sequence[str], b: Sequence[str], given: tuple[Mapping[str, str], Mapping[str, str]],
+    a: Sequence[str],
+    b: Sequence[str],
+    given: tuple[Mapping[str, str], Mapping[str, str]],
     readback: tuple[Mapping[str, str], Mapping[str, str]],
-) -> Match:  # fmt: skip
+) -> Match:
     """Match coordinates: as the user maps them, as a sidecar reads them back, or by name.
 
     States are taken of A, unless B alone has all coordinates that A's follow from.
@@ -126,9 +128,12 @@ def match(
 
 
 def _given(
-    source: str, names: Sequence[str], others: Sequence[str],
-    given: tuple[Mapping[str, str], Mapping[str, str]], z: Mapping[str, sp.Symbol],
-) -> dict[str, sp.Expr]:  # fmt: skip
+    source: str,
+    names: Sequence[str],
+    others: Sequence[str],
+    given: tuple[Mapping[str, str], Mapping[str, str]],
+    z: Mapping[str, sp.Symbol],
+) -> dict[str, sp.Expr]:
     """What the user maps, as expressions of the source's coordinates."""
     found: dict[str, sp.Expr] = {}
     forward, backward = given
@@ -185,9 +190,11 @@ def _unmatched(a: Sequence[str], b: Sequence[str], of_b: Sequence[str], of_a: Se
         if near:
             left.remove(near[0])
             pairs.append(f"{name}={near[0]}")
-    remedy = f"say which is which, for instance --joints {','.join(pairs)}" if pairs else (
-        "a joint that is locked in one model can't be compared: lock it in both"
-    )  # fmt: skip
+    remedy = (
+        f"say which is which, for instance --joints {','.join(pairs)}"
+        if pairs
+        else ("a joint that is locked in one model can't be compared: lock it in both")
+    )
     return (
         f"no match for {' and '.join(parts)}; the joints of A are {', '.join(a)}; those of B are"
         f" {', '.join(b)}; {remedy}"
@@ -195,9 +202,12 @@ def _unmatched(a: Sequence[str], b: Sequence[str], of_b: Sequence[str], of_a: Se
 
 
 def _compiled(
-    source: str, names: Sequence[str], others: Sequence[str], found: Mapping[str, sp.Expr],
+    source: str,
+    names: Sequence[str],
+    others: Sequence[str],
+    found: Mapping[str, sp.Expr],
     z: Mapping[str, sp.Symbol],
-) -> Match:  # fmt: skip
+) -> Match:
     own = list(z.values())
     w = [sp.Symbol(f"w{i}_", real=True) for i in range(len(own))]
     value = [sp.sympify(found[name]) for name in others]
@@ -221,10 +231,13 @@ def _compiled(
         if expression != z.get(name)
     ]
     return Match(
-        source, tuple(others), tuple(told),
+        source,
+        tuple(others),
+        tuple(told),
         tuple(name for name, symbol in z.items() if symbol not in used),
         not slope.free_symbols,
-        compile_function(value, own), compile_function(list(slope), own),
+        compile_function(value, own),
+        compile_function(list(slope), own),
         compile_function(list(rates), own, w),
         tuple(bool(e.has(sp.atan2)) for e in value),
-    )  # fmt: skip
+    )

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.candidate import Side, reach
+from harness.compare.candidate import Candidate, reach
 from harness.compare.match import Match
 from harness.compare.runs import identity
 from harness.compare.scales import free_directions, inverse_mass
 from harness.engines.protocol import Array, EngineError, Model
-from harness.numerics.accelerations import Measured, Probe
+from harness.numerics.accelerations import Estimate, Probe
 
 SPEEDS = (0.3, 0.6)
 """Speeds at which forces that resist are measured, in units of the size of the motions by rate."""
@@ -43,7 +43,7 @@ class MechanicsTask:
         fastest, typical: rates of the motions, rad/s.
     """
 
-    side: Side
+    side: Candidate
     match: Match | None
     signs: Array
     z: Array
@@ -69,10 +69,10 @@ class Mechanics:
     """
 
     rank: tuple[int, ...]
-    mass: Measured
-    rest: Measured
-    unweighted: Measured | None
-    odd: Measured
+    mass: Estimate
+    rest: Estimate
+    unweighted: Estimate | None
+    odd: Estimate
 
 
 def mechanics(task: MechanicsTask) -> Mechanics:
@@ -91,7 +91,7 @@ def mechanics(task: MechanicsTask) -> Mechanics:
     return Mechanics(rank, mass, rest, _unweighted(task, lens), odd)
 
 
-def _unweighted(task: MechanicsTask, lens: _Lens) -> Measured | None:
+def _unweighted(task: MechanicsTask, lens: _Lens) -> Estimate | None:
     """Forces at rest without gravity, for engines whose gravity can be set."""
     try:
         model = task.side.at(gravity=[0.0, 0.0, 0.0]).load()
@@ -127,13 +127,13 @@ class _Lens:
             if np.isfinite(one).all() and np.linalg.cond(one) < 1e12:
                 mass[k] = np.linalg.inv(one)
                 mass_error[k] = _known(np.abs(mass[k]) @ error[k] @ np.abs(mass[k]))
-        self.mass = Measured(mass, mass_error)
+        self.mass = Estimate(mass, mass_error)
 
     def _probe(self, model: Model, by: float = 1.0) -> Probe:
         return Probe(model, identity(len(self.size)), self.speed, by * self.task.fastest)
 
     @staticmethod
-    def _agreed(found: list[Measured]) -> Measured:
+    def _agreed(found: list[Estimate]) -> Estimate:
         """Each value from where it is known best; what the next best says else is uncertain."""
         value, error = (
             np.stack([getattr(one, key) for one in found]) for key in ("value", "uncertainty")
@@ -142,15 +142,19 @@ class _Lens:
         best, next_best = np.take_along_axis(value, order, axis=0)
         with np.errstate(invalid="ignore"):
             doubt = np.take_along_axis(error, order, axis=0)[0] + np.abs(best - next_best)
-        return Measured(best, _known(doubt))
+        return Estimate(best, _known(doubt))
 
-    def forces(self, model: Model, z: Array, w: Array, at: Sequence[int]) -> Measured:
+    def forces(self, model: Model, z: Array, w: Array, at: Sequence[int]) -> Estimate:
         """Mass times acceleration (B, r) at states, with the mass known at those numbered `at`."""
         states = np.hstack([z, w])
-        found = self._agreed([
-            self._probe(model, by).accelerations(states, np.zeros((len(z), 0)), np.zeros_like(z))
-            for by in WINDOWS
-        ])  # fmt: skip
+        found = self._agreed(
+            [
+                self._probe(model, by).accelerations(
+                    states, np.zeros((len(z), 0)), np.zeros_like(z)
+                )
+                for by in WINDOWS
+            ]
+        )
         slopes, mass, error = (
             one[list(at)] for one in (self.slopes, self.mass.value, self.mass.uncertainty)
         )
@@ -160,9 +164,9 @@ class _Lens:
             value = np.einsum("bij,bj->bi", mass, seen)
             doubt = np.einsum("bij,bj->bi", np.abs(mass), seen_error)
             doubt += np.einsum("bij,bj->bi", error, np.abs(seen))
-        return Measured(value, _known(doubt))
+        return Estimate(value, _known(doubt))
 
-    def odd(self, model: Model) -> Measured:
+    def odd(self, model: Model) -> Estimate:
         """See `Mechanics.odd`; the curvature of the coordinates is even, and falls out."""
         task, bases = self.task, min(BASES, len(self.task.z))
         r = len(task.independent)
@@ -181,7 +185,7 @@ class _Lens:
         value, error = (
             one.reshape(bases, len(SPEEDS), 2, r, r) for one in (found.value, found.uncertainty)
         )
-        return Measured(
+        return Estimate(
             (value[:, :, 0] - value[:, :, 1]) / 2, (error[:, :, 0] + error[:, :, 1]) / 2
         )
 

@@ -146,6 +146,4 @@ def identity(size: int) -> CoordinateMap:
     z = [sp.Symbol(f"z{i}_", real=True) for i in range(size)]
     same, unit = compile_function(z, z), compile_function(list(sp.eye(size)), z)
     none = compile_function([sp.Integer(0)] * size, z, [])
-    return CoordinateMap(
-        same, unit, same, unit, none, np.zeros((size, 0)), (False,) * size
-    )  # fmt: skip
+    return CoordinateMap(same, unit, same, unit, none, np.zeros((size, 0)), (False,) * size)

@@ -9,14 +9,14 @@ import numpy as np
 from harness.compare.candidate import CompareError, home, reach
 from harness.compare.runs import identity
 from harness.engines.protocol import Array, Model
-from harness.numerics.accelerations import Measured, Probe
+from harness.numerics.accelerations import Estimate, Probe
 
 HELD = 1e-6
 """Directions in which a push moves less than this share of the easiest are held."""
 
 
 @dataclass(frozen=True)
-class Nature:
+class CharacteristicScales:
     """What a model's responses to small pushes tell.
 
     Attributes:
@@ -35,7 +35,7 @@ class Nature:
     unit: Array
 
 
-def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Measured:
+def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Estimate:
     """Response of the accelerations to a force on each coordinate, (B, nz, nz).
 
     The pushes have the given sizes and both signs. What moves no more than is uncertain is held,
@@ -44,9 +44,7 @@ def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Measured:
     n = len(sizes)
     pushes = np.concatenate([np.diag(sizes), -np.diag(sizes)])
     states = np.repeat(np.concatenate([z, w], axis=1), 2 * n, axis=0)
-    found = probe.accelerations(
-        states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1))
-    )  # fmt: skip
+    found = probe.accelerations(states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1)))
     value, error = (
         one.reshape(len(z), 2, n, n).swapaxes(2, 3) / (2 * sizes)
         for one in (found.value, found.uncertainty)
@@ -54,7 +52,7 @@ def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Measured:
     response, errors = value[:, 0] - value[:, 1], error[:, 0] + error[:, 1]
     held = np.diagonal(np.abs(response) <= 10 * errors, axis1=1, axis2=2)
     response[held[:, :, None] | held[:, None, :]] = 0.0
-    return Measured(response, errors)
+    return Estimate(response, errors)
 
 
 def free_directions(inverse: Array) -> Array:
@@ -66,7 +64,7 @@ def free_directions(inverse: Array) -> Array:
     return kept * safe[:, None]
 
 
-def nature(model: Model, rng: np.random.Generator) -> Nature:
+def nature(model: Model, rng: np.random.Generator) -> CharacteristicScales:
     """Inertia, rates and sizes of a model, from small motions about where it is drawn.
 
     Raises:
@@ -91,7 +89,7 @@ def nature(model: Model, rng: np.random.Generator) -> Nature:
     fastest = max(float(np.max(rates)), plain)
     moving = rates[rates > 1e-3 * fastest]
     typical = float(np.median(moving)) if len(moving) else plain
-    return Nature(inverse, tangent, sizes, fastest, max(typical, plain / 3), unit)
+    return CharacteristicScales(inverse, tangent, sizes, fastest, max(typical, plain / 3), unit)
 
 
 def _rates(probe: Probe, start: Array, tangent: Array, plain: float) -> Array:
@@ -101,9 +99,12 @@ def _rates(probe: Probe, start: Array, tangent: Array, plain: float) -> Array:
     moves = np.concatenate([tangent.T, -tangent.T]) * step
     none = np.zeros_like(moves)
     going = np.tile(0.1 * plain * tangent.sum(axis=1), (len(moves), 1))
-    states = np.concatenate([
-        np.hstack([start + moves, going]), np.hstack([start + none, going + moves * plain]),
-    ])  # fmt: skip
+    states = np.concatenate(
+        [
+            np.hstack([start + moves, going]),
+            np.hstack([start + none, going + moves * plain]),
+        ]
+    )
     found = probe.accelerations(
         states, np.zeros((len(states), 0)), np.zeros((len(states), len(start)))
     ).value.reshape(2, 2, r, len(start))

@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.compare.mechanics import SPEEDS, Mechanics
 from harness.engines.protocol import Array
-from harness.numerics.accelerations import Measured
+from harness.numerics.accelerations import Estimate
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -78,14 +78,19 @@ def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
     if one != other:
         more, less = ("A", "B") if one > other else ("B", "A")
         yield Term(
-            "constraint", (), f"{max(one, other)} of the joints move by themselves in {more},"
+            "constraint",
+            (),
+            f"{max(one, other)} of the joints move by themselves in {more},"
             f" {min(one, other)} in {less}: one holds them together, the other doesn't",
-            one, other, 0.0, 1.0,
-        )  # fmt: skip
+            one,
+            other,
+            0.0,
+            1.0,
+        )
 
 
-def _less(one: Measured, other: Measured) -> Measured:
-    return Measured(one.value - other.value, one.uncertainty + other.uncertainty)
+def _less(one: Estimate, other: Estimate) -> Estimate:
+    return Estimate(one.value - other.value, one.uncertainty + other.uncertainty)
 
 
 class _Pair:
@@ -111,9 +116,15 @@ class _Pair:
                 varies = float(np.ptp(a.value[:, i, j])) > 10 * float(np.max(error[:, i, j]))
                 effect = abs(here - there) * frame.unit[j] * frame.typical**2 / self.forces[i]
                 yield self._term(
-                    "inertia", about, name, here, there, float(error[state, i, j]), effect,
+                    "inertia",
+                    about,
+                    name,
+                    here,
+                    there,
+                    float(error[state, i, j]),
+                    effect,
                     state if varies else None,
-                )  # fmt: skip
+                )
 
     def resistance(self) -> Iterator[Term]:
         """Damping, and what depends on the velocity otherwise."""
@@ -139,9 +150,11 @@ class _Pair:
                 effect = abs(here - there) / self.forces[i]
                 if bent:
                     dry = abs(fast - slow) <= error[base, :, j, i].sum()
-                    name = f"friction on {one}" if dry else (
-                        f"force on {one} that depends on the velocity, not linearly"
-                    )  # fmt: skip
+                    name = (
+                        f"friction on {one}"
+                        if dry
+                        else (f"force on {one} that depends on the velocity, not linearly")
+                    )
                     told = ", whatever its speed" if dry else f" at {other}_dot = {speed:.3g}"
                     yield self._term(
                         "friction", (one,), name, here, there, doubt, effect, None, told
@@ -151,11 +164,17 @@ class _Pair:
                     name = f"damping of {one}" if i == j else f"damping between {one} and {other}"
                     varies = np.ptp(a.value[:, 1, j, i]) > 10 * np.max(error[:, 1, j, i])
                     yield self._term(
-                        "damping", about, name, here / speed, there / speed, doubt / speed, effect,
+                        "damping",
+                        about,
+                        name,
+                        here / speed,
+                        there / speed,
+                        doubt / speed,
+                        effect,
                         base if varies else None,
-                    )  # fmt: skip
+                    )
 
-    def springs(self, a: Measured, b: Measured, kind: str) -> Iterator[Term]:
+    def springs(self, a: Estimate, b: Estimate, kind: str) -> Iterator[Term]:
         """Stiffness where the forces are linear in the positions, else the forces themselves."""
         frame = self.frame
         count, r = frame.places.shape
@@ -193,7 +212,7 @@ class _Pair:
                 yield self._term(kind, (one,), name, here, there, float(doubt[r, i]), effect, None)
 
     def pointwise(
-        self, a: Measured, b: Measured, kind: str, only: int | None = None
+        self, a: Estimate, b: Estimate, kind: str, only: int | None = None
     ) -> Iterator[Term]:
         """Forces at the state where they differ most."""
         error = a.uncertainty + b.uncertainty + 64 * EPSILON * np.abs(a.value)
@@ -209,9 +228,17 @@ class _Pair:
             yield self._term(kind, (one,), name, here, there, float(error[state, i]), effect, state)
 
     def _term(
-        self, kind: str, about: tuple[str, ...], name: str, here: float, there: float,
-        doubt: float, effect: float, state: int | None, told: str = "",
-    ) -> Term:  # fmt: skip
+        self,
+        kind: str,
+        about: tuple[str, ...],
+        name: str,
+        here: float,
+        there: float,
+        doubt: float,
+        effect: float,
+        state: int | None,
+        told: str = "",
+    ) -> Term:
         shown = apart(here, there, doubt)
         message = f"{name}: {shown[0]} in A, {shown[1]} in B{_share(here, there, doubt)}"
         if state is not None:

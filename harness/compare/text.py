@@ -13,12 +13,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from harness.compare.candidate import Facts, Side
-from harness.compare.compare import Comparison, Trouble, Wish
+from harness.compare.candidate import Candidate, Facts
+from harness.compare.compare import CompareOptions, Comparison
 from harness.compare.diff import Edit
 from harness.compare.trials import Trial
 from harness.engines.registry import engines
 from harness.records.outcome import Outcome
+from harness.schedule.workers import Failure
 from harness.text.table import STYLES
 
 SCHEMA = 1
@@ -96,9 +97,16 @@ def _print_trials(console: Console, found: Comparison) -> None:
     for trial in shown[:MOST_TOLD]:
         if len(trial.edits) == 1:
             (edit,) = trial.edits
-            table.add_row(*(escape(cell) for cell in (
-                _place(edit), f"{edit.label}: {edit.old} -> {edit.new}", _effect(trial, agrees)
-            )))  # fmt: skip
+            table.add_row(
+                *(
+                    escape(cell)
+                    for cell in (
+                        _place(edit),
+                        f"{edit.label}: {edit.old} -> {edit.new}",
+                        _effect(trial, agrees),
+                    )
+                )
+            )
         else:
             table.add_row("", f"all {len(trial.edits)} together", _effect(trial, agrees))
     console.print(table)
@@ -135,51 +143,67 @@ def _share(explained: float) -> str:
 def record(found: Comparison, created: datetime.datetime) -> dict[str, Any]:
     """The whole comparison as plain JSON; what is not finite becomes null."""
     judged, recorded = found.judgement, found.recorded
-    plain: dict[str, Any] = _plain({
-        **_head(found.wish, found.facts, created),
-        "outcome": str(judged.outcome),
-        "reason": judged.reason,
-        "discrepancy": judged.discrepancy,
-        "uncertainty": judged.uncertainty,
-        "component": judged.component,
-        "joints": list(found.match.names),
-        "by_component": judged.by_component.tolist(),
-        "map": list(found.match.told),
-        "left_out": list(found.match.left_out),
-        "states_of": found.match.source,
-        "runs": {
-            "count": len(recorded.runs.z), "length": recorded.runs.length,
-            "driven": int(recorded.driven.sum()), "lost": recorded.lost,
-        },
-        "turned": list(found.turned),
-        "left_when_turned": found.left if found.turned else None,
-        "terms": [
-            {"kind": t.kind, "joints": list(t.about), "message": t.message, "a": t.a, "b": t.b,
-             "uncertainty": t.uncertainty, "effect": t.effect}
-            for t in found.terms
-        ],
-        "differences": [_trial_record(trial) for trial in found.trials],
-        "untried": found.untried,
-        "notes": list(found.notes),
-        "seconds": found.seconds,
-    })  # fmt: skip
+    plain: dict[str, Any] = _plain(
+        {
+            **_head(found.wish, found.facts, created),
+            "outcome": str(judged.outcome),
+            "reason": judged.reason,
+            "discrepancy": judged.discrepancy,
+            "uncertainty": judged.uncertainty,
+            "component": judged.component,
+            "joints": list(found.match.names),
+            "by_component": judged.by_component.tolist(),
+            "map": list(found.match.told),
+            "left_out": list(found.match.left_out),
+            "states_of": found.match.source,
+            "runs": {
+                "count": len(recorded.runs.z),
+                "length": recorded.runs.length,
+                "driven": int(recorded.driven.sum()),
+                "lost": recorded.lost,
+            },
+            "turned": list(found.turned),
+            "left_when_turned": found.left if found.turned else None,
+            "terms": [
+                {
+                    "kind": t.kind,
+                    "joints": list(t.about),
+                    "message": t.message,
+                    "a": t.a,
+                    "b": t.b,
+                    "uncertainty": t.uncertainty,
+                    "effect": t.effect,
+                }
+                for t in found.terms
+            ],
+            "differences": [_trial_record(trial) for trial in found.trials],
+            "untried": found.untried,
+            "notes": list(found.notes),
+            "seconds": found.seconds,
+        }
+    )
     return plain
 
 
-def failed_record(wish: Wish, trouble: Trouble, created: datetime.datetime) -> dict[str, Any]:
+def failed_record(
+    wish: CompareOptions, failure: Failure, created: datetime.datetime
+) -> dict[str, Any]:
     """The record of a comparison that could not be run."""
     return {
-        **_head(wish, None, created), "outcome": str(Outcome.FAILED), "reason": trouble.reason,
-        "printed": trouble.printed,
-    }  # fmt: skip
+        **_head(wish, None, created),
+        "outcome": str(Outcome.FAILED),
+        "reason": failure.reason,
+        "printed": failure.stdout,
+    }
 
 
 def _head(
-    wish: Wish, told: tuple[Facts, Facts] | None, created: datetime.datetime
+    wish: CompareOptions, told: tuple[Facts, Facts] | None, created: datetime.datetime
 ) -> dict[str, Any]:
-    sides: list[tuple[Side, Facts | None]] = [
-        (wish.a, told[0] if told else None), (wish.b, told[1] if told else None)
-    ]  # fmt: skip
+    sides: list[tuple[Candidate, Facts | None]] = [
+        (wish.a, told[0] if told else None),
+        (wish.b, told[1] if told else None),
+    ]
     known = engines()
     return {
         "schema": SCHEMA,
@@ -187,16 +211,24 @@ def _head(
         "resolution": wish.resolution,
         "models": [
             {
-                "model": str(side.sidecar.model), "engine": side.engine,
-                "version": known[side.engine].version(), "notes": list(side.notes),
-                **({} if one is None else {
-                    "coordinates": list(one.coordinates), "integrator": one.integrator,
-                    "step": one.step, "gravity": list(one.gravity),
-                }),
+                "model": str(side.sidecar.model),
+                "engine": side.engine,
+                "version": known[side.engine].version(),
+                "notes": list(side.notes),
+                **(
+                    {}
+                    if one is None
+                    else {
+                        "coordinates": list(one.coordinates),
+                        "integrator": one.integrator,
+                        "step": one.step,
+                        "gravity": list(one.gravity),
+                    }
+                ),
             }
             for side, one in sides
         ],
-    }  # fmt: skip
+    }
 
 
 def _trial_record(trial: Trial) -> dict[str, Any]:
@@ -208,7 +240,7 @@ def _trial_record(trial: Trial) -> dict[str, Any]:
         "moved": trial.moved,
         "explained": trial.explained,
         "not_tried": trial.told,
-    }  # fmt: skip
+    }
 
 
 def _plain(value: Any) -> Any:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.compare.candidate import Side
+from harness.compare.candidate import Candidate
 from harness.compare.diff import Edit, applied
 from harness.compare.excitation import unwrapped
 from harness.compare.match import Match
@@ -31,7 +31,7 @@ class TrialTask:
         periodic: of the coordinates of the comparison.
     """
 
-    side: Side
+    side: Candidate
     edits: tuple[Edit, ...]
     runs: Runs
     match: Match | None
@@ -74,7 +74,7 @@ def tried(task: TrialTask) -> Array:
     return unwrapped(found, task.near, task.periodic)
 
 
-def _edited(side: Side, edits: Sequence[Edit], folder: Path) -> Side:
+def _edited(side: Candidate, edits: Sequence[Edit], folder: Path) -> Candidate:
     """A copy of the model with edits made; what lies beside it is linked to."""
     model = side.sidecar.model
     for entry in model.parent.resolve().iterdir():
@@ -99,7 +99,7 @@ def _edited(side: Side, edits: Sequence[Edit], folder: Path) -> Side:
     return replace(side, sidecar=sidecar)
 
 
-def weigh(
+def attribute_difference(
     edits: tuple[Edit, ...], found: Array, a: Array, b: Array, scale: Array, floor: float
 ) -> Trial:
     """What edits did to the discrepancy: ends of A edited, of A and of B, (K, 2m) each.

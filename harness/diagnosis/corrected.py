@@ -14,7 +14,7 @@ import scipy.integrate
 
 from harness.diagnosis.diagnose import Diagnosis
 from harness.diagnosis.fit import Finding
-from harness.diagnosis.hypotheses import Bench
+from harness.diagnosis.hypotheses import TrialModel
 from harness.diagnosis.samples import Sample
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
@@ -31,8 +31,8 @@ BEYOND = 1e3
 """A redrawn motion that leaves by so many amplitudes ends there."""
 
 
-def redraw(
-    bench: Bench, motions: Mapping[str, Motion], diagnosis: Diagnosis
+def correct_motion(
+    trial_model: TrialModel, motions: Mapping[str, Motion], diagnosis: Diagnosis
 ) -> dict[str, Any] | None:
     """Motions and defects with the estimate of the best finding put in.
 
@@ -43,30 +43,30 @@ def redraw(
     """
     if not diagnosis.explained:
         return None
-    finding, equations = _chosen(bench, diagnosis)
+    finding, equations = _chosen(trial_model, diagnosis)
     if equations:
-        point = bench.point(finding.repair)
-        redrawn = {name: _solved(bench.variants, point, m) for name, m in motions.items()}
+        point = trial_model.point(finding.repair)
+        redrawn = {name: _solved(trial_model.variants, point, m) for name, m in motions.items()}
     else:
-        model = bench.repaired(finding.repair)
+        model = trial_model.repaired(finding.repair)
         if model is None:
             return None
-        redrawn = {name: _run(model, bench.coordinates, m) for name, m in motions.items()}
-    before, after = bench.defect({}), bench.defect(finding.repair)
+        redrawn = {name: _run(model, trial_model.coordinates, m) for name, m in motions.items()}
+    before, after = trial_model.defect({}), trial_model.defect(finding.repair)
     return {
         "cause": " and ".join(cause.cause for cause in finding.causes),
         "estimate": list(finding.estimates),
         "what": "equations" if equations else "file",
-        "scenarios": _scenarios(redrawn, bench.samples, before, after),
+        "scenarios": _scenarios(redrawn, trial_model.samples, before, after),
     }
 
 
-def _chosen(bench: Bench, diagnosis: Diagnosis) -> tuple[Finding, bool]:
+def _chosen(trial_model: TrialModel, diagnosis: Diagnosis) -> tuple[Finding, bool]:
     """The best finding that is of the equations, if one is as good as the best; else the best."""
     best = diagnosis.findings[0]
     for finding in diagnosis.findings:
         alike = finding.remaining <= max(3 * best.remaining, 3 * diagnosis.floor)
-        if alike and all(bench.suspects[i].change.parameters for i in finding.members):
+        if alike and all(trial_model.candidates[i].change.parameters for i in finding.members):
             return finding, True
     return best, False
 
@@ -95,9 +95,15 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
 
         gone.terminal = True  # type: ignore[attr-defined]
         done = scipy.integrate.solve_ivp(
-            field, (span.start, stop), state, method="DOP853", rtol=TOLERANCE,
-            atol=TOLERANCE * motion.amplitude, t_eval=np.union1d(inside, [stop]), events=gone,
-        )  # fmt: skip
+            field,
+            (span.start, stop),
+            state,
+            method="DOP853",
+            rtol=TOLERANCE,
+            atol=TOLERANCE * motion.amplitude,
+            t_eval=np.union1d(inside, [stop]),
+            events=gone,
+        )
         states = done.y.T
         found.append(states[np.isin(done.t, inside)])
         if done.status != 0:
@@ -114,9 +120,11 @@ def _run(model: Model, coordinates: CoordinateMap, motion: Motion) -> tuple[Arra
 
 
 def _scenarios(
-    motions: Mapping[str, tuple[Array, Array]], samples: Sequence[Sample], before: Array,
+    motions: Mapping[str, tuple[Array, Array]],
+    samples: Sequence[Sample],
+    before: Array,
     after: Array,
-) -> list[dict[str, Any]]:  # fmt: skip
+) -> list[dict[str, Any]]:
     starts = np.cumsum([0, *(sample.end.size for sample in samples)])
     found = []
     for name, (t, states) in motions.items():

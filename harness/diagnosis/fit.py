@@ -197,9 +197,13 @@ def refine(
         for cause, fault in zip(causes, faults, strict=True)
     )
     return Finding(
-        tuple(members), tuple(causes), tuple(float(f) for f in faults), estimates,
-        tuple(float(e) for e in errors), problem.left(left),
-    )  # fmt: skip
+        tuple(members),
+        tuple(causes),
+        tuple(float(f) for f in faults),
+        estimates,
+        tuple(float(e) for e in errors),
+        problem.left(left),
+    )
 
 
 @dataclass(frozen=True)

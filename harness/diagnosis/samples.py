@@ -10,7 +10,7 @@ import numpy as np
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import RUNGS, limits, weights
-from harness.numerics.segments import BlownUpError, grains, run_ends, spread
+from harness.numerics.segments import BlownUpError, rounding_scales, run_ends, spread
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.signal import Inputs
@@ -51,7 +51,9 @@ class Sample:
     fastest: float
 
 
-def pick(motions: Mapping[str, Motion], scales: Mapping[str, Array]) -> tuple[Sample, ...]:
+def sample_segments(
+    motions: Mapping[str, Motion], scales: Mapping[str, Array]
+) -> tuple[Sample, ...]:
     """Pick segments evenly over every scenario, from each of its spans in proportion."""
     samples = []
     for name, motion in motions.items():
@@ -59,10 +61,17 @@ def pick(motions: Mapping[str, Motion], scales: Mapping[str, Array]) -> tuple[Sa
         for span, chosen in spread(motion, SEGMENTS_PICKED):
             samples.append(
                 Sample(
-                    name, span.length, motion.t[chosen], motion.start[chosen], motion.end[chosen],
-                    motion.inputs, scales[name], varying, motion.fastest,
+                    name,
+                    span.length,
+                    motion.t[chosen],
+                    motion.start[chosen],
+                    motion.end[chosen],
+                    motion.inputs,
+                    scales[name],
+                    varying,
+                    motion.fastest,
                 )
-            )  # fmt: skip
+            )
     return tuple(samples)
 
 
@@ -78,7 +87,7 @@ def engine_ends(
     for sample in samples:
         raw = _raw(model, coordinates, sample, RUNGS_USED)
         z, w = coordinates.to_engine(sample.start)
-        grain = grains(coordinates, z, w, sample.fastest, sample.length)
+        grain = rounding_scales(coordinates, z, w, sample.fastest, sample.length)
         found = limits(raw, RUNGS_USED, model.exponents(sample.varying), sample.scale, grain)
         values.append((found.value / sample.scale).ravel())
         uncertainties.append((found.uncertainty / sample.scale).ravel())
@@ -86,9 +95,11 @@ def engine_ends(
 
 
 def quick_ends(
-    model: Model, coordinates: CoordinateMap, samples: Sequence[Sample],
+    model: Model,
+    coordinates: CoordinateMap,
+    samples: Sequence[Sample],
     rungs: tuple[int, ...] = RUNGS_USED,
-) -> Array:  # fmt: skip
+) -> Array:
     """The limits alone, scaled and flat: for differences between two models."""
     values = []
     for sample in samples:

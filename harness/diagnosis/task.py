@@ -12,12 +12,12 @@ import numpy as np
 
 from harness.cases.case import load
 from harness.cases.prepare import Prepared
-from harness.diagnosis.corrected import redraw
+from harness.diagnosis.corrected import correct_motion
 from harness.diagnosis.diagnose import Diagnosis, diagnose
 from harness.diagnosis.fit import Finding
-from harness.diagnosis.hypotheses import Bench, everything
+from harness.diagnosis.hypotheses import TrialModel, everything
 from harness.diagnosis.hypotheses.trial import scratch
-from harness.diagnosis.samples import engine_ends, pick, reference_ends
+from harness.diagnosis.samples import engine_ends, reference_ends, sample_segments
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.numerics.ladder import EPSILON
@@ -31,7 +31,7 @@ TOLD = 8
 
 
 @dataclass(frozen=True)
-class InquiryTask:
+class DiagnosisTask:
     """Everything a worker needs to diagnose one model in one engine."""
 
     system: System
@@ -42,23 +42,23 @@ class InquiryTask:
     variants: Variants
 
 
-def inquiry_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> InquiryTask:
+def diagnosis_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> DiagnosisTask:
     """Gather what a diagnosis needs of the prepared system."""
-    return InquiryTask(
+    return DiagnosisTask(
         prepared.system, sidecar, engine, prepared.motions, prepared.scales, prepared.variants
     )
 
 
-def inquire(task: InquiryTask) -> dict[str, Any]:
+def diagnose_model(task: DiagnosisTask) -> dict[str, Any]:
     """Name the cause of a model's discrepancy, from its motions alone.
 
     Raises:
         EngineError, SidecarError, PlaceError, BlownUpError: naming what could not be run.
     """
     began = time.perf_counter()
-    with bench(task) as (whole, uncertainty):
+    with trial_model(task) as (whole, uncertainty):
         diagnosis = diagnose(whole, uncertainty)
-        redrawn = redraw(whole, task.motions, diagnosis)
+        redrawn = correct_motion(whole, task.motions, diagnosis)
     return {
         "explained": diagnosis.explained,
         "floor": diagnosis.floor,
@@ -68,16 +68,16 @@ def inquire(task: InquiryTask) -> dict[str, Any]:
     }
 
 
-def diagnosed(task: InquiryTask) -> Diagnosis:
+def diagnosed(task: DiagnosisTask) -> Diagnosis:
     """The same as objects."""
-    with bench(task) as (found, uncertainty):
+    with trial_model(task) as (found, uncertainty):
         return diagnose(found, uncertainty)
 
 
 @contextmanager
-def bench(
-    task: InquiryTask, known: Mapping[str, Array] | None = None
-) -> Iterator[tuple[Bench, Array]]:
+def trial_model(
+    task: DiagnosisTask, known: Mapping[str, Array] | None = None
+) -> Iterator[tuple[TrialModel, Array]]:
     """A bench for a model in an engine, with the uncertainty of its ends; gone afterwards.
 
     Args:
@@ -86,7 +86,7 @@ def bench(
     """
     engine = engines()[task.engine]
     model, coordinates = load(task.system, task.sidecar, task.engine)
-    samples = pick(task.motions, task.scales)
+    samples = sample_segments(task.motions, task.scales)
     ends, uncertainty = engine_ends(model, coordinates, samples)
     # Where no limit is known, not even its digits before the point, it may be anything seen here.
     largest = np.max(np.abs(ends - reference_ends(samples)))
@@ -94,10 +94,10 @@ def bench(
     # What the reference leaves open, and rounding, as the verdict has them.
     bounds = [np.tile(task.motions[s.scenario].bound / s.scale, len(s.t)) for s in samples]
     uncertainty = np.maximum(uncertainty + np.concatenate(bounds), EPSILON)
-    suspects = everything(task.system, task.sidecar, model, coordinates, task.variants)
+    candidates = everything(task.system, task.sidecar, model, coordinates, task.variants)
     with scratch() as folder:
         yield (
-            Bench(
+            TrialModel(
                 task.sidecar,
                 engine,
                 model,
@@ -105,7 +105,7 @@ def bench(
                 task.variants,
                 samples,
                 ends,
-                suspects,
+                candidates,
                 folder,
                 known or {},
             ),

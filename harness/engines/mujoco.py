@@ -200,9 +200,13 @@ class MujocoModel:
         state[:, 1 : 1 + size], state[:, 1 + size :] = q, v
         with _quiet():
             states, _ = self._rollout.rollout(
-                self.model, self._data, state, force, nstep=n,
+                self.model,
+                self._data,
+                state,
+                force,
+                nstep=n,
                 control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
-            )  # fmt: skip
+            )
         # A run that blows up ends early, and its last state fills the rest: its clock stands still.
         states[states[:, :, 0] < h * (np.arange(n) + 0.5)] = np.nan
         kept = states[:, every - 1 :: every]

@@ -253,9 +253,15 @@ class PybulletModel:
             self._joints[self.coordinates.index(j)] for j in (mimic.leader, mimic.joint)
         )
         gear = p.createConstraint(
-            self._body, leader, self._body, follower, p.JOINT_GEAR,
-            [0, 1, 0], [0, 0, 0], [0, 0, 0],
-        )  # fmt: skip
+            self._body,
+            leader,
+            self._body,
+            follower,
+            p.JOINT_GEAR,
+            [0, 1, 0],
+            [0, 0, 0],
+            [0, 0, 0],
+        )
         # The gear holds v(leader) + gearRatio * v(follower) = 0, in the order (leader, follower).
         p.changeConstraint(gear, gearRatio=-1.0 / mimic.multiplier, maxForce=1e10, erp=0.0)
         return int(gear)

@@ -174,9 +174,15 @@ class PymunkModel:
             lib.cpBodySetAngularVelocity(body, v[3 * i + 2])
 
     def _run(
-        self, b: int, h: float, n: int, force: Force, every: int,
-        places: list[list[float]], rates: list[list[float]],
-    ) -> None:  # fmt: skip
+        self,
+        b: int,
+        h: float,
+        n: int,
+        force: Force,
+        every: int,
+        places: list[list[float]],
+        rates: list[list[float]],
+    ) -> None:
         from pymunk._chipmunk_cffi import lib
 
         step, space = lib.cpSpaceStep, self._space._space
@@ -223,9 +229,14 @@ def _caching() -> tuple[type, ...]:
     from pymunk import constraints as c
 
     return (
-        c.PinJoint, c.PivotJoint, c.GrooveJoint, c.SlideJoint, c.GearJoint, c.RotaryLimitJoint,
+        c.PinJoint,
+        c.PivotJoint,
+        c.GrooveJoint,
+        c.SlideJoint,
+        c.GearJoint,
+        c.RotaryLimitJoint,
         c.SimpleMotor,
-    )  # fmt: skip
+    )
 
 
 def _reusable(space: Any, bodies: list[Any]) -> bool:

@@ -19,7 +19,7 @@ from pathlib import Path
 import sympy as sp
 
 from harness.files.expressions import parse
-from harness.files.locations import Place, PlaceError, find, find_in
+from harness.files.locations import Location, LocationError, find, find_in
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
 from reference.system import DeclarationError, System
 
@@ -46,7 +46,7 @@ class Binding:
 
     address: str
     expression: str
-    place: Place
+    place: Location
     expected: float
     rounding: float
 
@@ -109,13 +109,13 @@ def mismatches(found: Iterable[Binding]) -> tuple[Binding, ...]:
     return tuple(b for b in found if not b.exact and not b.rounded)
 
 
-def locate(sidecar: Sidecar, addresses: Iterable[str]) -> dict[str, Place]:
+def locate(sidecar: Sidecar, addresses: Iterable[str]) -> dict[str, Location]:
     """Where the literals are, in the model file or its sidecar, that addresses mean.
 
     Raises:
         PlaceError: naming file, line and remedy.
     """
-    places: dict[str, Place] = {}
+    places: dict[str, Location] = {}
     for file, within in _by_file(sidecar, addresses).items():
         found = find(file, within.values())
         places |= {address: found[own] for address, own in within.items()}
@@ -237,7 +237,7 @@ def _replaced(sidecar: Sidecar, literals: Mapping[str, float]) -> dict[Path, byt
                 data = data[: place.start] + repr(wanted[own]).encode() + data[place.end :]
         for own, place in find_in(data, file, wanted).items():
             if place.value != wanted[own]:
-                raise PlaceError(f"{place}: {own!r} is the same number as another that is set")
+                raise LocationError(f"{place}: {own!r} is the same number as another that is set")
         texts[file] = data
     return texts
 

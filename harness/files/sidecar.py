@@ -84,11 +84,15 @@ def read_sidecar(path: Path) -> Sidecar:
     if not isinstance(springs, list):
         raise SidecarError(f"{path}: springs are tables in an array: [[spring]]")
     return Sidecar(
-        model, tuple(engines), shared, own,
-        _expressions(data, "coordinates", path), _expressions(data, "readback", path),
+        model,
+        tuple(engines),
+        shared,
+        own,
+        _expressions(data, "coordinates", path),
+        _expressions(data, "readback", path),
         tuple(_spring(s, f"{path}: [[spring]] {i + 1}") for i, s in enumerate(springs)),
         _expressions(data, "bindings", path),
-    )  # fmt: skip
+    )
 
 
 def _table(data: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]:

@@ -10,11 +10,11 @@ from typing import Any
 
 from harness.baseline.changes import Change, Status
 from harness.baseline.fingerprint import NUMERICS, FolderFiles, digest_of
-from harness.baseline.snapshot import track_key
+from harness.baseline.snapshot import snapshot_key
 from harness.baseline.stale import location
 from harness.baseline.store import Entry, SystemBaseline, write_baseline
 from harness.files.folders import FolderError
-from harness.gate.gate import Gated
+from harness.gate.gate import GateResult
 
 
 class AcceptError(ValueError):
@@ -37,7 +37,7 @@ class Accepted:
 
 
 def accept(
-    found: Gated, patterns: Sequence[str], reason: str, baseline: Path, resolution: float
+    found: GateResult, patterns: Sequence[str], reason: str, baseline: Path, resolution: float
 ) -> Accepted:
     """Write what a gate found into the baseline: the cases that match; all, without patterns.
 
@@ -141,7 +141,7 @@ def _entry(
         if named:
             entry["reason"] = reason
         return entry | {"summary": summary_of(entry)}, {}
-    key = track_key(track)
+    key = snapshot_key(track)
     entry = depends | {
         "reason": reason,
         "outcome": record["outcome"],
@@ -168,10 +168,11 @@ def _headed(
     for record in (results or {"systems": ()})["systems"]:
         if record["folder"] == str(scan.folder):
             return replace(
-                one, declared=scan.system,
+                one,
+                declared=scan.system,
                 scenarios=tuple(s["name"] for s in record["scenarios"]),
                 constants={c["name"]: c["value"] for c in record["constants"]},
-            )  # fmt: skip
+            )
     return one
 
 

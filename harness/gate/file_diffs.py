@@ -10,7 +10,7 @@ from pathlib import Path
 from harness.baseline.changes import Change
 from harness.baseline.fingerprint import BESIDE, FolderFiles
 from harness.baseline.store import accepted_text
-from harness.files.locations import Place, PlaceError, find_in
+from harness.files.locations import Location, LocationError, find_in
 from harness.files.sidecar import SidecarError, read_sidecar
 
 MOST_LINES = 12
@@ -20,7 +20,7 @@ MOST_SHOWN = 100
 
 
 @dataclass(frozen=True)
-class Spot:
+class ChangedLine:
     """A changed place: file, line (from 1) and what changed there, in one line."""
 
     file: Path
@@ -29,7 +29,7 @@ class Spot:
 
 
 @dataclass(frozen=True)
-class Story:
+class FileDiff:
     """What changed in one file of a system.
 
     Attributes:
@@ -43,13 +43,13 @@ class Story:
     system: str
     name: str
     models: tuple[str, ...]
-    spots: tuple[Spot, ...]
+    spots: tuple[ChangedLine, ...]
     more: int = 0
 
 
 def stories(
     changes: Sequence[Change], folders: Mapping[str, FolderFiles], baseline: Path
-) -> tuple[Story, ...]:
+) -> tuple[FileDiff, ...]:
     """Tell every changed file of the cases that were run, once."""
     told: dict[tuple[str, str, str], set[str]] = {}
     for change in changes:
@@ -65,23 +65,25 @@ def stories(
         scan = folders.get(system)
         if scan is not None:
             spots, more = _spots(scan.folder, system, name, accepted, sorted(models), baseline)
-            found.append(Story(system, name, tuple(sorted(models)), tuple(spots), more))
+            found.append(FileDiff(system, name, tuple(sorted(models)), tuple(spots), more))
     return tuple(found)
 
 
 def _spots(
     folder: Path, system: str, name: str, accepted: str, models: Sequence[str], baseline: Path
-) -> tuple[list[Spot], int]:
+) -> tuple[list[ChangedLine], int]:
     file = folder / name
     if name == BESIDE:
-        return [Spot(folder, 1, "a file beside the models changed, came or went")], 0
+        return [ChangedLine(folder, 1, "a file beside the models changed, came or went")], 0
     if not file.is_file():
-        return [Spot(folder, 1, f"{name} is gone")], 0
+        return [ChangedLine(folder, 1, f"{name} is gone")], 0
     if not accepted:
-        return [Spot(file, 1, "is used now, and was not")], 0
+        return [ChangedLine(file, 1, "is used now, and was not")], 0
     old = accepted_text(baseline, system, name, accepted)
     if old is None:
-        return [Spot(file, 1, "changed; the accepted text is not kept, so no lines are told")], 0
+        return [
+            ChangedLine(file, 1, "changed; the accepted text is not kept, so no lines are told")
+        ], 0
     new = file.read_text(encoding="utf-8", errors="replace")
     spots = _literals(file, name, old, new, models)
     known = {spot.line for spot in spots}
@@ -89,7 +91,9 @@ def _spots(
     return spots + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
 
 
-def _literals(file: Path, name: str, old: str, new: str, models: Sequence[str]) -> list[Spot]:
+def _literals(
+    file: Path, name: str, old: str, new: str, models: Sequence[str]
+) -> list[ChangedLine]:
     """Bound literals whose number changed."""
     spots = []
     own = name.endswith(".toml")
@@ -107,18 +111,18 @@ def _literals(file: Path, name: str, old: str, new: str, models: Sequence[str]) 
             before, after = (_place(file, text, within) for text in (old, new))
             if before and after and before.value != after.value:
                 said = f"{within} {before.text} -> {after.text}, bound to {expression}"
-                spots.append(Spot(file, after.line, said))
+                spots.append(ChangedLine(file, after.line, said))
     return spots
 
 
-def _place(file: Path, text: str, address: str) -> Place | None:
+def _place(file: Path, text: str, address: str) -> Location | None:
     try:
         return find_in(text.encode(), file, [address])[address]
-    except PlaceError:
+    except LocationError:
         return None
 
 
-def _lines(file: Path, old: str, new: str) -> list[Spot]:
+def _lines(file: Path, old: str, new: str) -> list[ChangedLine]:
     before, after = old.splitlines(), new.splitlines()
     spots = []
     matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
@@ -126,10 +130,10 @@ def _lines(file: Path, old: str, new: str) -> list[Spot]:
         if tag == "equal":
             continue
         for i in range(c, d):
-            spots.append(Spot(file, i + 1, f"+ {_short(after[i])}"))
+            spots.append(ChangedLine(file, i + 1, f"+ {_short(after[i])}"))
         if c == d:
             gone = [line for line in before[a:b] if line.strip()] or before[a:b]
-            spots.append(Spot(file, max(c, 1), f"- {_short(gone[0])}"))
+            spots.append(ChangedLine(file, max(c, 1), f"- {_short(gone[0])}"))
     return spots
 
 

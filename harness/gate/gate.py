@@ -21,13 +21,13 @@ from harness.baseline.stale import location, match, touched
 from harness.baseline.store import SystemBaseline, read_baseline
 from harness.engines.registry import engines
 from harness.files.folders import FolderError, builtin
-from harness.gate.file_diffs import Story, stories
+from harness.gate.file_diffs import FileDiff, stories
 
 Record = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Terms:
+class GateOptions:
     """What a gate may be told.
 
     Attributes:
@@ -51,7 +51,7 @@ class Terms:
 
 
 @dataclass(frozen=True)
-class Gated:
+class GateResult:
     """What a gate found.
 
     Attributes:
@@ -64,7 +64,7 @@ class Gated:
     """
 
     changes: tuple[Change, ...]
-    stories: tuple[Story, ...]
+    stories: tuple[FileDiff, ...]
     results: Record | None = field(repr=False)
     folders: Mapping[str, FolderFiles] = field(repr=False)
     baseline: Mapping[str, SystemBaseline] = field(repr=False)
@@ -87,9 +87,10 @@ class Gated:
 
 
 def gate(
-    folders: Sequence[Path], terms: Terms,
+    folders: Sequence[Path],
+    terms: GateOptions,
     progress: Callable[[int, int, Record | None], None],
-) -> Gated:  # fmt: skip
+) -> GateResult:
     """Compare every case of the folders with the baseline, running those that changed.
 
     Raises:
@@ -108,17 +109,20 @@ def gate(
         for model in scan.models
         for engine in model.engines
         if (not terms.engines or engine in terms.engines)
-        and (terms.every
-             or touched(scan, model, engine, matched[scan.folder], versions, terms.resolution))
-    }  # fmt: skip
+        and (
+            terms.every
+            or touched(scan, model, engine, matched[scan.folder], versions, terms.resolution)
+        )
+    }
     wanted = {folder for folder, _, _ in chosen}
     running = [s.folder for s in scans if str(s.folder) in wanted or s.broken or not s.models]
     results = _run(running, frozenset(chosen), baseline, terms, progress) if running else None
     changes: list[Change] = []
     names = _names(scans, matched, results)
     if results is not None:
-        again = {s.folder: folder_files(s.folder, terms.baseline) for s in scans
-                 if s.folder in running}  # fmt: skip
+        again = {
+            s.folder: folder_files(s.folder, terms.baseline) for s in scans if s.folder in running
+        }
         for case in results["cases"]:
             changes.append(_judge(case, names, again, baseline, versions, terms))
     seen = {(change.system, change.key) for change in changes}
@@ -141,10 +145,14 @@ def gate(
                 changes.append(Change(system, key, Status.GONE, (), told, entry=entry))
     order = list(Status)
     changes.sort(key=lambda c: (order.index(c.status), -c.size, c.system))
-    return Gated(
-        tuple(changes), stories(changes, names, terms.baseline), results, names, baseline,
+    return GateResult(
+        tuple(changes),
+        stories(changes, names, terms.baseline),
+        results,
+        names,
+        baseline,
         time.perf_counter() - began,
-    )  # fmt: skip
+    )
 
 
 def accepted_folders(baseline: Path) -> list[Path]:
@@ -166,27 +174,27 @@ def accepted_folders(baseline: Path) -> list[Path]:
 
 
 def _run(
-    folders: Sequence[Path], models: frozenset[tuple[str, str, str]],
-    baseline: Mapping[str, SystemBaseline], terms: Terms,
+    folders: Sequence[Path],
+    models: frozenset[tuple[str, str, str]],
+    baseline: Mapping[str, SystemBaseline],
+    terms: GateOptions,
     progress: Callable[[int, int, Record | None], None],
-) -> Record:  # fmt: skip
+) -> Record:
     # Imported here: they bring sympy, which costs most of a second.
-    from harness.baseline.snapshot import track_from
+    from harness.baseline.snapshot import snapshot_from
     from harness.run import Options, Selection, run
 
     tracks = {
-        f"{name}/{key}": track_from(one.tracks[entry["track"]])
+        f"{name}/{key}": snapshot_from(one.tracks[entry["track"]])
         for name, one in baseline.items()
         for key, entry in one.cases.items()
     }
     selection = Selection(models, _Tracks(tracks), terms.diagnose)
     return run(
         folders,
-        Options(
-            terms.engines, terms.resolution, terms.jobs, terms.limit, selection=selection
-        ),
+        Options(terms.engines, terms.resolution, terms.jobs, terms.limit, selection=selection),
         progress,
-    )  # fmt: skip
+    )
 
 
 class _Tracks(dict[str, Any]):
@@ -205,9 +213,10 @@ class _Tracks(dict[str, Any]):
 
 
 def _names(
-    scans: Sequence[FolderFiles], matched: Mapping[Path, SystemBaseline | None],
+    scans: Sequence[FolderFiles],
+    matched: Mapping[Path, SystemBaseline | None],
     results: Record | None,
-) -> dict[str, FolderFiles]:  # fmt: skip
+) -> dict[str, FolderFiles]:
     """Folders by the name of their system: as it was just loaded, or as it was accepted.
 
     Raises:
@@ -228,9 +237,13 @@ def _names(
 
 
 def _judge(
-    case: Record, names: Mapping[str, FolderFiles], again: Mapping[Path, FolderFiles],
-    baseline: Mapping[str, SystemBaseline], versions: Mapping[str, str | None], terms: Terms,
-) -> Change:  # fmt: skip
+    case: Record,
+    names: Mapping[str, FolderFiles],
+    again: Mapping[Path, FolderFiles],
+    baseline: Mapping[str, SystemBaseline],
+    versions: Mapping[str, str | None],
+    terms: GateOptions,
+) -> Change:
     """What became of a case that was run."""
     # Where a declaration can't be loaded, the case is told by its folder; the baseline knows.
     system = next(n for n, scan in names.items() if str(scan.folder) == case["folder"])
@@ -239,7 +252,7 @@ def _judge(
     return judge(system, case, scan, baseline.get(system), versions, terms.resolution, stale)
 
 
-def _expected(one: SystemBaseline, terms: Terms) -> bool:
+def _expected(one: SystemBaseline, terms: GateOptions) -> bool:
     """Whether a system of the baseline ought to be among the folders given."""
     if terms.parents is None:
         return True
@@ -247,9 +260,12 @@ def _expected(one: SystemBaseline, terms: Terms) -> bool:
 
 
 def _left_alone(
-    scan: FolderFiles, one: SystemBaseline, key: str, engine: str,
+    scan: FolderFiles,
+    one: SystemBaseline,
+    key: str,
+    engine: str,
     chosen: set[tuple[str, str, str]],
-) -> bool:  # fmt: skip
+) -> bool:
     """Whether a case of the baseline is still there, and was not run since nothing changed."""
     model, rest = key.split("/", 1)
     if rest.rsplit(" [", 1)[0] not in one.scenarios:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from harness.baseline.changes import Change, Status
-from harness.gate.gate import Gated
+from harness.gate.gate import GateResult
 from harness.text.github import Annotation, case_notes
 
 QUIET = (Status.SAME,)
@@ -17,7 +17,7 @@ MOST_TOLD = 200
 """Cases told in a log or a summary: beyond, the results say more."""
 
 
-def gate_lines(found: Gated) -> list[str]:
+def gate_lines(found: GateResult) -> list[str]:
     """Plain lines: each case that is not simply as accepted, what changed in the files, a total."""
     lines = []
     told = [change for change in found.changes if change.status not in QUIET]
@@ -37,7 +37,7 @@ def gate_lines(found: Gated) -> list[str]:
     return [*lines, total(found)]
 
 
-def total(found: Gated) -> str:
+def total(found: GateResult) -> str:
     """One line: how many cases of each kind, how many were run, and the verdict."""
     counts = Counter(change.status for change in found.changes)
     parts = [f"{counts[status]} {status}" for status in Status if counts[status]]
@@ -51,7 +51,7 @@ def total(found: Gated) -> str:
     )
 
 
-def notes(found: Gated) -> list[Annotation]:
+def notes(found: GateResult) -> list[Annotation]:
     """An annotation for each changed model and declaration, worst first, at the changed line."""
     made: dict[tuple[str, str, Status], Annotation] = {}
     for change in found.changes:
@@ -62,8 +62,7 @@ def notes(found: Gated) -> list[Annotation]:
         if about in made:
             continue
         path, line, said = _place(found, change)
-        same = [c for c in found.changes
-                if (c.system, c.key.split("/", 1)[0], c.status) == about]  # fmt: skip
+        same = [c for c in found.changes if (c.system, c.key.split("/", 1)[0], c.status) == about]
         others = f" (and {len(same) - 1} cases more)" if len(same) > 1 else ""
         message = "; ".join([*_sentences(change), *([said] if said else [])])
         level = "notice" if change.status is Status.IMPROVED else "error"
@@ -72,7 +71,7 @@ def notes(found: Gated) -> list[Annotation]:
     return list(made.values())
 
 
-def summary(found: Gated) -> str:
+def summary(found: GateResult) -> str:
     """The findings as Markdown."""
     lines = [f"## crosscheck gate: {'passes' if found.passes else 'fails'}", "", total(found), ""]
     told = [change for change in found.changes if change.status not in QUIET]
@@ -103,7 +102,7 @@ def _sentences(change: Change) -> Sequence[str]:
     return change.told
 
 
-def _causes(found: Gated) -> list[str]:
+def _causes(found: GateResult) -> list[str]:
     """What the diagnosis says of models that differ."""
     if found.results is None:
         return []
@@ -119,7 +118,7 @@ def _causes(found: Gated) -> list[str]:
     return lines
 
 
-def _place(found: Gated, change: Change) -> tuple[Path, int, str]:
+def _place(found: GateResult, change: Change) -> tuple[Path, int, str]:
     """Where a change is to be shown: the diagnosed cause, a changed spot, or the model file."""
     model = change.key.split("/", 1)[0]
     if change.record is not None and change.record["outcome"] == "DIFFERS":
@@ -145,7 +144,13 @@ def _relative(path: Path) -> str:
 
 
 def _cell(text: str) -> str:
-    for old, new in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("|", "\\|"), ("`", "&#96;"),
-                     ("\n", " ")):  # fmt: skip
+    for old, new in (
+        ("&", "&amp;"),
+        ("<", "&lt;"),
+        (">", "&gt;"),
+        ("|", "\\|"),
+        ("`", "&#96;"),
+        ("\n", " "),
+    ):
         text = text.replace(old, new)
     return text

@@ -21,7 +21,7 @@ from harness.cases.case import load
 from harness.cases.prepare import prepare
 from harness.diagnosis.diagnose import Diagnosis, diagnose
 from harness.diagnosis.hypotheses.trial import scratch
-from harness.diagnosis.task import InquiryTask, bench
+from harness.diagnosis.task import DiagnosisTask, trial_model
 from harness.engines.protocol import EngineError
 from harness.engines.registry import engines
 from harness.files.bindings import bindings
@@ -76,7 +76,7 @@ class Survey:
 class MutationTask:
     """One model in one engine, made wrong in one way."""
 
-    inquiry: InquiryTask
+    inquiry: DiagnosisTask
     survey: Survey
     fault: Mistake
 
@@ -116,22 +116,22 @@ class Mutation:
     seconds: float = 0.0
 
 
-def survey(task: InquiryTask) -> Survey:
+def survey(task: DiagnosisTask) -> Survey:
     """Move every literal of the sound model a little, and look for what can be made wrong.
 
     Raises:
         MutationError: for a model that is not sound to begin with.
     """
     found = bindings(task.system, task.sidecar)
-    with bench(task) as (whole, uncertainty):
+    with trial_model(task) as (whole, uncertainty):
         wrong = float(np.max(np.abs(whole.defect({})) - uncertainty))
         if wrong > 0:
             raise MutationError(
                 f"{task.sidecar.model}: it differs from its equations already in {task.engine}; to"
                 " show what would be caught it must be right: see `crosscheck run`"
             )
-        bound = tuple(s for s in whole.suspects if s.hypothesis.kind == "literal")
-        slopes = replace(whole, suspects=bound).slopes({})
+        bound = tuple(s for s in whole.candidates if s.hypothesis.kind == "literal")
+        slopes = replace(whole, candidates=bound).slopes({})
         known = known_mistakes(Subject(task, whole.model, whole.coordinates, found))
     sizes = np.array([abs(b.value) or 1.0 for b in found])
     seen = np.abs(slopes) * sizes[:, None]
@@ -170,7 +170,7 @@ def _checked(task: MutationTask) -> Mutation:
     with scratch() as copies:
         wrong = replace(inquiry, sidecar=fault.edit.made(inquiry.sidecar, inquiry.engine, copies))
         try:
-            with bench(wrong, near) as (whole, uncertainty):
+            with trial_model(wrong, near) as (whole, uncertainty):
                 defect = np.abs(whole.defect({}))
                 row = _row(task, float(np.max(defect)))
                 moved = np.abs(whole.ends - known.ends) - known.uncertainty
@@ -198,9 +198,18 @@ def _row(task: MutationTask, size: float) -> Mutation:
     if literal:
         first = float(task.survey.first_caught[task.survey.addresses.index(fault.place)])
     return Mutation(
-        inquiry.system.name, inquiry.sidecar.model.name, inquiry.engine, kind, fault.name,
-        fault.place, CAUGHT, size, "", float("nan"), first,
-    )  # fmt: skip
+        inquiry.system.name,
+        inquiry.sidecar.model.name,
+        inquiry.engine,
+        kind,
+        fault.name,
+        fault.place,
+        CAUGHT,
+        size,
+        "",
+        float("nan"),
+        first,
+    )
 
 
 def _known(uncertainty: Array, sound: Survey) -> bool:
@@ -238,7 +247,7 @@ def _told(row: Mutation, task: MutationTask, answer: Diagnosis) -> Mutation:
     return replace(row, verdict=verdict, told=" and ".join(causes), estimate_error=error)
 
 
-def _raw_errors(before: InquiryTask, after: InquiryTask) -> str:
+def _raw_errors(before: DiagnosisTask, after: DiagnosisTask) -> str:
     """Errors of a plain run at the step stated, before and after, of the scenario that moves least.
 
     Where it moves much, two steps may end anywhere.
@@ -282,7 +291,7 @@ def mutate(folders: Sequence[Path], options: Options, progress: Progress) -> lis
                     progress(len(rows), 0 if unknown else len(order), rows[-1])
                 elif isinstance(value, Failure):
                     raise MutationError(value.reason)
-                elif isinstance(about, InquiryTask):
+                elif isinstance(about, DiagnosisTask):
                     for fault in value.faults:
                         # Sent once for each fault: without all the others.
                         task = MutationTask(about, replace(value, faults=()), fault)
@@ -302,14 +311,14 @@ class MutationError(ValueError):
     """A folder that is not sound to begin with; the message names file and remedy."""
 
 
-def _inquiries(prepared: Any, options: Options) -> list[InquiryTask]:
+def _inquiries(prepared: Any, options: Options) -> list[DiagnosisTask]:
     tasks = []
     known = engines()
     for found in model_files(prepared.folder):
         if not isinstance(found, Sidecar):
             raise MutationError(found["reason"])
         tasks += [
-            InquiryTask(
+            DiagnosisTask(
                 prepared.system, found, name, prepared.motions, prepared.scales, prepared.variants
             )
             for name in found.engines

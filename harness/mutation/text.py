@@ -86,13 +86,17 @@ def _mistakes(rows: Sequence[Mutation]) -> Iterator[str]:
 def _unnamed(rows: Sequence[Mutation]) -> Iterator[str]:
     """What was caught under another name, and what was missed, known mistakes refused included."""
     for title, chosen in (
-        ("caught, but another cause was told:",
-         [r for r in rows if r.verdict == CAUGHT and r.kind != SOUND]),
+        (
+            "caught, but another cause was told:",
+            [r for r in rows if r.verdict == CAUGHT and r.kind != SOUND],
+        ),
         ("missed:", [r for r in rows if r.verdict == MISSED]),
-        ("no mistake, but told to be one:",
-         [r for r in rows if r.kind == SOUND and r.verdict != AGREES]),
+        (
+            "no mistake, but told to be one:",
+            [r for r in rows if r.kind == SOUND and r.verdict != AGREES],
+        ),
         ("refused by the engine:", [r for r in rows if r.verdict == REFUSED and r.kind == KNOWN]),
-    ):  # fmt: skip
+    ):
         if chosen:
             yield ""
             yield title
@@ -106,9 +110,11 @@ def summary(rows: Sequence[Mutation]) -> str:
     told = []
     for label, chosen in (
         ("small faults", [r for r in rows if r.kind == LITERAL and r.name in SIZES]),
-        ("mistakes", [r for r in rows if r.kind == KNOWN or
-                      (r.kind == LITERAL and r.name not in SIZES)]),
-    ):  # fmt: skip
+        (
+            "mistakes",
+            [r for r in rows if r.kind == KNOWN or (r.kind == LITERAL and r.name not in SIZES)],
+        ),
+    ):
         seen = [r for r in chosen if r.verdict not in (UNSEEN, REFUSED)]
         caught = sum(r.verdict != MISSED for r in seen)
         named = sum(r.verdict == NAMED for r in seen)

@@ -35,7 +35,7 @@ differs by more than its uncertainty is a finding all the same."""
 
 
 @dataclass(frozen=True)
-class Measured:
+class Estimate:
     """A value from an engine with its uncertainty, infinite where it has no limit."""
 
     value: Array
@@ -56,12 +56,12 @@ class Probe:
     speed: Array
     fastest: float
 
-    def accelerations(self, states: Array, inputs: Array, forces: Array) -> Measured:
+    def accelerations(self, states: Array, inputs: Array, forces: Array) -> Estimate:
         """Accelerations (B, n) at states (B, 2n) under inputs (B, m) and generalized forces (B, n).
 
         A model far quicker than its equations, by a wrong literal, is given shorter steps.
         """
-        best: Measured | None = None
+        best: Estimate | None = None
         least = np.inf
         for fastest in (self.fastest * quicker for quicker in QUICKER):
             found = self._accelerations(states, inputs, forces, fastest)
@@ -76,7 +76,7 @@ class Probe:
 
     def _accelerations(
         self, states: Array, inputs: Array, forces: Array, fastest: float
-    ) -> Measured:
+    ) -> Estimate:
         """The forces on the engine's coordinates are those at the start: as h -> 0 no others."""
         n = len(self.speed)
         z, w = self.coordinates.to_engine(states)
@@ -96,7 +96,7 @@ class Probe:
             rungs.append(np.diff(velocities, axis=0) / h)
         if not np.isfinite(rungs).all():
             bad = np.full((len(states), n), np.nan)
-            return Measured(bad, np.full_like(bad, np.inf))
+            return Estimate(bad, np.full_like(bad, np.inf))
         scale = self.speed * self.fastest
         # Rounding: of the velocities, in differences over steps as short as the last rung's.
         grain = self.coordinates.grain(z, w)
@@ -105,9 +105,9 @@ class Probe:
         limit = limits([changes[-1] for changes in rungs], LADDER, (1, 1), scale, relative)
         by_step = np.tensordot(weights(LADDER, (1, 1)), np.stack(rungs), axes=1)
         carried = np.max(np.abs(by_step - by_step[-1]), axis=0)
-        return Measured(limit.value, limit.uncertainty + 2 * carried)
+        return Estimate(limit.value, limit.uncertainty + 2 * carried)
 
-    def mechanics(self, states: Array, sizes: Array) -> tuple[Measured, Measured]:
+    def mechanics(self, states: Array, sizes: Array) -> tuple[Estimate, Estimate]:
         """Mass matrices (B, n, n) and generalized forces (B, n) of the engine at states (B, 2n).
 
         The response to a force on each coordinate in turn, of the given size and both signs, is the
@@ -137,7 +137,7 @@ class Probe:
             force = np.einsum("bij,bj->bi", mass, value[:, 0])
             force_error = np.einsum("bij,bj->bi", size, error[:, 0])
             force_error += np.einsum("bij,bj->bi", mass_error, np.abs(value[:, 0]))
-        return Measured(mass, mass_error), Measured(force, _known(force_error))
+        return Estimate(mass, mass_error), Estimate(force, _known(force_error))
 
 
 def _known(uncertainty: Array) -> Array:

@@ -175,9 +175,13 @@ def _back(
 
 
 def _check_inverse(
-    system: System, forward: list[sp.Expr], back: list[sp.Expr], z: Sequence[sp.Symbol],
-    names: Sequence[str], where: str,
-) -> None:  # fmt: skip
+    system: System,
+    forward: list[sp.Expr],
+    back: list[sp.Expr],
+    z: Sequence[sp.Symbol],
+    names: Sequence[str],
+    where: str,
+) -> None:
     place = {c.q: sp.Float(0.1 + 0.07 * i) for i, c in enumerate(system.coordinates)}
     at = {symbol: e.subs(place) for symbol, e in zip(z, forward, strict=True)}
     for coordinate, expression in zip(system.coordinates, back, strict=True):

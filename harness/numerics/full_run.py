@@ -34,7 +34,7 @@ MOST_RUNS = 6
 
 
 @dataclass(frozen=True)
-class PlainRun:
+class FullRun:
     """One run from start to end at one step, sampled.
 
     Attributes:
@@ -71,7 +71,7 @@ class PlainRun:
 
 
 @dataclass(frozen=True)
-class Apart:
+class ErrorDecomposition:
     """An oscillation's error taken apart: engine(t) = (1 + gain) reference(t - lag) + shift.
 
     Gain, lag and shift are linear in t, found by least squares. For y = Re(a exp(s t)) + const this
@@ -111,29 +111,33 @@ class Cost:
         checked: (target, step, measured error) of the one prediction that was run.
     """
 
-    shipped: PlainRun
-    finer: tuple[PlainRun, ...]
+    shipped: FullRun
+    finer: tuple[FullRun, ...]
     raw_error: float
     order: float
     resolved_until: float
     converges: bool
     residual: float
-    apart: Apart | None
+    apart: ErrorDecomposition | None
     steps_for: tuple[float | None, ...]
     checked: tuple[float, float, float] | None
 
 
-def plain_run(
-    model: Model, coordinates: CoordinateMap, motion: Motion, power: NumericFunction, h: float,
+def full_run(
+    model: Model,
+    coordinates: CoordinateMap,
+    motion: Motion,
+    power: NumericFunction,
+    h: float,
     every: int = 0,
-) -> PlainRun:  # fmt: skip
+) -> FullRun:
     """Run a motion from start to end with step h, sampled every so many steps (0: as it fits)."""
     t, states, zs, steps, every, seconds = _rolled(model, coordinates, motion, h, every)
     reference = motion.at(t)
     balance = energy_balance(t, states, motion, power)
-    return PlainRun(
+    return FullRun(
         h, steps, every, t, states, states - reference, coordinates.drift(zs), balance, seconds
-    )  # fmt: skip
+    )
 
 
 def follow(
@@ -163,9 +167,13 @@ def _rolled(
 
 
 def cost(
-    model: Model, coordinates: CoordinateMap, motion: Motion, power: NumericFunction,
-    amplitude: Array, claimed: int,
-) -> Cost:  # fmt: skip
+    model: Model,
+    coordinates: CoordinateMap,
+    motion: Motion,
+    power: NumericFunction,
+    amplitude: Array,
+    claimed: int,
+) -> Cost:
     """Run at the shipped step and its neighbours, and tell what the step costs.
 
     Args:
@@ -175,8 +183,8 @@ def cost(
     n = len(amplitude) // 2
     size = amplitude[:n]
 
-    def run(h: float) -> PlainRun:
-        return plain_run(model, coordinates, motion, power, h)
+    def run(h: float) -> FullRun:
+        return full_run(model, coordinates, motion, power, h)
 
     shipped = run(model.step)
     runs = [shipped]
@@ -185,7 +193,7 @@ def cost(
     # Three runs to extrapolate; more where errors are not small enough yet for the leading term.
     while _wants_more(runs, order, claimed, size):
         half = runs[-1].h / 2, 2 * runs[-1].every
-        runs.append(plain_run(model, coordinates, motion, power, *half))
+        runs.append(full_run(model, coordinates, motion, power, *half))
         order, until = _order(runs[-2], runs[-1], size)
     until = min(until, _first_break_off(model.step, motion))
     residual, draw = _residual(runs, until, claimed, size)
@@ -193,18 +201,25 @@ def cost(
     converges = converges and residual <= draw + RESIDUAL
     predicted = tuple(_step_for(target, runs, size, motion) for target in TARGETS)
     return Cost(
-        shipped, tuple(runs[1:]), raw, order, until, converges, residual,
-        _take_apart(shipped, motion, size), predicted,
+        shipped,
+        tuple(runs[1:]),
+        raw,
+        order,
+        until,
+        converges,
+        residual,
+        _take_apart(shipped, motion, size),
+        predicted,
         _check(run, predicted, motion.duration, size),
-    )  # fmt: skip
+    )
 
 
-def _largest(run: PlainRun, size: Array) -> float:
+def _largest(run: FullRun, size: Array) -> float:
     value = float(np.max(np.abs(run.error[:, : len(size)]) / size))
     return value if math.isfinite(value) else math.inf
 
 
-def _order(coarse: PlainRun, fine: PlainRun, size: Array) -> tuple[float, float]:
+def _order(coarse: FullRun, fine: FullRun, size: Array) -> tuple[float, float]:
     """Observed order of two runs, read where the finer one's error is still small."""
     if not (coarse.finite and fine.finite):
         return math.nan, 0.0
@@ -220,7 +235,7 @@ def _order(coarse: PlainRun, fine: PlainRun, size: Array) -> tuple[float, float]
     return math.log(errors[0] / errors[1]) / math.log(coarse.h / fine.h), until
 
 
-def _wants_more(runs: list[PlainRun], order: float, claimed: int, size: Array) -> bool:
+def _wants_more(runs: list[FullRun], order: float, claimed: int, size: Array) -> bool:
     last = runs[-1]
     if len(runs) < 2 or (len(runs) < 3 and last.steps <= MOST_STEPS):
         return True
@@ -228,7 +243,7 @@ def _wants_more(runs: list[PlainRun], order: float, claimed: int, size: Array) -
     return unsettled and len(runs) < MOST_RUNS and last.steps <= MOST_STEPS
 
 
-def _bears_out(order: float, claimed: int, runs: list[PlainRun], size: Array) -> bool:
+def _bears_out(order: float, claimed: int, runs: list[FullRun], size: Array) -> bool:
     if _largest(runs[0], size) <= ROUNDING or _largest(runs[-1], size) <= ROUNDING:
         return True
     return order >= claimed - 0.3
@@ -245,7 +260,7 @@ def _first_break_off(h: float, motion: Motion) -> float:
     return motion.duration
 
 
-def _residual(runs: list[PlainRun], until: float, claimed: int, size: Array) -> tuple[float, float]:
+def _residual(runs: list[FullRun], until: float, claimed: int, size: Array) -> tuple[float, float]:
     """Error of the runs extrapolated to h -> 0, and by how much the finest run moved it.
 
     What is carried from step to step over longer than a segment shows here alone: each finer run
@@ -261,7 +276,7 @@ def _residual(runs: list[PlainRun], until: float, claimed: int, size: Array) -> 
     return float(np.max(np.abs(fine))), float(np.max(np.abs(fine - coarse)))
 
 
-def _step_for(target: float, runs: list[PlainRun], size: Array, motion: Motion) -> float | None:
+def _step_for(target: float, runs: list[FullRun], size: Array, motion: Motion) -> float | None:
     """The step of a target error: on the line through the runs' errors, log over log.
 
     None while even the finest run's error is not small: the line has no meaning there.
@@ -296,9 +311,11 @@ def _handy(h: float, motion: Motion) -> float:
 
 
 def _check(
-    run: Callable[[float], PlainRun], predicted: tuple[float | None, ...], duration: float,
+    run: Callable[[float], FullRun],
+    predicted: tuple[float | None, ...],
+    duration: float,
     size: Array,
-) -> tuple[float, float, float] | None:  # fmt: skip
+) -> tuple[float, float, float] | None:
     """Run the finest predicted step that is cheap enough: (target, step, measured error)."""
     for target, h in reversed(list(zip(TARGETS, predicted, strict=True))):
         if h is not None and duration / h <= MOST_STEPS / 3:
@@ -307,7 +324,7 @@ def _check(
     return None
 
 
-def _take_apart(run: PlainRun, motion: Motion, size: Array) -> Apart | None:
+def _take_apart(run: FullRun, motion: Motion, size: Array) -> ErrorDecomposition | None:
     """Split the error of the worst position into amplitude and phase, and their growth."""
     n = len(size)
     if not run.finite or _largest(run, size) > 0.3:
@@ -331,7 +348,7 @@ def _take_apart(run: PlainRun, motion: Motion, size: Array) -> Apart | None:
     left = (left - basis @ fit)[inside]
     total = float(np.sum(run.error[inside, component] ** 2))
     pace = float(np.std(rate) / max(float(np.std(y)), 1e-300))
-    return Apart(
+    return ErrorDecomposition(
         amplitude=float(gain.sum()),
         phase=float(lag.sum() * pace),
         frequency=float(-lag[1] / end),

@@ -97,9 +97,13 @@ def suffices(
 
 
 def limits(
-    values: list[Array], rungs: tuple[int, ...], exponents: tuple[int, int], scale: Array,
-    grain: Array, seen: Sequence[Array] = (),
-) -> Limit:  # fmt: skip
+    values: list[Array],
+    rungs: tuple[int, ...],
+    exponents: tuple[int, int],
+    scale: Array,
+    grain: Array,
+    seen: Sequence[Array] = (),
+) -> Limit:
     """Extrapolate raw values of the rungs and judge the result.
 
     U_m = 2.5 D_m sqrt(max(r_m, r_(m-1))) + 3 sum |w_i| s_i, where T_m is the limit of the first m
@@ -160,8 +164,10 @@ def limits(
     converges = bool(known.any())
     order, holds = observed_order(
         (stack[:, known] if converges else stack) / scale,
-        rungs, exponents[0], float(np.max(grain / scale)),
-    )  # fmt: skip
+        rungs,
+        exponents[0],
+        float(np.max(grain / scale)),
+    )
     return Limit(estimates[m - 1], uncertainty, rungs[:m], draws, order, holds, converges)
 
 

@@ -28,7 +28,7 @@ RUNGS_USED = RUNGS[:8]
 
 
 @dataclass(frozen=True)
-class Twin:
+class EngineLinearization:
     """Engine and Taylor linearization about one equilibrium.
 
     Attributes:
@@ -58,9 +58,14 @@ class Twin:
 
 
 def twin(
-    model: Model, coordinates: CoordinateMap, equilibrium: str, position: Array,
-    taylor: Mapping[str, Array], amplitude: Array, push: Array,
-) -> Twin:  # fmt: skip
+    model: Model,
+    coordinates: CoordinateMap,
+    equilibrium: str,
+    position: Array,
+    taylor: Mapping[str, Array],
+    amplitude: Array,
+    push: Array,
+) -> EngineLinearization:
     """Linearize an engine's model about an equilibrium, and compare.
 
     Args:
@@ -87,18 +92,30 @@ def twin(
         for m, n in ((found_a, found_b), (a, b))
     ]
     poles, taylor_poles, shapes = _pair(found_a, a)
-    return Twin(
-        equilibrium, found_a, found_b, _relative(found_a, a), _relative(found_b, b),
-        poles, taylor_poles,
+    return EngineLinearization(
+        equilibrium,
+        found_a,
+        found_b,
+        _relative(found_a, a),
+        _relative(found_b, b),
+        poles,
+        taylor_poles,
         float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs))) if b.size else float("nan"),
-        frequencies, on_axis[0], on_axis[1], shapes,
-    )  # fmt: skip
+        frequencies,
+        on_axis[0],
+        on_axis[1],
+        shapes,
+    )
 
 
 def _transition(
-    model: Model, coordinates: CoordinateMap, position: Array, length: float, amplitude: Array,
+    model: Model,
+    coordinates: CoordinateMap,
+    position: Array,
+    length: float,
+    amplitude: Array,
     push: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """exp([[A, B], [0, 0]] length), from central differences, extrapolated in size and in h."""
     size = len(amplitude)
     origin = np.concatenate([position, np.zeros(size - len(position))])

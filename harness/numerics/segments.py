@@ -81,7 +81,9 @@ def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, NDArray[np.intp]
         first += span.count
 
 
-def grains(coordinates: CoordinateMap, z: Array, w: Array, fastest: float, length: float) -> Array:
+def rounding_scales(
+    coordinates: CoordinateMap, z: Array, w: Array, fastest: float, length: float
+) -> Array:
     """How far one unit of relative rounding moves each component over a segment, (2n,)."""
     grain = coordinates.grain(z, w)
     # A velocity is moved by what rounding the positions does to the forces.
@@ -105,16 +107,28 @@ def run_rung(
         times = motion.t[own, None] + h * np.arange(rung)
         inputs = motion.inputs(times.ravel(), slack=h / 4).reshape(len(own), rung, -1)
         ends[chosen] = run_ends(
-            model, coordinates, starts.z[chosen], starts.w[chosen], h, rung, inputs,
+            model,
+            coordinates,
+            starts.z[chosen],
+            starts.w[chosen],
+            h,
+            rung,
+            inputs,
             motion.end[own],
-        )  # fmt: skip
+        )
     return ends
 
 
 def run_ends(
-    model: Model, coordinates: CoordinateMap, z: Array, w: Array, h: float, rung: int,
-    inputs: Array, near: Array,
-) -> Array:  # fmt: skip
+    model: Model,
+    coordinates: CoordinateMap,
+    z: Array,
+    w: Array,
+    h: float,
+    rung: int,
+    inputs: Array,
+    near: Array,
+) -> Array:
     """Ends (B, 2n) of B runs of `rung` steps; inputs are (B, rung, inputs), angles near `near`."""
     end_z, end_w = model.rollout(z, w, h, rung, coordinates.force(inputs), rung)
     return coordinates.from_engine(end_z[:, 0], end_w[:, 0], near)

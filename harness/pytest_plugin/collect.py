@@ -19,7 +19,7 @@ from harness.pytest_plugin.keys import LABORATORY
 from harness.records.outcome import Outcome
 from harness.run import Record, model_files
 from harness.text.failure import diagnosis_lines, figures, in_brief, told
-from harness.text.status import Ending, decide
+from harness.text.status import TestStatus, decide
 from reference.load import load_system
 from reference.system import DeclarationError, System
 
@@ -56,9 +56,13 @@ class SystemFile(pytest.File):
                 for scenario in (*scenarios, None):
                     case = f"{system.name}/{one.model.name}/{scenario or audit}"
                     yield CrosscheckItem.from_parent(
-                        self, name=_plain(case) + tail, system=system.name, sidecar=one,
-                        engine=engine, scenario=scenario,
-                    )  # fmt: skip
+                        self,
+                        name=_plain(case) + tail,
+                        system=system.name,
+                        sidecar=one,
+                        engine=engine,
+                        scenario=scenario,
+                    )
 
     def _load(self, folder: Path) -> tuple[System | None, str]:
         try:
@@ -83,9 +87,14 @@ class CrosscheckItem(pytest.Item):
     """A case; or an audit, where `scenario` is None."""
 
     def __init__(
-        self, *, system: str, sidecar: Sidecar | None, engine: str, scenario: str | None,
+        self,
+        *,
+        system: str,
+        sidecar: Sidecar | None,
+        engine: str,
+        scenario: str | None,
         **rest: Any,
-    ) -> None:  # fmt: skip
+    ) -> None:
         super().__init__(**rest)
         self.system, self.sidecar, self.engine, self.scenario = system, sidecar, engine, scenario
         self._brief = self._where = ""
@@ -116,12 +125,12 @@ class CrosscheckItem(pytest.Item):
         self.user_properties += figures(record).items()
         if record.get("accepted"):
             self.user_properties.append(("accepted", record["accepted"]))
-        if decision.ending is Ending.SKIP:
+        if decision.ending is TestStatus.SKIP:
             skipped = pytest.skip.Exception(decision.reason)
             # Told as a skip of the model file, not of this line.
             skipped._use_item_location = True
             raise skipped
-        if decision.ending is Ending.FAIL:
+        if decision.ending is TestStatus.FAIL:
             diagnosis = None
             if record.get("outcome") == Outcome.DIFFERS and self.sidecar:
                 diagnosis = self.config.stash[LABORATORY].diagnosis(
@@ -148,9 +157,11 @@ class CrosscheckItem(pytest.Item):
         assert self.sidecar is not None
         laboratory, folder = self.config.stash[LABORATORY], self.path.parent
         record = {
-            "system": self.system, "folder": str(folder), "model": self.sidecar.model.name,
+            "system": self.system,
+            "folder": str(folder),
+            "model": self.sidecar.model.name,
             "engine": self.engine,
-        }  # fmt: skip
+        }
         hurdle = laboratory.hurdle(self.sidecar, self.engine)
         if self.scenario is None:
             return record | (hurdle or laboratory.audit(folder, self.sidecar, self.engine))

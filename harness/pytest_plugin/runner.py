@@ -16,7 +16,7 @@ from harness.baseline.measure import measure, measure_task
 from harness.baseline.store import read_baseline
 from harness.cases.case import case_task, run_case
 from harness.cases.prepare import Prepared, prepare
-from harness.diagnosis.task import inquire, inquiry_task
+from harness.diagnosis.task import diagnose_model, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.run import Record, failed, hurdle
@@ -87,7 +87,7 @@ class Laboratory:
             found = self.prepared(folder)
             value: Any = found
             if not isinstance(found, Failure):
-                value = self._run(inquire, inquiry_task(found, sidecar, engine))
+                value = self._run(diagnose_model, diagnosis_task(found, sidecar, engine))
             if isinstance(value, Failure):
                 value = {"reason": value.reason}
             self._diagnoses[key] = value

@@ -24,10 +24,14 @@ class ResultsError(ValueError):
 
 
 def results(
-    systems: Sequence[Mapping[str, Any]], models: Sequence[Mapping[str, Any]],
-    cases: Sequence[Mapping[str, Any]], engines: Mapping[str, str | None], resolution: float,
-    seconds: float, baseline: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    systems: Sequence[Mapping[str, Any]],
+    models: Sequence[Mapping[str, Any]],
+    cases: Sequence[Mapping[str, Any]],
+    engines: Mapping[str, str | None],
+    resolution: float,
+    seconds: float,
+    baseline: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
     """Assemble the results of a run; NaN and infinity become null."""
     since = {} if baseline is None else {"baseline": baseline}
     plain: dict[str, Any] = _plain(

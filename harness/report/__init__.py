@@ -35,9 +35,12 @@ def render(found: Mapping[str, Any]) -> str:
     """The report of results as HTML; the same results give the same text."""
     scripts = [_inline(text) for text in (_bokeh(), _own())]
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")), autoescape=True,
-        trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
+        loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
     return environment.get_template("report.html").render(
         report=report(found),
         style=Markup(_resource("style.css")),

@@ -53,7 +53,10 @@ def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
     least, most = ends(engine)
     away = least < low - span or most > high + span
     return Chart(
-        MOTION, f"{name}: reference and engines", "t [s]", f"{name} [{shown(unit)}]",
+        MOTION,
+        f"{name}: reference and engines",
+        "t [s]",
+        f"{name} [{shown(unit)}]",
         (
             Curve("reference", "reference", 0, run.t, run.reference[i]),
             *(
@@ -67,8 +70,9 @@ def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
         f"{name} over {quantity(series['t'][-1], 's')}: the reference stays between {low:.3g} and"
         f" {high:.3g} {shown(unit)}; this engine is off by"
         f" {largest(series['error'][i]):.2g} {shown(unit)} at most.",
-        over_time=True, y_limits=(low - span, high + span) if away else None,
-    )  # fmt: skip
+        over_time=True,
+        y_limits=(low - span, high + span) if away else None,
+    )
 
 
 def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
@@ -78,8 +82,10 @@ def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
     limits = ends(speed)
     reach = (limits[1] - limits[0]) or 1.0
     return Chart(
-        MOTION, f"Phase portrait of {names[i]}",
-        f"{names[i]} [{shown(units[i])}]", f"{names[half + i]} [{shown(units[half + i])}]",
+        MOTION,
+        f"Phase portrait of {names[i]}",
+        f"{names[i]} [{shown(units[i])}]",
+        f"{names[half + i]} [{shown(units[half + i])}]",
         (
             Curve("reference", "reference", 0, run.reference[i], run.reference[half + i]),
             Curve(
@@ -90,7 +96,7 @@ def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
         f"The reference reaches {largest(position):.3g} {shown(units[i])} and"
         f" {largest(speed):.3g} {shown(units[half + i])}.",
         y_limits=(limits[0] - 0.3 * reach, limits[1] + 0.3 * reach),
-    )  # fmt: skip
+    )
 
 
 def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
@@ -101,7 +107,10 @@ def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
     defect, bound = values(series["defect"][i]), values(series["defect_uncertainty"][i])
     segment_t = run.pack.column(series["segment_t"], 6)
     return Chart(
-        ERROR, f"{name}: error, raw and extrapolated", "t [s]", "relative error",
+        ERROR,
+        f"{name}: error, raw and extrapolated",
+        "t [s]",
+        "relative error",
         (
             Curve("uncertainty", "band", 0, segment_t, run.pack.column(bound, 3)),
             Curve("raw", "raw", 0, run.t, run.pack.column(raw, 4)),
@@ -114,8 +123,9 @@ def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
         " a triangle stands above the grey.",
         f"Largest among these samples: raw error {percent(largest(raw))}, defect of an"
         f" extrapolated segment {sci(largest(defect))}, its uncertainty {sci(largest(bound))}.",
-        log_y=True, over_time=True,
-    )  # fmt: skip
+        log_y=True,
+        over_time=True,
+    )
 
 
 def _energy(run: Run) -> Iterator[Chart]:
@@ -125,12 +135,17 @@ def _energy(run: Run) -> Iterator[Chart]:
     rows = {name: single(energy[name]) for name in ("held", "supplied", "dissipated")}
     gap = rows["held"] - rows["supplied"] + rows["dissipated"]
     labels = {
-        "held": "gained, T + V", "supplied": "work of the inputs",
-        "dissipated": "taken by dampers", "gap": "unaccounted for",
-    }  # fmt: skip
+        "held": "gained, T + V",
+        "supplied": "work of the inputs",
+        "dissipated": "taken by dampers",
+        "gap": "unaccounted for",
+    }
     shares = {**rows, "gap": gap}
     yield Chart(
-        ENERGY, "Energy balance of this engine", "t [s]", "energy [J]",
+        ENERGY,
+        "Energy balance of this engine",
+        "t [s]",
+        "energy [J]",
         tuple(
             Curve(labels[name], "share", place, run.t, run.pack.column(row, 5))
             for place, (name, row) in enumerate(shares.items())
@@ -140,7 +155,7 @@ def _energy(run: Run) -> Iterator[Chart]:
         f"At most {largest(gap):.2g} J is unaccounted for,"
         f" {percent(run.case.get('energy_error'))} of what is exchanged.",
         over_time=True,
-    )  # fmt: skip
+    )
 
 
 def _convergence(run: Run) -> Chart:
@@ -151,10 +166,11 @@ def _convergence(run: Run) -> Chart:
     column = run.pack.column
     curves = [
         Curve("segments", "rungs", 0, column(h, 6), column(raw, 4)),
-        Curve("change of the limit", "draws", 0, column(h[1 : len(draws) + 1], 6),
-              column(draws, 4)),
+        Curve(
+            "change of the limit", "draws", 0, column(h[1 : len(draws) + 1], 6), column(draws, 4)
+        ),
         Curve("whole run", "plain", 0, column(steps, 6), run.error),
-    ]  # fmt: skip
+    ]
     wanted = [(e["step"], e["target"]) for e in case.get("steps_for", ()) if e["step"]]
     if wanted:
         x, y = np.array(wanted).T
@@ -169,15 +185,20 @@ def _convergence(run: Run) -> Chart:
         label = f"slope {slope:.2f} ({whose})"
         curves.append(Curve(label, "guide", 0, column(reach, 6), column(guide, 4)))
     return Chart(
-        COST, "Convergence", "step h [s]", "relative error", tuple(curves),
+        COST,
+        "Convergence",
+        "step h [s]",
+        "relative error",
+        tuple(curves),
         "Circles: root mean square over the segments, step by step. Squares: whole runs, largest"
         " error. Triangles: how far each finer step still moved the limit. Dots: the slope."
         + (" Diamonds: the steps that would give these errors." if wanted else ""),
         f"As the step falls from {quantity(_at(h, 0), 's')} to {quantity(_at(h, -1), 's')}, the"
         f" error of the segments falls from {sci(_at(raw, 0))} to {sci(_at(raw, -1))}; the last one"
         f" moved the extrapolated limit by {sci(_at(draws, -1))}.",
-        log_x=True, log_y=True,
-    )  # fmt: skip
+        log_x=True,
+        log_y=True,
+    )
 
 
 def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
@@ -191,14 +212,19 @@ def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
     ]
     plain = run.case["series"]["plain"]
     yield Chart(
-        COST, "Work and precision", "time of the run [s]", "relative error", tuple(curves),
+        COST,
+        "Work and precision",
+        "time of the run [s]",
+        "relative error",
+        tuple(curves),
         "Time that each engine takes for the whole run against the error that it leaves, at the"
         " shipped step and at half and a quarter of it. Further to the lower left is better.",
         f"This engine takes {quantity(plain['seconds'][0], 's', 2)} for an error of"
         f" {percent(plain['error'][0])}, and {quantity(plain['seconds'][-1], 's', 2)} for"
         f" {percent(plain['error'][-1])}.",
-        log_x=True, log_y=True,
-    )  # fmt: skip
+        log_x=True,
+        log_y=True,
+    )
 
 
 def _method(run: Run) -> str:

@@ -124,8 +124,13 @@ def _sorts(case: Mapping[str, Any], judged: bool) -> tuple[str, ...]:
     """Numbers that sort: what is missing is worse than any number."""
     worst = max(case["discrepancy"] or 0.0, case["uncertainty"] or 0.0)
     known = judged and case["uncertainty"] is not None
-    columns = (worst if known else None, case["discrepancy"], case["uncertainty"],
-               case["raw_error"], case["shipped_step"])  # fmt: skip
+    columns = (
+        worst if known else None,
+        case["discrepancy"],
+        case["uncertainty"],
+        case["raw_error"],
+        case["shipped_step"],
+    )
     return tuple("" if value is None else f"{value:.6g}" for value in columns)
 
 

@@ -91,14 +91,15 @@ class Content:
             return None
         half = len(run.reference) // 2
         return {
-            "system": system, "t": run.t.key,
+            "system": system,
+            "t": run.t.key,
             "reference": [column.key for column in run.reference[:half]],
             "engine": [column.key for column in run.engine[:half]],
             "others": [
                 {"t": astuple(other.t), "engine": [astuple(c) for c in other.engine[:half]]}
                 for other in others[:OVERLAID]
             ],
-        }  # fmt: skip
+        }
 
     def _units(self, run: Run) -> list[str]:
         """Units of the components: the coordinates', then those of their rates."""

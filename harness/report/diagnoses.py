@@ -92,12 +92,10 @@ def diagnosis_view(
         explained=bool(diagnosis.get("explained")),
         findings=tuple(_finding(one) for one in findings),
         files=_files(model, named),
-        audit=tuple(
-            (shown(e["kind"]), shown(e["message"]), _short(e["where"])) for e in audit
-        ),
+        audit=tuple((shown(e["kind"]), shown(e["message"]), _short(e["where"])) for e in audit),
         cases=tuple(cases),
         pack=pack,
-    )  # fmt: skip
+    )
 
 
 def sentence(model: Record) -> str:

@@ -105,9 +105,12 @@ def drawing(sketch: Mapping[str, Any], coordinates: Sequence[str]) -> Drawing:
     )
     where = ", ".join(f"{shown(n)} = {v:.3g}" for n, v in zip(coordinates, pose, strict=True))
     return Drawing(
-        " ".join(_n(v) for v in box), _n(0.062 * size), tuple(shapes), tuple(labels),
+        " ".join(_n(v) for v in box),
+        _n(0.062 * size),
+        tuple(shapes),
+        tuple(labels),
         f"Sketch of the mechanism at {where}: {kinds}.",
-    )  # fmt: skip
+    )
 
 
 def _at(point: Sequence[Any], q: Sequence[float]) -> tuple[float, float]:
@@ -139,8 +142,13 @@ def _matrix(shape: Mapping[str, Any], q: Sequence[float]) -> str:
         x, y = _at(shape["at"], q)
         w, h, a = (evaluate(shape[name], q) for name in ("width", "height", "angle"))
         values = (
-            w * math.cos(a), w * math.sin(a), -h * math.sin(a), h * math.cos(a), x, y,
-        )  # fmt: skip
+            w * math.cos(a),
+            w * math.sin(a),
+            -h * math.sin(a),
+            h * math.cos(a),
+            x,
+            y,
+        )
     else:
         (x, y), (x2, y2) = _at(shape["start"], q), _at(shape["end"], q)
         length = math.hypot(x2 - x, y2 - y) or 1.0

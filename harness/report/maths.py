@@ -51,6 +51,4 @@ def _safe(element: Element) -> Markup:
     parts = [escape(shown(element.text or ""))] if len(element) == 0 else []
     parts += [_safe(child) for child in element]
     tag = Markup(str(element.tag))
-    return Markup("<{}{}>{}</{}>").format(
-        tag, Markup("".join(kept)), Markup("").join(parts), tag
-    )  # fmt: skip
+    return Markup("<{}{}>{}</{}>").format(tag, Markup("".join(kept)), Markup("").join(parts), tag)

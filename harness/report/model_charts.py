@@ -30,8 +30,10 @@ def responses(pack: Pack, model: Record, system: Record) -> tuple[Chart, ...]:
         if not pairs or not count:
             continue
         w = pack.column(one["frequencies"], 5)
-        found = {name: np.array([values(np.ravel(row).tolist()) for row in one[name]]) for name in
-                 ("response", "taylor_response")}  # fmt: skip
+        found = {
+            name: np.array([values(np.ravel(row).tolist()) for row in one[name]])
+            for name in ("response", "taylor_response")
+        }
         if found["response"].shape != (count, len(pairs)):
             continue
         curves: list[Curve] = []
@@ -45,16 +47,20 @@ def responses(pack: Pack, model: Record, system: Record) -> tuple[Chart, ...]:
         error = one["transfer_error"]
         charts.append(
             Chart(
-                LINEAR, f"Frequency response about “{shown(one['equilibrium'])}”",
-                "frequency [rad/s]", "output per input, SI units", tuple(curves),
+                LINEAR,
+                f"Frequency response about “{shown(one['equilibrium'])}”",
+                "frequency [rad/s]",
+                "output per input, SI units",
+                tuple(curves),
                 "Wide line: the transfer function of the linearized equations. Dashes: that of the"
                 " engine, linearized by itself.",
                 f"From {quantity(one['frequencies'][0], 'rad/s', 3)} to"
                 f" {quantity(one['frequencies'][-1], 'rad/s', 3)}; they are apart by {sci(error)}"
                 " of the largest value at most.",
-                log_x=True, log_y=True,
+                log_x=True,
+                log_y=True,
             )
-        )  # fmt: skip
+        )
     return tuple(charts)
 
 
@@ -65,23 +71,31 @@ def reaches(pack: Pack, system: Record) -> tuple[Chart, ...]:
         return ()
     curves = tuple(
         Curve(
-            f"{shown(one['equilibrium'])}, mode {one['mode'] + 1}", "reach", place,
-            pack.column(one["amplitudes"], 5), pack.column(one["errors"], 4),
+            f"{shown(one['equilibrium'])}, mode {one['mode'] + 1}",
+            "reach",
+            place,
+            pack.column(one["amplitudes"], 5),
+            pack.column(one["errors"], 4),
         )
         for place, one in enumerate(found)
-    )  # fmt: skip
+    )
     last = found[0]
     return (
         Chart(
-            LINEAR, "Linear against nonlinear", "amplitude [SI units]", "relative error", curves,
+            LINEAR,
+            "Linear against nonlinear",
+            "amplitude [SI units]",
+            "relative error",
+            curves,
             "Largest error of the linear equations over one period of each mode, released at rest"
             " in its shape, relative to the amplitude.",
             f"At an amplitude of {last['amplitudes'][0]:g} the linear equations err by"
             f" {percent(last['errors'][0])} in the first of these modes, at"
             f" {last['amplitudes'][-1]:g} by {percent(last['errors'][-1])}.",
-            log_x=True, log_y=True,
+            log_x=True,
+            log_y=True,
         ),
-    )  # fmt: skip
+    )
 
 
 def hypotheses(pack: Pack, diagnosis: Record) -> tuple[Chart, ...]:
@@ -98,19 +112,24 @@ def hypotheses(pack: Pack, diagnosis: Record) -> tuple[Chart, ...]:
     line = np.array([0.0, count])
     return (
         Chart(
-            "Which cause?", "Ranked hypotheses", "share of the discrepancy left", "",
+            "Which cause?",
+            "Ranked hypotheses",
+            "share of the discrepancy left",
+            "",
             (
                 Curve("left", "lollipop", 0, pack.column(left, 4), y),
-                Curve("uncertainty", "guide", 0, pack.column([floor, floor], 4),
-                      pack.column(line, 4)),
+                Curve(
+                    "uncertainty", "guide", 0, pack.column([floor, floor], 4), pack.column(line, 4)
+                ),
             ),
             "Each hypothesis is one number, fitted to the motion; further to the left explains"
             " more. Dots: what the uncertainty alone would leave.",
             f"The best, {shown(findings[0]['cause'])}, leaves {sci(findings[0]['remaining'])} of"
             f" the discrepancy; the last of these leaves {sci(findings[-1]['remaining'])}.",
-            log_x=True, names=tuple(shown(f["cause"]) for f in reversed(findings)),
+            log_x=True,
+            names=tuple(shown(f["cause"]) for f in reversed(findings)),
         ),
-    )  # fmt: skip
+    )
 
 
 def redrawn(
@@ -152,7 +171,10 @@ def _redrawn_motions(
         )
         margin = 0.5 * ((high - low) or 1.0)
         yield Chart(
-            CAUSE, f"{shown(one['scenario'])}: {name}, redrawn", "t [s]", f"{name} [{unit}]",
+            CAUSE,
+            f"{shown(one['scenario'])}: {name}, redrawn",
+            "t [s]",
+            f"{name} [{unit}]",
             (
                 Curve("reference", "reference", 0, run.t, run.reference[i]),
                 Curve(f"{again} with {cause} = {value}", "redrawn", 0, t, pack.column(fitted, 6)),
@@ -160,8 +182,10 @@ def _redrawn_motions(
             ),
             f"Wide line: the equations as declared. Thin line: the {again} with the value that was"
             " found. Dashes: the engine with the file as it is.",
-            told, over_time=True, y_limits=(low - margin, high + margin),
-        )  # fmt: skip
+            told,
+            over_time=True,
+            y_limits=(low - margin, high + margin),
+        )
 
 
 def _apart(record: Record, one: Record, series: Record, i: int) -> tuple[float, float]:
@@ -170,8 +194,11 @@ def _apart(record: Record, one: Record, series: Record, i: int) -> tuple[float, 
     Before: of the engine from the reference. After: of the engine from the equations with the value
     that was found, or of the file with it from the reference.
     """
-    t, engine, reference = (values(series["t"]), single(series["engine"][i]),
-                            values(series["reference"][i]))  # fmt: skip
+    t, engine, reference = (
+        values(series["t"]),
+        single(series["engine"][i]),
+        values(series["reference"][i]),
+    )
     fitted = single(one["redrawn"][i])
     redrawn_t = values(one["t"])[: len(fitted)]
     target = engine if record["what"] == "equations" else reference
@@ -191,7 +218,10 @@ def _defects(pack: Pack, one: Record, run: Run) -> Chart:
 
     names = ", ".join(shown(name) for name in run.case["series"]["components"])
     return Chart(
-        CAUSE, f"{shown(one['scenario'])}: defects before and after", "t [s]", "relative defect",
+        CAUSE,
+        f"{shown(one['scenario'])}: defects before and after",
+        "t [s]",
+        "relative defect",
         (
             Curve("as the file is", "before", 0, t, worst(before)),
             Curve("with the value that was found", "after", 0, t, worst(after)),
@@ -199,5 +229,6 @@ def _defects(pack: Pack, one: Record, run: Run) -> Chart:
         f"Extrapolated segments, the largest of {names}: no step is left in them.",
         f"The largest defect falls from {sci(largest(before.ravel()))} to"
         f" {sci(largest(after.ravel()))}.",
-        log_y=True, over_time=True,
-    )  # fmt: skip
+        log_y=True,
+        over_time=True,
+    )

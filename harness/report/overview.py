@@ -87,9 +87,7 @@ class Change:
     message: str
 
 
-def matrix(
-    pairs: Sequence[Pair], ids: Mapping[str, str], names: Mapping[str, str]
-) -> Matrix:  # fmt: skip
+def matrix(pairs: Sequence[Pair], ids: Mapping[str, str], names: Mapping[str, str]) -> Matrix:
     """The matrix of cases.
 
     Args:
@@ -111,12 +109,13 @@ def matrix(
         tuple((shown(model), shown(engine)) for model, engine in order),
         tuple(
             MatrixRow(
-                ids[folder], names[folder],
+                ids[folder],
+                names[folder],
                 tuple(_cell(cells[folder].get(column)) for column in order),
             )
             for folder in folders
         ),
-    )  # fmt: skip
+    )
 
 
 def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
@@ -128,9 +127,10 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
     judged = [case for case, v in pairs if v.judged]
     digits = [agreeing_digits(case["discrepancy"], case["uncertainty"]) for case in judged]
     fewest = min(
-        (d for d in digits if d not in (NOTHING, "all")), key=float,
+        (d for d in digits if d not in (NOTHING, "all")),
+        key=float,
         default="all" if "all" in digits else NOTHING,
-    )  # fmt: skip
+    )
     raw = [case["raw_error"] for case in judged if case["raw_error"] is not None]
     largest = percent(max(raw, default=None))
     counts = f"{alike} of {len(pairs)}"
@@ -140,9 +140,10 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
 
 
 def troubles(
-    worst_first: Sequence[Pair], models: Sequence[Record],
+    worst_first: Sequence[Pair],
+    models: Sequence[Record],
     diagnoses: Mapping[Key, DiagnosisView],
-) -> tuple[Trouble, ...]:  # fmt: skip
+) -> tuple[Trouble, ...]:
     """What to act on: each model of which a case does not agree, or with an audit finding."""
     rows: dict[tuple[Key, str], list[Pair]] = {}
     totals: Counter[Key] = Counter()
@@ -164,11 +165,14 @@ def troubles(
             sentence = f"{sentence} Accepted: {view.accepted}"
         found.append(
             Trouble(
-                view.id if diagnosis is None else diagnosis.id, outcome, view.symbol,
+                view.id if diagnosis is None else diagnosis.id,
+                outcome,
+                view.symbol,
                 f"{view.system}/{view.model} [{view.engine}]",
-                f"{len(pairs)} of {totals[key]}", sentence,
+                f"{len(pairs)} of {totals[key]}",
+                sentence,
             )
-        )  # fmt: skip
+        )
     absent = Counter(case["reason"] for case, _ in worst_first if case["outcome"] == Outcome.ABSENT)
     found += [
         Trouble("", str(Outcome.ABSENT), SYMBOLS[Outcome.ABSENT], "", str(count), shown(reason))
@@ -180,10 +184,14 @@ def troubles(
             view_of = diagnoses[key]
             found.append(
                 Trouble(
-                    view_of.id, "AUDIT", "!",
-                    f"{view_of.system}/{view_of.model} [{view_of.engine}]", "", view_of.sentence,
+                    view_of.id,
+                    "AUDIT",
+                    "!",
+                    f"{view_of.system}/{view_of.model} [{view_of.engine}]",
+                    "",
+                    view_of.sentence,
                 )
-            )  # fmt: skip
+            )
     return tuple(found)
 
 

@@ -97,8 +97,10 @@ class Pack:
     def packed(self, charts: Iterable[Chart] = (), **more: Any) -> str:
         """The pack as text that a script element may hold."""
         content = {
-            "columns": self._columns, "charts": [self._record(chart) for chart in charts], **more,
-        }  # fmt: skip
+            "columns": self._columns,
+            "charts": [self._record(chart) for chart in charts],
+            **more,
+        }
         return compressed(content)
 
     def _record(self, chart: Chart) -> dict[str, Any]:
@@ -108,11 +110,14 @@ class Pack:
         record["names"] = [not_tex(name) for name in chart.names]
         record["curves"] = [
             {
-                "label": not_tex(curve.label), "role": curve.role, "place": curve.place,
-                "x": self._reference(curve.x), "y": self._reference(curve.y),
+                "label": not_tex(curve.label),
+                "role": curve.role,
+                "place": curve.place,
+                "x": self._reference(curve.x),
+                "y": self._reference(curve.y),
             }
             for curve in chart.curves
-        ]  # fmt: skip
+        ]
         return record
 
     def _reference(self, column: Column) -> Any:

@@ -51,13 +51,16 @@ def _run(case: Record, place: int) -> Run:
     step = quantity(case["shipped_step"], "s", 3)
     seconds = series["plain"].get("seconds")
     return Run(
-        case, f"{shown(case['engine'])}, {shown(case['model'])}", step, pack,
+        case,
+        f"{shown(case['engine'])}, {shown(case['model'])}",
+        step,
+        pack,
         pack.column(series["t"], 7),
         tuple(pack.column(row, 6) for row in series["reference"]),
         tuple(pack.column(single(row), 6) for row in series["engine"]),
         pack.column(single(series["plain"]["error"]), 5),
         None if seconds is None else pack.column(seconds, 3),
-    )  # fmt: skip
+    )
 
 
 def values(row: Sequence[float | None]) -> Array:

@@ -21,7 +21,7 @@ moves such a pole by the square root of epsilon."""
 
 
 @dataclass(frozen=True)
-class Twin:
+class EngineLinearization:
     """A model's own linearization beside Taylor's: errors, and its poles with theirs."""
 
     model: str
@@ -45,7 +45,7 @@ class Linearization:
     transfers: tuple[Markup, ...]
     modes: tuple[tuple[str, ...], ...]
     poles: tuple[tuple[str, str], ...]
-    twins: tuple[Twin, ...]
+    twins: tuple[EngineLinearization, ...]
 
 
 @dataclass(frozen=True)
@@ -113,31 +113,41 @@ def system_view(
         ),
         constants=tuple(
             (
-                maths(c.get("mathml"), c["name"]), repr(c["value"]), shown(c["unit"]),
-                shown(c["description"]), shown(c["source"]),
+                maths(c.get("mathml"), c["name"]),
+                repr(c["value"]),
+                shown(c["unit"]),
+                shown(c["description"]),
+                shown(c["source"]),
             )
             for c in system["constants"]
         ),
         errata=tuple(
             (
-                shown(e["number"]), shown(e["printed"]), _as_printed(e["derived"], system),
+                shown(e["number"]),
+                shown(e["printed"]),
+                _as_printed(e["derived"], system),
                 f"{VERDICTS.get(e['verdict'], '')} {shown(e['verdict'])}",
-                _as_printed(e["difference"], system) or NOTHING, shown(e["note"]),
+                _as_printed(e["difference"], system) or NOTHING,
+                shown(e["note"]),
             )
             for e in system["errata"]
         ),
         linearizations=_linearizations(system, models),
         scenarios=tuple(
             (
-                shown(s["name"]), shown(s["description"]), quantity(s["duration"], "s"),
+                shown(s["name"]),
+                shown(s["description"]),
+                quantity(s["duration"], "s"),
                 "; ".join(f"{shown(name)} = {shown(text)}" for name, text in s["inputs"].items()),
-                str(s["segments"]), shown(s["method"]), sci(s["bound"]),
+                str(s["segments"]),
+                shown(s["method"]),
+                sci(s["bound"]),
             )
             for s in system["scenarios"]
         ),
         files=_files(models),
         pack=pack,
-    )  # fmt: skip
+    )
 
 
 def _as_printed(text: str, system: Mapping[str, Any]) -> str:
@@ -196,22 +206,24 @@ def _mode(mode: Mapping[str, Any], coordinates: Sequence[Mapping[str, Any]]) -> 
     return f"{pace:.6g}", f"{pace / (2 * math.pi):.5g}", shape, ""
 
 
-def _twin(model: Mapping[str, Any], one: Mapping[str, Any]) -> Twin:
+def _twin(model: Mapping[str, Any], one: Mapping[str, Any]) -> EngineLinearization:
     poles, taylor = one["poles"], one["taylor_poles"]
     size = _largest(taylor)
     shapes = one["shapes"]
-    return Twin(
+    return EngineLinearization(
         shown(model["model"]),
         shown(model["engine"]),
         (
-            sci(one["A_error"]), sci(one["B_error"]), sci(one["transfer_error"]),
+            sci(one["A_error"]),
+            sci(one["B_error"]),
+            sci(one["transfer_error"]),
             NOTHING if shapes is None else sci(max(0.0, 1.0 - shapes)),
         ),
         tuple(
             (_pole(poles[i], size), sci(abs(_complex(poles[i]) - _complex(taylor[i])) / size))
             for i in _shown_poles(taylor)
         ),
-    )  # fmt: skip
+    )
 
 
 def _complex(pole: Mapping[str, Any]) -> complex:

@@ -129,10 +129,12 @@ def report(found: Record) -> Report:
             about = system_view(systems[folder], models, content.system_pack(folder))
         groups.append(
             Group(
-                groups_ids[folder], _name(folder, names),
-                _model_groups(folder, by_folder[folder], diagnoses), about,
+                groups_ids[folder],
+                _name(folder, names),
+                _model_groups(folder, by_folder[folder], diagnoses),
+                about,
             )
-        )  # fmt: skip
+        )
     shown_names = {folder: _name(folder, names) for folder in folders}
     baseline = found.get("baseline")
     return Report(
@@ -182,10 +184,11 @@ def _views(
         case_view(
             case,
             ids.new(f"case-{slug(*(case[k] for k in ('system', 'model', 'engine', 'scenario')))}"),
-            content.case_pack(place), scenarios.get((case["folder"], case["scenario"])),
+            content.case_pack(place),
+            scenarios.get((case["folder"], case["scenario"])),
         )
         for place, case in enumerate(cases)
-    ]  # fmt: skip
+    ]
 
 
 Key = tuple[str, str, str]
@@ -209,9 +212,11 @@ def _diagnoses(
         if model.get("diagnosis") or audited:
             name = slug(model["system"], model["model"], model["engine"])
             found[_key(model)] = diagnosis_view(
-                model, ids.new(f"diagnosis-{name}"), content.diagnosis_pack(place),
+                model,
+                ids.new(f"diagnosis-{name}"),
+                content.diagnosis_pack(place),
                 differing.get(_key(model), ()),
-            )  # fmt: skip
+            )
     return found
 
 
@@ -238,9 +243,7 @@ def _model_groups(
                 tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
             )
             cases.append((view, beside))
-        groups.append(
-            ModelGroup(shown(key[1]), shown(key[2]), diagnoses.get(key), tuple(cases))
-        )  # fmt: skip
+        groups.append(ModelGroup(shown(key[1]), shown(key[2]), diagnoses.get(key), tuple(cases)))
     return tuple(groups)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path, PurePosixPath
 
-from harness.files.locations.location import PlaceError, Source
+from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import RawElement, read_elements
 from harness.scaffold.folder import NewError
 
@@ -18,12 +18,15 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
     source = Source(model, data)
     try:
         elements = read_elements(source)
-    except PlaceError as error:
+    except LocationError as error:
         raise NewError(str(error)) from None
     folders = {
-        key: e.attributes[key] for e in elements if e.tag == "compiler"
-        for key in ("meshdir", "texturedir", "assetdir") if key in e.attributes
-    }  # fmt: skip
+        key: e.attributes[key]
+        for e in elements
+        if e.tag == "compiler"
+        for key in ("meshdir", "texturedir", "assetdir")
+        if key in e.attributes
+    }
     found = {}
     for element in elements:
         name = element.attributes.get("filename" if model.suffix == ".urdf" else "file")

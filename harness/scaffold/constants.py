@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.files.locations import Place, PlaceError, find_in
+from harness.files.locations import Location, LocationError, find_in
 
 _TAKEN = {
     "t", "pi", "sin", "cos", "ground", "system", "T", "V", "D", "Constant", "Coordinate",
@@ -53,9 +53,14 @@ class Ledger:
         return found
 
     def number(
-        self, value: float, name: tuple[str, ...], unit: str, what: str, address: str | None,
+        self,
+        value: float,
+        name: tuple[str, ...],
+        unit: str,
+        what: str,
+        address: str | None,
         degrees: bool = False,
-    ) -> str:  # fmt: skip
+    ) -> str:
         """A formula for a number in SI units, which stands at `address` if that can be told."""
         if value == 0:
             return "0"
@@ -70,20 +75,22 @@ class Ledger:
                 self.bindings[address] = f"({turn}) * 180 / pi" if degrees else turn
             return turn
         own = self.name(*name)
-        source = f"{self.file.name}, as compiled" if place is None else (
-            f"{place.file.name}:{place.line}"
-        )  # fmt: skip
+        source = (
+            f"{self.file.name}, as compiled"
+            if place is None
+            else (f"{place.file.name}:{place.line}")
+        )
         self.rows.append(Row(own, abs(value), unit, what, source))
         if address is not None:
             self._issued[address] = own
             self.bindings[address] = f"{sign}{own} * 180 / pi" if degrees else f"{sign}{own}"
         return f"{sign}{own}"
 
-    def _place(self, address: str, value: float, degrees: bool) -> Place | None:
+    def _place(self, address: str, value: float, degrees: bool) -> Location | None:
         """Where the number stands, if what stands there is it."""
         try:
             place = find_in(self.data, self.file, [address])[address]
-        except PlaceError:
+        except LocationError:
             return None
         written = math.radians(place.value) if degrees else place.value
         return place if math.isclose(written, value, rel_tol=4e-16, abs_tol=0.0) else None

@@ -55,17 +55,25 @@ def from_model(model: Path, target: Path) -> tuple[str, ...]:
     def sidecar_bytes() -> bytes:
         meant = [e for e in _ENGINES[model.suffix] if e not in left_out]
         return sidecar_text(
-            model.name, meant, mechanism.joints, ledger.bindings, left_out,
+            model.name,
+            meant,
+            mechanism.joints,
+            ledger.bindings,
+            left_out,
             model.suffix == ".urdf",
-        ).encode()  # fmt: skip
+        ).encode()
 
     def check(made: Path) -> None:
         disagree = _checked(made, target, left_out)
         (made / sidecar).write_bytes(sidecar_bytes())
         remarks.extend(disagree)
 
-    files = {model.name: data, **beside, "system.py": text(chosen).encode(),
-             sidecar: sidecar_bytes()}  # fmt: skip
+    files = {
+        model.name: data,
+        **beside,
+        "system.py": text(chosen).encode(),
+        sidecar: sidecar_bytes(),
+    }
     write_folder(target, files, check)
     return tuple(remarks)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.files.locations.location import PlaceError, Source
+from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import RawElement, read_elements
 from harness.scaffold.constants import Ledger
 from harness.scaffold.folder import NewError
@@ -48,7 +48,7 @@ class _Reader:
         self.source, self.ledger, self.path = Source(path, data), ledger, path
         try:
             self.elements = read_elements(self.source)
-        except PlaceError as error:
+        except LocationError as error:
             raise NewError(str(error)) from None
         self._refuse_foreign()
         try:
@@ -69,18 +69,24 @@ class _Reader:
     def _refuse_foreign(self) -> None:
         for element in self.elements:
             if element.tag in _FOREIGN and (element.children or element.attributes):
-                raise self.refuse(element, f"<{element.tag}>: {_FOREIGN[element.tag]} can't be"
-                                  " read so far")  # fmt: skip
+                raise self.refuse(
+                    element, f"<{element.tag}>: {_FOREIGN[element.tag]} can't be read so far"
+                )
 
     def mechanism(self) -> Mechanism:
         m = self.m
         if m.opt.wind.any() or m.opt.density or m.opt.viscosity:
             raise NewError(f"{self.path}: a medium (wind, density or viscosity) can't be read")
         gravity = [
-            self.ledger.number(float(value), ("g",) if np.count_nonzero(m.opt.gravity) == 1
-                               else (f"g_{axis}",), "m/s^2", "gravity", f"option@gravity[{i}]")
+            self.ledger.number(
+                float(value),
+                ("g",) if np.count_nonzero(m.opt.gravity) == 1 else (f"g_{axis}",),
+                "m/s^2",
+                "gravity",
+                f"option@gravity[{i}]",
+            )
             for i, (axis, value) in enumerate(zip("xyz", m.opt.gravity, strict=True))
-        ]  # fmt: skip
+        ]
         frames = {0: "ground"}
         bodies = []
         for i, element in enumerate(self.bodies, start=1):
@@ -93,17 +99,31 @@ class _Reader:
         m = self.m
         name = element.attributes.get("name") or f"body_{i}"
         address = self._address(element)
-        at = self._triple(m.body_pos[i], (name,), "m", f"{name} in its parent's frame",
-                          address and f"{address}@pos")  # fmt: skip
+        at = self._triple(
+            m.body_pos[i],
+            (name,),
+            "m",
+            f"{name} in its parent's frame",
+            address and f"{address}@pos",
+        )
         turns = self._turns(m.body_quat[i], element, address, name)
         first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
         joints = tuple(self._joint(j) for j in range(first, first + count))
         frames[i] = self.ledger.name(name, "frame")
         mass, centre, principal, moments, products = self._inertial(i, element, address, name)
         return Body(
-            name, frames[i], frames[int(m.body_parentid[i])], at, turns, joints, mass, centre,
-            principal, moments, products,
-        )  # fmt: skip
+            name,
+            frames[i],
+            frames[int(m.body_parentid[i])],
+            at,
+            turns,
+            joints,
+            mass,
+            centre,
+            principal,
+            moments,
+            products,
+        )
 
     def _inertial(
         self, i: int, element: RawElement, address: str | None, name: str
@@ -115,34 +135,54 @@ class _Reader:
             for geom in _own(element, "geom"):
                 kind = "mesh" if "mesh" in geom.attributes else geom.attributes.get("type", "")
                 if kind in _MASSLESS and geom.attributes.get("mass") != "0":
-                    raise self.refuse(geom, f"{_MASSLESS[kind]} can't be read; give body {name!r}"
-                                      " an <inertial>")  # fmt: skip
+                    raise self.refuse(
+                        geom, f"{_MASSLESS[kind]} can't be read; give body {name!r} an <inertial>"
+                    )
             self.remarks.append(
                 f"body {name!r} has no <inertial>: its mass and moments are those that MuJoCo"
                 " computes from its geoms, and have no place in the file"
             )
         within = f"{address}/inertial" if own and address else None
-        mass = self.ledger.number(float(m.body_mass[i]), (name, "mass"), "kg", f"mass of {name}",
-                                  within and f"{within}@mass")  # fmt: skip
-        centre = self._triple(m.body_ipos[i], (name, "centre"), "m", f"centre of mass of {name}",
-                              within and f"{within}@pos")  # fmt: skip
+        mass = self.ledger.number(
+            float(m.body_mass[i]),
+            (name, "mass"),
+            "kg",
+            f"mass of {name}",
+            within and f"{within}@mass",
+        )
+        centre = self._triple(
+            m.body_ipos[i],
+            (name, "centre"),
+            "m",
+            f"centre of mass of {name}",
+            within and f"{within}@pos",
+        )
         full = own[0].attributes.get("fullinertia", "").split() if own else []
         if full:
             # MuJoCo turns these into principal moments; in the file they stand in body axes.
             six = [
-                self.ledger.number(float(value), (name, f"i{axes}"), "kg*m^2",
-                                   f"I{axes} of {name} about its centre",
-                                   within and f"{within}@fullinertia[{k}]")
+                self.ledger.number(
+                    float(value),
+                    (name, f"i{axes}"),
+                    "kg*m^2",
+                    f"I{axes} of {name} about its centre",
+                    within and f"{within}@fullinertia[{k}]",
+                )
                 for k, (axes, value) in enumerate(
-                    zip(("xx", "yy", "zz", "xy", "xz", "yz"), full, strict=True))
-            ]  # fmt: skip
+                    zip(("xx", "yy", "zz", "xy", "xz", "yz"), full, strict=True)
+                )
+            ]
             return mass, centre, (), (six[0], six[1], six[2]), (six[3], six[4], six[5])
         moments = tuple(
-            self.ledger.number(float(value), (name, f"i{axis}{axis}"), "kg*m^2",
-                               f"I{axis}{axis} of {name} about its centre",
-                               within and f"{within}@diaginertia[{k}]")
+            self.ledger.number(
+                float(value),
+                (name, f"i{axis}{axis}"),
+                "kg*m^2",
+                f"I{axis}{axis} of {name} about its centre",
+                within and f"{within}@diaginertia[{k}]",
+            )
             for k, (axis, value) in enumerate(zip("xyz", m.body_inertia[i], strict=True))
-        )  # fmt: skip
+        )
         inner = self._turns(m.body_iquat[i], own[0] if own else None, within, f"{name}_inertia")
         return mass, centre, inner, (moments[0], moments[1], moments[2]), none
 
@@ -154,15 +194,20 @@ class _Reader:
         kind = mujoco.mjtJoint(m.jnt_type[j])
         if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
             what = kind.name[6:].lower()
-            raise self.refuse(element, f"joint {name!r} is a {what} joint; only slides and hinges"
-                              " are supported so far")  # fmt: skip
+            raise self.refuse(
+                element,
+                f"joint {name!r} is a {what} joint; only slides and hinges are supported so far",
+            )
         if not name:
             raise self.refuse(element, "this joint has no name; its coordinate needs one")
         hinge = kind == mujoco.mjtJoint.mjJNT_HINGE
         d = int(m.jnt_dofadr[j])
         if m.dof_frictionloss[d]:
-            raise self.refuse(element, f"joint {name!r} has frictionloss, which is not smooth: no"
-                              " digit can be claimed of it")  # fmt: skip
+            raise self.refuse(
+                element,
+                f"joint {name!r} has frictionloss, which is not smooth: no"
+                " digit can be claimed of it",
+            )
         unit, force = ("rad", "N*m") if hinge else ("m", "N")
         inertia = "kg*m^2" if hinge else "kg"
         damping = self._first(m.dof_damping[d], m, "dof_dampingpoly", d, element, "damping")
@@ -173,16 +218,25 @@ class _Reader:
         x, y, z = map(float, m.jnt_axis[j])
         rest = float(m.qpos_spring[m.jnt_qposadr[j]])
         return Joint(
-            name, symbol, hinge, (x, y, z),
-            self._triple(m.jnt_pos[j], (name,), "m", f"axis of {name} in its body",
-                         self._attribute(element, "pos")),
+            name,
+            symbol,
+            hinge,
+            (x, y, z),
+            self._triple(
+                m.jnt_pos[j],
+                (name,),
+                "m",
+                f"axis of {name} in its body",
+                self._attribute(element, "pos"),
+            ),
             number(float(m.qpos0[m.jnt_qposadr[j]]), "ref", unit, hinge),
             number(damping, "damping", f"{force}*s/{unit}", False),
             number(stiffness, "stiffness", f"{force}/{unit}", False),
             number(rest, "springref", unit, hinge) if stiffness else "0",
             number(float(m.dof_armature[d]), "armature", inertia, False),
-            limits, f"{self.path.name}:{self.source.line(element.start)}",
-        )  # fmt: skip
+            limits,
+            f"{self.path.name}:{self.source.line(element.start)}",
+        )
 
     def _first(
         self, value: Any, m: Any, higher: str, index: int, element: RawElement, what: str
@@ -200,14 +254,21 @@ class _Reader:
         degrees = not self._radians()
 
         def number(value: float, key: str, unit: str, angle: bool) -> str:
-            return self.ledger.number(value, (name, key), unit, f"{key} of {name}",
-                                      self._attribute(element, key), angle and degrees)  # fmt: skip
+            return self.ledger.number(
+                value,
+                (name, key),
+                unit,
+                f"{key} of {name}",
+                self._attribute(element, key),
+                angle and degrees,
+            )
 
         return number
 
     def _radians(self) -> bool:
-        return any(e.tag == "compiler" and e.attributes.get("angle") == "radian"
-                   for e in self.elements)  # fmt: skip
+        return any(
+            e.tag == "compiler" and e.attributes.get("angle") == "radian" for e in self.elements
+        )
 
     def _attribute(self, element: RawElement, key: str) -> str | None:
         """Where an attribute stands: in the element, or in the defaults of its class."""
@@ -219,8 +280,9 @@ class _Reader:
         while wanted is None and holder is not None:
             wanted, holder = holder.attributes.get("childclass"), holder.parent
         defaults = [e for e in self.elements if e.tag == "default"]
-        found = next((e for e in defaults if e.attributes.get("class", "main") == (wanted or "main")
-                      ), None)  # fmt: skip
+        found = next(
+            (e for e in defaults if e.attributes.get("class", "main") == (wanted or "main")), None
+        )
         while found is not None and found.tag == "default":
             for own in _own(found, element.tag):
                 if key in own.attributes:
@@ -237,10 +299,12 @@ class _Reader:
             assert own is not None
             # A step without a name means every element of its tag.
             alike = [
-                e for e in alike
-                if (here := levels[id(e)]) is not None and here.tag == own.tag
+                e
+                for e in alike
+                if (here := levels[id(e)]) is not None
+                and here.tag == own.tag
                 and own.identity in (None, here.identity)
-            ]  # fmt: skip
+            ]
             if len(alike) == 1:
                 return element.spelled(depth)
             levels = {id(e): here.parent for e in alike if (here := levels[id(e)]) is not None}
@@ -251,10 +315,15 @@ class _Reader:
         self, values: Any, name: tuple[str, ...], unit: str, what: str, address: str | None
     ) -> Triple:
         x, y, z = (
-            self.ledger.number(float(value), (*name, axis), unit, f"{axis} of {what}"
-                               if unit == "m" else what, address and f"{address}[{i}]")
+            self.ledger.number(
+                float(value),
+                (*name, axis),
+                unit,
+                f"{axis} of {what}" if unit == "m" else what,
+                address and f"{address}[{i}]",
+            )
             for i, (axis, value) in enumerate(zip("xyz", values, strict=True))
-        )  # fmt: skip
+        )
         return x, y, z
 
     def _turns(
@@ -278,8 +347,9 @@ class _Reader:
             axis, place = np.array(given), f"{address}@axisangle[3]"
             angle = angle if self._radians() else float(np.radians(angle))
         x, y, z = (0.0 if abs(a) < _DIGITS else float(a) for a in axis)
-        text = self.ledger.number(angle, (name, "turn"), "rad", f"turn of {name}", place,
-                                  not self._radians())  # fmt: skip
+        text = self.ledger.number(
+            angle, (name, "turn"), "rad", f"turn of {name}", place, not self._radians()
+        )
         return (Turn((x, y, z), text),)
 
     def _has(self, key: str) -> bool:

@@ -66,9 +66,11 @@ class Plan:
             )
             lines += [
                 f'        Scenario("{m.name}", "{m.description}",',
-                f"                 q={{{q}}},", f"                 v={{{v}}},",
-                f"                 inputs={{{u}}},", f"                 duration={m.duration:g}),",
-            ]  # fmt: skip
+                f"                 q={{{q}}},",
+                f"                 v={{{v}}},",
+                f"                 inputs={{{u}}},",
+                f"                 duration={m.duration:g}),",
+            ]
         return [*lines, "    ),"]
 
 
@@ -98,25 +100,47 @@ def plan(system: System, joints: Sequence[Joint]) -> Plan:
     real = np.sqrt(rates[rates > 1e-9 * max(np.max(np.abs(rates)), 1e-9)])
     slowest, fastest = (float(real.min()), float(real.max())) if real.size else (2.0, 2.0)
     duration = min(
-        max(PERIODS * 2 * math.pi / slowest, SHORTEST), LONGEST,
+        max(PERIODS * 2 * math.pi / slowest, SHORTEST),
+        LONGEST,
         MOST_SEGMENTS * 2 * math.pi / (20 * fastest),
-    )  # fmt: skip
+    )
     duration = float(f"{duration:.2g}")
     signs = [(1.0, -0.6, 0.8, -0.4)[i % 4] for i in range(n)]
     still = tuple((0.0, 1.0) for _ in joints)
-    motions = [Motion("free", "released away from where it rests",
-                      _start(rest, joints, signs, 0.7), still, duration)]  # fmt: skip
+    motions = [
+        Motion(
+            "free",
+            "released away from where it rests",
+            _start(rest, joints, signs, 0.7),
+            still,
+            duration,
+        )
+    ]
     if any(joint.hinge and _reach(r, joint) > 2 for r, joint in zip(rest, joints, strict=True)):
-        motions.append(Motion("large", "released far away from where it rests",
-                              _start(rest, joints, signs, 2.2), still, duration))  # fmt: skip
+        motions.append(
+            Motion(
+                "large",
+                "released far away from where it rests",
+                _start(rest, joints, signs, 2.2),
+                still,
+                duration,
+            )
+        )
     pushes = []
     for i, joint in enumerate(joints):
         reach = min(0.3 * _reach(rest[i], joint), 0.4 if joint.hinge else 0.1)
         rate = 0.7 * slowest * (1 + 0.13 * i)
         size = reach * max(float(stiffness[i, i]), float(mass[i, i]) * rate**2)
         pushes.append((float(f"{size:.2g}"), float(f"{rate:.2g}")))
-    motions.append(Motion("driven", "a harmonic force on every joint",
-                          _start(rest, joints, signs, 0.1), tuple(pushes), duration))  # fmt: skip
+    motions.append(
+        Motion(
+            "driven",
+            "a harmonic force on every joint",
+            _start(rest, joints, signs, 0.1),
+            tuple(pushes),
+            duration,
+        )
+    )
     return Plan(names, search, tuple(_within(equations, m, rest, joints) for m in motions))
 
 
@@ -156,8 +180,10 @@ def _rest(system: System, joints: Sequence[Joint]) -> Array:
     middle = np.array([_clipped(0.0, joint) for joint in joints])
     if not any(pulled):
         return middle
-    tries = [middle + np.where(pulled, 0.1 * k * (-1.0) ** np.arange(len(middle)), 0.0)
-             for k in (1, -7, 13, -22)]  # fmt: skip
+    tries = [
+        middle + np.where(pulled, 0.1 * k * (-1.0) ** np.arange(len(middle)), 0.0)
+        for k in (1, -7, 13, -22)
+    ]
     size = max(float(np.max(np.abs(slopes(start)))) for start in tries) or 1.0
 
     def sound(at: Array) -> bool:
@@ -222,7 +248,7 @@ def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[
                 float(f"{(x + r) / 2:.3g}") for x, r in zip(motion.start, rest, strict=True)
             ),
             forces=tuple((size / 2, rate) for size, rate in motion.forces),
-        )  # fmt: skip
+        )
     return best
 
 
@@ -231,16 +257,21 @@ def _free(equations: Equations, motion: Motion, low: Array, high: Array) -> floa
     system = equations.system
     n = len(system.q)
     scenario = Scenario(
-        motion.name, motion.description, dict(zip(system.coordinates, motion.start, strict=True)),
+        motion.name,
+        motion.description,
+        dict(zip(system.coordinates, motion.start, strict=True)),
         dict.fromkeys(system.coordinates, 0),
-        {u: size * sp.sin(rate * t) for u, (size, rate) in zip(system.inputs, motion.forces,
-                                                              strict=True)},
+        {
+            u: size * sp.sin(rate * t)
+            for u, (size, rate) in zip(system.inputs, motion.forces, strict=True)
+        },
         motion.duration,
-    )  # fmt: skip
+    )
     whole = replace(
-        system, scenarios=(scenario,),
+        system,
+        scenarios=(scenario,),
         equilibria=(Equilibrium("any", dict.fromkeys(system.coordinates, 0), True, "any"),),
-    )  # fmt: skip
+    )
     times = np.linspace(0.0, motion.duration, 600)
     start = np.array([*motion.start, *np.zeros(n)])
     try:

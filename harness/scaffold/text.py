@@ -16,59 +16,70 @@ _WIDTH = 100
 def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row], plan: Plan) -> str:
     """The whole of system.py."""
     joints = mechanism.joints
-    body = "\n".join([
-        f'"""The physics of {name}, read from {file} by `crosscheck new`."""',
-        "",
-        "SYMPYfrom reference import (",
-        "    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t,",
-        ")  # fmt: skip",
-        "from reference.kinematics import ground",
-        "",
-        *_comment(f"""What follows was derived from {file} itself, so it checks the engines, and
+    body = "\n".join(
+        [
+            f'"""The physics of {name}, read from {file} by `crosscheck new`."""',
+            "",
+            "SYMPYfrom reference import (",
+            "    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t,",
+            ")",
+            "from reference.kinematics import ground",
+            "",
+            *_comment(f"""What follows was derived from {file} itself, so it checks the engines, and
             every later edit of {file}: but not yet {file} against what you mean. For that, replace
             the constants by your own, from drawings and data sheets, write numbers that follow
             from others as formulas (m * l**2 / 12), and the energies as you would on paper. Then
             the bindings in {file}.toml, which say where each number comes from."""),
-        "",
-        "# Coordinates, named like the joints.",
-        *(_coordinate(joint) for joint in joints),
-        "",
-        "# Every number of the file but zeros and axes, with the line that it stands in.",
-        *(line for row in rows for line in _constant(row)),
-        "",
-        "# A force on every joint, to drive it with.",
-        *(_input(joint) for joint in joints),
-        "",
-        "# The tree: each body's frame in its parent's, and its centre of mass.",
-        *(line for one in mechanism.bodies for line in _frames(one)),
-        "",
-        *_energies(mechanism),
-        "",
-        "system = System(",
-        f"    name={_quoted(name)},",
-        f"    title={_quoted(name.replace('_', ' '))},",
-        f"    source={_quoted(f'{file}, read by crosscheck new')},",
-        f"    coordinates={_tuple(j.symbol for j in joints)},",
-        f"    constants={_tuple(row.name for row in rows)},",
-        f"    inputs={_tuple(j.force for j in joints)},",
-        "    outputs=(",
-        *(f"        Output({_quoted(j.symbol)}, {j.symbol}.q, {_quoted(_unit(j))},"
-          f" {_quoted(f'position of {j.name}')})," for j in joints),
-        "    ),",
-        "    T=T,", "    V=V,", "    D=D,",
-        *plan.lines(joints, [j.force for j in joints]),
-        "    printed=(),",
-        ")  # fmt: skip",
-        "",
-    ])  # fmt: skip
+            "",
+            "# Coordinates, named like the joints.",
+            *(_coordinate(joint) for joint in joints),
+            "",
+            "# Every number of the file but zeros and axes, with the line that it stands in.",
+            *(line for row in rows for line in _constant(row)),
+            "",
+            "# A force on every joint, to drive it with.",
+            *(_input(joint) for joint in joints),
+            "",
+            "# The tree: each body's frame in its parent's, and its centre of mass.",
+            *(line for one in mechanism.bodies for line in _frames(one)),
+            "",
+            *_energies(mechanism),
+            "",
+            "system = System(",
+            f"    name={_quoted(name)},",
+            f"    title={_quoted(name.replace('_', ' '))},",
+            f"    source={_quoted(f'{file}, read by crosscheck new')},",
+            f"    coordinates={_tuple(j.symbol for j in joints)},",
+            f"    constants={_tuple(row.name for row in rows)},",
+            f"    inputs={_tuple(j.force for j in joints)},",
+            "    outputs=(",
+            *(
+                f"        Output({_quoted(j.symbol)}, {j.symbol}.q, {_quoted(_unit(j))},"
+                f" {_quoted(f'position of {j.name}')}),"
+                for j in joints
+            ),
+            "    ),",
+            "    T=T,",
+            "    V=V,",
+            "    D=D,",
+            *plan.lines(joints, [j.force for j in joints]),
+            "    printed=(),",
+            ")",
+            "",
+        ]
+    )
     used = [word for word in ("pi", "sin") if re.search(rf"\b{word}\b", body)]
     return body.replace("SYMPY", f"from sympy import {', '.join(used)}\n\n" if used else "", 1)
 
 
 def sidecar_text(
-    file: str, engines: Sequence[str], joints: Sequence[Joint], bindings: dict[str, str],
-    left_out: dict[str, str], settings: bool,
-) -> str:  # fmt: skip
+    file: str,
+    engines: Sequence[str],
+    joints: Sequence[Joint],
+    bindings: dict[str, str],
+    left_out: dict[str, str],
+    settings: bool,
+) -> str:
     """The sidecar: engines, what the format has no word for, and where each number comes from."""
     lines = [f"# The sidecar of {file}: what the file itself can't say."]
     lines += [f"# Left out: {name}: {why}" for name, why in left_out.items()]
@@ -76,8 +87,12 @@ def sidecar_text(
     if settings:
         lines += [
             "# A URDF carries neither; PyBullet would take 1/240 s and no gravity, MuJoCo 2 ms and"
-            " -9.81.", "[settings]", "step = 0.002", "gravity = [0, 0, -9.81]", "",
-        ]  # fmt: skip
+            " -9.81.",
+            "[settings]",
+            "step = 0.002",
+            "gravity = [0, 0, -9.81]",
+            "",
+        ]
         if "mujoco" in engines:
             lines += ["[settings.mujoco]", 'integrator = "Euler"', ""]
     renamed = [joint for joint in joints if joint.name != joint.symbol]
@@ -87,8 +102,10 @@ def sidecar_text(
         lines += ["", "[readback]"]
         lines += [f"{joint.symbol} = {_quoted(joint.name)}" for joint in renamed]
         lines += [""]
-    lines += ["# What each number stands for: with it, a wrong one is named with its line.",
-              "[bindings]"]  # fmt: skip
+    lines += [
+        "# What each number stands for: with it, a wrong one is named with its line.",
+        "[bindings]",
+    ]
     lines += [f"{_quoted(address)} = {_quoted(formula)}" for address, formula in bindings.items()]
     return "\n".join(lines) + "\n"
 
@@ -104,8 +121,10 @@ def _coordinate(joint: Joint) -> str:
 
 
 def _constant(row: Row) -> list[str]:
-    parts = (f"{_quoted(row.name)}, {row.value!r}, {_quoted(row.unit)},",
-             f"{_quoted(row.description)}, {_quoted(row.source)}")  # fmt: skip
+    parts = (
+        f"{_quoted(row.name)}, {row.value!r}, {_quoted(row.unit)},",
+        f"{_quoted(row.description)}, {_quoted(row.source)}",
+    )
     line = f"{row.name} = Constant({' '.join(parts)})"
     if len(line) <= _WIDTH:
         return [line]
@@ -161,9 +180,10 @@ def _energies(mechanism: Mechanism) -> list[str]:
         products = "" if b.products == ("0", "0", "0") else f", ({', '.join(b.products)})"
         kinetic.append(f"{b.centred}.kinetic({b.mass}, ({', '.join(b.moments)}){products})")
     potential = [
-        f"{b.centred}.weight({b.mass}, ({', '.join(mechanism.gravity)}))" for b in heavy
+        f"{b.centred}.weight({b.mass}, ({', '.join(mechanism.gravity)}))"
+        for b in heavy
         if b.mass != "0" and mechanism.gravity != ("0", "0", "0")
-    ]  # fmt: skip
+    ]
     dissipated = []
     for joint in mechanism.joints:
         if joint.armature != "0":
@@ -177,8 +197,10 @@ def _energies(mechanism: Mechanism) -> list[str]:
             dissipated.append(f"{joint.damping} * {joint.symbol}.v ** 2 / 2")
     return [
         "# Kinetic energy, potential energy, and half the power that friction takes.",
-        *_sum("T", kinetic), *_sum("V", potential), *_sum("D", dissipated),
-    ]  # fmt: skip
+        *_sum("T", kinetic),
+        *_sum("V", potential),
+        *_sum("D", dissipated),
+    ]
 
 
 def _sum(name: str, terms: Sequence[str]) -> list[str]:

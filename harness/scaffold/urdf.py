@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.files.locations.location import PlaceError, Source
+from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import RawElement, read_elements
 from harness.scaffold.constants import Ledger, quarter
 from harness.scaffold.folder import NewError
@@ -28,7 +28,7 @@ class _Reader:
         self.source, self.ledger = Source(path, data), ledger
         try:
             elements = read_elements(self.source)
-        except PlaceError as error:
+        except LocationError as error:
             raise NewError(str(error)) from None
         if not elements or elements[0].tag != "robot":
             raise NewError(f"{path}:1: the root is not <robot>: no URDF")
@@ -50,13 +50,15 @@ class _Reader:
                     raise self.refuse(joint, f"its <{end}> is {link!r}, which is no link")
                 if end == "child":
                     if link in above:
-                        raise self.refuse(joint, f"link {link!r} has two parents: closed loops"
-                                          " are not supported")  # fmt: skip
+                        raise self.refuse(
+                            joint, f"link {link!r} has two parents: closed loops are not supported"
+                        )
                     above[link] = joint
         roots = [name for name in links if name not in above]
         if len(roots) != 1:
-            raise NewError(f"{self.source.file}: it has {len(roots)} links without a parent, where"
-                           " one belongs")  # fmt: skip
+            raise NewError(
+                f"{self.source.file}: it has {len(roots)} links without a parent, where one belongs"
+            )
         frames = {roots[0]: "ground"}
         bodies: list[Body] = []
         queue = [roots[0]]
@@ -67,8 +69,9 @@ class _Reader:
                     bodies.append(self._body(links[link], joint, frames))
                     queue.append(link)
         if len(bodies) < len(above):
-            raise NewError(f"{self.source.file}: some links hang on themselves, not on"
-                           f" {roots[0]!r}")  # fmt: skip
+            raise NewError(
+                f"{self.source.file}: some links hang on themselves, not on {roots[0]!r}"
+            )
         return Mechanism(tuple(bodies), _ZERO, tuple(self.remarks))
 
     def _named(self, tag: str) -> dict[str, RawElement]:
@@ -91,8 +94,11 @@ class _Reader:
         inertial = _child(link, "inertial")
         if inertial is None:
             if moving is not None:
-                raise self.refuse(link, f"link {name!r} moves and has no <inertial>; engines differ"
-                                  " in what they take for it: write one")  # fmt: skip
+                raise self.refuse(
+                    link,
+                    f"link {name!r} moves and has no <inertial>; engines differ"
+                    " in what they take for it: write one",
+                )
             self.remarks.append(
                 f"link {name!r} has no <inertial> and is taken to weigh nothing; PyBullet takes"
                 " 1 kg for it"
@@ -101,24 +107,40 @@ class _Reader:
             within = f"link[{name}]/inertial"
             centre, principal = self._origin(inertial, within, f"{name}_centre")
             element = self._wanted(inertial, "mass")
-            mass = self._number(element, "value", f"{within}/mass", (name, "mass"), "kg",
-                                f"mass of {name}")  # fmt: skip
+            mass = self._number(
+                element, "value", f"{within}/mass", (name, "mass"), "kg", f"mass of {name}"
+            )
             element = self._wanted(inertial, "inertia")
             moments = self._tensor(element, ("ixx", "iyy", "izz"), within, name)
             products = self._tensor(element, ("ixy", "ixz", "iyz"), within, name)
         frames[name] = self.ledger.name(name, "frame")
         parent = frames[_child_link(joint, "parent")]
         return Body(
-            name, frames[name], parent, at, turns, () if moving is None else (moving,), mass,
-            centre, principal, moments, products,
-        )  # fmt: skip
+            name,
+            frames[name],
+            parent,
+            at,
+            turns,
+            () if moving is None else (moving,),
+            mass,
+            centre,
+            principal,
+            moments,
+            products,
+        )
 
     def _tensor(self, element: RawElement, keys: Triple, within: str, name: str) -> Triple:
         one, two, three = (
-            self._number(element, key, f"{within}/inertia", (name, key), "kg*m^2",
-                         f"{key} of {name} about its centre")
+            self._number(
+                element,
+                key,
+                f"{within}/inertia",
+                (name, key),
+                "kg*m^2",
+                f"{key} of {name} about its centre",
+            )
             for key in keys
-        )  # fmt: skip
+        )
         return one, two, three
 
     def _joint(self, joint: RawElement) -> Joint | None:
@@ -126,11 +148,16 @@ class _Reader:
         if kind == "fixed":
             return None
         if kind not in ("revolute", "continuous", "prismatic"):
-            raise self.refuse(joint, f"joint {name!r} is of type {kind!r}; only slides and hinges"
-                              " are supported so far")  # fmt: skip
+            raise self.refuse(
+                joint,
+                f"joint {name!r} is of type {kind!r}; only slides and hinges are supported so far",
+            )
         if _child(joint, "mimic") is not None:
-            raise self.refuse(joint, f"joint {name!r} mimics another, which is not read; write its"
-                              " folder by hand, beginning from `crosscheck new`")  # fmt: skip
+            raise self.refuse(
+                joint,
+                f"joint {name!r} mimics another, which is not read; write its"
+                " folder by hand, beginning from `crosscheck new`",
+            )
         hinge = kind != "prismatic"
         unit = "rad" if hinge else "m"
         force = "N*m" if hinge else "N"
@@ -140,21 +167,40 @@ class _Reader:
         dynamics = _child(joint, "dynamics")
         if dynamics is not None:
             if self._value(dynamics, "friction"):
-                raise self.refuse(dynamics, f"joint {name!r} has friction, which is not smooth: no"
-                                  " digit can be claimed of it")  # fmt: skip
-            damping = self._number(dynamics, "damping", f"joint[{name}]/dynamics",
-                                   (name, "damping"), f"{force}*s/{unit}",
-                                   f"viscous friction of {name}")  # fmt: skip
+                raise self.refuse(
+                    dynamics,
+                    f"joint {name!r} has friction, which is not smooth: no"
+                    " digit can be claimed of it",
+                )
+            damping = self._number(
+                dynamics,
+                "damping",
+                f"joint[{name}]/dynamics",
+                (name, "damping"),
+                f"{force}*s/{unit}",
+                f"viscous friction of {name}",
+            )
         stiffness = rest = "0"
         for gazebo in self.top:
             if gazebo.tag == "gazebo" and gazebo.attributes.get("reference") == name:
-                stiffness = self._text(gazebo, "springStiffness", name, "stiffness",
-                                       f"{force}/{unit}")  # fmt: skip
+                stiffness = self._text(
+                    gazebo, "springStiffness", name, "stiffness", f"{force}/{unit}"
+                )
                 rest = self._text(gazebo, "springReference", name, "rest", unit)
         return Joint(
-            name, symbol, hinge, axis, _ZERO, "0", damping, stiffness, rest, "0",
-            self._limits(joint, kind, name), f"{self.source.file.name}:{self._line(joint)}",
-        )  # fmt: skip
+            name,
+            symbol,
+            hinge,
+            axis,
+            _ZERO,
+            "0",
+            damping,
+            stiffness,
+            rest,
+            "0",
+            self._limits(joint, kind, name),
+            f"{self.source.file.name}:{self._line(joint)}",
+        )
 
     def _line(self, element: RawElement) -> int:
         return self.source.line(element.start)
@@ -173,8 +219,11 @@ class _Reader:
             return None
         limit = _child(joint, "limit")
         if limit is None or "lower" not in limit.attributes or "upper" not in limit.attributes:
-            raise self.refuse(joint, f"joint {name!r} states no limits, lower and upper; engines"
-                              " hold it at 0: state them, or make it continuous")  # fmt: skip
+            raise self.refuse(
+                joint,
+                f"joint {name!r} states no limits, lower and upper; engines"
+                " hold it at 0: state them, or make it continuous",
+            )
         return self._value(limit, "lower"), self._value(limit, "upper")
 
     def _origin(
@@ -185,11 +234,17 @@ class _Reader:
             return _ZERO, ()
         place = self._three(origin, "xyz", "0 0 0")
         at = tuple(
-            self.ledger.number(value, (name, axis), "m", f"{axis} of {name} in its parent's frame"
-                               if "inertial" not in within else f"{axis} of the centre of mass",
-                               f"{within}/origin@xyz[{i}]")
+            self.ledger.number(
+                value,
+                (name, axis),
+                "m",
+                f"{axis} of {name} in its parent's frame"
+                if "inertial" not in within
+                else f"{axis} of the centre of mass",
+                f"{within}/origin@xyz[{i}]",
+            )
             for i, (axis, value) in enumerate(zip("xyz", place, strict=True))
-        )  # fmt: skip
+        )
         roll_pitch_yaw = self._three(origin, "rpy", "0 0 0")
         turns = []
         if sum(angle != 0 and quarter(angle) is None for angle in roll_pitch_yaw) > 1:
@@ -197,13 +252,20 @@ class _Reader:
             self.remarks.append(
                 f"the turn of {name} is taken as numbers: a wrong one shows, but is not named"
             )
-            turns = [Turn(axis, repr(roll_pitch_yaw[i]))
-                     for i, axis in ((2, _AXES[0]), (1, _AXES[1]), (0, _AXES[2]))
-                     if roll_pitch_yaw[i]]  # fmt: skip
+            turns = [
+                Turn(axis, repr(roll_pitch_yaw[i]))
+                for i, axis in ((2, _AXES[0]), (1, _AXES[1]), (0, _AXES[2]))
+                if roll_pitch_yaw[i]
+            ]
             return (at[0], at[1], at[2]), tuple(turns)
         for i, axis, what in ((2, _AXES[0], "yaw"), (1, _AXES[1], "pitch"), (0, _AXES[2], "roll")):
-            angle = self.ledger.number(roll_pitch_yaw[i], (name, what), "rad", f"{what} of {name}",
-                                       f"{within}/origin@rpy[{i}]")  # fmt: skip
+            angle = self.ledger.number(
+                roll_pitch_yaw[i],
+                (name, what),
+                "rad",
+                f"{what} of {name}",
+                f"{within}/origin@rpy[{i}]",
+            )
             if angle != "0":
                 turns.append(Turn(axis, angle))
         return (at[0], at[1], at[2]), tuple(turns)
@@ -233,8 +295,9 @@ class _Reader:
             value = float(element.text)
         except ValueError:
             raise self.refuse(element, f"{element.text!r} is no number") from None
-        return self.ledger.number(value, (joint, what), unit, f"spring of {joint}: {what}",
-                                  f"gazebo[{joint}]/{tag}")  # fmt: skip
+        return self.ledger.number(
+            value, (joint, what), unit, f"spring of {joint}: {what}", f"gazebo[{joint}]/{tag}"
+        )
 
     def _value(self, element: RawElement, key: str) -> float:
         text = element.attributes.get(key, "0")

@@ -32,10 +32,15 @@ MOST_PRINTED = 4000
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a task has no value: one sentence, and what was printed meanwhile."""
+    """Why a task has no value: one sentence, and what was printed meanwhile.
+
+    Attributes:
+        usage: whether what was asked makes no sense, rather than something having gone wrong.
+    """
 
     reason: str
-    printed: str
+    stdout: str
+    usage: bool = False
 
 
 class Workers:
@@ -102,9 +107,11 @@ class Workers:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         if kind is None:
             self._settle()
             self._pool.close()

@@ -60,10 +60,17 @@ def _declared(system: System, page: Style) -> Iterator[str]:
     sources = list(dict.fromkeys(c.source for c in system.constants))
     yield page.table(
         ("symbol", "value", "unit", "meaning", "source"),
-        [(symbol(c.symbol), page.inline(page.number(c.value)), page.words(c.unit),
-          page.words(c.description), str(sources.index(c.source) + 1))
-         for c in system.constants],
-    )  # fmt: skip
+        [
+            (
+                symbol(c.symbol),
+                page.inline(page.number(c.value)),
+                page.words(c.unit),
+                page.words(c.description),
+                str(sources.index(c.source) + 1),
+            )
+            for c in system.constants
+        ],
+    )
     yield page.table(("", "source"), [(str(i), page.words(x)) for i, x in enumerate(sources, 1)])
 
 
@@ -124,10 +131,14 @@ def _equilibrium(
         yield page.heading("Modes with damping: share and phase of each coordinate", 3)
         yield page.table(
             ("1/s", *(page.inline(page.math(q)) for q in system.q)),
-            [(page.inline(page.complex_number(value)),
-              *(page.inline(page.polar(complex(z))) for z in shape))
-             for value, shape in damped_shapes(linearization)],
-        )  # fmt: skip
+            [
+                (
+                    page.inline(page.complex_number(value)),
+                    *(page.inline(page.polar(complex(z))) for z in shape),
+                )
+                for value, shape in damped_shapes(linearization)
+            ],
+        )
     if system.inputs:
         yield page.heading("Transfer functions", 3)
         yield page.display(_transfers(linearization, system, page))
@@ -210,9 +221,13 @@ def _transfers(linearization: Linearization, system: System, page: Style) -> lis
                 above, below = -above, -below
             name = page.math(sp.Symbol(output.name))
             left = page.fraction(name, page.math(u))
-            right = "0" if above == 0 else page.fraction(
-                page.polynomial(sp.expand(above), s), page.polynomial(sp.expand(below), s)
-            )  # fmt: skip
+            right = (
+                "0"
+                if above == 0
+                else page.fraction(
+                    page.polynomial(sp.expand(above), s), page.polynomial(sp.expand(below), s)
+                )
+            )
             formulas.append((left, right))
     return formulas
 
@@ -222,9 +237,11 @@ def _series(equations: Equations, linearization: Linearization, page: Style) -> 
     shifted = {q: deviation(q) for q, at in zip(system.q, linearization.at, strict=True) if at != 0}
     if shifted:
         yield page.display(
-            [(page.math(d), page.math(q - linearization.at[system.q.index(q)]))
-             for q, d in shifted.items()]
-        )  # fmt: skip
+            [
+                (page.math(d), page.math(q - linearization.at[system.q.index(q)]))
+                for q, d in shifted.items()
+            ]
+        )
     place = dict(zip(system.q, linearization.at, strict=True))
     rest: Mapping[sp.Symbol, sp.Expr] = place | dict.fromkeys(
         (*system.v, *system.a, *system.u), sp.Integer(0)
@@ -274,9 +291,11 @@ def _reach(
         rows = zip(found[0].amplitudes, *(f.errors for f in found), strict=True)
         yield page.table(
             ("amplitude", *map(page.words, header)),
-            [(f"{amplitude:g}", *(page.words(f"{100 * e:.3g} %") for e in errors))
-             for amplitude, *errors in rows],
-        )  # fmt: skip
+            [
+                (f"{amplitude:g}", *(page.words(f"{100 * e:.3g} %") for e in errors))
+                for amplitude, *errors in rows
+            ],
+        )
 
 
 def _errata(table: tuple[Erratum, ...], system: System, page: Style) -> Iterator[str]:

@@ -53,9 +53,14 @@ def in_brief(
 def figures(record: Mapping[str, Any]) -> dict[str, str]:
     """The numbers of a case by name, as a person reads them; those that it has."""
     forms = {
-        "outcome": "{}", "discrepancy": "{:.3e}", "uncertainty": "{:.3e}", "component": "{}",
-        "order": "{:.3f}", "raw_error": "{:.3e}", "shipped_step": "{:g}",
-    }  # fmt: skip
+        "outcome": "{}",
+        "discrepancy": "{:.3e}",
+        "uncertainty": "{:.3e}",
+        "component": "{}",
+        "order": "{:.3f}",
+        "raw_error": "{:.3e}",
+        "shipped_step": "{:g}",
+    }
     return {
         name: form.format(record[name])
         for name, form in forms.items()

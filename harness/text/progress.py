@@ -61,9 +61,13 @@ def _bar(things: str) -> Progress | None:
     if not sys.stderr.isatty() or os.environ.get("CI"):
         return None
     bar = Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        console=Console(stderr=True), transient=True,
-    )  # fmt: skip
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
     bar.add_task(things, total=None)
     bar.start()
     return bar

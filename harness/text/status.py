@@ -11,7 +11,7 @@ from harness.records.outcome import Outcome
 from harness.text.table import audit_findings
 
 
-class Ending(StrEnum):
+class TestStatus(StrEnum):
     """How the test of a record ends."""
 
     PASS = "pass"
@@ -23,7 +23,7 @@ class Ending(StrEnum):
 class Decision:
     """How a test ends, and the sentence that says why; empty for a pass."""
 
-    ending: Ending
+    ending: TestStatus
     reason: str
 
 
@@ -40,21 +40,21 @@ def decide(
     """
     outcome = record.get("outcome")
     if outcome == Outcome.ABSENT:
-        ending = Ending.FAIL if require_engines else Ending.SKIP
+        ending = TestStatus.FAIL if require_engines else TestStatus.SKIP
         return Decision(ending, record["reason"])
     if outcome == Outcome.FAILED:
-        return Decision(Ending.FAIL, record["reason"])
+        return Decision(TestStatus.FAIL, record["reason"])
     if record.get("accepted"):
-        return Decision(Ending.PASS, "")
+        return Decision(TestStatus.PASS, "")
     if "audit" in record:
         findings = audit_findings(record)
         if findings:
-            return Decision(Ending.FAIL, counted(len(findings), "finding"))
+            return Decision(TestStatus.FAIL, counted(len(findings), "finding"))
     elif outcome != Outcome.AGREES:
-        return Decision(Ending.FAIL, record["reason"])
+        return Decision(TestStatus.FAIL, record["reason"])
     elif demands:
-        return Decision(Ending.FAIL, "; ".join(demands))
-    return Decision(Ending.PASS, "")
+        return Decision(TestStatus.FAIL, "; ".join(demands))
+    return Decision(TestStatus.PASS, "")
 
 
 def counted(number: int, noun: str) -> str:

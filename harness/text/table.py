@@ -145,12 +145,17 @@ def _row(cases: list[Mapping[str, Any]]) -> list[str]:
     steps = [s["step"] for c in cases for s in c.get("steps_for", ()) if s["target"] == 0.001]
     tenth = [step for step in steps if step is not None]
     return [
-        escape(first["system"]), escape(first["model"]), escape(first["engine"]), outcome,
-        _most(cases, "discrepancy", "{:.1e}"), _most(cases, "uncertainty", "{:.1e}"),
-        _most(cases, "raw_error", "{:.2%}"), _most(cases, "shipped_step", "{:g} s"),
+        escape(first["system"]),
+        escape(first["model"]),
+        escape(first["engine"]),
+        outcome,
+        _most(cases, "discrepancy", "{:.1e}"),
+        _most(cases, "uncertainty", "{:.1e}"),
+        _most(cases, "raw_error", "{:.2%}"),
+        _most(cases, "shipped_step", "{:g} s"),
         _range([c["raw_order"] for c in cases if c.get("raw_order") is not None]),
         f"{min(tenth):.2g} s" + "*" * (len(tenth) < len(steps)) if tenth else "-",
-    ]  # fmt: skip
+    ]
 
 
 def _most(cases: list[Mapping[str, Any]], key: str, form: str) -> str:

@@ -205,9 +205,13 @@ class _Text(Style):
         lines = []
         for left, right in formulas:
             lines += textwrap.wrap(
-                f"{left} = {right}" if right else left, WIDTH, initial_indent="  ",
-                subsequent_indent="      ", break_long_words=False, break_on_hyphens=False,
-            )  # fmt: skip
+                f"{left} = {right}" if right else left,
+                WIDTH,
+                initial_indent="  ",
+                subsequent_indent="      ",
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
         return "\n".join(lines)
 
     def matrix(self, name: str, forms: Sequence[Sequence[Row]]) -> str:
@@ -215,10 +219,12 @@ class _Text(Style):
         blocks = []
         for form in forms:
             widths = [max(len(row[i]) for row in form) for i in range(len(form[0]))]
-            blocks.append([
-                "[ " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) + " ]"
-                for row in form
-            ])  # fmt: skip
+            blocks.append(
+                [
+                    "[ " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) + " ]"
+                    for row in form
+                ]
+            )
         lines = []
         for i in range(height):
             joint = " = " if i == 0 else "   "
@@ -245,10 +251,18 @@ class _Latex(Style):
 
     def words(self, text: str) -> str:
         for sign, written in (
-            ("\\", r"\textbackslash "), ("&", r"\&"), ("%", r"\%"), ("$", r"\$"), ("#", r"\#"),
-            ("_", r"\_"), ("{", r"\{"), ("}", r"\}"), ("^", r"\textasciicircum{}"),
-            ("~", r"\textasciitilde{}"), ("±", r"$\pm$"),
-        ):  # fmt: skip
+            ("\\", r"\textbackslash "),
+            ("&", r"\&"),
+            ("%", r"\%"),
+            ("$", r"\$"),
+            ("#", r"\#"),
+            ("_", r"\_"),
+            ("{", r"\{"),
+            ("}", r"\}"),
+            ("^", r"\textasciicircum{}"),
+            ("~", r"\textasciitilde{}"),
+            ("±", r"$\pm$"),
+        ):
             text = text.replace(sign, written)
         return text
 

@@ -3,7 +3,8 @@
 from sympy import Heaviside, Rational, sin
 
 from reference import (
-    Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System, t,
+    Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
+    PublishedEquation, Scenario, System, t,
 )  # fmt: skip
 
 x1 = Coordinate("x1", "m", "displacement of the first mass from its spring's equilibrium")
@@ -44,15 +45,15 @@ system = System(
                  v={x1: 0, x2: 0}, inputs={f: 2 * sin(8.6 * t) + t / 2}, duration=15.0),
     ),
     printed=(
-        Printed("2.26-2.33", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False,
+        PublishedEquation("2.26-2.33", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False,
                 "number within the range not told"),
-        Printed("2.26-2.33", "k1*x1^2/2 + k2*x2^2/2", "V", "", False,
+        PublishedEquation("2.26-2.33", "k1*x1^2/2 + k2*x2^2/2", "V", "", False,
                 "number within the range not told"),
-        Printed("2.26-2.33", "c*(x1' ± x2')^2/2", "D", "", False,
+        PublishedEquation("2.26-2.33", "c*(x1' ± x2')^2/2", "D", "", False,
                 "number within the range not told; sign lost in the transcript"),
-        Printed("2.26-2.33", "m1*x1'' + c*(x1' ± x2') + k1*x1 = 0", "motion", "x1", False,
+        PublishedEquation("2.26-2.33", "m1*x1'' + c*(x1' ± x2') + k1*x1 = 0", "motion", "x1", False,
                 "number within the range not told; signs lost in the transcript"),
-        Printed("2.26-2.33", "m2*x2'' ± c*(x1' ± x2') + k2*x2 = f", "motion", "x2", True,
+        PublishedEquation("2.26-2.33", "m2*x2'' ± c*(x1' ± x2') + k2*x2 = f", "motion", "x2", True,
                 "number within the range not told; signs lost in the transcript"),
     ),
     sketch=(

@@ -3,8 +3,8 @@
 from sympy import Heaviside, cos, pi, sin
 
 from reference import (
-    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System,
-    t,
+    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
+    PublishedEquation, Scenario, System, t,
 )  # fmt: skip
 
 x = Coordinate("x", "m", "displacement of the drum's centre from the spring's equilibrium")
@@ -54,22 +54,23 @@ system = System(
                  v={x: 0, theta: 0}, inputs={F: 0, tau: 0}, duration=18.0),
     ),
     printed=(
-        Printed("2.34-2.48",
+        PublishedEquation("2.34-2.48",
                 "3*M*x'^2/4 + m*x'^2/2 + m*l*x'*theta'*cos(theta)/2 + m*l^2*theta'^2/6",
                 "T", "", False,
                 "number within the range not told"),
-        Printed("2.34-2.48", "k*x^2/2 ± m*g*(l/2)*cos(theta)", "V", "", False,
+        PublishedEquation("2.34-2.48", "k*x^2/2 ± m*g*(l/2)*cos(theta)", "V", "", False,
                 "number within the range not told; sign lost in the transcript"),
-        Printed("2.34-2.48",
+        PublishedEquation("2.34-2.48",
                 "(3*M/2 + m)*x'' ± (m*l/2)*sin(theta)*theta'^2 + (m*l/2)*cos(theta)*theta''"
                 " + k*x = 0", "motion", "x", False,
                 "number within the range not told; sign lost in the transcript"),
-        Printed("2.34-2.48",
+        PublishedEquation("2.34-2.48",
                 "(m*l/2)*cos(theta)*x'' + (m*l^2/3)*theta'' + (m*g*l/2)*sin(theta) = 0",
                 "motion", "theta", False, "number within the range not told"),
-        Printed("3.13", "(3*M/2 + m)*x'' + (m*l/2)*theta'' + k*x = 0", "linear", "hanging", False,
-                ""),
-        Printed("3.14", "x'' + (2*l/3)*theta'' + g*theta = 0", "linear", "hanging", False, ""),
+        PublishedEquation("3.13", "(3*M/2 + m)*x'' + (m*l/2)*theta'' + k*x = 0", "linear",
+                "hanging", False, ""),
+        PublishedEquation("3.14", "x'' + (2*l/3)*theta'' + g*theta = 0", "linear",
+                "hanging", False, ""),
     ),
     sketch=(
         Link("wall", (-0.8, -r), (0.8, -r)),

@@ -3,7 +3,8 @@
 from sympy import Heaviside, cos, sin
 
 from reference import (
-    Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System, t,
+    Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
+    PublishedEquation, Scenario, System, t,
 )  # fmt: skip
 
 x1 = Coordinate("x1", "m", "displacement of the pushed mass")
@@ -46,15 +47,16 @@ system = System(
                  duration=10.0),
     ),
     printed=(
-        Printed("2.10-2.25", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False,
+        PublishedEquation("2.10-2.25", "m1*x1'^2/2 + m2*x2'^2/2", "T", "", False,
                 "number within the range not told"),
-        Printed("2.10-2.25", "k*(x1 ± x2)^2/2", "V", "", False,
+        PublishedEquation("2.10-2.25", "k*(x1 ± x2)^2/2", "V", "", False,
                 "number within the range not told; sign lost in the transcript"),
-        Printed("2.10-2.25", "c*(x1' ± x2')^2/2", "D", "", False,
+        PublishedEquation("2.10-2.25", "c*(x1' ± x2')^2/2", "D", "", False,
                 "number within the range not told; sign lost in the transcript"),
-        Printed("2.10-2.25", "m1*x1'' + c*(x1' ± x2') + k*(x1 ± x2) = f", "motion", "x1", True,
-                "number within the range not told; signs lost in the transcript"),
-        Printed("2.25", "m2*x2'' ± c*x1' + c*x2' ± k*x2 ± k*x2 = 0", "motion", "x2", False,
+        PublishedEquation("2.10-2.25", "m1*x1'' + c*(x1' ± x2') + k*(x1 ± x2) = f", "motion",
+                "x1", True, "number within the range not told; signs lost in the transcript"),
+        PublishedEquation("2.25", "m2*x2'' ± c*x1' + c*x2' ± k*x2 ± k*x2 = 0", "motion",
+                "x2", False,
                 "ends in k x2 twice, where k x1 belongs once; signs lost in the transcript"),
     ),
     sketch=(

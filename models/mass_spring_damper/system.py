@@ -3,7 +3,8 @@
 from sympy import Heaviside, Rational, sin
 
 from reference import (
-    Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System, t,
+    Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
+    PublishedEquation, Scenario, System, t,
 )  # fmt: skip
 
 x = Coordinate("x", "m", "displacement of the mass from the spring's equilibrium")
@@ -36,9 +37,9 @@ system = System(
                  inputs={f: 1.5 * sin(5.9 * t)}, duration=14.5),
     ),
     printed=(
-        Printed("2.5", "f ± k*x ± c*x' = m*x''", "motion", "x", True,
+        PublishedEquation("2.5", "f ± k*x ± c*x' = m*x''", "motion", "x", True,
                 "signs lost in the transcript"),
-        Printed("2.6", "m*x'' + c*x' + k*x = f", "motion", "x", True, ""),
+        PublishedEquation("2.6", "m*x'' + c*x' + k*x = f", "motion", "x", True, ""),
     ),
     sketch=(
         Link("wall", (-0.9, 0.3), (-0.9, -0.3)),

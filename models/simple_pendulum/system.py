@@ -3,8 +3,8 @@
 from sympy import cos, pi, sin
 
 from reference import (
-    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System,
-    t,
+    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
+    PublishedEquation, Scenario, System, t,
 )  # fmt: skip
 
 theta = Coordinate("theta", "rad", "angle from the vertical, positive toward +x")
@@ -43,9 +43,9 @@ system = System(
                  duration=18.0),
     ),
     printed=(
-        Printed("3.3-3.12", "theta'' + (g/l)*sin(theta) = 0", "motion", "theta", False,
+        PublishedEquation("3.3-3.12", "theta'' + (g/l)*sin(theta) = 0", "motion", "theta", False,
                 "number within the range not told; the source has no torque"),
-        Printed("3.3-3.12", "theta'' + (g/l)*theta = 0", "linear", "hanging", False,
+        PublishedEquation("3.3-3.12", "theta'' + (g/l)*theta = 0", "linear", "hanging", False,
                 "number within the range not told; the source has no torque"),
     ),
     sketch=(

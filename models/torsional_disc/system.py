@@ -3,8 +3,8 @@
 from sympy import Heaviside, Rational, exp, sin
 
 from reference import (
-    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output, Printed, Scenario, System,
-    t,
+    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
+    PublishedEquation, Scenario, System, t,
 )  # fmt: skip
 
 theta = Coordinate("theta", "rad", "rotation of the disc from the shaft's equilibrium")
@@ -39,9 +39,9 @@ system = System(
                  q={theta: 0.1}, v={theta: 0}, inputs={T: 0.2 * sin(5.8 * t)}, duration=12.0),
     ),
     printed=(
-        Printed("2.8", "T ± k_theta*theta = J*theta''", "motion", "theta", True,
+        PublishedEquation("2.8", "T ± k_theta*theta = J*theta''", "motion", "theta", True,
                 "signs lost in the transcript"),
-        Printed("2.9", "J*theta'' + k_theta*theta = T", "motion", "theta", True, ""),
+        PublishedEquation("2.9", "J*theta'' + k_theta*theta = T", "motion", "theta", True, ""),
     ),
     sketch=(
         Body("disc", (0, 0), 0.2, 0.2, theta.q, label="J"),

@@ -101,16 +101,18 @@ def test_a_literal_off_by_a_millionth_is_read_and_measured(
 def test_a_literal_that_no_motion_depends_on_is_a_finding_all_the_same(tmp_path):
     sidecar = read_sidecar(MODELS / "mass_spring_damper" / "mujoco.xml.toml")
     address = next(a for a in sidecar.bindings if a.endswith("diaginertia[0]"))
-    value = next(b.value for b in bindings(prepared("mass_spring_damper").system, sidecar)
-                 if b.address == address)  # fmt: skip
+    value = next(
+        b.value
+        for b in bindings(prepared("mass_spring_damper").system, sidecar)
+        if b.address == address
+    )
     wrong = with_literals(sidecar, {address: value * 1.01}, tmp_path)
     found = audit(prepared("mass_spring_damper"), wrong, "mujoco")
     assert [f.kind for f in grave(found)] == ["literal"]
 
 
 def test_a_rounded_literal_is_a_note_and_so_is_what_it_does(look):
-    found = look("drum_pendulum", "mujoco_rolling.xml", "mujoco",
-                 ("5.555555555555555", "5.55556"))  # fmt: skip
+    found = look("drum_pendulum", "mujoco_rolling.xml", "mujoco", ("5.555555555555555", "5.55556"))
     assert grave(found) == []
     assert "rounded to its digits" in said(found, "literal", "note")
     assert "no more than its rounded literals" in said(found, "inertia", "note")
@@ -179,8 +181,13 @@ def test_a_link_without_inertial(look):
     gone = text[first : text.index("</inertial>", first) + len("</inertial>")]
     sidecar = (MODELS / "mass_spring_damper" / "robot.urdf.toml").read_text()
     bound = sidecar[sidecar.index("[bindings]") :]
-    found = look("mass_spring_damper", "robot.urdf", "pybullet", (text[first - 40 : first] + gone,
-                 text[first - 40 : first]), (bound, ""))  # fmt: skip
+    found = look(
+        "mass_spring_damper",
+        "robot.urdf",
+        "pybullet",
+        (text[first - 40 : first] + gone, text[first - 40 : first]),
+        (bound, ""),
+    )
     assert "link mass moves and has no <inertial>" in said(found, "default")
 
 
@@ -203,8 +210,12 @@ def test_a_spring_that_rests_elsewhere(look):
 
 
 def test_the_soft_equality_of_mujocos_default(look):
-    found = look("drum_pendulum", "mujoco_rolling.xml", "mujoco",
-                 ('solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"', ""))  # fmt: skip
+    found = look(
+        "drum_pendulum",
+        "mujoco_rolling.xml",
+        "mujoco",
+        ('solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"', ""),
+    )
     assert "equality rolling is soft: solref is MuJoCo's default" in said(found, "default")
     assert "inertia of x" in said(found, "inertia")
 
@@ -227,8 +238,10 @@ def test_geoms_that_touch(look):
 
 
 def test_a_space_that_damps(look):
-    change = ("    space = pymunk.Space()\n",
-              "    space = pymunk.Space()\n    space.damping = 0.99\n")  # fmt: skip
+    change = (
+        "    space = pymunk.Space()\n",
+        "    space = pymunk.Space()\n    space.damping = 0.99\n",
+    )
     found = look("simple_pendulum", "space.py", "pymunk", change)
     assert "Space.damping is 0.99" in said(found, "default")
     assert "damping of theta is 0.00" in said(found, "damping")
@@ -263,8 +276,9 @@ def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path):
     task = audit_task(prepared("simple_pendulum"), sidecar, "mujoco")
     task = replace(task, equilibria=task.equilibria[:1])
     model = Stiffening()
-    found = list(Compiled.of(task, model, coordinate_map(task.system, sidecar, ("theta",)))
-                 .findings())  # fmt: skip
+    found = list(
+        Compiled.of(task, model, coordinate_map(task.system, sidecar, ("theta",))).findings()
+    )
     assert [f.kind for f in grave(found)] == ["acceleration"]
 
 

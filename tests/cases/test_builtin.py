@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.cases.case import TwinTask, run_twins
+from harness.cases.case import LinearizationTask, run_linearizations
 from harness.cases.prepare import prepare
 from harness.engines.registry import engines
 from harness.files.folders import builtin
@@ -39,12 +39,16 @@ def test_the_engines_linearizations_are_taylors(folder):
         for engine in sidecar.engines:
             if known[engine].version() is None:
                 pytest.skip(f"{engine} is not installed")
-            twins = run_twins(
-                TwinTask(
-                    physics.system, sidecar, engine, physics.equilibria, physics.amplitude,
+            twins = run_linearizations(
+                LinearizationTask(
+                    physics.system,
+                    sidecar,
+                    engine,
+                    physics.equilibria,
+                    physics.amplitude,
                     physics.push,
                 )
-            )  # fmt: skip
+            )
             assert len(twins) == len(physics.equilibria)
             for twin in twins:
                 assert twin["A_error"] <= 1e-8

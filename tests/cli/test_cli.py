@@ -21,9 +21,13 @@ ROOT = Path(__file__).parents[2]
 def crosscheck(*arguments, cwd, **environment):
     return subprocess.run(
         [sys.executable, "-m", "harness", *map(str, arguments)],
-        cwd=cwd, capture_output=True, text=True, timeout=300, check=False,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
         env={**os.environ, "PYTHONPATH": str(ROOT), "CI": "1", **environment},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture

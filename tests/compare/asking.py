@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 from harness.compare.candidate import side
-from harness.compare.compare import Wish, compare
+from harness.compare.compare import CompareOptions, compare
 from harness.compare.executor import at_once
 from harness.compare.match import declared
 from harness.files.folders import builtin
@@ -13,7 +13,7 @@ from harness.files.folders import builtin
 def compared(a, b, engine_a=None, engine_b=None, joints="", table=None, **more):
     """Compare two files as the command does."""
     pair = side("A", Path(a), engine_a), side("B", Path(b), engine_b)
-    return compare(Wish(*pair, declared(joints, table), **more), at_once)
+    return compare(CompareOptions(*pair, declared(joints, table), **more), at_once)
 
 
 def model(system, name):
@@ -27,8 +27,11 @@ def changed(folder, path, *replacements):
     for file in filter(Path.is_file, (path, sidecar)):
         shutil.copy(file, folder)
     for old, new in replacements:
-        found = [f for f in (folder / path.name, folder / sidecar.name)
-                 if f.is_file() and old in f.read_text()]  # fmt: skip
+        found = [
+            f
+            for f in (folder / path.name, folder / sidecar.name)
+            if f.is_file() and old in f.read_text()
+        ]
         assert found, f"{old!r} is in no file"
         found[0].write_text(found[0].read_text().replace(old, new, 1))
     return folder / path.name

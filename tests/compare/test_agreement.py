@@ -56,8 +56,10 @@ def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path):
     a, b = model(drum, "space.py"), model(drum, "robot.urdf")
     found = agrees(compared(a, b, None, "pybullet", table=table))
     assert found.match.told == (
-        "x of B is drum.x of A", "phi of B is 50*drum.x/9 of A", "theta of B is rod.angle of A"
-    )  # fmt: skip
+        "x of B is drum.x of A",
+        "phi of B is 50*drum.x/9 of A",
+        "theta of B is rod.angle of A",
+    )
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
@@ -69,29 +71,40 @@ def test_an_arm_written_by_hand_in_both_formats_agrees(tmp_path, engine):
 
 def test_a_joint_of_another_name_direction_and_zero_agrees_when_mapped(tmp_path):
     path = model("simple_pendulum", "mujoco.xml")
-    other = changed(tmp_path, path, (
-        '<joint name="theta" type="hinge" axis="0 -1 0"/>',
-        '<joint name="swing" type="hinge" axis="0 1 0" ref="0.3"/>',
-    ))  # fmt: skip
+    other = changed(
+        tmp_path,
+        path,
+        (
+            '<joint name="theta" type="hinge" axis="0 -1 0"/>',
+            '<joint name="swing" type="hinge" axis="0 1 0" ref="0.3"/>',
+        ),
+    )
     agrees(compared(path, other, joints="theta=0.3-swing"))
 
 
 def test_step_and_integrator_are_no_difference(tmp_path):
     path = model("drum_pendulum", "mujoco.xml")
-    other = changed(tmp_path, path, ('timestep="0.002" integrator="Euler"',
-                                     'timestep="0.0005" integrator="RK4"'))  # fmt: skip
+    other = changed(
+        tmp_path,
+        path,
+        ('timestep="0.002" integrator="Euler"', 'timestep="0.0005" integrator="RK4"'),
+    )
     found = agrees(compared(path, other))
     assert {t.edits[0].label: t.moved for t in found.trials if len(t.edits) == 1} == {
-        "option@timestep": 0.0, "option@integrator": 0.0,
-    }  # fmt: skip
+        "option@timestep": 0.0,
+        "option@integrator": 0.0,
+    }
 
 
 def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path):
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))
     found = agrees(compared(path, other, "mujoco", "mujoco"))
-    moved = {t.edits[0].label: (t.edits[0].where_a.rpartition("/")[2], t.moved)
-             for t in found.trials if len(t.edits) == 1}  # fmt: skip
+    moved = {
+        t.edits[0].label: (t.edits[0].where_a.rpartition("/")[2], t.moved)
+        for t in found.trials
+        if len(t.edits) == 1
+    }
     assert moved == {
         "sidecar:settings.step": ("robot.urdf.toml:5", 0.0),
         "sidecar:settings.integrator": ("robot.urdf.toml", 0.0),
@@ -101,9 +114,12 @@ def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path):
 def test_comments_and_white_space_are_no_difference(tmp_path):
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(
-        tmp_path, path, ("Example 2.5", "Fig. 7"), ('mass="0.8" ', '\n   mass="0.80"\t'),
+        tmp_path,
+        path,
+        ("Example 2.5", "Fig. 7"),
+        ('mass="0.8" ', '\n   mass="0.80"\t'),
         ("0 0 -0.3", " 0  0.0\n -3e-1"),
-    )  # fmt: skip
+    )
     assert agrees(compared(path, other)).trials == ()
 
 
@@ -141,9 +157,11 @@ def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path):
     wall = '<geom type="sphere" pos="0.6 0 0.55" size="0.1" contype="1" conaffinity="1"/>\n'
     bob = '<geom name="bob" type="sphere" pos="0 0 -0.75" size="0.05"'
     touching = changed(
-        tmp_path, path, ('<body name="pendulum"', f"{wall}<body name='pendulum'"),
+        tmp_path,
+        path,
+        ('<body name="pendulum"', f"{wall}<body name='pendulum'"),
         (bob, f'{bob} contype="1" conaffinity="1"'),
-    )  # fmt: skip
+    )
     found = agrees(compared(touching, touching))
     assert 0 < found.recorded.lost < len(found.recorded.runs.z)
     assert "runs are left out" in found.notes[0]

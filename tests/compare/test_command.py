@@ -25,9 +25,13 @@ def crosscheck(*arguments, cwd):
     paths = os.pathsep.join(map(str, (ROOT, ROOT / "tests" / "known_answer")))
     return subprocess.run(
         [sys.executable, "-m", "harness", "compare", *map(str, arguments)],
-        cwd=cwd, capture_output=True, text=True, timeout=300, check=False,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
         env={**os.environ, "PYTHONPATH": paths, "CI": "1"},
-    )  # fmt: skip
+    )
 
 
 def test_a_difference_exits_1_and_is_told_and_written(tmp_path):

@@ -75,9 +75,14 @@ def test_one_literal_off_by_a_millionth_is_named(
 
 def test_of_several_differences_each_is_told_its_share(tmp_path):
     path = model("drum_pendulum", "mujoco.xml")
-    other = changed(tmp_path, path, ('stiffness="65.0"', 'stiffness="65.0065"'),
-                    ('mass="0.8"', 'mass="0.800001"'), ('size="0.18 0.1"', 'size="0.2 0.1"'),
-                    ('timestep="0.002"', 'timestep="0.004"'))  # fmt: skip
+    other = changed(
+        tmp_path,
+        path,
+        ('stiffness="65.0"', 'stiffness="65.0065"'),
+        ('mass="0.8"', 'mass="0.800001"'),
+        ('size="0.18 0.1"', 'size="0.2 0.1"'),
+        ('timestep="0.002"', 'timestep="0.004"'),
+    )
     found = compared(path, other)
     alone = single(found)
     assert 0.9 < alone["joint[x]@stiffness"].explained < 1.0
@@ -160,16 +165,17 @@ def test_a_joint_that_turns_the_other_way_is_named(tmp_path, old, new, joint):
 
 def test_a_mirror_image_does_not_tell_which_joint_is_turned(tmp_path):
     a = model("drum_pendulum", "mujoco.xml")
-    b = changed(tmp_path, model("drum_pendulum", "robot_folded.urdf"),
-                ('<axis xyz="0 -1 0"/>', '<axis xyz="0 1 0"/>'))  # fmt: skip
+    b = changed(
+        tmp_path,
+        model("drum_pendulum", "robot_folded.urdf"),
+        ('<axis xyz="0 -1 0"/>', '<axis xyz="0 1 0"/>'),
+    )
     assert compared(a, b, engine_b="mujoco").turned == ("x or theta",)
 
 
 def test_a_product_of_inertia_shows_across_formats(tmp_path):
     a = written(tmp_path, "arm.xml", MJCF)
-    b = written(tmp_path, "arm.urdf", URDF, (
-        'izz="0.003" ixy="0"', 'izz="0.003" ixy="0.00002"'
-    ))  # fmt: skip
+    b = written(tmp_path, "arm.urdf", URDF, ('izz="0.003" ixy="0"', 'izz="0.003" ixy="0.00002"'))
     found = compared(a, b, engine_b="mujoco")
     assert found.judgement.outcome is Outcome.DIFFERS
     assert {t.kind for t in found.terms} == {"inertia"}

@@ -2,9 +2,9 @@
 
 import pytest
 
-from harness.compare.candidate import Side
+from harness.compare.candidate import Candidate
 from harness.compare.diff import applied, edits
-from harness.files.locations import PlaceError
+from harness.files.locations import LocationError
 from harness.files.sidecar import Sidecar
 from tests.compare.asking import written
 
@@ -12,7 +12,7 @@ from tests.compare.asking import written
 def between(folder, suffix, one, other):
     """Differences of two texts, as (label, line in A, line in B, old, new), and A made B."""
     files = written(folder, f"a{suffix}", one), written(folder, f"b{suffix}", other)
-    sides = [Side("A", Sidecar(f, ("any",), {}, {}, {}, {}, ()), "any") for f in files]
+    sides = [Candidate("A", Sidecar(f, ("any",), {}, {}, {}, {}, ()), "any") for f in files]
     found = edits(*sides)
     told = [
         (e.label, *(int(w.rpartition(":")[2]) for w in (e.where_a, e.where_b)), e.old, e.new)
@@ -22,8 +22,12 @@ def between(folder, suffix, one, other):
 
 
 def test_a_number_of_a_vector_is_one_difference(tmp_path):
-    told, made = between(tmp_path, ".xml", '<m>\n<b name="rod" pos="0 1\n 2"/></m>',
-                         '<m><b name="rod" pos="0  1.0 2.5"/></m>')  # fmt: skip
+    told, made = between(
+        tmp_path,
+        ".xml",
+        '<m>\n<b name="rod" pos="0 1\n 2"/></m>',
+        '<m><b name="rod" pos="0  1.0 2.5"/></m>',
+    )
     assert told == [("b[rod]@pos[2]", 2, 1, "2", "2.5")]
     assert made == '<m>\n<b name="rod" pos="0 1\n 2.5"/></m>'
 
@@ -76,5 +80,5 @@ def test_other_code_is_told_at_its_first_line_and_tried_as_a_whole(tmp_path):
     (".py", "a = (", r"b.py:1: no Python"),
 ])  # fmt: skip
 def test_a_file_that_cannot_be_read_is_named_with_its_line(tmp_path, suffix, text, sentence):
-    with pytest.raises(PlaceError, match=sentence):
+    with pytest.raises(LocationError, match=sentence):
         between(tmp_path, suffix, {".xml": "<m/>", ".py": "a = 1"}[suffix], text)

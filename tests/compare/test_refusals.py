@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from harness.compare.candidate import CompareError, NotInstalledError, side
-from harness.compare.compare import TroubleError
+from harness.compare.compare import FailureError
 from harness.compare.match import declared, match
 from harness.files.sidecar import SidecarError
 from tests.compare.arm import MJCF, URDF
@@ -27,9 +27,12 @@ def test_a_renamed_joint_is_refused_with_both_lists_and_the_likeliest_partner(tm
 def test_a_joint_that_the_other_model_has_locked_is_refused_by_name(tmp_path):
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(
-        tmp_path, "arm.urdf", URDF, ('"reach" type="prismatic"', '"reach" type="fixed"'),
+        tmp_path,
+        "arm.urdf",
+        URDF,
+        ('"reach" type="prismatic"', '"reach" type="fixed"'),
         ("<springStiffness>300</springStiffness>", ""),
-    )  # fmt: skip
+    )
     with pytest.raises(CompareError, match="joint reach of A moves on its own and has no match"):
         compared(a, b, engine_b="mujoco")
 
@@ -116,5 +119,5 @@ def test_a_sidecar_that_cannot_be_read_is_named(tmp_path):
 def test_a_model_that_cannot_be_loaded_is_named_with_its_engine(tmp_path):
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('mass="0.45"', 'mass="-0.45"'))
-    with pytest.raises(TroubleError, match=r"mujoco.xml: MuJoCo can't load it"):
+    with pytest.raises(FailureError, match=r"mujoco.xml: MuJoCo can't load it"):
         compared(path, other)

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from harness.cases.prepare import prepare
-from harness.diagnosis.task import InquiryTask
+from harness.diagnosis.task import DiagnosisTask
 from harness.files.folders import builtin
 from harness.mutation.mutate import SIZES, MutationTask, mutated, survey
 from harness.mutation.text import mutation_lines
@@ -19,9 +19,13 @@ from harness.run import model_files
 def crosscheck(*arguments, cwd):
     return subprocess.run(
         [sys.executable, "-m", "harness", *map(str, arguments)],
-        cwd=cwd, capture_output=True, text=True, timeout=300, check=False,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
         env={"PATH": "", "PYTHONPATH": str(builtin().parent)},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture
@@ -90,7 +94,7 @@ def test_every_small_fault_of_a_literal_that_matters_is_caught_and_named():
     rows = []
     for sidecar in model_files(physics.folder):
         for engine in sidecar.engines:
-            task = InquiryTask(
+            task = DiagnosisTask(
                 physics.system, sidecar, engine, physics.motions, physics.scales, physics.variants
             )
             known = survey(task)

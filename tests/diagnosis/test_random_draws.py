@@ -36,8 +36,9 @@ def test_no_model_differs_at_random_constants(seed):
 
 
 def pairing(system, file):
-    return next(p for p in pairings() if (p[0].name, p[1].model.name, p[2])
-                == (system, file, "mujoco"))  # fmt: skip
+    return next(
+        p for p in pairings() if (p[0].name, p[1].model.name, p[2]) == (system, file, "mujoco")
+    )
 
 
 @pytest.mark.parametrize(("file", "constants"), SOFT)

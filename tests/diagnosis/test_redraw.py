@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from harness.cases.prepare import prepare
-from harness.diagnosis.corrected import redraw
+from harness.diagnosis.corrected import correct_motion
 from harness.diagnosis.diagnose import Diagnosis
 from harness.diagnosis.fit import Finding
-from harness.diagnosis.task import InquiryTask, bench
+from harness.diagnosis.task import DiagnosisTask, trial_model
 from harness.files.folders import builtin
 from harness.files.sidecar import read_sidecar
 
@@ -27,19 +27,19 @@ def task(tmp_path_factory):
     path.write_text(text)
     prepared = prepare(folder)
     sidecar = read_sidecar(folder / "mujoco.xml.toml")
-    return InquiryTask(
+    return DiagnosisTask(
         prepared.system, sidecar, "mujoco", prepared.motions, prepared.scales, prepared.variants
     )
 
 
 def told(task, cause, fault, explained=True):
     """The motion redrawn as if a diagnosis had told one cause and its fault."""
-    with bench(task) as (whole, _):
+    with trial_model(task) as (whole, _):
         (index,) = (i for i, h in enumerate(whole.hypotheses) if h.cause == cause)
         hypothesis = whole.hypotheses[index]
         estimate = hypothesis.value + hypothesis.correction * fault
         finding = Finding((index,), (hypothesis,), (fault,), (estimate,), (1e-9,), 1e-10)
-        return redraw(whole, task.motions, Diagnosis((finding,), explained, 1e-9))
+        return correct_motion(whole, task.motions, Diagnosis((finding,), explained, 1e-9))
 
 
 @pytest.mark.parametrize(("cause", "estimate", "what"), [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.cases.prepare import prepare
-from harness.diagnosis.task import InquiryTask, bench
+from harness.diagnosis.task import DiagnosisTask, trial_model
 from harness.engines.registry import engines
 from harness.files.folders import builtin
 from harness.files.sidecar import read_sidecar
@@ -35,8 +35,8 @@ def opened(physics, tmp_path):
         (folder / "mujoco.xml").write_text(text)
         sidecar = read_sidecar(folder / "mujoco.xml.toml")
         motions = {name: physics.motions[name] for name in ("free", "driven")}
-        return bench(
-            InquiryTask(
+        return trial_model(
+            DiagnosisTask(
                 physics.system, sidecar, "mujoco", motions, physics.scales, physics.variants
             )
         )
@@ -60,7 +60,7 @@ def test_a_number_left_in_is_a_suspect_with_its_line_and_looks_are_none(opened):
 def test_literals_of_one_expression_move_together(opened):
     with opened() as (whole, _):
         both = index(whole, "body[pendulum]/inertial@mass")
-        moved = whole.suspects[both].change.literals
+        moved = whole.candidates[both].change.literals
         assert moved == {"body[pendulum]/inertial@mass": -1.0}
         groups = [h for h in whole.hypotheses if h.kind == "literals"]
         assert all(", " in h.cause for h in groups)

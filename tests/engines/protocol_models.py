@@ -147,9 +147,10 @@ def _urdf(pairing, mechanism, folder):
         parts, size = [], len(m)
         for i, (mi, ki, ci) in enumerate(zip(m, k, c, strict=True), start=1):
             parts += [
-                link(f"b{i}", mi), joint(f"q{i}", "prismatic", f"b{i}", damping=ci),
+                link(f"b{i}", mi),
+                joint(f"q{i}", "prismatic", f"b{i}", damping=ci),
                 f'<gazebo reference="q{i}"><springStiffness>{ki}</springStiffness></gazebo>',
-            ]  # fmt: skip
+            ]
         if pair:
             springs = (Spring({"q1": -1.0, "q2": 1.0}, pair[0], pair[1], 0.0),)
     path.write_text(f'<robot name="small">{GROUND}{"".join(parts)}</robot>')
@@ -162,8 +163,11 @@ def _python(pairing, mechanism, folder):
     lines = ["import pymunk", "def build():", "    s = pymunk.Space()", "    g = s.static_body"]
     for i, (mi, ki, ci) in enumerate(zip(m, k, c, strict=True)):
         wall = -GAP if i == 0 else GAP * len(m)
-        lines += [f"    b{i} = pymunk.Body({mi}, float('inf'))", f"    s.add(b{i})",
-                  f"    b{i}.position = ({GAP * i}, 0)"]  # fmt: skip
+        lines += [
+            f"    b{i} = pymunk.Body({mi}, float('inf'))",
+            f"    s.add(b{i})",
+            f"    b{i}.position = ({GAP * i}, 0)",
+        ]
         if ki or ci:
             ends = f"({wall}, 0), (0, 0), {GAP}, {ki}, {ci}"
             lines.append(f"    s.add(pymunk.DampedSpring(g, b{i}, {ends}))")

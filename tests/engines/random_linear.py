@@ -68,9 +68,12 @@ def draw(rng, pairing):
     k = tuple(number(10, 100) if g else 0.0 for g in grounded)
     kc = number(10, 100) if size == 2 else 0.0
     share = {
-        "undamped": (0.0, 0.0), "light": (0.003, 0.05), "damped": (0.05, 0.6),
-        "near critical": (0.97, 1.03), "overdamped": (1.2, 3.0),
-    }[regime]  # fmt: skip
+        "undamped": (0.0, 0.0),
+        "light": (0.003, 0.05),
+        "damped": (0.05, 0.6),
+        "near critical": (0.97, 1.03),
+        "overdamped": (1.2, 3.0),
+    }[regime]
 
     def damper(stiffness, mass):
         zeta = rng.uniform(*share)
@@ -126,14 +129,28 @@ def _system(rng, m, k, c, kc, cc, signal, slow, duration):
     start = [float(f"{v:.3g}") for v in rng.uniform(-0.4, 0.4, size)]
     speed = [float(f"{v:.3g}") for v in slow * rng.uniform(-0.3, 0.3, size)]
     scenario = Scenario(
-        "drawn", "drawn", dict(zip(x, start, strict=True)), dict(zip(x, speed, strict=True)),
-        {force: size_of_force * value}, duration,
-    )  # fmt: skip
+        "drawn",
+        "drawn",
+        dict(zip(x, start, strict=True)),
+        dict(zip(x, speed, strict=True)),
+        {force: size_of_force * value},
+        duration,
+    )
     return System(
-        "drawn", "Drawn at random", "a test", tuple(x), (*ms, *ks, *cs, *pair), (force,),
-        (Output("x1", x[0].q, "m", "displacement"),), T, V, D,
-        (Equilibrium("rest", dict.fromkeys(x, 0), False, "relaxed"),), (scenario,), (),
-    )  # fmt: skip
+        "drawn",
+        "Drawn at random",
+        "a test",
+        tuple(x),
+        (*ms, *ks, *cs, *pair),
+        (force,),
+        (Output("x1", x[0].q, "m", "displacement"),),
+        T,
+        V,
+        D,
+        (Equilibrium("rest", dict.fromkeys(x, 0), False, "relaxed"),),
+        (scenario,),
+        (),
+    )
 
 
 def write(drawn, folder):
@@ -257,10 +274,17 @@ def judge_drawn(drawn, folder, resolution=1e-9):
     with np.errstate(divide="ignore"):
         ratio = float(np.median(bound / error))
     return Found(
-        drawn.label, str(verdict.outcome), verdict.discrepancy, verdict.uncertainty,
-        found.limit.holds, verdict.order, int(np.sum(error > bound)), error.size, ratio,
+        drawn.label,
+        str(verdict.outcome),
+        verdict.discrepancy,
+        verdict.uncertainty,
+        found.limit.holds,
+        verdict.order,
+        int(np.sum(error > bound)),
+        error.size,
+        ratio,
         verdict.reason,
-    )  # fmt: skip
+    )
 
 
 def sweep(seed, count, pairing):

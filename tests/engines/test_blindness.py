@@ -74,10 +74,17 @@ def tasks(name):
     for sidecar in model_files(prepared.folder):
         for engine in sidecar.engines:
             yield CaseTask(
-                prepared.system, sidecar, engine, scenario, prepared.motions[scenario],
-                prepared.scales[scenario], prepared.amplitude, prepared.power,
-                prepared.components, 1e-9,
-            )  # fmt: skip
+                prepared.system,
+                sidecar,
+                engine,
+                scenario,
+                prepared.motions[scenario],
+                prepared.scales[scenario],
+                prepared.amplitude,
+                prepared.power,
+                prepared.components,
+                1e-9,
+            )
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -60,10 +60,12 @@ def test_two_springs_on_one_joint_add_up(pairing, tmp_path):
 def test_a_mimic_joint_follows_its_leader_and_brings_its_inertia(pairing, tmp_path):
     mimic = '<mimic joint="q1" multiplier="3"/>'
     parts = [
-        link("a", 2.0), joint("q1", "prismatic", "a"),
-        link("b", 0.5), joint("q2", "prismatic", "b", extra=mimic),
+        link("a", 2.0),
+        joint("q1", "prismatic", "a"),
+        link("b", 0.5),
+        joint("q2", "prismatic", "b", extra=mimic),
         '<gazebo reference="q1"><springStiffness>30</springStiffness></gazebo>',
-    ]  # fmt: skip
+    ]
     hard = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
     model = load(pairing, tmp_path, parts, **(hard if pairing.engine == "mujoco" else {}))
     h, n = 1e-4, 4000

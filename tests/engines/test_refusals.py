@@ -177,9 +177,12 @@ def test_springs_on_joints_that_are_not_there_are_refused(tmp_path, pairing):
 def test_pybullet_refuses_a_mimic_with_an_offset(tmp_path):
     mimic = '<mimic joint="q1" multiplier="2" offset="0.1"/>'
     path = urdf(
-        tmp_path, link("a", 1), joint("q1", "prismatic", "a"),
-        link("b", 1), joint("q2", "prismatic", "b", extra=mimic),
-    )  # fmt: skip
+        tmp_path,
+        link("a", 1),
+        joint("q1", "prismatic", "a"),
+        link("b", 1),
+        joint("q2", "prismatic", "b", extra=mimic),
+    )
     assert "offset" in refused("pybullet", path, SETTINGS)
 
 

@@ -78,8 +78,11 @@ def run_folders(*folders, out, limit=60.0, first_on_path=()):
     """Run every case of the folders in a process of its own with two workers; its results."""
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, str(out), str(limit), *map(str, folders)],
-        capture_output=True, text=True, timeout=280, env=environment(*first_on_path),
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=280,
+        env=environment(*first_on_path),
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(out.read_text())
 

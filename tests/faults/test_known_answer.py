@@ -241,7 +241,12 @@ def test_an_engine_that_is_not_installed_is_absent(tmp_path):
 def test_the_command_line_finds_a_third_party_engine_by_its_entry_point():
     done = subprocess.run(
         [sys.executable, "-m", "harness", "engines"],
-        capture_output=True, text=True, env=environment(), cwd=ROOT, timeout=60, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        env=environment(),
+        cwd=ROOT,
+        timeout=60,
+        check=True,
+    )
     assert "known      1.0" in done.stdout
     assert "reads .known" in done.stdout

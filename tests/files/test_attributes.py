@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.locations import PlaceError
+from harness.files.locations import LocationError
 from harness.files.locations.attributes import Attribute, elements, with_attributes
 
 TEXT = (
@@ -59,5 +59,5 @@ def test_several_are_changed_at_once(file):
 
 
 def test_a_byte_where_no_element_starts_is_refused(file):
-    with pytest.raises(PlaceError, match="no element starts at byte 5"):
+    with pytest.raises(LocationError, match="no element starts at byte 5"):
         with_attributes(file.read_bytes(), file, [Attribute(5, "a", "1")])

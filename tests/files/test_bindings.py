@@ -17,9 +17,9 @@ from harness.files.bindings import (
     rewrite,
     with_constants,
     with_literals,
-)  # fmt: skip
+)
 from harness.files.folders import builtin
-from harness.files.locations import PlaceError
+from harness.files.locations import LocationError
 from harness.files.sidecar import SidecarError, read_sidecar
 from reference import DeclarationError
 from reference.load import load_system
@@ -168,9 +168,9 @@ def test_a_binding_that_means_nothing_is_refused(drum, write, change, sentence):
 
 
 def test_a_binding_to_nowhere_is_refused(drum, write):
-    with pytest.raises(PlaceError, match=r"robot\.urdf: .*no masses; there is mass"):
+    with pytest.raises(LocationError, match=r"robot\.urdf: .*no masses; there is mass"):
         bindings(drum, write(('"mass@value"', '"masses@value"')))
-    with pytest.raises(PlaceError, match=r"robot\.urdf\.toml: 'settings\.gravitas"):
+    with pytest.raises(LocationError, match=r"robot\.urdf\.toml: 'settings\.gravitas"):
         bindings(drum, write(("settings.gravity", "settings.gravitas")))
 
 
@@ -223,8 +223,11 @@ def test_what_lies_beside_a_model_is_found_from_its_copy(write, tmp_path):
     with_literals(sidecar, {"mass@value": 1.0}, into)
     assert (into / "meshes" / "rod.stl").read_text() == "solid"
     assert {path.name for path in into.iterdir()} == {
-        "robot.urdf", "robot.urdf.toml", "meshes", "other.urdf",
-    }  # fmt: skip
+        "robot.urdf",
+        "robot.urdf.toml",
+        "meshes",
+        "other.urdf",
+    }
     # A copy of another model beside it replaces the link, not what it leads to.
     shutil.copy(folder / "robot.urdf.toml", folder / "other.urdf.toml")
     other = read_sidecar(folder / "other.urdf.toml")
@@ -249,20 +252,20 @@ def test_a_copy_never_lands_on_the_users_own_file(write):
 
 
 def test_two_addresses_of_one_number_must_agree_on_it(write, tmp_path):
-    with pytest.raises(PlaceError, match="the same number as another"):
-        with_literals(
-            write(), {"mass@value": 1.0, "inertial/mass@value": 2.0}, tmp_path / "copy"
-        )  # fmt: skip
+    with pytest.raises(LocationError, match="the same number as another"):
+        with_literals(write(), {"mass@value": 1.0, "inertial/mass@value": 2.0}, tmp_path / "copy")
 
 
 def test_changed_constants_move_every_literal_that_they_enter(drum, write, tmp_path):
     sidecar = write()
     copy = with_constants(drum, sidecar, {"l": 0.9}, tmp_path / "copy")
     assert {a: p.value for a, p in locate(copy, NAMES).items()} == {
-        "sidecar:settings.gravity[2]": -9.81, "mass@value": 0.8, "origin@xyz[2]": -0.45,
+        "sidecar:settings.gravity[2]": -9.81,
+        "mass@value": 0.8,
+        "origin@xyz[2]": -0.45,
         "inertia@ixx": pytest.approx(0.054, rel=1e-15),
         "inertia@iyy": pytest.approx(0.054, rel=1e-15),
-    }  # fmt: skip
+    }
     changed = at_constants(drum, {"l": 0.9})
     assert mismatches(bindings(changed, copy)) == ()
     assert len(mismatches(bindings(drum, copy))) == 3
@@ -282,8 +285,13 @@ def test_unchanged_constants_leave_a_right_model_as_it_is_and_set_a_wrong_one_ri
 def test_a_system_at_other_constants_is_that_system(drum):
     changed = at_constants(drum, {"l": 1.2, "g": 1.62})
     assert {c.name: c.value for c in changed.constants} == {
-        "M": 2.4, "r": 0.18, "m": 0.8, "l": 1.2, "k": 65.0, "g": 1.62,
-    }  # fmt: skip
+        "M": 2.4,
+        "r": 0.18,
+        "m": 0.8,
+        "l": 1.2,
+        "k": 65.0,
+        "g": 1.62,
+    }
     assert changed.T == drum.T
     assert changed.values.keys() == drum.values.keys()
     assert drum.constants[3].value == 0.6
@@ -329,7 +337,7 @@ def test_a_model_is_set_right_in_place_on_demand(drum, write):
 def test_a_rewrite_that_fails_leaves_both_files_whole(write, monkeypatch):
     sidecar = write()
     before = contents(sidecar.model.parent)
-    with pytest.raises(PlaceError):
+    with pytest.raises(LocationError):
         rewrite(sidecar, {"mass@value": 1.0, "sidecar:settings.gravitas": 2.0})
     assert contents(sidecar.model.parent) == before
 

@@ -49,11 +49,16 @@ NO_EFFECT = {
 }  # fmt: skip
 
 CASES = [
-    pytest.param(sidecar, engine, id=f"{folder.name}-{sidecar.model.name}-{engine}",
-                 marks=pytest.mark.xdist_group(f"bindings of {folder.name}"))
-    for folder in system_folders([]) for sidecar in model_files(folder)
+    pytest.param(
+        sidecar,
+        engine,
+        id=f"{folder.name}-{sidecar.model.name}-{engine}",
+        marks=pytest.mark.xdist_group(f"bindings of {folder.name}"),
+    )
+    for folder in system_folders([])
+    for sidecar in model_files(folder)
     for engine in sidecar.engines
-]  # fmt: skip
+]
 
 
 @cache

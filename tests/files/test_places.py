@@ -2,7 +2,7 @@
 
 import pytest
 
-from harness.files.locations import PlaceError, find, numbers
+from harness.files.locations import LocationError, find, numbers
 from harness.files.locations.location import Source
 
 MJCF = """<?xml version="1.0" encoding="UTF-8"?>
@@ -218,7 +218,7 @@ def test_look_alikes_come_before_the_places_they_look_like():
 def test_what_means_no_single_number_is_refused(tmp_path, file, text, address, line, sentence):
     path = tmp_path / file
     path.write_bytes(text.encode())
-    with pytest.raises(PlaceError, match=sentence) as refused:
+    with pytest.raises(LocationError, match=sentence) as refused:
         find(path, [address])
     where = f"{path}: " if line is None else f"{path}:{line}: "
     assert str(refused.value).startswith(where)
@@ -226,9 +226,9 @@ def test_what_means_no_single_number_is_refused(tmp_path, file, text, address, l
 
 def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path):
     (tmp_path / "m.xml").write_bytes(b'<a b="\xe9"/>')
-    with pytest.raises(PlaceError, match=r"m\.xml: byte 6 is no UTF-8"):
+    with pytest.raises(LocationError, match=r"m\.xml: byte 6 is no UTF-8"):
         find(tmp_path / "m.xml", ["a@b"])
-    with pytest.raises(PlaceError, match=r"gone\.xml: can't be read: No such file"):
+    with pytest.raises(LocationError, match=r"gone\.xml: can't be read: No such file"):
         find(tmp_path / "gone.xml", ["a@b"])
 
 
@@ -236,7 +236,7 @@ def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path):
     source = Source(tmp_path / "m.xml", b'<a b="1.5"/>')
     assert source.place(((6, 9), 1.5), "a@b").text == "1.5"
     with pytest.raises(
-        PlaceError, match=r"m\.xml:1: 'a@b' is read as 2\.5 there, but written '1\.5'"
+        LocationError, match=r"m\.xml:1: 'a@b' is read as 2\.5 there, but written '1\.5'"
     ):
         source.place(((6, 9), 2.5), "a@b")
 
@@ -253,10 +253,16 @@ def test_numbers_are_listed_by_addresses_that_find_them(tmp_path):
     )
     listed = numbers(file, r"(joint|inertial)@\w+")
     assert listed == (
-        "joint[x]@damping", "joint[x]@axis[0]", "joint[x]@axis[1]", "joint[x]@axis[2]",
-        "body[a]/inertial@mass", "body[a]/inertial@pos[0]", "body[a]/inertial@pos[1]",
-        "body[a]/inertial@pos[2]", "body[b]/inertial@mass",
-    )  # fmt: skip
+        "joint[x]@damping",
+        "joint[x]@axis[0]",
+        "joint[x]@axis[1]",
+        "joint[x]@axis[2]",
+        "body[a]/inertial@mass",
+        "body[a]/inertial@pos[0]",
+        "body[a]/inertial@pos[1]",
+        "body[a]/inertial@pos[2]",
+        "body[b]/inertial@mass",
+    )
     found = find(file, listed)
     assert [place.value for place in found.values()] == [0.1, 0, 0, 1, 2, 1, 2, 3, 3]
 

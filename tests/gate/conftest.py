@@ -8,7 +8,7 @@ import pytest
 
 from harness.files.folders import builtin
 from harness.gate.accept import accept
-from harness.gate.gate import Terms, gate
+from harness.gate.gate import GateOptions, gate
 
 SYSTEM = "mass_spring_damper"
 
@@ -43,7 +43,7 @@ class Repository:
 
     def gate(self, *engines, **terms):
         folders = sorted(path.parent for path in self.root.glob("models/*/system.py"))
-        return gate(folders, Terms(self.baseline, engines, jobs=2, **terms), nothing)
+        return gate(folders, GateOptions(self.baseline, engines, jobs=2, **terms), nothing)
 
     def accept(self, reason, *patterns, found=None):
         return accept(found or self.gate(), patterns, reason, self.baseline, 1e-9)

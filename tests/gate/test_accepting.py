@@ -24,8 +24,9 @@ def lines_changed(before, after):
 
 
 def run_pymunk(repository):
-    return run([repository.folder], Options(("pymunk",), baseline=repository.baseline, jobs=2),
-               nothing)  # fmt: skip
+    return run(
+        [repository.folder], Options(("pymunk",), baseline=repository.baseline, jobs=2), nothing
+    )
 
 
 def test_an_entry_is_a_line_a_quantity_with_a_summary_on_top(repository):

@@ -7,7 +7,7 @@ import pytest
 
 from harness.baseline.changes import Change, Status
 from harness.cli import main as cli
-from harness.gate.gate import Gated
+from harness.gate.gate import GateResult
 from harness.gate.text import notes, summary
 from harness.text.github import (
     MOST_SUMMARY,
@@ -101,11 +101,15 @@ def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path):
         Change("s", f"m{i}.xml/free [e]", status, ("model",), ("<b>|told`",), 0.1)
         for i, status in enumerate(Status)
     )
-    found = Gated(changes, (), None, {}, {}, 0.0)
+    found = GateResult(changes, (), None, {}, {}, 0.0)
     made = notes(found)
     assert [n.title.split(":")[0] for n in made] == [
-        "could not run", "changed", "gone", "new", "improved",
-    ]  # fmt: skip
+        "could not run",
+        "changed",
+        "gone",
+        "new",
+        "improved",
+    ]
     assert [n.level for n in made] == ["error"] * 4 + ["notice"]
     assert "<b>" not in summary(found)
     assert "&lt;b&gt;\\|told&#96;" in summary(found)
@@ -124,8 +128,13 @@ def test_a_run_annotates_the_diagnosed_line(tmp_path):
         "reason": "off",
     }
     finding = {"cause": "joint[x]@stiffness", "where": ["m.xml:12"]}
-    model = {"system": "s", "model": "m.xml", "engine": "e", "folder": str(tmp_path),
-             "diagnosis": {"explained": True, "findings": [finding]}}  # fmt: skip
+    model = {
+        "system": "s",
+        "model": "m.xml",
+        "engine": "e",
+        "folder": str(tmp_path),
+        "diagnosis": {"explained": True, "findings": [finding]},
+    }
     (made,) = case_notes({"cases": [case, case], "models": [model]})
     assert (made.file.name, made.line) == ("m.xml", 12)
     assert made.message == "joint[x]@stiffness: off"

@@ -11,7 +11,7 @@ import pytest
 
 from harness.baseline.changes import Now, Status, compare
 from harness.baseline.fingerprint import NUMERICS, folder_files
-from harness.baseline.snapshot import inputs_of, track, track_from, track_key
+from harness.baseline.snapshot import inputs_of, snapshot_from, snapshot_key, track
 from harness.baseline.stale import location
 from harness.baseline.store import read_baseline
 from harness.cases.prepare import prepare
@@ -123,12 +123,10 @@ def test_a_track_gives_back_its_scenario_to_rounding():
     folder = next(f for f in system_folders([]) if f.name == "drum_pendulum")
     prepared = prepare(folder, described=False)
     motion = prepared.motions["driven"]
-    one = track(
-        prepared.system, "driven", motion, prepared.scales["driven"], prepared.components
-    )  # fmt: skip
-    again = track_from(json.loads(json.dumps(one.record())))
+    one = track(prepared.system, "driven", motion, prepared.scales["driven"], prepared.components)
+    again = snapshot_from(json.loads(json.dumps(one.record())))
     assert again.same_as(one)
-    assert track_key(again.record()) == track_key(one.record())
+    assert snapshot_key(again.record()) == snapshot_key(one.record())
     every = np.ones(len(one.t), dtype=bool)
     times = one.t[:, None] + one.length[:, None] * np.linspace(0.0, 0.999, 50)
     u = inputs_of(again, every, 1)(times.ravel())
@@ -147,8 +145,10 @@ def test_the_committed_baseline_is_of_the_models_as_they_are():
         assert one.folder == location(folder, place)
         wanted = {
             f"{model.model}/{scenario} [{engine}]": model.hashes
-            for model in scan.models for engine in model.engines for scenario in one.scenarios
-        }  # fmt: skip
+            for model in scan.models
+            for engine in model.engines
+            for scenario in one.scenarios
+        }
         assert {key: entry["files"] for key, entry in one.cases.items()} == wanted
         assert {entry["outcome"] for entry in one.cases.values()} == {"AGREES"}
 
@@ -162,7 +162,12 @@ def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine):
     )
     out = pristine.root / "out"
     done = subprocess.run(
-        [sys.executable, "-c", code, str(out)], cwd=pristine.root, capture_output=True, text=True,
-        env={"PYTHONPATH": str(ROOT), "PATH": ""}, timeout=120, check=False,
-    )  # fmt: skip
+        [sys.executable, "-c", code, str(out)],
+        cwd=pristine.root,
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(ROOT), "PATH": ""},
+        timeout=120,
+        check=False,
+    )
     assert done.stdout.splitlines()[-1] == "0", done.stdout + done.stderr

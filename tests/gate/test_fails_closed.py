@@ -159,10 +159,13 @@ def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository):
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
     root = Path(cli.__file__).parents[2]
     process = subprocess.Popen(
-        [sys.executable, "-m", "harness", "gate"], cwd=repository.root,
-        env={**os.environ, "PYTHONPATH": str(root)}, stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL, start_new_session=True,
-    )  # fmt: skip
+        [sys.executable, "-m", "harness", "gate"],
+        cwd=repository.root,
+        env={**os.environ, "PYTHONPATH": str(root)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
     time.sleep(1.0)
     os.killpg(process.pid, signal.SIGKILL)
     assert process.wait() != 0

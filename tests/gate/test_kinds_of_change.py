@@ -188,8 +188,9 @@ def test_a_change_of_the_declaration_is_told_for_what_it_is(
     statuses = {c.status for c in found.changes}
     if "released" in new:
         assert {(c.key, c.status) for c in found.of(NEW, GONE)} == {
-            ("space.py/released [pymunk]", NEW), ("space.py/free [pymunk]", GONE),
-        }  # fmt: skip
+            ("space.py/released [pymunk]", NEW),
+            ("space.py/free [pymunk]", GONE),
+        }
         return
     assert status in statuses
     assert statuses <= {status, WITHIN}

@@ -21,14 +21,22 @@ class Installed:
 
     def shell(self, command, cwd, **environment):
         """Run a line of shell as a user would; returns the finished process."""
-        clean = {k: v for k, v in os.environ.items()
-                 if not k.startswith(("PYTHON", "PYTEST", "GITHUB", "VIRTUAL_ENV"))}  # fmt: skip
+        clean = {
+            k: v
+            for k, v in os.environ.items()
+            if not k.startswith(("PYTHON", "PYTEST", "GITHUB", "VIRTUAL_ENV"))
+        }
         clean.pop("CI", None)
         clean["PATH"] = f"{self.bin}{os.pathsep}{clean['PATH']}"
         return subprocess.run(
-            ["bash", "-c", command], cwd=cwd, capture_output=True, text=True, timeout=300,
-            check=False, env={**clean, **environment},
-        )  # fmt: skip
+            ["bash", "-c", command],
+            cwd=cwd,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+            env={**clean, **environment},
+        )
 
 
 @pytest.fixture(scope="session")
@@ -38,8 +46,9 @@ def installed(tmp_path_factory):
     quiet = {"check": True, "capture_output": True, "text": True}
     subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
-        cwd=ROOT, **quiet,
-    )  # fmt: skip
+        cwd=ROOT,
+        **quiet,
+    )
     (wheel,) = folder.glob("*.whl")
     home = folder / "environment"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], **quiet)
@@ -49,10 +58,20 @@ def installed(tmp_path_factory):
     # is not found.
     (own / "dependencies.pth").write_text("\n".join(site.getsitepackages()) + "\n")
     subprocess.run(
-        [sys.executable, "-m", "pip", "--python", str(python), "install", "--no-deps",
-         "--no-index", "--disable-pip-version-check", str(wheel)],
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "--python",
+            str(python),
+            "install",
+            "--no-deps",
+            "--no-index",
+            "--disable-pip-version-check",
+            str(wheel),
+        ],
         **quiet,
-    )  # fmt: skip
+    )
     pytest_script = home / "bin" / "pytest"
     pytest_script.write_text(f"#!{python}\nimport sys, pytest\nsys.exit(pytest.console_main())\n")
     pytest_script.chmod(0o755)

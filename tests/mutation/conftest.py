@@ -7,7 +7,7 @@ import pytest
 
 from harness.cases.case import load
 from harness.cases.prepare import prepare
-from harness.diagnosis.task import InquiryTask
+from harness.diagnosis.task import DiagnosisTask
 from harness.engines.registry import engines
 from harness.files.bindings import bindings
 from harness.files.folders import builtin
@@ -30,7 +30,7 @@ def inquiry(system, model, engine="mujoco", sidecar=None):
     p = physics(system)
     sidecar = sidecar or read_sidecar(builtin() / system / f"{model}.toml")
     motions = dict(list(p.motions.items())[:SCENARIOS])
-    return InquiryTask(p.system, sidecar, engine, motions, p.scales, p.variants)
+    return DiagnosisTask(p.system, sidecar, engine, motions, p.scales, p.variants)
 
 
 def subject(system, model, engine="mujoco", sidecar=None):

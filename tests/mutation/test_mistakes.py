@@ -69,9 +69,11 @@ def test_known_mistakes_are_caught_and_named(system, names, few):
     others = {(r.name, r.verdict) for r in found if r.verdict != "named"}
     # With its inputs on the joint, the mechanism in the mirror moves alike.
     assert others <= {
-        ("axis flipped", "unseen"), ("gravity along y", "unseen"),
-        ("another time step", "agrees"), ("another integrator", "agrees"),
-    }  # fmt: skip
+        ("axis flipped", "unseen"),
+        ("gravity along y", "unseen"),
+        ("another time step", "agrees"),
+        ("another integrator", "agrees"),
+    }
     assert all(0 < r.first_caught < 1e-3 for r in found if r.verdict == "named")
 
 
@@ -95,8 +97,10 @@ def test_a_folder_is_tried_whole_literals_first_and_progress_ends_with_the_last(
         name for name in ("MASS", "STIFFNESS", "DAMPING") for _ in FAULTS
     ]
     assert [r.name for r in found if r.kind != "literal"] == [
-        "a rest offset", "Space.damping left in", "another time step",
-    ]  # fmt: skip
+        "a rest offset",
+        "Space.damping left in",
+        "another time step",
+    ]
     assert [done for done, _ in told] == list(range(1, len(found) + 1))
     assert told[-1] == (len(found), len(found))
     assert not any(r.verdict == "missed" for r in found)
@@ -163,9 +167,13 @@ def test_a_family_that_does_not_apply_makes_nothing(family, system, model, engin
 
 
 def test_every_family_is_made_somewhere_and_each_mistake_once():
-    models = (("drum_pendulum", ROLLING, "mujoco"), ("drum_pendulum", "robot.urdf", "pybullet"),
-              ("free_pair", "mujoco.xml", "mujoco"), ("free_pair", "robot.urdf", "mujoco"),
-              ("drum_pendulum", "space.py", "pymunk"))  # fmt: skip
+    models = (
+        ("drum_pendulum", ROLLING, "mujoco"),
+        ("drum_pendulum", "robot.urdf", "pybullet"),
+        ("free_pair", "mujoco.xml", "mujoco"),
+        ("free_pair", "robot.urdf", "mujoco"),
+        ("drum_pendulum", "space.py", "pymunk"),
+    )
     names = set()
     for model in models:
         found = known_mistakes(subject(*model))
@@ -173,12 +181,23 @@ def test_every_family_is_made_somewhere_and_each_mistake_once():
         assert all(m.causes or m.sound for m in found)
         names |= {m.name for m in found}
     assert names >= {
-        "axis flipped", "gravity 9.8", "gravity off", "gravity along x", "two constants exchanged",
-        "a rest offset", "springlength left at -1", "friction left in", "armature left in",
-        "soft equality, solref left out", "PyBullet's damping left on",
-        "PyBullet's motors left on", "PyBullet's inertia flag forgotten", "Space.damping left in",
-        "another time step", "another integrator",
-    }  # fmt: skip
+        "axis flipped",
+        "gravity 9.8",
+        "gravity off",
+        "gravity along x",
+        "two constants exchanged",
+        "a rest offset",
+        "springlength left at -1",
+        "friction left in",
+        "armature left in",
+        "soft equality, solref left out",
+        "PyBullet's damping left on",
+        "PyBullet's motors left on",
+        "PyBullet's inertia flag forgotten",
+        "Space.damping left in",
+        "another time step",
+        "another integrator",
+    }
 
 
 def test_a_setting_that_is_a_mistake_stays_in_copies_with_other_literals(tmp_path):
@@ -190,8 +209,9 @@ def test_a_setting_that_is_a_mistake_stays_in_copies_with_other_literals(tmp_pat
 
 
 def test_angles_without_their_unit_are_a_mistake_where_there_is_one(copied, tmp_path):
-    sidecar = copied("torsional_disc", "mujoco.xml",
-                     ("mujoco.xml", 'springref="0"', 'springref="0.4"'))  # fmt: skip
+    sidecar = copied(
+        "torsional_disc", "mujoco.xml", ("mujoco.xml", 'springref="0"', 'springref="0.4"')
+    )
     s = subject("torsional_disc", "mujoco.xml", sidecar=sidecar)
     ((mistake, text),) = edited([(s, m) for m in degrees(s)], tmp_path)
     assert "offset force on theta" in mistake.causes

@@ -93,8 +93,11 @@ def bench():
         sidecar = Sidecar(Path("test.model"), ("test",), {}, {}, {}, {}, ())
         model = model or SymplecticEuler(damping=options.get("damping", DAMPING))
         return Bench(
-            system, equations, solve(equations, system.scenarios[0]), model,
+            system,
+            equations,
+            solve(equations, system.scenarios[0]),
+            model,
             coordinate_map(system, sidecar, ("x",)),
-        )  # fmt: skip
+        )
 
     return make

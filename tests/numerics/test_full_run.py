@@ -7,22 +7,30 @@ import numpy as np
 import pytest
 from sympy import Heaviside, Rational
 
-from harness.numerics.full_run import cost, plain_run
+from harness.numerics.full_run import cost, full_run
 from reference import t
 from tests.numerics.conftest import DAMPING, MASS, STIFFNESS, SymplecticEuler
 
 
 def lived(bench, claimed=1):
     return cost(
-        bench.model, bench.coordinates, bench.motion, bench.equations.numeric_power,
-        bench.motion.amplitude, claimed,
-    )  # fmt: skip
+        bench.model,
+        bench.coordinates,
+        bench.motion,
+        bench.equations.numeric_power,
+        bench.motion.amplitude,
+        claimed,
+    )
 
 
 def discrete_root(h, damping):
     """ln z / h of one step of symplectic Euler: its own frequency and decay, in closed form."""
-    matrix = np.array([[1 - h * h * STIFFNESS / MASS, h - h * h * damping / MASS],
-                       [-h * STIFFNESS / MASS, 1 - h * damping / MASS]])  # fmt: skip
+    matrix = np.array(
+        [
+            [1 - h * h * STIFFNESS / MASS, h - h * h * damping / MASS],
+            [-h * STIFFNESS / MASS, 1 - h * damping / MASS],
+        ]
+    )
     return max((cmath.log(z) / h for z in np.linalg.eigvals(matrix)), key=lambda s: s.imag)
 
 
@@ -135,7 +143,7 @@ def test_energy_balances_to_the_order_of_the_step_with_input_and_damper(bench):
     power = made.equations.numeric_power
 
     def imbalance(model, h):
-        return plain_run(model, made.coordinates, made.motion, power, h).energy
+        return full_run(model, made.coordinates, made.motion, power, h).energy
 
     coarse, fine = imbalance(made.model, 2e-3), imbalance(made.model, 2e-4)
     assert fine < 2e-3
@@ -146,7 +154,7 @@ def test_energy_balances_to_the_order_of_the_step_with_input_and_damper(bench):
 
 def test_sampling_does_not_change_what_is_seen_at_the_end(bench):
     made = bench(duration=3.0)
-    run = plain_run(made.model, made.coordinates, made.motion, made.equations.numeric_power, 1e-4)
+    run = full_run(made.model, made.coordinates, made.motion, made.equations.numeric_power, 1e-4)
     assert run.steps == 30000
     assert run.t[-1] == pytest.approx(3.0, abs=1e-12)
     assert len(run.t) <= 1100

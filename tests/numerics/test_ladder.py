@@ -41,10 +41,11 @@ def ladder(true, series, rungs=RUNGS, noise=0.0, count=40, seed=1):
     rng = np.random.default_rng(seed)
     coefficients = {p: c * rng.normal(1.0, 0.3, (count, 1)) for p, c in series.items()}
     return [
-        true + sum(c * float(n) ** -p for p, c in coefficients.items())
+        true
+        + sum(c * float(n) ** -p for p, c in coefficients.items())
         + noise * np.sqrt(n) * rng.standard_normal((count, 1))
         for n in rungs
-    ]  # fmt: skip
+    ]
 
 
 def test_a_power_series_is_extrapolated_to_its_limit_within_the_uncertainty():
@@ -110,8 +111,9 @@ def test_the_rounding_seen_counts_where_it_is_more_than_doubles_alone_make(compo
     ones = np.ones(2)
     plain = limits(values, RUNGS, (1, 1), ones, ones)
     little = [0.9 * EPSILON * np.sqrt(n) * ones for n in RUNGS]
-    assert np.array_equal(limits(values, RUNGS, (1, 1), ones, ones, little).uncertainty,
-                          plain.uncertainty)  # fmt: skip
+    assert np.array_equal(
+        limits(values, RUNGS, (1, 1), ones, ones, little).uncertainty, plain.uncertainty
+    )
     much = [np.where(np.arange(2) == component, 1e-12 * n, 0.0) for n in RUNGS]
     found = limits(values, RUNGS, (1, 1), ones, ones, much)
     used = np.abs(weights(found.rungs, (1, 1)))

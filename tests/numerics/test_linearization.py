@@ -11,9 +11,14 @@ from tests.numerics.conftest import STIFFNESS, SymplecticEuler
 def linear(bench):
     taylor = linearize(bench.equations, bench.system.equilibria[0])
     return twin(
-        bench.model, bench.coordinates, "rest", taylor.position, taylor.arrays,
-        bench.motion.amplitude, np.array([5.0]),
-    )  # fmt: skip
+        bench.model,
+        bench.coordinates,
+        "rest",
+        taylor.position,
+        taylor.arrays,
+        bench.motion.amplitude,
+        np.array([5.0]),
+    )
 
 
 def test_a_right_engine_has_taylors_matrices_to_ten_digits(bench):

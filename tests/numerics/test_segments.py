@@ -146,8 +146,15 @@ def test_steps_are_counted(bench):
 def test_the_scale_of_a_still_component_is_floored_by_the_other_scenarios(bench):
     moving, still = bench().motion, bench(duration=1.0).motion
     quiet = type(still)(
-        still.t, 0 * still.start, 0 * still.end, still.bound, 0 * still.nodes, still.spans,
-        still.inputs, still.fastest, still.method,
-    )  # fmt: skip
+        still.t,
+        0 * still.start,
+        0 * still.end,
+        still.bound,
+        0 * still.nodes,
+        still.spans,
+        still.inputs,
+        still.fastest,
+        still.method,
+    )
     assert component_scale(quiet, [moving]) == pytest.approx(0.01 * moving.movement)
     assert np.all(component_scale(quiet, [quiet]) > 0)

@@ -39,8 +39,9 @@ def test_folders_are_found_at_any_depth_and_under_several_paths(project):
     project.add("hidden", under="models/.cache")
     found = project.collected("--crosscheck", "models", "--crosscheck", "others/b/system.py")
     assert {name.split("::")[0] for name in found} == {
-        "models/arms/left/a/system.py", "others/b/system.py",
-    }  # fmt: skip
+        "models/arms/left/a/system.py",
+        "others/b/system.py",
+    }
 
 
 @pytest.mark.parametrize(("selection", "count"), [

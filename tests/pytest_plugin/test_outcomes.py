@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from harness.cli.main import main
-from harness.diagnosis.task import inquire
+from harness.diagnosis.task import diagnose_model
 from harness.pytest_plugin.runner import Laboratory
-from harness.text.status import Ending, decide
+from harness.text.status import TestStatus, decide
 
 pytest_plugins = ["pytester"]
 
@@ -63,7 +63,7 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(project, monke
     shown = done.stdout.str()
     assert "Traceback" not in shown
     assert not re.search(r"collect\.py|laboratory\.py|Error\b", shown)
-    assert asked.count(inquire) == 1
+    assert asked.count(diagnose_model) == 1
     failure = ET.parse(project.path / "j.xml").find(".//failure")
     assert "joint[x]@stiffness" in failure.get("message")
     assert "DIFFERS: x_dot" in failure.text
@@ -83,10 +83,11 @@ def test_what_failed_is_run_again_by_lf_and_by_its_id(project, answers):
 def test_a_crash_is_one_failed_test_with_what_was_printed(project):
     folder = project.add(files=("space.py", "mujoco.xml"))
     project.edit(
-        folder / "space.py", "    space = pymunk.Space()\n",
+        folder / "space.py",
+        "    space = pymunk.Space()\n",
         "    import os\n    print('about to crash', flush=True)\n    os.kill(os.getpid(), 11)\n"
         "    space = pymunk.Space()\n",
-    )  # fmt: skip
+    )
     done = project.run("--crosscheck", "models", "-k", "free")
     done.assert_outcomes(passed=1, failed=1, deselected=6)
     done.stdout.fnmatch_lines(
@@ -111,9 +112,19 @@ def test_all_tests_of_a_system_are_one_xdist_workers(project, pytester):
     (project.path / "tests" / "test_own.py").write_text("def test_own(): assert False\n")
     (project.path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\n")
     done = pytester.runpytest_subprocess(
-        "-p", "harness.pytest_plugin", "-n", "2", "--dist", "loadfile", "-v",
-        "--crosscheck", "models", "-k", "free or audit", "--junitxml=j.xml",
-    )  # fmt: skip
+        "-p",
+        "harness.pytest_plugin",
+        "-n",
+        "2",
+        "--dist",
+        "loadfile",
+        "-v",
+        "--crosscheck",
+        "models",
+        "-k",
+        "free or audit",
+        "--junitxml=j.xml",
+    )
     done.assert_outcomes(passed=3, failed=1)
     ran = re.findall(r"\[(gw\d)\] \[.*\] (?:PASSED|FAILED) models/(\w)/", done.stdout.str())
     assert len(ran) == 4
@@ -175,24 +186,30 @@ def test_a_projects_conftest_may_demand_more_of_the_models_below_it(project, ans
 FINDING = {"severity": "finding", "kind": "literal", "where": "", "message": "is wrong"}
 
 
-@pytest.mark.parametrize(("record", "ending"), [
-    ({"outcome": "AGREES"}, Ending.PASS), ({"outcome": "DIFFERS", "reason": "r"}, Ending.FAIL),
-    ({"outcome": "UNRESOLVED", "reason": "r"}, Ending.FAIL),
-    ({"outcome": "FAILED", "reason": "r"}, Ending.FAIL),
-    ({"outcome": "ABSENT", "reason": "r"}, Ending.SKIP),
-    ({"outcome": "DIFFERS", "reason": "r", "accepted": "known"}, Ending.PASS),
-    ({"outcome": "UNRESOLVED", "reason": "r", "accepted": "known"}, Ending.PASS),
-    ({"outcome": "FAILED", "reason": "r", "accepted": "known"}, Ending.FAIL),
-    ({"outcome": "ABSENT", "reason": "r", "accepted": "known"}, Ending.SKIP),
-    ({"audit": []}, Ending.PASS), ({"audit": [FINDING | {"severity": "note"}]}, Ending.PASS),
-    ({"audit": [FINDING]}, Ending.FAIL), ({"audit": [FINDING], "accepted": "known"}, Ending.PASS),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("record", "ending"),
+    [
+        ({"outcome": "AGREES"}, TestStatus.PASS),
+        ({"outcome": "DIFFERS", "reason": "r"}, TestStatus.FAIL),
+        ({"outcome": "UNRESOLVED", "reason": "r"}, TestStatus.FAIL),
+        ({"outcome": "FAILED", "reason": "r"}, TestStatus.FAIL),
+        ({"outcome": "ABSENT", "reason": "r"}, TestStatus.SKIP),
+        ({"outcome": "DIFFERS", "reason": "r", "accepted": "known"}, TestStatus.PASS),
+        ({"outcome": "UNRESOLVED", "reason": "r", "accepted": "known"}, TestStatus.PASS),
+        ({"outcome": "FAILED", "reason": "r", "accepted": "known"}, TestStatus.FAIL),
+        ({"outcome": "ABSENT", "reason": "r", "accepted": "known"}, TestStatus.SKIP),
+        ({"audit": []}, TestStatus.PASS),
+        ({"audit": [FINDING | {"severity": "note"}]}, TestStatus.PASS),
+        ({"audit": [FINDING]}, TestStatus.FAIL),
+        ({"audit": [FINDING], "accepted": "known"}, TestStatus.PASS),
+    ],
+)
 def test_what_passes_fails_and_is_skipped(record, ending):
     assert decide(record, require_engines=False).ending is ending
 
 
 def test_an_engine_that_is_required_and_a_demand_that_is_not_met_fail():
     absent = {"outcome": "ABSENT", "reason": "r"}
-    assert decide(absent, require_engines=True).ending is Ending.FAIL
+    assert decide(absent, require_engines=True).ending is TestStatus.FAIL
     agrees = {"outcome": "AGREES"}
-    assert decide(agrees, require_engines=False, demands=["no"]).ending is Ending.FAIL
+    assert decide(agrees, require_engines=False, demands=["no"]).ending is TestStatus.FAIL

@@ -13,7 +13,7 @@ from reference import (
     Output,
     Scenario,
     System,
-)  # fmt: skip
+)
 from reference.derive import Equations, derive
 from reference.load import load_system
 
@@ -69,8 +69,9 @@ def declared(**changed) -> dict:
     return fields | changed
 
 
-def oscillator(m: float, c: float, k: float, force=0, x: float = 0.3, v: float = -0.2,
-               duration: float = 6.0) -> System:  # fmt: skip
+def oscillator(
+    m: float, c: float, k: float, force=0, x: float = 0.3, v: float = -0.2, duration: float = 6.0
+) -> System:
     """Declare m x'' + c x' + k x = force(t), with one scenario."""
     constants = (constant("m", m, "kg"), constant("c", c, "N*s/m"), constant("k", k, "N/m"))
     mass, damping, stiffness = constants
@@ -140,11 +141,17 @@ def cart_with_double_pendulum() -> System:
         D=c0 * x.v**2 / 2 + c1 * a.v**2 / 2 + c2 * (b.v - a.v) ** 2 / 2,
         equilibria=(Equilibrium("hanging", dict.fromkeys(every, 0), False, "both rods down"),),
         scenarios=(
-            Scenario("free", "released", {x: 0.1, a: 0.4, b: -0.3}, dict.fromkeys(every, 0),
-                     {force: 0, torque: 0}, 5.0),
+            Scenario(
+                "free",
+                "released",
+                {x: 0.1, a: 0.4, b: -0.3},
+                dict.fromkeys(every, 0),
+                {force: 0, torque: 0},
+                5.0,
+            ),
         ),
         printed=(),
-    )  # fmt: skip
+    )
 
 
 CART = cart_with_double_pendulum()

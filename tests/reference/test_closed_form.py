@@ -169,8 +169,9 @@ def test_a_step_amid_the_motion_starts_a_new_span_from_where_the_first_ended():
         state = textbook(REGIMES["lightly damped"], "none", [0.3, -0.25], 0, end)
         for i in range(0, second.count, 5):
             exact = textbook(REGIMES["lightly damped"], "step", state, 0, mp.mpf(second.length) * i)
-            gap = np.array([float(a - b) for a, b in
-                            zip(motion.start[first.count + i], exact, strict=True)])  # fmt: skip
+            gap = np.array(
+                [float(a - b) for a, b in zip(motion.start[first.count + i], exact, strict=True)]
+            )
             assert np.all(np.abs(gap) <= EPS * motion.amplitude)
 
 

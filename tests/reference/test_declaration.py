@@ -18,11 +18,11 @@ from reference import (
     Input,
     Link,
     Output,
-    Printed,
+    PublishedEquation,
     Scenario,
     System,
     t,
-)  # fmt: skip
+)
 from reference.derive import derive
 from reference.linearize import linearize
 from reference.load import load_system
@@ -37,19 +37,27 @@ SPEED = constant("w", 2.0, "m/s")
 
 def scenario(**changed) -> Scenario:
     fields = {
-        "name": "free", "description": "released", "q": {X: 0.1}, "v": {X: 0}, "inputs": {F: 0},
+        "name": "free",
+        "description": "released",
+        "q": {X: 0.1},
+        "v": {X: 0},
+        "inputs": {F: 0},
         "duration": 10.0,
-    } | changed  # fmt: skip
+    } | changed
     return Scenario(**fields)
 
 
 def two(**changed) -> dict:
     """Two coordinates, x and y."""
-    return declared(
-        coordinates=(X, Y),
-        T=M * X.v**2 / 2 + M * Y.v**2 / 2,
-        equilibria=(Equilibrium("rest", {X: 0, Y: 0}, False, ""),),
-    ) | {"scenarios": (scenario(q={X: 0.1, Y: 0}, v={X: 0, Y: 0}),)} | changed  # fmt: skip
+    return (
+        declared(
+            coordinates=(X, Y),
+            T=M * X.v**2 / 2 + M * Y.v**2 / 2,
+            equilibria=(Equilibrium("rest", {X: 0, Y: 0}, False, ""),),
+        )
+        | {"scenarios": (scenario(q={X: 0.1, Y: 0}, v={X: 0, Y: 0}),)}
+        | changed
+    )
 
 
 FAULTS = {
@@ -135,7 +143,7 @@ FAULTS = {
         "inputs: the value of f depends on x_dot",
     ),
     "an unknown kind of printed equation": (
-        declared(printed=(Printed("2.5", "x = 0", "poetry", "x", False, ""),)),
+        declared(printed=(PublishedEquation("2.5", "x = 0", "poetry", "x", False, ""),)),
         "Eq. 2.5: states 'poetry' is unknown",
     ),
     "a constant that is not declared": (
@@ -297,8 +305,11 @@ def test_a_fault_is_refused_by_a_sentence_that_names_it(fields, sentence):
 
 
 def test_the_faultless_system_passes():
-    assert System(**declared()).values == {M.symbol: sp.Rational(1.3), C.symbol: sp.Rational(0.9),
-                                           K.symbol: 47}  # fmt: skip
+    assert System(**declared()).values == {
+        M.symbol: sp.Rational(1.3),
+        C.symbol: sp.Rational(0.9),
+        K.symbol: 47,
+    }
     assert System(**two()).q == (X.q, Y.q)
 
 
@@ -314,7 +325,7 @@ def test_no_field_of_a_system_has_a_default(field):
 
 
 @pytest.mark.parametrize("kind", [Constant, Coordinate, Input, Output, Equilibrium, Scenario,
-                                  Printed])  # fmt: skip
+                                  PublishedEquation])  # fmt: skip
 def test_no_field_of_a_declared_item_has_a_default(kind):
     for field in dataclasses.fields(kind):
         assert field.default is dataclasses.MISSING

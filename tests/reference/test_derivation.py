@@ -330,9 +330,12 @@ def test_the_numeric_accelerations_are_the_symbolic_ones(name):
     for state, force, found in zip(states, forces, numbers, strict=True):
         given = [map(sp.Rational, state), map(sp.Rational, force)]
         place = dict(zip((*system.q, *system.v, *system.u), (*given[0], *given[1]), strict=True))
-        exact = derived.mass.subs(system.values).subs(place).evalf(40).LUsolve(
-            derived.force.subs(system.values).subs(place).evalf(40)
-        )  # fmt: skip
+        exact = (
+            derived.mass.subs(system.values)
+            .subs(place)
+            .evalf(40)
+            .LUsolve(derived.force.subs(system.values).subs(place).evalf(40))
+        )
         # As for heyoka: ten terms of either sign, each rounded.
         largest = float(max(abs(e) for e in exact))
         assert np.max(np.abs(found - np.array(exact, dtype=float).ravel())) <= 32 * EPS * largest

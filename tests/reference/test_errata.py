@@ -6,7 +6,7 @@ from functools import cache
 import pytest
 import sympy as sp
 
-from reference import DeclarationError, Printed
+from reference import DeclarationError, PublishedEquation
 from reference.derive import derive
 from reference.errata import AGREES, DIFFERS, UP_TO_SIGNS, errata
 from reference.linearize import linearize
@@ -20,13 +20,13 @@ def rests_of(name: str):
     return tuple(linearize(equations_of(name), e) for e in built_in(name).equilibria)
 
 
-def judge(name: str, *printed: Printed):
+def judge(name: str, *printed: PublishedEquation):
     system = dataclasses.replace(built_in(name), printed=printed)
     return errata(dataclasses.replace(equations_of(name), system=system), rests_of(name))
 
 
 def verdict(name: str, text: str, states: str, of: str = "", driven: bool = True) -> str:
-    (row,) = judge(name, Printed("0.0", text, states, of, driven, ""))
+    (row,) = judge(name, PublishedEquation("0.0", text, states, of, driven, ""))
     assert (row.difference == "") == (row.verdict != DIFFERS)
     return row.verdict
 
@@ -36,9 +36,11 @@ def test_every_printed_equation_agrees_but_2_25(name):
     table = errata(equations_of(name), rests_of(name))
     assert len(table) == len(built_in(name).printed) > 0
     for row in table:
-        expected = DIFFERS if row.printed.number == "2.25" else (
-            UP_TO_SIGNS if "±" in row.printed.text else AGREES
-        )  # fmt: skip
+        expected = (
+            DIFFERS
+            if row.printed.number == "2.25"
+            else (UP_TO_SIGNS if "±" in row.printed.text else AGREES)
+        )
         assert row.verdict == expected
     assert [row.printed.number for row in table if row.verdict == DIFFERS] == (
         ["2.25"] if name == "free_pair" else []
@@ -113,7 +115,7 @@ def test_an_equation_without_inputs_is_compared_without_them():
 
 def test_a_system_without_inputs_has_its_linear_equations_compared():
     system = pendulum(0.1, 0.0, 1.0)
-    printed = Printed("3.12", "theta'' + (g/l)*theta = 0", "linear", "hanging", False, "")
+    printed = PublishedEquation("3.12", "theta'' + (g/l)*theta = 0", "linear", "hanging", False, "")
     equations = derive(dataclasses.replace(system, printed=(printed,)))
     (row,) = errata(equations, (linearize(equations, system.equilibria[0]),))
     assert row.verdict == AGREES

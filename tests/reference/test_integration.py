@@ -168,8 +168,9 @@ def test_the_collocation_has_order_16():
 def test_a_trajectory_hits_the_breaks_of_its_input(name):
     """A whole run in pieces ends where the segments' chain says, whatever the requested times."""
     system, equations = built_in(name), equations_of(name)
-    scenario = next((s for s in system.scenarios
-                     if len(pieces(system, s)) > 1), system.scenarios[0])  # fmt: skip
+    scenario = next(
+        (s for s in system.scenarios if len(pieces(system, s)) > 1), system.scenarios[0]
+    )
     motion = solve(equations, scenario)
     signals = pieces(system, scenario)
     times = np.linspace(0.0, scenario.duration, 7)

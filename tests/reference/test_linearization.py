@@ -375,8 +375,9 @@ x, y = sp.symbols("x y", real=True)
 
 @pytest.mark.parametrize("order", [1, 3, 5, 7])
 def test_the_taylor_series_of_the_sine_is_the_textbooks(order):
-    expected = sum((-1) ** i * x ** (2 * i + 1) / sp.factorial(2 * i + 1)
-                   for i in range((order + 1) // 2))  # fmt: skip
+    expected = sum(
+        (-1) ** i * x ** (2 * i + 1) / sp.factorial(2 * i + 1) for i in range((order + 1) // 2)
+    )
     assert sp.expand(taylor(sp.sin(x), {x: sp.Integer(0)}, order) - expected) == 0
 
 

@@ -37,8 +37,9 @@ def test_the_segments_tile_the_duration_in_prime_numbers(name, scenario):
     assert len(motion.t) == sum(span.count for span in motion.spans) >= SEGMENTS_AT_LEAST == 200
     assert motion.t[0] == 0
     assert motion.duration == pytest.approx(declared.duration, rel=4 * EPS)
-    np.testing.assert_allclose(np.diff(motion.t), motion.lengths[:-1], rtol=0,
-                               atol=4 * EPS * motion.duration)  # fmt: skip
+    np.testing.assert_allclose(
+        np.diff(motion.t), motion.lengths[:-1], rtol=0, atol=4 * EPS * motion.duration
+    )
     assert np.all(motion.lengths * motion.fastest <= 2 * np.pi / SEGMENTS_A_PERIOD * (1 + EPS))
     cuts = [piece.start for piece in pieces(built_in(name), declared)]
     assert [span.start for span in motion.spans] == cuts
@@ -108,8 +109,9 @@ def test_a_node_a_billionth_off_is_told():
     motion = motion_of("simple_pendulum", "free")
     nodes = motion.nodes.copy()
     nodes[:, 4] *= 1 + 1e-9
-    spoiled = type(motion)(*(nodes if f == "nodes" else getattr(motion, f)
-                             for f in motion.__dataclass_fields__))  # fmt: skip
+    spoiled = type(motion)(
+        *(nodes if f == "nodes" else getattr(motion, f) for f in motion.__dataclass_fields__)
+    )
     times = motion.t + motion.lengths * 0.37
     assert np.max(np.abs(spoiled.at(times) - motion.at(times))) > 1e-12
 
@@ -136,8 +138,9 @@ def test_a_motion_is_unpickled_in_another_process(tmp_path):
         "print(motion.inputs(numpy.array([1.5]))[0, 0].hex())\n"
     )
     root = str(__file__).split("/tests/")[0]
-    done = subprocess.run([sys.executable, "-c", code, path], cwd=root, check=True, text=True,
-                          capture_output=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", code, path], cwd=root, check=True, text=True, capture_output=True
+    )
     assert done.stdout.strip() == float(motion.inputs(np.array([1.5]))[0, 0]).hex()
 
 

@@ -71,10 +71,14 @@ def test_every_segment_ends_where_the_elliptic_functions_say(name):
     with mp.workdps(25):
         w = mp.sqrt(mp.mpf(G) / L)
         gaps = [
-            [float(a - b) for a, b in
-             zip(motion.end[i], flow(motion.start[i], mp.mpf(span.length), w), strict=True)]
+            [
+                float(a - b)
+                for a, b in zip(
+                    motion.end[i], flow(motion.start[i], mp.mpf(span.length), w), strict=True
+                )
+            ]
             for i in range(0, span.count, 5)
-        ]  # fmt: skip
+        ]
     worst = np.max(np.abs(gaps), axis=0)
     # The bound that the motion states itself, in which the two integrations' distance is measured.
     assert np.all(worst <= motion.bound)
@@ -99,8 +103,10 @@ def test_a_gravity_off_by_some_eps_is_told():
     (span,) = motion.spans
     with mp.workdps(25):
         w = mp.sqrt(mp.mpf(G) * (1 + 200 * mp.mpf(EPS)) / L)
-        gaps = [abs(motion.end[i, 1] - flow(motion.start[i], mp.mpf(span.length), w)[1])
-                for i in range(0, span.count, 5)]  # fmt: skip
+        gaps = [
+            abs(motion.end[i, 1] - flow(motion.start[i], mp.mpf(span.length), w)[1])
+            for i in range(0, span.count, 5)
+        ]
     assert max(gaps) > motion.bound[1]
 
 
@@ -109,9 +115,16 @@ def test_the_period_is_four_quarter_periods(amplitude):
     w = mp.sqrt(mp.mpf(G) / L)
     exact = float(4 * mp.ellipk(mp.sin(mp.mpf(amplitude) / 2) ** 2) / w)
     motion = solved(amplitude, 0.0, duration=6.0 * exact)
-    crossing = [brentq(lambda time: motion.at(np.array([time]))[0, 0],
-                       (cycle + 0.7) * exact, (cycle + 0.8) * exact, xtol=1e-14, rtol=4 * EPS)
-                for cycle in (0, 5)]  # fmt: skip
+    crossing = [
+        brentq(
+            lambda time: motion.at(np.array([time]))[0, 0],
+            (cycle + 0.7) * exact,
+            (cycle + 0.8) * exact,
+            xtol=1e-14,
+            rtol=4 * EPS,
+        )
+        for cycle in (0, 5)
+    ]
     # What the chain of starts errs by (above), at a speed of the amplitude times some w.
     allowed = 1e-11 if amplitude == 2.9 else 1e-12
     assert (crossing[1] - crossing[0]) / 5 == pytest.approx(exact, rel=allowed)

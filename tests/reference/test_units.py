@@ -16,7 +16,7 @@ from reference.units import (
     UnitError,
     dimension_of,
     parse_unit,
-)  # fmt: skip
+)
 
 x, y, m, angle = sp.symbols("x y m angle", real=True)
 KNOWN = {x: LENGTH, y: TIME, m: MASS, angle: ONE}

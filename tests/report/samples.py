@@ -23,36 +23,58 @@ def sketch(coordinates: int) -> dict[str, Any]:
     shapes: list[dict[str, Any]] = [
         {"kind": "wall", "label": "", "start": [-1.0, 0.5], "end": [-1.0, -0.5]},
         {"kind": "measure", "label": "q0", "start": [0.0, 0.4], "end": [["q", 0], 0.4]},
-        {"kind": "angle", "label": "theta", "at": [0.0, 0.0], "radius": 0.3, "start": 0.0,
-         "end": ["*", 2.0, ["q", 0]]},
-    ]  # fmt: skip
+        {
+            "kind": "angle",
+            "label": "theta",
+            "at": [0.0, 0.0],
+            "radius": 0.3,
+            "start": 0.0,
+            "end": ["*", 2.0, ["q", 0]],
+        },
+    ]
     for i in range(coordinates):
         here = ["+", ["q", i], float(i)]
         shapes += [
             {"kind": "spring", "label": "k", "start": [i - 1.0, 0.0], "end": [here, 0.0]},
-            {"kind": "block", "label": f"m_{i}", "at": [here, ["sin", ["*", 0.5, ["q", i]]]],
-             "width": 0.3, "height": 0.2, "angle": ["^", ["q", i], 2.0]},
-        ]  # fmt: skip
+            {
+                "kind": "block",
+                "label": f"m_{i}",
+                "at": [here, ["sin", ["*", 0.5, ["q", i]]]],
+                "width": 0.3,
+                "height": 0.2,
+                "angle": ["^", ["q", i], 2.0],
+            },
+        ]
     return {"pose": [0.5] * coordinates, "shapes": shapes}
 
 
 def pole(real: float, imaginary: float) -> dict[str, float]:
     size = abs(complex(real, imaginary))
     return {
-        "real": real, "imaginary": imaginary, "frequency": size, "damping": -real / size,
+        "real": real,
+        "imaginary": imaginary,
+        "frequency": size,
+        "damping": -real / size,
         "multiplicity": 1,
-    }  # fmt: skip
+    }
 
 
 def system(name: str, coordinates: int) -> dict[str, Any]:
     names = [f"q{i}" for i in range(coordinates)]
     named = [{"name": n, "unit": "m", "description": f"displacement {n}"} for n in names]
     return {
-        "name": name, "folder": f"/models/{name}", "title": f"The {name}", "source": "Example 9.1",
-        "kind": "SIMO", "coordinates": named,
+        "name": name,
+        "folder": f"/models/{name}",
+        "title": f"The {name}",
+        "source": "Example 9.1",
+        "kind": "SIMO",
+        "coordinates": named,
         "constants": [
             {
-                "name": "k", "unit": "N/m", "description": "stiffness", "value": 38.25,
+                "name": "k",
+                "unit": "N/m",
+                "description": "stiffness",
+                "value": 38.25,
                 "source": "chosen",
             }
         ],
@@ -62,71 +84,116 @@ def system(name: str, coordinates: int) -> dict[str, Any]:
         "equations": [formula(f"Eq(m*{n}_ddot, f*max(0, 1) - k*{n})") for n in names],
         "linearizations": [
             {
-                "equilibrium": "rest", "position": [0.0] * coordinates, "matrices": {},
+                "equilibrium": "rest",
+                "position": [0.0] * coordinates,
+                "matrices": {},
                 "mathml": "<mrow><mi>M</mi></mrow>",
-                "poles": [pole(-0.1, 3.0)], "modes": [
+                "poles": [pole(-0.1, 3.0)],
+                "modes": [
                     {"frequency": 3.0, "growth": 0.0, "shape": [1.0] * coordinates, "rigid": False}
                 ],
                 "transfer_functions": [{"output": "q0", "input": "f", **formula("1/(k + m*s**2)")}],
             }
         ],
         "linearity": [
-            {"equilibrium": "rest", "mode": 0, "period": 2.0, "amplitudes": [0.01, 0.1, 1.0],
-             "errors": [1e-5, 1e-3, 0.1]}
+            {
+                "equilibrium": "rest",
+                "mode": 0,
+                "period": 2.0,
+                "amplitudes": [0.01, 0.1, 1.0],
+                "errors": [1e-5, 1e-3, 0.1],
+            }
         ],
         "errata": [
             {
-                "number": "9.2", "printed": "k*q0 + k*q0", "verdict": "differs", "derived": "k*q0",
-                "difference": "k*q0", "note": "twice",
+                "number": "9.2",
+                "printed": "k*q0 + k*q0",
+                "verdict": "differs",
+                "derived": "k*q0",
+                "difference": "k*q0",
+                "note": "twice",
             }
         ],
         "scenarios": [
             {
-                "name": scenario, "description": f"a {scenario} motion", "duration": 12.0,
-                "inputs": {"f": "sin(t)"}, "segments": 300, "method": "exactly", "bound": 1e-16,
+                "name": scenario,
+                "description": f"a {scenario} motion",
+                "duration": 12.0,
+                "inputs": {"f": "sin(t)"},
+                "segments": 300,
+                "method": "exactly",
+                "bound": 1e-16,
             }
             for scenario in SCENARIOS
         ],
         "sketch": sketch(coordinates),
         "seconds": 1.0,
-    }  # fmt: skip
+    }
 
 
 def model(name: str, file: str, engine: str, coordinates: int) -> dict[str, Any]:
     return {
-        "system": name, "folder": f"/models/{name}", "model": file, "engine": engine,
+        "system": name,
+        "folder": f"/models/{name}",
+        "model": file,
+        "engine": engine,
         "text": f"<{file}/>\n" + "\n".join(f"  <line n='{i}'/>" for i in range(2, 41)),
         "audit": [],
         "linearization": [
             {
-                "equilibrium": "rest", "A": [[0.0]], "B": [[0.0]], "A_error": 2.5e-14,
-                "B_error": 3.5e-15, "poles": [pole(-0.1, -3.0), pole(-0.1, 3.0003)],
-                "taylor_poles": [pole(-0.1, -3.0), pole(-0.1, 3.0)], "transfer_error": None,
-                "shapes": 1.0, "frequencies": [1.0, 2.0],
+                "equilibrium": "rest",
+                "A": [[0.0]],
+                "B": [[0.0]],
+                "A_error": 2.5e-14,
+                "B_error": 3.5e-15,
+                "poles": [pole(-0.1, -3.0), pole(-0.1, 3.0003)],
+                "taylor_poles": [pole(-0.1, -3.0), pole(-0.1, 3.0)],
+                "transfer_error": None,
+                "shapes": 1.0,
+                "frequencies": [1.0, 2.0],
                 "response": [[[1.0]] * coordinates, [[2.0]] * coordinates],
                 "taylor_response": [[[1.0]] * coordinates, [[2.0]] * coordinates],
             }
         ],
-    }  # fmt: skip
+    }
 
 
 def case(name: str, file: str, engine: str, scenario: str, coordinates: int) -> dict[str, Any]:
     seed = [ord(c) for c in name + file + engine + scenario]
     return {
-        "system": name, "folder": f"/models/{name}", "model": file, "engine": engine,
-        "scenario": scenario, "outcome": "AGREES", "discrepancy": 7.1e-14, "uncertainty": 1.02e-12,
-        "component": "q0", "time": 1.1, "order": 1.002, "claimed_order": 1, "integrator": "euler",
-        "shipped_step": 0.002, "raw_error": 0.00911, "raw_order": 1.001, "reason": "",
-        "steps": 48185, "rungs": list(RUNGS),
+        "system": name,
+        "folder": f"/models/{name}",
+        "model": file,
+        "engine": engine,
+        "scenario": scenario,
+        "outcome": "AGREES",
+        "discrepancy": 7.1e-14,
+        "uncertainty": 1.02e-12,
+        "component": "q0",
+        "time": 1.1,
+        "order": 1.002,
+        "claimed_order": 1,
+        "integrator": "euler",
+        "shipped_step": 0.002,
+        "raw_error": 0.00911,
+        "raw_order": 1.001,
+        "reason": "",
+        "steps": 48185,
+        "rungs": list(RUNGS),
         "apart": {
-            "amplitude": -0.029, "phase": -0.068, "frequency": 4.6e-4, "damping": 2.3e-4,
+            "amplitude": -0.029,
+            "phase": -0.068,
+            "frequency": 4.6e-4,
+            "damping": 2.3e-4,
             "explained": 0.97,
         },
         "steps_for": [{"target": 0.01, "step": 0.0021}, {"target": 0.001, "step": None}],
         "checked_step": {"target": 0.01, "step": 0.0021, "measured": 0.00957},
-        "energy_error": 0.0068, "constraint_drift": 0.0, "seconds": 0.8,
+        "energy_error": 0.0068,
+        "constraint_drift": 0.0,
+        "seconds": 0.8,
         "series": series(np.random.default_rng(seed), coordinates),
-    }  # fmt: skip
+    }
 
 
 def rounded(values: Any, digits: int) -> Any:
@@ -157,17 +224,22 @@ def series(random: np.random.Generator, coordinates: int) -> dict[str, Any]:
         "defect": rounded(1e-14 * random.normal(size=reference.shape), 3),
         "defect_uncertainty": rounded(1e-12 * random.uniform(1, 2, size=reference.shape), 3),
         "convergence": {
-            "rungs": list(RUNGS), "h": rounded(h, 6), "raw": rounded(0.3 * h, 4),
+            "rungs": list(RUNGS),
+            "h": rounded(h, 6),
+            "raw": rounded(0.3 * h, 4),
             "draws": rounded(10.0 ** -np.arange(1.0, len(RUNGS)), 4),
         },
         "plain": {
-            "h": [0.002, 0.001], "error": [0.0091, 0.0045], "seconds": [0.11, 0.23],
+            "h": [0.002, 0.001],
+            "error": [0.0091, 0.0045],
+            "seconds": [0.11, 0.23],
         },
         "energy": {
-            "held": rounded(np.sin(t), 5), "supplied": rounded(np.sin(t) + 0.01, 5),
+            "held": rounded(np.sin(t), 5),
+            "supplied": rounded(np.sin(t) + 0.01, 5),
             "dissipated": rounded(0.01 * t, 5),
         },
-    }  # fmt: skip
+    }
 
 
 def results(systems: int = 2) -> dict[str, Any]:
@@ -175,14 +247,20 @@ def results(systems: int = 2) -> dict[str, Any]:
     sizes = {f"system_{i}": 1 + i % 2 for i in range(systems)}
     runs = [(name, *pair) for name in sizes for pair in ENGINES]
     return {
-        "schema": 1, "created": "2026-11-21T02:19:33+00:00", "resolution": 1e-9, "seconds": 37.4,
+        "schema": 1,
+        "created": "2026-11-21T02:19:33+00:00",
+        "resolution": 1e-9,
+        "seconds": 37.4,
         "versions": {
-            "physics-crosscheck": "0.1.0", "python": "3.11.7", "mujoco": "4.0.0", "pybullet": None,
+            "physics-crosscheck": "0.1.0",
+            "python": "3.11.7",
+            "mujoco": "4.0.0",
+            "pybullet": None,
         },
         "systems": [system(name, size) for name, size in sizes.items()],
         "models": [model(*run, sizes[run[0]]) for run in runs],
         "cases": [case(*run, s, sizes[run[0]]) for run in runs for s in SCENARIOS],
-    }  # fmt: skip
+    }
 
 
 def unjudged(case: dict[str, Any], outcome: str, reason: str, **more: str) -> dict[str, Any]:
@@ -201,28 +279,41 @@ def diagnosis(case: dict[str, Any]) -> dict[str, Any]:
 
     def finding(cause: str, kind: str, remaining: float, tied: str, where: str) -> dict[str, Any]:
         return {
-            "cause": cause, "kind": kind, "nominal": [38.25], "estimate": [39.5],
-            "standard_error": [1e-9], "remaining": remaining, "tied_with": [tied], "where": [where],
-        }  # fmt: skip
+            "cause": cause,
+            "kind": kind,
+            "nominal": [38.25],
+            "estimate": [39.5],
+            "standard_error": [1e-9],
+            "remaining": remaining,
+            "tied_with": [tied],
+            "where": [where],
+        }
 
     return {
-        "explained": True, "floor": 1e-9, "seconds": 2.0,
+        "explained": True,
+        "floor": 1e-9,
+        "seconds": 2.0,
         "findings": [
             finding("joint[x]@stiffness", "literal", 1e-10, "k", f"{case['model']}:21"),
             finding("k", "constant", 1.1e-10, "joint[x]@stiffness", ""),
             finding("mass", "constant", 0.4, "", ""),
         ],
         "redrawn": {
-            "cause": "k", "estimate": [39.5], "what": "equations",
+            "cause": "k",
+            "estimate": [39.5],
+            "what": "equations",
             "scenarios": [
                 {
-                    "scenario": case["scenario"], "t": series["t"], "redrawn": series["engine"],
+                    "scenario": case["scenario"],
+                    "t": series["t"],
+                    "redrawn": series["engine"],
                     "segment_t": rounded(segment_t, 6),
-                    "before": [[3.1e-6] * 24] * size, "after": [[2e-14] * 24] * size,
+                    "before": [[3.1e-6] * 24] * size,
+                    "after": [[2e-14] * 24] * size,
                 }
             ],
         },
-    }  # fmt: skip
+    }
 
 
 def mixed() -> dict[str, Any]:

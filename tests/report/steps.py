@@ -36,8 +36,9 @@ def sound(tab: Tab, address: str) -> None:
 
 
 def shown(tab: Tab) -> list[str]:
-    return tab.run("[...document.querySelectorAll('.view')].filter(v => v.checkVisibility())"
-                   ".map(v => v.id)")  # fmt: skip
+    return tab.run(
+        "[...document.querySelectorAll('.view')].filter(v => v.checkVisibility()).map(v => v.id)"
+    )
 
 
 def rows(tab: Tab) -> list[str]:

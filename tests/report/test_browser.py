@@ -143,9 +143,12 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
     tab.until(BUILT)
-    record = next(c for c in troubled["cases"] if c["system"] == "system_1"
-                  and (c["model"], c["engine"], c["scenario"]) == ("robot.urdf", "pybullet",
-                                                                   "driven"))  # fmt: skip
+    record = next(
+        c
+        for c in troubled["cases"]
+        if c["system"] == "system_1"
+        and (c["model"], c["engine"], c["scenario"]) == ("robot.urdf", "pybullet", "driven")
+    )
     series = record["series"]
     at = box(tab)
     k = 97

@@ -24,7 +24,7 @@ from tests.report.steps import (
     rows,
     shown,
     sound,
-)  # fmt: skip
+)
 from tests.report.test_page import HOSTILE, hostile
 
 pytestmark = needs_browser
@@ -39,14 +39,18 @@ def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> No
     tab.until(drawn)
     light = tab.run(colours)
     tab.window(scheme="dark")
-    tab.until(f"JSON.stringify({colours}[1]) !== {json.dumps(json.dumps(light[1]))}"
-              f" && {colours}[1].length >= {len(light[1])}")  # fmt: skip
+    tab.until(
+        f"JSON.stringify({colours}[1]) !== {json.dumps(json.dumps(light[1]))}"
+        f" && {colours}[1].length >= {len(light[1])}"
+    )
     dark = tab.run(colours)
     assert light[0] == "rgb(255, 255, 255)"
     assert sum(map(int, re.findall(r"\d+", dark[0]))) < 120
     tab.window(scheme="light")
-    tab.until(f"{colours}[1].length >= {len(light[1])}"
-              f" && {colours}[1].every((c) => c === {light[1][0]!r})")  # fmt: skip
+    tab.until(
+        f"{colours}[1].length >= {len(light[1])}"
+        f" && {colours}[1].every((c) => c === {light[1][0]!r})"
+    )
 
 
 @pytest.mark.parametrize("view", ["overview", SYSTEM, CASE, DIAGNOSIS])

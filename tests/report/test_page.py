@@ -26,9 +26,20 @@ HOSTILE = (
 def hostile(name: str, found: Any) -> Any:
     """Results in which every text that a user may choose has a hostile name in it."""
     fixed = {
-        "outcome", "created", "kind", "verdict", "folder", "latex", "unit", "number", "schema",
-        "mathml", "label", "what", "severity",
-    }  # fmt: skip
+        "outcome",
+        "created",
+        "kind",
+        "verdict",
+        "folder",
+        "latex",
+        "unit",
+        "number",
+        "schema",
+        "mathml",
+        "label",
+        "what",
+        "severity",
+    }
 
     def spoil(value: Any, key: str = "") -> Any:
         if key == "shapes":
@@ -77,12 +88,25 @@ def test_every_case_is_on_the_page_and_every_link_leads_somewhere(
 def test_everything_but_the_plots_is_there_without_javascript(troubled_page: Page) -> None:
     text = troubled_page.text
     for part in (
-        "cases agree", "3 FAILED", "pybullet", "not installed",
-        "is 38.25, the motion wants 39.5", "it agreed to 11.9 digits", "the vendor knows",
-        "These steps would give", "the engine's process died", "Segmentation fault", "no unit",
-        "k*q0 + k*q0", "38.25", "N/m",
-        "m*q0_ddot, f*max(0, 1) - k*q0", "-0.1 ± 3.0003i", "it diverges", "<mujoco.xml/>",
-    ):  # fmt: skip
+        "cases agree",
+        "3 FAILED",
+        "pybullet",
+        "not installed",
+        "is 38.25, the motion wants 39.5",
+        "it agreed to 11.9 digits",
+        "the vendor knows",
+        "These steps would give",
+        "the engine's process died",
+        "Segmentation fault",
+        "no unit",
+        "k*q0 + k*q0",
+        "38.25",
+        "N/m",
+        "m*q0_ddot, f*max(0, 1) - k*q0",
+        "-0.1 ± 3.0003i",
+        "it diverges",
+        "<mujoco.xml/>",
+    ):
         assert part in text
     assert any(tag == "noscript" for tag, _ in troubled_page.elements)
 

@@ -24,8 +24,9 @@ def of(seen: Report, identity: str) -> CaseView:
 
 
 def marked(view: DiagnosisView) -> list[tuple[str, int]]:
-    return [(file, line.number) for file, lines in view.files for line in lines
-            if line and line.marked]  # fmt: skip
+    return [
+        (file, line.number) for file, lines in view.files for line in lines if line and line.marked
+    ]
 
 
 def facts(view: Any) -> dict[str, str]:
@@ -162,8 +163,10 @@ def test_different_names_have_different_slugs_of_harmless_characters() -> None:
 
 def test_the_matrix_shows_the_worst_of_each_model_worst_systems_first(seen: Report) -> None:
     assert seen.matrix.columns[:3] == (
-        ("mujoco.xml", "mujoco"), ("robot.urdf", "mujoco"), ("robot.urdf", "pybullet"),
-    )  # fmt: skip
+        ("mujoco.xml", "mujoco"),
+        ("robot.urdf", "mujoco"),
+        ("robot.urdf", "pybullet"),
+    )
     names = [row.name for row in seen.matrix.rows]
     assert names == ["unread", "system_0", "system_1"] or names[-1] == "system_1"
     row = next(row for row in seen.matrix.rows if row.name == "system_0")
@@ -188,9 +191,15 @@ def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report)
 def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
     found = results(1)
     found["models"][1]["audit"] = [
-        {"kind": "literal", "message": "m is 2 where 3 belongs", "where": "/a/robot.urdf:7",
-         "expected": 3.0, "found": 2.0, "severity": "finding"},
-    ]  # fmt: skip
+        {
+            "kind": "literal",
+            "message": "m is 2 where 3 belongs",
+            "where": "/a/robot.urdf:7",
+            "expected": 3.0,
+            "found": 2.0,
+            "severity": "finding",
+        },
+    ]
     seen = report(found)
     assert [(one.outcome, one.sentence) for one in seen.troubles] == [
         ("AUDIT", "m is 2 where 3 belongs")

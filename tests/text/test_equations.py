@@ -212,8 +212,9 @@ def test_a_table_in_latex_has_as_many_cells_as_columns(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name):
     text = page(name, "latex")
-    outside = re.sub(r"\$[^$]*\$|\\\[.*?\\\]|\\begin\{align\*\}.*?\\end\{align\*\}", "", text,
-                     flags=re.DOTALL)  # fmt: skip
+    outside = re.sub(
+        r"\$[^$]*\$|\\\[.*?\\\]|\\begin\{align\*\}.*?\\end\{align\*\}", "", text, flags=re.DOTALL
+    )
     assert not re.search(r"(?<!\\)[_^#%]", outside)
     assert "±" not in text
     assert "''" not in text

@@ -13,7 +13,7 @@ import numpy as np
 from harness.diagnosis.fit import Hypothesis
 from harness.engines.protocol import Model
 from harness.files.bindings import Binding, bindings
-from harness.files.locations import PlaceError, find, numbers
+from harness.files.locations import LocationError, find, numbers
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap
 from reference.system import System
@@ -27,7 +27,7 @@ literal says more than a constant, that than a term that the equations lack."""
 
 
 @dataclass(frozen=True)
-class Change:
+class Perturbation:
     """What repairs one unit of fault, in the model or in the equations.
 
     Attributes:
@@ -48,23 +48,27 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Suspect:
+class Candidate:
     """A hypothesis and the change that tries it; `meant` is what a bound literal should be."""
 
     hypothesis: Hypothesis
-    change: Change
+    change: Perturbation
     meant: float | None = None
 
 
 def everything(
     system: System, sidecar: Sidecar, model: Model, coordinates: CoordinateMap, variants: Variants
-) -> tuple[Suspect, ...]:
+) -> tuple[Candidate, ...]:
     """All that might be wrong with a model."""
     return (
-        *_parameters(variants), *_exchanges(variants), *_axes(model),
-        *_zeros(model, coordinates), *_gravity(model), *_defaults(model),
+        *_parameters(variants),
+        *_exchanges(variants),
+        *_axes(model),
+        *_zeros(model, coordinates),
+        *_gravity(model),
+        *_defaults(model),
         *literals(system, sidecar),
-    )  # fmt: skip
+    )
 
 
 def rank(kind: str) -> int:
@@ -72,39 +76,40 @@ def rank(kind: str) -> int:
     return _ORDER.index(kind) if kind in _ORDER else len(_ORDER)
 
 
-def _parameters(variants: Variants) -> Iterator[Suspect]:
+def _parameters(variants: Variants) -> Iterator[Candidate]:
     """Every constant, and every term that the equations lack."""
     for index, p in enumerate(variants.parameters):
-        yield Suspect(
+        yield Candidate(
             Hypothesis(p.name, p.kind, p.nominal, p.size, rank(p.kind), "", 1.0),
-            Change(parameters={index: 1.0}),
+            Perturbation(parameters={index: 1.0}),
         )
 
 
-def _switch(cause: str, kind: str, change: Change) -> Suspect:
+def _switch(cause: str, kind: str, change: Perturbation) -> Candidate:
     """A hypothesis that is true or not: a fault of 1 makes the whole change."""
-    return Suspect(Hypothesis(cause, kind, 0.0, 1.0, rank(kind), "", 1.0, True), change)
+    return Candidate(Hypothesis(cause, kind, 0.0, 1.0, rank(kind), "", 1.0, True), change)
 
 
-def _exchanges(variants: Variants) -> Iterator[Suspect]:
+def _exchanges(variants: Variants) -> Iterator[Candidate]:
     """Two constants of one unit, each with the other's value."""
     constants = [(i, p) for i, p in enumerate(variants.parameters) if p.kind == "constant"]
     for (i, one), (j, other) in combinations(constants, 2):
         if one.unit == other.unit and one.nominal != other.nominal:
             apart = other.nominal - one.nominal
             yield _switch(
-                f"{one.name}, {other.name} exchanged", "exchange",
-                Change(parameters={i: apart, j: -apart}),
-            )  # fmt: skip
+                f"{one.name}, {other.name} exchanged",
+                "exchange",
+                Perturbation(parameters={i: apart, j: -apart}),
+            )
 
 
-def _axes(model: Model) -> Iterator[Suspect]:
+def _axes(model: Model) -> Iterator[Candidate]:
     """Each joint turned the other way."""
     for index, name in enumerate(model.coordinates):
-        yield _switch(f"axis of {name} reversed", "axis", Change(reversed=index))
+        yield _switch(f"axis of {name} reversed", "axis", Perturbation(reversed=index))
 
 
-def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Suspect]:
+def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Candidate]:
     """The zero of each engine coordinate moved: a `ref`, a rest offset, a body drawn turned.
 
     Where engine coordinates are held together by joints, none has a zero of its own.
@@ -113,10 +118,10 @@ def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Suspect]:
         return
     for index, name in enumerate(model.coordinates):
         hypothesis = Hypothesis(f"zero of {name}", "zero", 0.0, 1.0, rank("zero"), "", 1.0)
-        yield Suspect(hypothesis, Change(zero=index))
+        yield Candidate(hypothesis, Perturbation(zero=index))
 
 
-def _gravity(model: Model) -> Iterator[Suspect]:
+def _gravity(model: Model) -> Iterator[Candidate]:
     """Each component of the engine's gravity, for models that tell it: its size and direction."""
     gravity = getattr(model, "gravity", None)
     if gravity is None:
@@ -128,19 +133,19 @@ def _gravity(model: Model) -> Iterator[Suspect]:
         order = rank("setting") if value else len(_ORDER) + 1
         added = [0.0, 0.0, 0.0]
         added[axis] = -1.0
-        yield Suspect(
+        yield Candidate(
             Hypothesis(f"gravity along {'xyz'[axis]}", "setting", value, size, order, "", -1.0),
-            Change(gravity=(added[0], added[1], added[2])),
+            Perturbation(gravity=(added[0], added[1], added[2])),
         )
 
 
-def _defaults(model: Model) -> Iterator[Suspect]:
+def _defaults(model: Model) -> Iterator[Candidate]:
     """What an engine does on its own unless told, each undone as the model's `remedies` say."""
     for cause, settings in getattr(model, "remedies", {}).items():
-        yield _switch(cause, "default", Change(settings=settings))
+        yield _switch(cause, "default", Perturbation(settings=settings))
 
 
-def literals(system: System, sidecar: Sidecar) -> Iterator[Suspect]:
+def literals(system: System, sidecar: Sidecar) -> Iterator[Candidate]:
     """Every literal: bound ones alone, bound ones of one expression together, and unbound ones."""
     found = tuple(_bound(system, sidecar))
     for b in found:
@@ -156,12 +161,12 @@ def literals(system: System, sidecar: Sidecar) -> Iterator[Suspect]:
 
 def _literal(
     cause: str, kind: str, value: float, expected: float, moved: Sequence[Binding]
-) -> Suspect:
+) -> Candidate:
     size = abs(value) or abs(expected) or 1.0
     where = ", ".join(dict.fromkeys(f"{b.place.file.name}:{b.place.line}" for b in moved))
-    return Suspect(
+    return Candidate(
         Hypothesis(cause, kind, value, size, rank(kind), where, -1.0),
-        Change(literals={b.address: -1.0 for b in moved}),
+        Perturbation(literals={b.address: -1.0 for b in moved}),
         expected,
     )
 
@@ -169,7 +174,7 @@ def _literal(
 def _bound(system: System, sidecar: Sidecar) -> Iterator[Binding]:
     """The bindings whose literal is there: one left out is a cause for the equations to name."""
     for address, expression in sidecar.bindings.items():
-        with suppress(PlaceError):
+        with suppress(LocationError):
             yield from bindings(system, replace(sidecar, bindings={address: expression}))
 
 
@@ -180,19 +185,19 @@ _MECHANICS = (
 """Numbers of MJCF and URDF that may be part of the mechanism, not of its looks or its solver."""
 
 
-def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Suspect]:
+def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Candidate]:
     """Numbers of the mechanism that stand for no constant and are not zero: left in, perhaps."""
     taken = {(b.place.file, b.place.start) for b in bound}
-    with suppress(PlaceError):
+    with suppress(LocationError):
         addresses = numbers(sidecar.model, _MECHANICS)
         for address, place in find(sidecar.model, addresses).items():
             looks = re.search(r"/(visual|collision)/", address)
             if place.value and not looks and (place.file, place.start) not in taken:
                 kind = "unbound literal"
                 where = f"{place.file.name}:{place.line}"
-                yield Suspect(
+                yield Candidate(
                     Hypothesis(
                         address, kind, place.value, abs(place.value), rank(kind), where, -1.0
                     ),
-                    Change(literals={address: -1.0}),
+                    Perturbation(literals={address: -1.0}),
                 )

@@ -10,7 +10,7 @@ from reference.numeric import Array
 
 
 @dataclass(frozen=True)
-class Seen:
+class ReorientedModel:
     """A model whose coordinates read sign * (its own - offset), (nz,) each."""
 
     model: Model

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from harness.diagnosis.fit import Hypothesis
-from harness.diagnosis.hypotheses.candidate import Change, Suspect
-from harness.diagnosis.hypotheses.reoriented import Seen
+from harness.diagnosis.hypotheses.candidate import Candidate, Perturbation
+from harness.diagnosis.hypotheses.reoriented import ReorientedModel
 from harness.diagnosis.samples import (
     RUNGS_OF_SLOPES,
     RUNGS_USED,
@@ -41,7 +41,7 @@ Faults = Mapping[int, float]
 
 
 @dataclass(frozen=True)
-class Bench:
+class TrialModel:
     """A model, its equations, and what might be wrong with it.
 
     Attributes:
@@ -61,7 +61,7 @@ class Bench:
     variants: Variants
     samples: Sequence[Sample]
     ends: Array
-    suspects: tuple[Suspect, ...]
+    candidates: tuple[Candidate, ...]
     folder: Path
     known: Mapping[str, Array] = field(default_factory=dict)
     _engine_ends: dict[object, Array] = field(default_factory=dict, repr=False)
@@ -70,7 +70,7 @@ class Bench:
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What might be wrong, in the order of the suspects."""
-        return tuple(suspect.hypothesis for suspect in self.suspects)
+        return tuple(candidate.hypothesis for candidate in self.candidates)
 
     def defect(self, faults: Faults) -> Array:
         """Engine - reference at the ends once these faults are repaired, scaled and flat, (N,)."""
@@ -78,11 +78,11 @@ class Bench:
 
     def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
         """How much of the defect a unit of each fault makes, near these faults, (len(of), N)."""
-        of = range(len(self.suspects)) if of is None else of
+        of = range(len(self.candidates)) if of is None else of
         rows = np.zeros((len(of), len(self.ends)))
         free: dict[int, int] = {}
         for row, index in enumerate(of):
-            hypothesis, change = self.suspects[index].hypothesis, self.suspects[index].change
+            hypothesis, change = self.candidates[index].hypothesis, self.candidates[index].change
             if not hypothesis.switch and change.parameters:
                 (free[row],) = change.parameters
             elif hypothesis.switch:
@@ -99,7 +99,7 @@ class Bench:
     def _slope(self, faults: Faults, index: int) -> Array:
         """By a difference; from below where the engine refuses the number above."""
         base = self._repaired(faults, RUNGS_OF_SLOPES)
-        step = NUDGE * self.suspects[index].hypothesis.size
+        step = NUDGE * self.candidates[index].hypothesis.size
         for delta in (step, -step):
             moved = {**faults, index: faults.get(index, 0.0) + delta}
             change = base - self._repaired(moved, RUNGS_OF_SLOPES)
@@ -114,8 +114,9 @@ class Bench:
         moves = np.zeros((len(indices), len(point)))
         moves[np.arange(len(indices)), indices] = steps
         try:
-            both = variant_ends(self.variants, np.concatenate([point + moves, point - moves]),
-                                self.samples)  # fmt: skip
+            both = variant_ends(
+                self.variants, np.concatenate([point + moves, point - moves]), self.samples
+            )
         except ReferenceError:
             # Too stiff beside one of them, as friction is: told by none but that one.
             if len(indices) == 1:
@@ -129,7 +130,7 @@ class Bench:
         """Parameters of the equations with these faults repaired, (P,)."""
         point = self.variants.nominal.copy()
         for row, fault in faults.items():
-            for index, unit in self.suspects[row].change.parameters.items():
+            for index, unit in self.candidates[row].change.parameters.items():
                 point[index] += fault * unit
         return point
 
@@ -170,7 +171,7 @@ class Bench:
         count = len(self.model.coordinates)
         repair = _Repair(sign=np.ones(count), offset=np.zeros(count))
         for row, fault in faults.items():
-            repair.take(self.suspects[row].change, fault)
+            repair.take(self.candidates[row].change, fault)
         return repair
 
     def _run(self, repair: _Repair, rungs: tuple[int, ...]) -> Array:
@@ -199,7 +200,7 @@ class Bench:
             sidecar = at(sidecar, self.engine.name, **settings)
         same = sidecar is self.sidecar
         model = self.model if same else self.engine.load(sidecar.spec(self.engine.name))
-        return Seen(model, repair.sign, repair.offset) if repair.turned else model
+        return ReorientedModel(model, repair.sign, repair.offset) if repair.turned else model
 
     def _literals(self, changes: Mapping[str, float]) -> dict[str, float] | None:
         """New values, or None where one would change its sign for one that is not meant."""
@@ -213,9 +214,9 @@ class Bench:
         return values
 
     def _meant(self, address: str) -> Iterator[float]:
-        for suspect in self.suspects:
-            if address in suspect.change.literals and suspect.meant is not None:
-                yield float(np.sign(suspect.meant))
+        for candidate in self.candidates:
+            if address in candidate.change.literals and candidate.meant is not None:
+                yield float(np.sign(candidate.meant))
 
 
 @dataclass
@@ -228,7 +229,7 @@ class _Repair:
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     settings: dict[str, object] = field(default_factory=dict)
 
-    def take(self, change: Change, fault: float) -> None:
+    def take(self, change: Perturbation, fault: float) -> None:
         """Add the repair of one fault."""
         for address, unit in change.literals.items():
             self.literals[address] = self.literals.get(address, 0.0) + fault * unit
@@ -248,16 +249,20 @@ class _Repair:
     @property
     def nothing(self) -> bool:
         """Whether it changes nothing."""
-        return not (any(self.literals.values()) or self.gravity.any() or self.settings
-                    or self.turned)  # fmt: skip
+        return not (
+            any(self.literals.values()) or self.gravity.any() or self.settings or self.turned
+        )
 
     @property
     def key(self) -> object:
         """Equal for equal repairs."""
         return (
-            tuple(sorted(self.literals.items())), self.gravity.tobytes(),
-            repr(sorted(self.settings.items())), self.sign.tobytes(), self.offset.tobytes(),
-        )  # fmt: skip
+            tuple(sorted(self.literals.items())),
+            self.gravity.tobytes(),
+            repr(sorted(self.settings.items())),
+            self.sign.tobytes(),
+            self.offset.tobytes(),
+        )
 
 
 def at(sidecar: Sidecar, engine: str, **settings: object) -> Sidecar:

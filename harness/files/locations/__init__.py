@@ -19,12 +19,12 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from harness.files.locations.location import Place, PlaceError, Resolve, Source
+from harness.files.locations.location import Location, LocationError, Resolve, Source
 from harness.files.locations.python import python_names, python_numbers
 from harness.files.locations.toml import toml_keys
 from harness.files.locations.xml import xml_numbers, xml_paths
 
-__all__ = ["Place", "PlaceError", "find", "find_in", "numbers"]
+__all__ = ["Location", "LocationError", "find", "find_in", "numbers"]
 
 _SEARCHES: dict[str, Callable[[Source], Resolve]] = {
     ".xml": xml_paths, ".urdf": xml_paths, ".py": python_names, ".toml": toml_keys,
@@ -49,7 +49,7 @@ def numbers(file: Path, kinds: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(_LISTS[file.suffix](source, re.compile(kinds))))
 
 
-def find(file: Path, addresses: Iterable[str]) -> dict[str, Place]:
+def find(file: Path, addresses: Iterable[str]) -> dict[str, Location]:
     """Find the number that each address means.
 
     Raises:
@@ -58,12 +58,14 @@ def find(file: Path, addresses: Iterable[str]) -> dict[str, Place]:
     return find_in(_read(file), file, addresses)
 
 
-def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Place]:
+def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Location]:
     """Find the number that each address means in bytes that are, or are to be, those of `file`."""
     search = _SEARCHES.get(file.suffix)
     if search is None:
         known = ", ".join(_SEARCHES)
-        raise PlaceError(f"{file}: numbers are found in {known} files, not in {file.suffix} ones")
+        raise LocationError(
+            f"{file}: numbers are found in {known} files, not in {file.suffix} ones"
+        )
     source = _decoded(data, file)
     resolve = search(source)
     return {address: source.place(resolve(address), address) for address in addresses}
@@ -73,12 +75,12 @@ def _read(file: Path) -> bytes:
     try:
         return file.read_bytes()
     except OSError as error:
-        raise PlaceError(f"{file}: can't be read: {error.strerror}") from None
+        raise LocationError(f"{file}: can't be read: {error.strerror}") from None
 
 
 def _decoded(data: bytes, file: Path) -> Source:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise PlaceError(f"{file}: byte {error.start} is no UTF-8; save it as UTF-8") from None
+        raise LocationError(f"{file}: byte {error.start} is no UTF-8; save it as UTF-8") from None
     return Source(file, data)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from harness.files.locations.location import PlaceError, Source
+from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import ATTRIBUTE, TAG, RawElement, read_elements
 
 
@@ -38,7 +38,7 @@ def elements(file: Path) -> tuple[RawElement, ...]:
     try:
         return tuple(read_elements(Source(file, file.read_bytes())))
     except OSError as error:
-        raise PlaceError(f"{file}: can't be read: {error.strerror}") from None
+        raise LocationError(f"{file}: can't be read: {error.strerror}") from None
 
 
 def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> bytes:
@@ -50,7 +50,7 @@ def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> byt
     known = {element.start for element in read_elements(Source(file, data))}
     for one in sorted(wanted, key=lambda one: -one.start):
         if one.start not in known:
-            raise PlaceError(f"{file}: no element starts at byte {one.start}")
+            raise LocationError(f"{file}: no element starts at byte {one.start}")
         data = _with(data, one)
     read_elements(Source(file, data))
     return data

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 
-class PlaceError(ValueError):
+class LocationError(ValueError):
     """An address that means no number or several; the message names file, line and remedy."""
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """A number in a file.
 
     Attributes:
@@ -68,12 +68,12 @@ class Source:
         found = [str(self.line(offset)) for offset in offsets]
         return ("line " if len(found) == 1 else "lines ") + ", ".join(found)
 
-    def error(self, address: str, sentence: str, offset: int | None = None) -> PlaceError:
+    def error(self, address: str, sentence: str, offset: int | None = None) -> LocationError:
         """An address can't be resolved, because of the byte at `offset`."""
         where = f"{self.file}" if offset is None else f"{self.file}:{self.line(offset)}"
-        return PlaceError(f"{where}: {address!r} {sentence}")
+        return LocationError(f"{where}: {address!r} {sentence}")
 
-    def place(self, found: tuple[Span, float], address: str) -> Place:
+    def place(self, found: tuple[Span, float], address: str) -> Location:
         """The place of a number, if its bytes say what the file's parser has read there."""
         (start, end), read = found
         text = self.data[start:end].decode("utf-8")
@@ -83,7 +83,7 @@ class Source:
             raise self.error(address, f"is read as {read!r} there, but written {text!r}", start)
         before = re.split(rb"\r\n|\r|\n", self.data[:start])
         column = len(before[-1].decode("utf-8").removeprefix("\ufeff")) + 1
-        return Place(self.file, start, end, len(before), column, text)
+        return Location(self.file, start, end, len(before), column, text)
 
 
 def nearest(wanted: str, known: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.files.locations.location import PlaceError, Source, Span
+from harness.files.locations.location import LocationError, Source, Span
 from harness.files.locations.xml import ATTRIBUTE, TAG, RawElement, find_words, read_elements
 
 
@@ -64,7 +64,7 @@ def outline(file: Path, data: bytes) -> Element:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise PlaceError(f"{file}: byte {error.start} is no UTF-8; save it as UTF-8") from None
+        raise LocationError(f"{file}: byte {error.start} is no UTF-8; save it as UTF-8") from None
     found = read_elements(source)
     return _element(source, found[0], (found[0].tag, found[0].identity, 0))
 
@@ -103,14 +103,23 @@ def _element(source: Source, raw: RawElement, key: tuple[str, str | None, int]) 
     ):
         steps, named = steps + 1, named.parent
     return Element(
-        raw.tag, key, raw.spelled(steps), source.line(raw.start), attributes, text,
-        tuple(children), raw.start, end, at, raw.end if closed else 0,
-    )  # fmt: skip
+        raw.tag,
+        key,
+        raw.spelled(steps),
+        source.line(raw.start),
+        attributes,
+        text,
+        tuple(children),
+        raw.start,
+        end,
+        at,
+        raw.end if closed else 0,
+    )
 
 
 def _value(source: Source, text: str, span: Span, outer: Span) -> Value:
     try:
         found = tuple(find_words(source, *span, "a value"))
-    except PlaceError:
+    except LocationError:
         found = ()
     return Value(text, span, outer, found, source.line(span[0]))

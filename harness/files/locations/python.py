@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 
-from harness.files.locations.location import PlaceError, Resolve, Source, Span, nearest
+from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
 
 
 def python_names(source: Source) -> Resolve:
@@ -17,10 +17,10 @@ def python_names(source: Source) -> Resolve:
     try:
         encoding, _ = tokenize.detect_encoding(BytesIO(source.data).readline)
         if encoding not in ("utf-8", "utf-8-sig"):
-            raise PlaceError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
+            raise LocationError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
         tree = ast.parse(source.data, filename=str(source.file))
     except SyntaxError as error:
-        raise PlaceError(f"{source.file}:{error.lineno or 1}: no Python: {error.msg}") from None
+        raise LocationError(f"{source.file}:{error.lineno or 1}: no Python: {error.msg}") from None
     mark = 3 if source.data.startswith(b"\xef\xbb\xbf") else 0
     starts = [mark]
     for line in source.data[mark:].splitlines(keepends=True):
@@ -47,16 +47,20 @@ def python_names(source: Source) -> Resolve:
         where = offset(lines[0], 0)
         if len(lines) > 1:
             raise source.error(
-                address, f"is bound several times (lines {', '.join(map(str, lines))}); a number"
-                " that stands for a constant is given once", where,
-            )  # fmt: skip
+                address,
+                f"is bound several times (lines {', '.join(map(str, lines))}); a number"
+                " that stands for a constant is given once",
+                where,
+            )
         value = simple.get(address)
         number = None if value is None else _literal(value)
         if value is None or number is None:
             raise source.error(
-                address, f"is no plain number there; write '{address} = 1.5' at the top level,"
-                " and compute with it below", where,
-            )  # fmt: skip
+                address,
+                f"is no plain number there; write '{address} = 1.5' at the top level,"
+                " and compute with it below",
+                where,
+            )
         assert value.end_lineno is not None
         assert value.end_col_offset is not None
         start = offset(value.lineno, value.col_offset)
@@ -71,7 +75,7 @@ def python_numbers(source: Source, _kinds: re.Pattern[str]) -> Iterator[str]:
     for statement in ast.parse(source.data).body:
         match statement:
             case ast.Assign(targets=[ast.Name(id=name)]) | ast.AnnAssign(target=ast.Name(id=name)):
-                with suppress(PlaceError):
+                with suppress(LocationError):
                     resolve(name)
                     yield name
 
@@ -110,7 +114,8 @@ def _bound_names(tree: ast.Module) -> dict[str, list[int]]:
                 found.setdefault(name, []).append(getattr(node, "lineno", 1))
         inner = within
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)):
-            inner = frozenset(n for g in ast.walk(node) if isinstance(g, ast.Global)
-                              for n in g.names)  # fmt: skip
+            inner = frozenset(
+                n for g in ast.walk(node) if isinstance(g, ast.Global) for n in g.names
+            )
         waiting += [(child, inner) for child in ast.iter_child_nodes(node)]
     return {name: sorted(lines) for name, lines in found.items()}

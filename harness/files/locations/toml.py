@@ -6,7 +6,7 @@ import re
 import tomllib
 from typing import Any
 
-from harness.files.locations.location import PlaceError, Resolve, Source, Span, nearest
+from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STRING = re.compile(
@@ -27,7 +27,7 @@ def toml_keys(source: Source) -> Resolve:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise PlaceError(f"{source.file}: no TOML: {error}") from None
+        raise LocationError(f"{source.file}: no TOML: {error}") from None
     values = _toml_values(text)
     numbers = {key: span for key, span in values.items() if _is_number(_at(data, key))}
 
@@ -41,9 +41,10 @@ def toml_keys(source: Source) -> Resolve:
         if key not in numbers:
             near = nearest(address, map(_spell_key, numbers)) or "none"
             raise source.error(
-                address, f"means no number; there is {near}",
+                address,
+                f"means no number; there is {near}",
                 offset(values[key][0]) if key in values else None,
-            )  # fmt: skip
+            )
         start, end = numbers[key]
         return (offset(start), offset(end)), float(_at(data, key))
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 from xml.parsers import expat
 
-from harness.files.locations.location import PlaceError, Resolve, Source, Span, nearest
+from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
 
 _IDENTITIES = ("name", "reference", "joint", "class")
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
@@ -69,17 +69,20 @@ def xml_paths(source: Source) -> Resolve:
                 first = found[0]
                 near = nearest(attribute, first.attributes) or "none"
                 raise source.error(
-                    address, f"means <{first.tag}>, which has no {attribute}; it has {near}",
+                    address,
+                    f"means <{first.tag}>, which has no {attribute}; it has {near}",
                     first.start,
-                )  # fmt: skip
+                )
             found = having
         if len(found) > 1:
             depth = len(steps) + (len({e.spelled(len(steps)) for e in found}) < len(found))
             spelled = ", ".join(dict.fromkeys(e.spelled(depth) for e in found))
             raise source.error(
-                address, f"means several numbers ({source.lines(e.start for e in found)}); say"
-                f" which, by its name or its parent's ({spelled})", found[0].start,
-            )  # fmt: skip
+                address,
+                f"means several numbers ({source.lines(e.start for e in found)}); say"
+                f" which, by its name or its parent's ({spelled})",
+                found[0].start,
+            )
         if attribute is not None:
             spans, words = _attribute_words(found[0], attribute, source, address)
             what = attribute
@@ -113,7 +116,7 @@ def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str
     """The shortest address that means this element and begins with a name, where there is one."""
     spelled = [element.spelled(steps) for steps in range(1, element.depth + 1)]
     for path in sorted(spelled, key=lambda path: "[" not in path.split("/")[0]):
-        with suppress(PlaceError):
+        with suppress(LocationError):
             resolve(path + ending)
             yield path + ending
             return
@@ -127,11 +130,11 @@ def read_elements(source: Source) -> list[RawElement]:
 
     def declare(_version: str, encoding: str | None, _standalone: int) -> None:
         if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
-            raise PlaceError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
+            raise LocationError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
 
     def refuse(*_: Any) -> None:
         line = parser.CurrentLineNumber
-        raise PlaceError(f"{source.file}:{line}: refused: it declares entities or a DTD")
+        raise LocationError(f"{source.file}:{line}: refused: it declares entities or a DTD")
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         parent = open_[-1] if open_ else None
@@ -157,7 +160,7 @@ def read_elements(source: Source) -> list[RawElement]:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
-        raise PlaceError(f"{source.file}:{error.lineno}: no XML: {reason}") from None
+        raise LocationError(f"{source.file}:{error.lineno}: no XML: {reason}") from None
     return elements
 
 
@@ -174,10 +177,11 @@ def _walk(
             near = [e.spelled(1) for e in pool if e.tag == tag and e.identity is not None]
             near = near or [e.spelled(1) for e in pool]
             raise source.error(
-                address, f"means nothing: there is no {step}{within}; there is"
+                address,
+                f"means nothing: there is no {step}{within}; there is"
                 f" {nearest(step, near) or 'nothing'}",
                 parents[0].start if parents else None,
-            )  # fmt: skip
+            )
         parents, pool = found, [child for e in found for child in e.children]
     return found
 
@@ -229,9 +233,13 @@ def find_words(source: Source, start: int, end: int, address: str) -> list[Span]
 
 
 def _component(
-    spans: list[Span], words: list[str], index: str | None, what: str, address: str,
+    spans: list[Span],
+    words: list[str],
+    index: str | None,
+    what: str,
+    address: str,
     source: Source,
-) -> tuple[Span, float]:  # fmt: skip
+) -> tuple[Span, float]:
     count = len(spans)
     start = spans[0][0] if spans else None
     if index is None and count != 1:

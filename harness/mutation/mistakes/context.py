@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from harness.diagnosis.task import InquiryTask
+from harness.diagnosis.task import DiagnosisTask
 from harness.engines.protocol import Model
 from harness.files.bindings import Binding
-from harness.files.locations import PlaceError, find, numbers
+from harness.files.locations import LocationError, find, numbers
 from harness.files.locations.attributes import elements
 from harness.files.locations.xml import RawElement
 from harness.numerics.coordinates import CoordinateMap
@@ -30,7 +30,7 @@ class Subject:
         found: its bindings.
     """
 
-    task: InquiryTask
+    task: DiagnosisTask
     model: Model
     coordinates: CoordinateMap
     found: tuple[Binding, ...]
@@ -50,7 +50,7 @@ class Subject:
         file = self.task.sidecar.model
         try:
             places = find(file, numbers(file, kinds))
-        except PlaceError:
+        except LocationError:
             return {}  # a format whose numbers have no addresses
         return {address: place.value for address, place in places.items()}
 

@@ -48,8 +48,10 @@ def _changed(
     # On a coordinate along it, a constant pull is all that gravity is.
     causes |= {f"offset force on {c.name}" for c in subject.task.system.coordinates}
     if all(i in addresses for i in moved):
-        own, signs = [addresses[i] for i in moved], [_sign(subject, addresses[i], old[i])
-                                                    for i in moved]  # fmt: skip
+        own, signs = (
+            [addresses[i] for i in moved],
+            [_sign(subject, addresses[i], old[i]) for i in moved],
+        )
         literals = {a: s * new[i] for a, s, i in zip(own, signs, moved, strict=True)}
         return Mistake(name, ", ".join(own), Edit(literals), frozenset({*causes, *own}))
     edit = Edit(settings={"gravity": list(new)})

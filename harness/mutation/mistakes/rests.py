@@ -38,10 +38,11 @@ def _joints(subject: Subject) -> Iterator[Mistake]:
         old = float(joint.attributes.get("springref", "0"))
         new = old + rounded(SHARE * unit * subject.reach(name))
         yield Mistake(
-            "a rest offset", name,
+            "a rest offset",
+            name,
             Edit(attributes=(Attribute(joint.start, "springref", repr(new)),)),
             _moved(subject, name) | {f"{joint.spelled(1)}@springref"},
-        )  # fmt: skip
+        )
 
 
 def radian(subject: Subject) -> bool:

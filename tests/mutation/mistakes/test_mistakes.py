@@ -9,7 +9,7 @@ import pytest
 from harness.cases.case import CaseTask, load, run_case
 from harness.cases.prepare import prepare
 from harness.cases.verdict import judge
-from harness.diagnosis.task import InquiryTask, diagnosed
+from harness.diagnosis.task import DiagnosisTask, diagnosed
 from harness.engines.protocol import EngineError
 from harness.engines.registry import engines
 from harness.files.folders import builtin
@@ -94,7 +94,7 @@ def test_a_mistake_is_caught_and_named(mistake, edited, monkeypatch):
     assert outcome(mistake, sidecar) is Outcome.DIFFERS
     motions = dict(list(physics.motions.items())[:SCENARIOS])
     diagnosis = diagnosed(
-        InquiryTask(
+        DiagnosisTask(
             physics.system, sidecar, mistake.engine, motions, physics.scales, physics.variants
         )
     )
@@ -123,11 +123,18 @@ def lived(mistake, sidecar):
     motion = solve(derive(physics.system), short)
     return run_case(
         CaseTask(
-            physics.system, sidecar, mistake.engine, scenario.name, motion,
-            physics.scales[scenario.name], physics.amplitude, physics.power, physics.components,
+            physics.system,
+            sidecar,
+            mistake.engine,
+            scenario.name,
+            motion,
+            physics.scales[scenario.name],
+            physics.amplitude,
+            physics.power,
+            physics.components,
             1e-9,
         )
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("change", cases(OTHER_STEPS))
