@@ -1,0 +1,52 @@
+"""What every record is: a frozen struct with named fields, which knows no other field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import msgspec
+
+Number = float | None
+"""A number as files hold it: None where it has no finite value."""
+
+Numbers = tuple[Number, ...]
+Rows = tuple[Numbers, ...]
+
+
+class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A value that travels from room to room and into files, the same in both.
+
+    Sequences are tuples, and what is not finite is None already, so that a record which is written
+    and read back equals the one that was written.
+    """
+
+
+class SourceLine(Record, frozen=True, kw_only=True):
+    """A line of a file, as `file:line`.
+
+    Attributes:
+        file: its name, or its path.
+        line: counted from 1.
+    """
+
+    file: str
+    line: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}"
+
+
+def number(value: float | None) -> Number:
+    """A number as a record holds it."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def numbers(values: Iterable[float | None]) -> Numbers:
+    """A row of them."""
+    return tuple(number(value) for value in values)
+
+
+def rows(values: Iterable[Iterable[float | None]]) -> Rows:
+    """Rows of them, such as those of a matrix."""
+    return tuple(numbers(row) for row in values)

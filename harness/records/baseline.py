@@ -1,0 +1,195 @@
+"""What was accepted of a case, what is measured of it now, and what a gate found."""
+
+from __future__ import annotations
+
+from harness.records.base import Number, Record, Rows
+from harness.records.case import CaseId
+from harness.records.outcome import Outcome
+
+FORMAT = 2
+"""Of the baseline's files."""
+
+
+class Snapshot(Record, frozen=True, kw_only=True):
+    """Picked segments of a scenario, K of them, complete in numbers: a later run can repeat them.
+
+    Attributes:
+        components: names of the state's 2n components.
+        duration: of the whole scenario, seconds.
+        inputs: in words, `F = 7*Heaviside(t - 1)`.
+        fastest: fastest rate along the motion, rad/s.
+        varying: whether an input changes over any segment of the scenario.
+        t: start times, (K,), seconds.
+        length: of each segment, (K,), seconds.
+        start: states there, (K, 2n).
+        input_nodes: each segment's inputs at Chebyshev points inside it, (nodes, inputs); one row
+            where they are constant.
+        end: where the equations end each segment, (K, 2n).
+        scale: what a defect is relative to, (2n,).
+    """
+
+    scenario: str
+    components: tuple[str, ...]
+    duration: float
+    inputs: tuple[str, ...]
+    fastest: float
+    varying: bool
+    t: tuple[float, ...]
+    length: tuple[float, ...]
+    start: tuple[tuple[float, ...], ...]
+    input_nodes: tuple[tuple[tuple[float, ...], ...], ...]
+    end: tuple[tuple[float, ...], ...]
+    scale: tuple[float, ...]
+
+
+class Identified(Record, frozen=True, kw_only=True):
+    """A constant as a motion tells it."""
+
+    value: float
+    standard_error: float
+
+
+class OnAccepted(Record, frozen=True, kw_only=True):
+    """Where the segments of the accepted snapshot end now, (K, 2n) each.
+
+    Attributes:
+        end, uncertainty: by the model.
+        equations: by the equations.
+    """
+
+    end: Rows
+    uncertainty: Rows
+    equations: Rows
+
+
+class Measurement(Record, frozen=True, kw_only=True):
+    """What a case's model does, on a snapshot of its own, and on the accepted one.
+
+    Attributes:
+        end, uncertainty: of the model on `snapshot`, (K, 2n).
+        constants: that the motion identifies, by name.
+        on_accepted: None where nothing comparable was accepted.
+    """
+
+    snapshot: Snapshot
+    end: Rows
+    uncertainty: Rows
+    constants: dict[str, Identified]
+    on_accepted: OnAccepted | None
+
+
+class AcceptedCase(Record, frozen=True, kw_only=True):
+    """What was accepted of a case.
+
+    Attributes:
+        summary: all of it in one line, for who reviews it.
+        reason: why it was accepted.
+        outcome, outcome_reason: of the case, and the sentence for what is not AGREES.
+        discrepancy ... claimed_order: as in the case's verdict and full run.
+        constants: that the motion identifies.
+        engine_version: the engine with its version, as `mujoco 4.0.0`.
+        resolution: of the run.
+        numerics: version of this package's numerics.
+        files: hashes of what the case depends on, by name.
+        snapshot: key of the snapshot that `end` and `end_uncertainty` belong to.
+        seal: over all of this, its name included.
+    """
+
+    model: str
+    scenario: str
+    engine: str
+    summary: str
+    reason: str
+    outcome: Outcome
+    outcome_reason: str
+    discrepancy: Number
+    uncertainty: Number
+    component: str
+    constants: dict[str, Identified]
+    global_error: Number
+    global_order: Number
+    shipped_step: Number
+    integrator: str
+    order: Number
+    claimed_order: int
+    engine_version: str
+    resolution: float
+    numerics: int
+    files: dict[str, str]
+    snapshot: str
+    end: Rows
+    end_uncertainty: Rows
+    seal: str = ""
+
+    def id(self, system: str) -> CaseId:
+        """Its name, in a system."""
+        return CaseId(system=system, model=self.model, scenario=self.scenario, engine=self.engine)
+
+
+class Declared(Record, frozen=True, kw_only=True):
+    """What a system declared when its cases were accepted.
+
+    Attributes:
+        folder: relative to the baseline's; `builtin:NAME` for an installed one.
+        declared: hash of the declaration.
+        scenarios: their names.
+        constants: name to value.
+    """
+
+    system: str
+    folder: str
+    declared: str
+    scenarios: tuple[str, ...]
+    constants: dict[str, float]
+    seal: str = ""
+
+
+class GateChange(Record, frozen=True, kw_only=True):
+    """A case against what was accepted of it.
+
+    Attributes:
+        status: what the gate says of it.
+        kinds: what changed, such as `model`, `numbers`, `engine`, `equations`.
+        messages: sentences, the most telling first.
+        moved: how far a limit moved at most, relative to its movement over a segment.
+        run: whether it was run.
+    """
+
+    system: str
+    model: str
+    scenario: str
+    engine: str
+    status: str
+    kinds: tuple[str, ...]
+    messages: tuple[str, ...]
+    moved: Number
+    run: bool
+
+
+class GateLine(Record, frozen=True, kw_only=True):
+    """A changed line of a file."""
+
+    line: int
+    message: str
+
+
+class GateFile(Record, frozen=True, kw_only=True):
+    """What changed in a file.
+
+    Attributes:
+        models: those that it belongs to, or depends on it.
+    """
+
+    system: str
+    file: str
+    models: tuple[str, ...]
+    changes: tuple[GateLine, ...]
+
+
+class Gate(Record, frozen=True, kw_only=True):
+    """What a gate found, as gate.json: cases worst first."""
+
+    passes: bool
+    seconds: float
+    cases: tuple[GateChange, ...]
+    files: tuple[GateFile, ...]

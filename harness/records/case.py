@@ -1,0 +1,258 @@
+"""One model file in one engine in one scenario: how it came out, and what it costs."""
+
+from __future__ import annotations
+
+from harness.records.base import Number, Numbers, Record, Rows
+from harness.records.outcome import Outcome
+
+
+class ModelId(Record, frozen=True, kw_only=True, order=True):
+    """One model file of a system in one engine.
+
+    Attributes:
+        system: name of the system; that of its folder where the declaration can't be loaded.
+        model: name of the model file; `-` where a folder has none, `system.py` where that failed.
+        engine: name of the engine; `-` where none was reached.
+    """
+
+    system: str
+    model: str
+    engine: str
+
+    def __str__(self) -> str:
+        return f"{self.system}/{self.model} [{self.engine}]"
+
+
+class CaseId(Record, frozen=True, kw_only=True, order=True):
+    """One model file of a system in one engine in one scenario.
+
+    Attributes:
+        system, model, engine: as in `ModelId`.
+        scenario: name of the scenario; `-` where none was reached.
+    """
+
+    system: str
+    model: str
+    scenario: str
+    engine: str
+
+    def __str__(self) -> str:
+        return f"{self.system}/{self.model}/{self.scenario} [{self.engine}]"
+
+    @property
+    def of_model(self) -> ModelId:
+        """The model in its engine."""
+        return ModelId(system=self.system, model=self.model, engine=self.engine)
+
+
+class Verdict(Record, frozen=True, kw_only=True):
+    """What the extrapolated segments say of a model's motion against the equations'.
+
+    Discrepancies and uncertainties are relative to how far a component moves over a segment at
+    most.
+
+    Attributes:
+        discrepancy, uncertainty: E and U of `component`, the one that decides: with the largest
+            E/U, or the one that is resolved worst.
+        component: such as `x` or `theta_dot`.
+        time: start of the segment with the largest defect, seconds.
+        largest_discrepancy, largest_uncertainty: over all components and segments.
+        order, claimed_order: leading order of the error in the step, as seen on the rungs (None
+            where rounding hides it) and as the engine claims.
+        rungs: step counts of the ladder.
+        steps: engine steps taken.
+    """
+
+    discrepancy: Number
+    uncertainty: Number
+    component: str
+    time: Number
+    largest_discrepancy: Number
+    largest_uncertainty: Number
+    order: Number
+    claimed_order: int
+    rungs: tuple[int, ...]
+    steps: int
+
+
+class ErrorDecomposition(Record, frozen=True, kw_only=True):
+    """The error of a full run, taken apart.
+
+    Attributes:
+        amplitude: relative error of the amplitude at the end.
+        phase: at the end, rad; positive lags behind.
+        frequency: relative error of the frequency.
+        damping: error of the damping ratio.
+        explained: share of the mean square error that these explain.
+    """
+
+    amplitude: Number
+    phase: Number
+    frequency: Number
+    damping: Number
+    explained: Number
+
+
+class TargetStep(Record, frozen=True, kw_only=True):
+    """The step that would give a global error.
+
+    Attributes:
+        target: relative to the amplitude.
+        step: seconds; None where none can be told.
+    """
+
+    target: float
+    step: Number
+
+
+class CheckedStep(Record, frozen=True, kw_only=True):
+    """The one of these predictions that was run.
+
+    Attributes:
+        target, measured: global error that was predicted, and what came out.
+        step: seconds.
+    """
+
+    target: float
+    step: float
+    measured: Number
+
+
+class FullRun(Record, frozen=True, kw_only=True):
+    """What a user lives with: runs from start to end, at the shipped step and its neighbours.
+
+    Attributes:
+        shipped_step: step that the file, or its sidecar, ships with, seconds.
+        integrator: name of the time-stepping method.
+        global_error: largest position error at the shipped step, relative to the amplitude.
+        order: observed order of it.
+        residual: what is left of it as the step falls, by extrapolation.
+        decomposition: None where the error is not small.
+        steps_for: steps that would give 1 %, 0.1 % and 0.01 %.
+        checked_step: None where none was run.
+        energy_error: imbalance of the energy at the shipped step, relative to what is exchanged.
+        constraint_drift: largest, in the engine's units.
+    """
+
+    shipped_step: Number
+    integrator: str
+    global_error: Number
+    order: Number
+    residual: Number
+    decomposition: ErrorDecomposition | None
+    steps_for: tuple[TargetStep, ...]
+    checked_step: CheckedStep | None
+    energy_error: Number
+    constraint_drift: Number
+
+
+class Convergence(Record, frozen=True, kw_only=True):
+    """How the segments' ladder converged.
+
+    Attributes:
+        rungs: step counts.
+        h: mean step of each, seconds.
+        defect: root mean square defect of the segments at each rung, relative, the largest of the
+            components.
+        increments: largest change of the limit by each further rung, relative.
+    """
+
+    rungs: tuple[int, ...]
+    h: Numbers
+    defect: Numbers
+    increments: Numbers
+
+
+class StepErrors(Record, frozen=True, kw_only=True):
+    """Full runs at several steps.
+
+    Attributes:
+        h: seconds.
+        error: largest position error, relative to the amplitude.
+        seconds: of wall-clock time that the engine took for each.
+    """
+
+    h: Numbers
+    error: Numbers
+    seconds: Numbers
+
+
+class EnergySeries(Record, frozen=True, kw_only=True):
+    """Energies of the full run at the shipped step, J, at the series' times.
+
+    Attributes:
+        held: since the start.
+        supplied, dissipated: work of the inputs and of the dampers since then.
+    """
+
+    held: Numbers
+    supplied: Numbers
+    dissipated: Numbers
+
+
+class Series(Record, frozen=True, kw_only=True):
+    """What a plot of a case shows; a row a component.
+
+    Attributes:
+        t: times of `reference`, `engine` and `error`, seconds.
+        components: names of the state's components, positions then velocities.
+        reference: of the equations.
+        engine: the full run at the shipped step.
+        error: engine - reference.
+        segment_t: starts of the segments that are shown, seconds.
+        defect: extrapolated, signed, relative to the component's movement.
+        defect_uncertainty: of each.
+    """
+
+    t: Numbers
+    components: tuple[str, ...]
+    reference: Rows
+    engine: Rows
+    error: Rows
+    segment_t: Numbers
+    defect: Rows
+    defect_uncertainty: Rows
+    convergence: Convergence
+    full_runs: StepErrors
+    energy: EnergySeries
+
+
+class Case(Record, frozen=True, kw_only=True):
+    """One case, whatever became of it.
+
+    Attributes:
+        folder: of the system.
+        reason: a sentence for whatever is not AGREES.
+        accepted: the reason for which a known difference is accepted; empty where none is.
+        stdout: what a failed case printed.
+        seconds: that it took, of wall-clock time.
+        verdict, full_run, series: None where the case was not judged.
+    """
+
+    system: str
+    model: str
+    scenario: str
+    engine: str
+    folder: str
+    outcome: Outcome
+    reason: str = ""
+    accepted: str = ""
+    stdout: str = ""
+    seconds: float = 0.0
+    verdict: Verdict | None = None
+    full_run: FullRun | None = None
+    series: Series | None = None
+
+    @property
+    def id(self) -> CaseId:
+        """Its name."""
+        return CaseId(
+            system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
+        )
+
+    @property
+    def passes(self) -> bool:
+        """Whether it AGREES, or what it does instead, a failure apart, is accepted."""
+        if self.outcome in (Outcome.FAILED, Outcome.ABSENT):
+            return False
+        return self.outcome is Outcome.AGREES or bool(self.accepted)

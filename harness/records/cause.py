@@ -1,0 +1,77 @@
+"""A cause of a discrepancy: what kind of number is wrong, of what, and its name in words."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from harness.records.base import Number, Record, SourceLine
+
+CauseKind = Literal[
+    "literal", "literals", "unbound literal", "setting", "gravity", "default", "axis", "zero",
+    "exchange", "constant", "inertia", "damping", "quadratic damping", "friction", "spring",
+    "offset force",
+]  # fmt: skip
+"""What a cause is.
+
+A `literal` (several of one expression, `literals`, or one that stands for no constant, `unbound
+literal`) of the model file or its sidecar; a component of the engine's `gravity`; a `setting` or
+`default` of the engine; a joint's `axis` reversed or its `zero` moved; two constants' `exchange`;
+a `constant` of the equations; or a term on a coordinate that the equations lack.
+"""
+
+_PHRASES = {
+    "gravity": "gravity along {}",
+    "axis": "axis of {} reversed",
+    "zero": "zero of {}",
+    "exchange": "{} exchanged",
+    "inertia": "inertia on {}",
+    "damping": "damping on {}",
+    "quadratic damping": "quadratic damping on {}",
+    "friction": "friction on {}",
+    "spring": "spring on {}",
+    "offset force": "offset force on {}",
+}
+
+
+class CauseId(Record, frozen=True, kw_only=True, order=True):
+    """Which number is wrong, or missing.
+
+    Attributes:
+        kind: see `CauseKind`.
+        subject: what it is about: addresses of literals, names of constants, a joint, a
+            coordinate, an axis of space, or an engine's own words for what it does; more than one
+            where they are one cause together.
+    """
+
+    kind: CauseKind
+    subject: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return _PHRASES.get(self.kind, "{}").format(", ".join(self.subject))
+
+
+class Cause(Record, frozen=True, kw_only=True):
+    """A cause with the value that explains the motion.
+
+    Attributes:
+        kind, subject: as in `CauseId`.
+        nominal: value in the file, or in the equations.
+        estimate: value that explains the motion.
+        standard_error: of the estimate.
+        where: lines of the literals; empty for what stands in no file.
+    """
+
+    kind: CauseKind
+    subject: tuple[str, ...]
+    nominal: Number
+    estimate: Number
+    standard_error: Number
+    where: tuple[SourceLine, ...] = ()
+
+    @property
+    def id(self) -> CauseId:
+        """Which one it is."""
+        return CauseId(kind=self.kind, subject=self.subject)
+
+    def __str__(self) -> str:
+        return str(self.id)

@@ -1,0 +1,135 @@
+"""Two models held against each other, without equations."""
+
+from __future__ import annotations
+
+from harness.records.base import Number, Numbers, Record, SourceLine
+from harness.records.outcome import Outcome
+
+
+class ComparedModel(Record, frozen=True, kw_only=True):
+    """One of the two.
+
+    Attributes:
+        coordinates ... gravity: None where it could not be loaded; step in seconds, gravity in
+            m/s^2, empty where the engine tells none.
+    """
+
+    model: str
+    engine: str
+    version: str | None
+    notes: tuple[str, ...]
+    coordinates: tuple[str, ...] | None = None
+    integrator: str | None = None
+    step: Number = None
+    gravity: Numbers | None = None
+
+
+class ComparedRuns(Record, frozen=True, kw_only=True):
+    """The runs that the comparison stands on.
+
+    Attributes:
+        length: of each, seconds.
+        driven: how many of them under known forces.
+        lost: states that could not be used.
+    """
+
+    count: int
+    length: float
+    driven: int
+    lost: int
+
+
+class ComparedTerm(Record, frozen=True, kw_only=True):
+    """A term of the equations that differs.
+
+    Attributes:
+        a, b: its values.
+        uncertainty: of their difference.
+        effect: the difference, as a share of the forces of the motions compared.
+    """
+
+    kind: str
+    joints: tuple[str, ...]
+    message: str
+    a: Number
+    b: Number
+    uncertainty: Number
+    effect: Number
+
+
+class FileEdit(Record, frozen=True, kw_only=True):
+    """A place where the files differ: what stands there in A and in B."""
+
+    what: str
+    a: str
+    b: str
+    where_a: SourceLine | None
+    where_b: SourceLine | None
+
+
+class FileDifference(Record, frozen=True, kw_only=True):
+    """Differences of the files that were tried together, or one alone.
+
+    Attributes:
+        moved: by how much they move the motions, relative.
+        explained: share of the discrepancy that they explain.
+        not_tried: why they were not; empty where they were.
+    """
+
+    edits: tuple[FileEdit, ...]
+    moved: Number
+    explained: Number
+    not_tried: str
+
+
+class Compared(Record, frozen=True, kw_only=True):
+    """What came of a comparison that could be run.
+
+    Attributes:
+        discrepancy, uncertainty: of `component`, relative to its movement.
+        by_component: the largest discrepancy of each component.
+        map: how joints were paired, a sentence each.
+        left_out: joints without a partner that follow from others or stay put.
+        states_of: the model that the states were taken from.
+        turned: joints that turn the other way in B.
+        left_when_turned: what is left of the discrepancy then; None where none does.
+        untried: how many differences of the files were not tried alone.
+    """
+
+    discrepancy: Number
+    uncertainty: Number
+    component: str
+    joints: tuple[str, ...]
+    by_component: Numbers
+    map: tuple[str, ...]
+    left_out: tuple[str, ...]
+    states_of: str
+    runs: ComparedRuns
+    turned: tuple[str, ...]
+    left_when_turned: Number
+    terms: tuple[ComparedTerm, ...]
+    differences: tuple[FileDifference, ...]
+    untried: int
+    notes: tuple[str, ...]
+    seconds: float
+
+
+class Comparison(Record, frozen=True, kw_only=True):
+    """Two models of one mechanism.
+
+    Attributes:
+        created: UTC, ISO 8601.
+        resolution: relative discrepancy that was to be resolved.
+        reason: a sentence for whatever is not AGREES.
+        stdout: what was printed, where the comparison could not be run.
+        found: None where it could not.
+    """
+
+    created: str
+    resolution: float
+    models: tuple[ComparedModel, ...]
+    outcome: Outcome
+    reason: str = ""
+    stdout: str = ""
+    found: Compared | None = None
+    schema: int = 1

@@ -1,0 +1,92 @@
+"""What is found wrong with a model: by reading it (audit), and from its motions (diagnosis)."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from harness.records.base import Number, Numbers, Record, Rows, SourceLine
+from harness.records.cause import Cause, CauseId
+
+
+class AuditFinding(Record, frozen=True, kw_only=True):
+    """Something that the audit has to say.
+
+    Attributes:
+        kind: `literal`, a compiled term such as `inertia`, or `default`.
+        message: one sentence.
+        where: None where it stands in no line.
+        expected, found: the numbers; None where there is none.
+        severity: a `finding` is wrong, a `note` is worth knowing.
+    """
+
+    kind: str
+    message: str
+    where: SourceLine | None
+    expected: Number
+    found: Number
+    severity: Literal["finding", "note"]
+
+
+class Explanation(Record, frozen=True, kw_only=True):
+    """One cause, or two together, with what is left of the discrepancy.
+
+    Attributes:
+        causes: one, or a pair.
+        remaining: share of the discrepancy left.
+        tied_with: causes that no motion of these scenarios tells from this one.
+    """
+
+    causes: tuple[Cause, ...]
+    remaining: float
+    tied_with: tuple[CauseId, ...] = ()
+
+
+class CorrectedScenario(Record, frozen=True, kw_only=True):
+    """One scenario with the estimates put in; a row a component.
+
+    Attributes:
+        t: seconds.
+        corrected: the motion.
+        segment_t: starts of the segments that the diagnosis stands on, seconds.
+        before, after: their defects, as in a case's series, without and with the estimates.
+    """
+
+    scenario: str
+    t: Numbers
+    corrected: Rows
+    segment_t: Numbers
+    before: Rows
+    after: Rows
+
+
+class CorrectedMotion(Record, frozen=True, kw_only=True):
+    """The motion with the values that were found.
+
+    Attributes:
+        causes: those put in.
+        put_into: the `equations`, solved again; or the `file`, run again at its step.
+    """
+
+    causes: tuple[Cause, ...]
+    put_into: Literal["equations", "file"]
+    scenarios: tuple[CorrectedScenario, ...]
+
+
+class Diagnosis(Record, frozen=True, kw_only=True):
+    """What explains a model's discrepancy.
+
+    Attributes:
+        explained: whether the first explanation leaves no more than the uncertainty, or 0.3 %.
+        explanations: ranked, best first.
+        floor: share of the discrepancy that the uncertainty makes; None without a ranking.
+        corrected: None where the cause can't be put in, or nothing is explained.
+        failure: why there is no ranking; empty where there is one.
+        seconds: that it took.
+    """
+
+    explained: bool = False
+    explanations: tuple[Explanation, ...] = ()
+    floor: Number = None
+    corrected: CorrectedMotion | None = None
+    failure: str = ""
+    seconds: float = 0.0

@@ -1,0 +1,94 @@
+"""One model file in one engine: as it was run, its linearizations, audit and diagnosis."""
+
+from __future__ import annotations
+
+from harness.records.base import Number, Numbers, Record, Rows
+from harness.records.case import ModelId
+from harness.records.finding import AuditFinding, Diagnosis
+
+
+class EnginePole(Record, frozen=True, kw_only=True):
+    """An eigenvalue.
+
+    Attributes:
+        real, imaginary: 1/s.
+        frequency: its magnitude, rad/s.
+        damping: ratio; None at zero.
+    """
+
+    real: Number
+    imaginary: Number
+    frequency: Number
+    damping: Number
+
+
+class EngineLinearization(Record, frozen=True, kw_only=True):
+    """An engine's own linearization about an equilibrium, beside Taylor's.
+
+    Attributes:
+        a, b: the engine's matrices, states in the order of the components.
+        a_error, b_error: largest difference from Taylor's in any entry, relative to the largest.
+        poles, taylor_poles: paired.
+        transfer_error: largest difference of the transfer functions, relative to the largest value;
+            None without inputs.
+        mode_similarity: smallest modal assurance criterion between paired eigenvectors; 1 is equal.
+        frequencies: rad/s, of the responses.
+        response, taylor_response: magnitudes by frequency, output and input.
+    """
+
+    equilibrium: str
+    a: Rows
+    b: Rows
+    a_error: Number
+    b_error: Number
+    poles: tuple[EnginePole, ...]
+    taylor_poles: tuple[EnginePole, ...]
+    transfer_error: Number
+    mode_similarity: Number
+    frequencies: Numbers
+    response: tuple[Rows, ...]
+    taylor_response: tuple[Rows, ...]
+
+
+class Model(Record, frozen=True, kw_only=True):
+    """One model file in one engine.
+
+    Attributes:
+        folder: of the system.
+        model: the file's name.
+        text, sidecar: the file and its sidecar as they were run.
+        linearizations: about every equilibrium; empty where they were not asked for, or failed.
+        linearization_failure: why there are none; empty otherwise.
+        audit: what was found without motion; None where it was not asked for, or failed.
+        audit_failure: why there is none; empty otherwise.
+        diagnosis: None where no case of the model differs, or none was asked for.
+        accepted: the reason for which what was found is accepted; empty where it is not.
+    """
+
+    system: str
+    model: str
+    engine: str
+    folder: str
+    text: str
+    sidecar: str
+    linearizations: tuple[EngineLinearization, ...] = ()
+    linearization_failure: str = ""
+    audit: tuple[AuditFinding, ...] | None = None
+    audit_failure: str = ""
+    diagnosis: Diagnosis | None = None
+    accepted: str = ""
+
+    @property
+    def id(self) -> ModelId:
+        """Its name."""
+        return ModelId(system=self.system, model=self.model, engine=self.engine)
+
+    @property
+    def findings(self) -> tuple[AuditFinding, ...]:
+        """What the audit found wrong; notes are left out."""
+        return tuple(one for one in self.audit or () if one.severity == "finding")
+
+    @property
+    def passes(self) -> bool:
+        """Whether the audit finds nothing, or what it finds is accepted."""
+        return bool(self.accepted) or not self.findings

@@ -1,0 +1,68 @@
+"""Records from JSON, strictly: what has another shape is refused in one sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from harness.records.base import Record
+from harness.records.results import SCHEMA, Results
+
+R = TypeVar("R", bound=Record)
+
+
+class ResultsError(ValueError):
+    """A results file that can't be read; the message names file, place and remedy."""
+
+
+class DecodeError(ValueError):
+    """Text that is no JSON, or not of the shape that is wanted; says what and where."""
+
+
+def decoded(data: bytes, wanted: type[R]) -> R:
+    """Decode a record.
+
+    Raises:
+        DecodeError: where the text is no JSON, or has another shape.
+    """
+    try:
+        return msgspec.json.decode(data, type=wanted)
+    except msgspec.ValidationError as error:
+        raise DecodeError(f"of another shape: {_said(error)}") from None
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+        raise DecodeError(f"no JSON: {_said(error)}") from None
+
+
+def _said(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+class _Head(msgspec.Struct):
+    """The one field by which another schema is told from a broken file."""
+
+    schema: int
+
+
+def read_results(path: Path) -> Results:
+    """Read results.json.
+
+    Raises:
+        ResultsError: for a file that is missing, broken or of another schema.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        reason = f"can't be read: {error.strerror}; run `crosscheck run` first"
+        raise ResultsError(f"{path}: {reason}") from None
+    again = "run `crosscheck run` again"
+    try:
+        if msgspec.json.decode(data, type=_Head).schema != SCHEMA:
+            raise ResultsError(f"{path}: not results of schema {SCHEMA}; {again}")
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        pass  # told below, in the same words as any other shape
+    try:
+        return decoded(data, Results)
+    except DecodeError as error:
+        raise ResultsError(f"{path}: {error}; {again}") from None

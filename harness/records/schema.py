@@ -1,0 +1,50 @@
+"""JSON Schemas of the records that are written, made from the records themselves.
+
+`python -m harness.records.schema docs/schema` writes them; a test says that they are current.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from harness.records.base import Record
+from harness.records.baseline import Gate
+from harness.records.comparison import Comparison
+from harness.records.mutation import Mutations
+from harness.records.results import Results
+from harness.records.write import write_whole
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+SCHEMAS: dict[str, type[Record]] = {
+    "results": Results,
+    "gate": Gate,
+    "comparison": Comparison,
+    "mutations": Mutations,
+}
+"""Records by the name of their schema's file, `<name>.schema.json`."""
+
+
+def schema(record: type[Record]) -> dict[str, Any]:
+    """The JSON Schema (2020-12) of a record."""
+    return {"$schema": DIALECT, **msgspec.json.schema(record)}
+
+
+def schema_text(name: str) -> str:
+    """The committed text of a schema."""
+    return json.dumps(schema(SCHEMAS[name]), indent=1, ensure_ascii=False) + "\n"
+
+
+def main(folder: Path) -> None:
+    """Write every schema into a folder."""
+    for name in SCHEMAS:
+        write_whole(folder / f"{name}.schema.json", schema_text(name))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
