@@ -27,14 +27,14 @@ class SourceLine(Record, frozen=True, kw_only=True):
 
     Attributes:
         file: its name, or its path.
-        line: counted from 1.
+        line: counted from 1; None where the whole file is meant.
     """
 
     file: str
-    line: int
+    line: int | None = None
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}"
+        return self.file if self.line is None else f"{self.file}:{self.line}"
 
 
 def number(value: float | None) -> Number:
