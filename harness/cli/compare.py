@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import json
 import sys
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
-from harness.compare.candidate import CompareError, NotInstalledError, side
+from harness.compare.candidate import CompareError, NotInstalledError, candidate
 from harness.compare.compare import CompareOptions, FailureError, compare
 from harness.compare.executor import in_workers
 from harness.compare.match import declared
-from harness.compare.text import failed_record, print_comparison, record
+from harness.compare.record import comparison_record, failed_record
 from harness.files.sidecar import SidecarError
 from harness.records.outcome import Outcome
-from harness.records.results import write_whole
+from harness.records.write import encoded, write_whole
 from harness.schedule.workers import Workers
-from harness.text.table import STYLES
+from harness.text.comparison import print_comparison
 
 JOBS = 2
 """Worker processes: both models are asked in turn, and differences of the files two at a time."""
@@ -60,45 +58,42 @@ def main(options: argparse.Namespace) -> int:
     """Compare, print what came out, and write the record."""
     created = datetime.datetime.now(datetime.UTC)
     try:
-        wish = CompareOptions(
-            side("A", options.a, options.engine_a or options.engine),
-            side("B", options.b, options.engine_b or options.engine),
-            declared(options.joints, options.map),
-            tuple(options.start),
-            options.resolution,
-        )
+        pair = _pair(options)
+        with Workers(JOBS, options.time_limit) as workers:
+            found = comparison_record(compare(pair, in_workers(workers)), created)
     except CompareError as error:
         return _stop(str(error), USAGE)
     except (SidecarError, NotInstalledError) as error:
         return _stop(str(error), FAIL)
-    console = Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160)
-    try:
-        with Workers(JOBS, options.time_limit) as workers:
-            found = compare(wish, in_workers(workers))
-    except CompareError as error:
-        return _stop(str(error), USAGE)
     except FailureError as error:
-        failure = error.failure
-        console.print(f"[{STYLES['FAILED']}]FAILED[/]  {escape(failure.reason)}", soft_wrap=True)
-        for line in failure.stdout.splitlines()[-6:]:
-            console.print(f"  | {escape(line)}", soft_wrap=True)
-        if options.json:
-            _write(options.json, failed_record(wish, failure, created))
-        return FAIL
-    print_comparison(console, found)
+        found = failed_record(pair, error.failure, created)
+    print_comparison(Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160), found)
     if options.json:
-        _write(options.json, record(found, created))
-    return AGREE if found.judgement.outcome is Outcome.AGREES else DIFFER
+        write_whole(options.json, encoded(found, indent=1))
+        print(options.json)
+    if found.outcome is Outcome.FAILED:
+        return FAIL
+    return AGREE if found.outcome is Outcome.AGREES else DIFFER
+
+
+def _pair(options: argparse.Namespace) -> CompareOptions:
+    """What is to be compared.
+
+    Raises:
+        CompareError, SidecarError, NotInstalledError: naming what is wrong.
+    """
+    return CompareOptions(
+        a=candidate("A", options.a, options.engine_a or options.engine),
+        b=candidate("B", options.b, options.engine_b or options.engine),
+        joints=declared(options.joints, options.map),
+        starts=tuple(options.start),
+        resolution=options.resolution,
+    )
 
 
 def _stop(message: str, code: int) -> int:
     print(f"crosscheck: {message}", file=sys.stderr)
     return code
-
-
-def _write(path: Path, found: dict[str, object]) -> None:
-    write_whole(path, json.dumps(found, allow_nan=False, indent=1) + "\n")
-    print(path)
 
 
 def _start(text: str) -> dict[str, float]:

@@ -11,7 +11,7 @@ from typing import Any
 from harness.baseline.store import BaselineError
 from harness.cli.exit_codes import FAIL, USAGE
 from harness.files.folders import FolderError
-from harness.records.results import ResultsError
+from harness.records.read import ResultsError
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",

@@ -80,18 +80,18 @@ class Facts:
     gravity: tuple[float, ...]
 
 
-def facts(side: Candidate) -> Facts:
+def facts(candidate: Candidate) -> Facts:
     """Load a model and ask it.
 
     Raises:
         EngineError: naming file, place and remedy.
     """
-    model = side.load()
+    model = candidate.load()
     gravity = tuple(float(g) for g in getattr(model, "gravity", ()))
     return Facts(tuple(model.coordinates), model.integrator, model.step, gravity)
 
 
-def side(label: str, path: Path, engine: str | None) -> Candidate:
+def candidate(label: str, path: Path, engine: str | None) -> Candidate:
     """The model at `path`, in the engine asked for, or in the one that fits its format.
 
     Raises:

@@ -9,9 +9,9 @@ Each engine runs in a worker process, so that a crash costs the comparison and n
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from harness.compare.diff import Edit, edits
 from harness.compare.excitation import Recorded, SourceTask, record
 from harness.compare.judge import Followed, Judgement, TargetTask, follow, judge
 from harness.compare.match import Match, match
-from harness.compare.mechanics import Mechanics, MechanicsTask, mechanics
+from harness.compare.mechanics import MechanicsTask, mechanics
 from harness.compare.runs import Runs
 from harness.compare.terms import Frame, Term, terms
 from harness.compare.trials import Trial, TrialTask, attribute_difference, tried
@@ -38,9 +38,21 @@ SOME = 32
 TURNED = 1e-4
 """From so large a discrepancy on, joints that turn the other way are looked for."""
 
-Ask = Callable[[str, Callable[[Any], Any], list[Any]], list[Any]]
-"""Runs a function on each argument, elsewhere: (who is asked, function, arguments) -> values. An
-argument that fails gives a `Failure`."""
+T = TypeVar("T")
+V = TypeVar("V")
+
+
+class Execute(Protocol):
+    """Runs a function on each argument, elsewhere."""
+
+    def __call__(
+        self, who: str, function: Callable[[T], V], arguments: Sequence[T]
+    ) -> list[V | Failure]:
+        """Values in the order of the arguments; one that fails gives a `Failure`.
+
+        Args:
+            who: what messages call the model that is run.
+        """
 
 
 class FailureError(RuntimeError):
@@ -51,9 +63,9 @@ class FailureError(RuntimeError):
         self.failure = failure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CompareOptions:
-    """What is to be compared, and how: see `harness.compare.match` and `states`."""
+    """What is to be compared, and how: see `harness.compare.match` and `excitation`."""
 
     a: Candidate
     b: Candidate
@@ -62,8 +74,8 @@ class CompareOptions:
     resolution: float = 1e-9
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, kw_only=True)
+class Findings:
     """What came out.
 
     Attributes:
@@ -76,7 +88,7 @@ class Comparison:
         notes: what was assumed or left out.
     """
 
-    wish: CompareOptions
+    options: CompareOptions
     facts: tuple[Facts, Facts]
     match: Match
     recorded: Recorded
@@ -90,66 +102,70 @@ class Comparison:
     seconds: float
 
 
-def compare(wish: CompareOptions, ask: Ask) -> Comparison:
+def compare(options: CompareOptions, execute: Execute) -> Findings:
     """Compare two models.
 
     Raises:
         CompareError: for joints without a match, with the remedy.
-        TroubleError: where an engine fails, with what it printed.
+        FailureError: where an engine fails, with what it printed.
     """
     began = time.perf_counter()
-    a, b = wish.a, wish.b
-    told = (_one(ask, a, facts, a), _one(ask, b, facts, b))
+    a, b = options.a, options.b
+    loaded = (_one(execute, a, facts, a), _one(execute, b, facts, b))
     matched = match(
-        told[0].coordinates,
-        told[1].coordinates,
-        wish.joints,
+        loaded[0].coordinates,
+        loaded[1].coordinates,
+        options.joints,
         (a.sidecar.readback, b.sidecar.readback),
     )
     source, target = (a, b) if matched.source == "A" else (b, a)
-    recorded: Recorded = _one(
-        ask, source, record, SourceTask(source, matched, wish.starts, wish.resolution)
+    recorded = _one(
+        execute, source, record, SourceTask(source, matched, options.starts, options.resolution)
     )
-    notes = [*a.notes, *b.notes]
     if not len(recorded.runs.z):
         reason = (
             f"its motion is resolved in none of {recorded.lost} runs (contact, limit, friction)"
         )
         raise FailureError(Failure(f"{source.name}: {reason}", ""))
-    if recorded.lost:
-        notes.append(
-            f"{recorded.lost} of {recorded.lost + len(recorded.runs.z)} runs are left out: there"
-            f" the motion of {matched.source} is not resolved (a contact, a limit, friction, or"
-            " too quick)"
-        )
     z, w = matched.over(recorded.runs.z, recorded.runs.w)
     runs = replace(recorded.runs, z=z, w=w)
-    trial = _Following(ask, target, recorded, runs, matched, wish.resolution)
+    trial = _Following(execute, target, recorded, runs, matched, options.resolution)
     ones = np.ones(len(matched.names))
     followed, judgement = trial.judged(ones)
     turned, signs, left = _turned(trial, judgement, matched.names)
     found: tuple[Term, ...] = ()
-    if judgement.outcome is not Outcome.AGREES and not (turned and left <= wish.resolution):
-        found = _terms(ask, source, target, recorded, runs, matched, signs)
-    trials, untried = _trials(ask, wish, recorded, runs, followed, matched)
-    return Comparison(
-        wish,
-        told,
-        matched,
-        recorded,
-        judgement,
-        turned,
-        left,
-        found,
-        trials,
-        untried,
-        tuple(notes),
-        time.perf_counter() - began,
+    if judgement.outcome is not Outcome.AGREES and not (turned and left <= options.resolution):
+        found = _terms(execute, source, target, recorded, runs, matched, signs)
+    trials, untried = _trials(execute, options, recorded, runs, followed, matched)
+    return Findings(
+        options=options,
+        facts=loaded,
+        match=matched,
+        recorded=recorded,
+        judgement=judgement,
+        turned=turned,
+        left=left,
+        terms=found,
+        trials=trials,
+        untried=untried,
+        notes=(*a.notes, *b.notes, *_lost(recorded, matched)),
+        seconds=time.perf_counter() - began,
     )
 
 
-def _one(ask: Ask, side: Candidate, function: Callable[[Any], Any], argument: Any) -> Any:
-    (value,) = ask(side.name, function, [argument])
+def _lost(recorded: Recorded, matched: Match) -> tuple[str, ...]:
+    """What is said of states whose runs are left out."""
+    if not recorded.lost:
+        return ()
+    return (
+        f"{recorded.lost} of {recorded.lost + len(recorded.runs.z)} runs are left out: there"
+        f" the motion of {matched.source} is not resolved (a contact, a limit, friction, or"
+        " too quick)",
+    )
+
+
+def _one(execute: Execute, candidate: Candidate, function: Callable[[T], V], argument: T) -> V:
+    (value,) = execute(candidate.name, function, [argument])
     if isinstance(value, Failure):
         raise CompareError(value.reason) if value.usage else FailureError(value)
     return value
@@ -159,7 +175,7 @@ def _one(ask: Ask, side: Candidate, function: Callable[[Any], Any], argument: An
 class _Following:
     """The target run from the source's states, with joints turned or not."""
 
-    ask: Ask
+    execute: Execute
     target: Candidate
     recorded: Recorded
     runs: Runs
@@ -168,7 +184,7 @@ class _Following:
 
     def judged(self, signs: Array) -> tuple[Followed, Judgement]:
         task = TargetTask(self.target, self.runs, self.recorded.fastest, self.resolution, signs)
-        followed = _one(self.ask, self.target, follow, task)
+        followed = _one(self.execute, self.target, follow, task)
         return followed, judge(self.recorded, followed, self.match, self.resolution)
 
 
@@ -204,7 +220,7 @@ def _turned(
 
 
 def _terms(
-    ask: Ask,
+    execute: Execute,
     source: Candidate,
     target: Candidate,
     recorded: Recorded,
@@ -221,14 +237,14 @@ def _terms(
     shared = (recorded.independent, recorded.unit, recorded.fastest, recorded.typical)
     own = recorded.runs
     ones = np.ones(len(signs))
-    one: Mechanics = _one(
-        ask,
+    one = _one(
+        execute,
         source,
         mechanics,
         MechanicsTask(source, matched, ones, own.z[picked], own.w[picked], *shared),
     )
-    other: Mechanics = _one(
-        ask,
+    other = _one(
+        execute,
         target,
         mechanics,
         MechanicsTask(target, None, signs, runs.z[picked] * signs, runs.w[picked] * signs, *shared),
@@ -246,8 +262,8 @@ def _terms(
 
 
 def _trials(
-    ask: Ask,
-    wish: CompareOptions,
+    execute: Execute,
+    options: CompareOptions,
     recorded: Recorded,
     runs: Runs,
     followed: Followed,
@@ -255,7 +271,7 @@ def _trials(
 ) -> tuple[tuple[Trial, ...], int]:
     """What each difference of the files does to the motions, and all of them together."""
     try:
-        found = edits(wish.a, wish.b)
+        found = edits(options.a, options.b)
     except LocationError as error:
         raise FailureError(Failure(str(error), "")) from None
     can = [edit for edit in found if edit.changes or edit.settings]
@@ -263,27 +279,33 @@ def _trials(
         return tuple(Trial((edit,), 0.0, 0.0, "it can't be tried alone") for edit in found), 0
     doubt = (recorded.uncertainty + followed.limit.uncertainty) / recorded.scale
     # Where both are smooth: elsewhere nothing is certain.
-    smooth = np.flatnonzero(np.max(doubt, axis=1) <= wish.resolution)
+    smooth = np.flatnonzero(np.max(doubt, axis=1) <= options.resolution)
     smooth = smooth if len(smooth) else np.arange(len(doubt))
     some = smooth[np.unique(np.linspace(0, len(smooth) - 1, SOME).astype(int))]
     near = recorded.end[some]
     is_source = matched.source == "A"
 
-    def task(side: Candidate, made: tuple[Edit, ...], source: bool) -> TrialTask:
+    def task(candidate: Candidate, made: tuple[Edit, ...], source: bool) -> TrialTask:
         own = recorded.runs if source else runs
         part = Runs(own.length, own.z[some], own.w[some], own.push[some])
         return TrialTask(
-            side, made, part, matched if source else None, own.z.shape[1], near, matched.periodic
+            candidate,
+            made,
+            part,
+            matched if source else None,
+            own.z.shape[1],
+            near,
+            matched.periodic,
         )
 
-    a = _one(ask, wish.a, tried, task(wish.a, (), is_source))
-    b = _one(ask, wish.b, tried, task(wish.b, (), not is_source))
+    a = _one(execute, options.a, tried, task(options.a, (), is_source))
+    b = _one(execute, options.b, tried, task(options.b, (), not is_source))
     doubt = doubt[some]
     floor = 2 * float(np.max(doubt[np.isfinite(doubt)], initial=1e-13))
     sets: list[tuple[Edit, ...]] = [(edit,) for edit in can[:MOST_TRIED]]
     if len(can) > 1:
         sets.append(tuple(can))
-    values = ask(wish.a.name, tried, [task(wish.a, made, is_source) for made in sets])
+    values = execute(options.a.name, tried, [task(options.a, made, is_source) for made in sets])
     trials = [
         Trial(made, 0.0, 0.0, value.reason)
         if isinstance(value, Failure)

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from harness.compare.candidate import Candidate
-from harness.files.locations import LocationError, find
+from harness.files.locations import Location, LocationError, find
 from harness.files.locations.outline import Element, Value, outline
+from harness.records.base import SourceLine
 
 
 @dataclass(frozen=True)
@@ -20,15 +21,15 @@ class Edit:
 
     Attributes:
         label: what differs, as an address of `harness.files.locations` where it has one.
-        where_a, where_b: file:line.
+        where_a, where_b: lines of the files.
         old, new: as A and B have it.
         changes: replacements of bytes in A's model file, (first, after the last, new bytes).
         settings: settings of A's sidecar to be others, by key; None: taken out.
     """
 
     label: str
-    where_a: str
-    where_b: str
+    where_a: SourceLine
+    where_b: SourceLine
     old: str
     new: str
     changes: tuple[tuple[int, int, bytes], ...] = ()
@@ -41,7 +42,7 @@ def edits(a: Candidate, b: Candidate) -> tuple[Edit, ...]:
     Comments and white space don't count.
 
     Raises:
-        PlaceError: for a file that can't be read, naming its line.
+        LocationError: for a file that can't be read, naming its line.
     """
     one, other = a.sidecar.model, b.sidecar.model
     if one.suffix != other.suffix:
@@ -136,11 +137,11 @@ class _Xml:
                 index = f"[{i}]" if len(old) > 1 else ""
                 yield Edit(label + index, *where, x, y, ((*one.words[i], y.encode()),))
 
-    def _at_a(self, line: int) -> str:
-        return f"{self.a}:{line}"
+    def _at_a(self, line: int) -> SourceLine:
+        return SourceLine(file=str(self.a), line=line)
 
-    def _at_b(self, line: int) -> str:
-        return f"{self.b}:{line}"
+    def _at_b(self, line: int) -> SourceLine:
+        return SourceLine(file=str(self.b), line=line)
 
 
 def _aligned(
@@ -179,8 +180,8 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         lines = [s.lines[min(first, len(s.lines) - 1)] for s in shapes]
         yield Edit(
             "code",
-            f"{a}:{lines[0]}",
-            f"{b}:{lines[1]}",
+            SourceLine(file=str(a), line=lines[0]),
+            SourceLine(file=str(b), line=lines[1]),
             "this",
             "other code than numbers",
             ((0, len(data), b.read_bytes()),),
@@ -203,8 +204,8 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         name = names.get(id(one), "number")
         yield Edit(
             name,
-            f"{a}:{one.lineno}",
-            f"{b}:{other.lineno}",
+            SourceLine(file=str(a), line=one.lineno),
+            SourceLine(file=str(b), line=other.lineno),
             old,
             new,
             ((first, last, new.encode()),),
@@ -270,23 +271,27 @@ def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
             )
 
 
-def _stated(side: Candidate) -> dict[str, Any]:
-    spec = side.sidecar.spec(side.engine)
+def _stated(candidate: Candidate) -> dict[str, Any]:
+    spec = candidate.sidecar.spec(candidate.engine)
     found = {f"settings.{key}": value for key, value in spec.settings.items()}
     for i, spring in enumerate(spec.springs):
         found[f"spring[{i}]"] = spring
     return found
 
 
-def _toml_line(side: Candidate, key: str) -> str:
-    file = Path(f"{side.sidecar.model}.toml")
-    own = key.replace("settings.", f"settings.{side.engine}.", 1)
+def _toml_line(candidate: Candidate, key: str) -> SourceLine:
+    file = Path(f"{candidate.sidecar.model}.toml")
+    own = key.replace("settings.", f"settings.{candidate.engine}.", 1)
     for name in (own, f"{own}[0]", key, f"{key}[0]", f"{key}.stiffness"):
         try:
-            return str(find(file, [name])[name])
+            return _line(find(file, [name])[name])
         except LocationError:
             continue
-    return str(file)
+    return SourceLine(file=str(file))
+
+
+def _line(location: Location) -> SourceLine:
+    return SourceLine(file=str(location.file), line=location.line)
 
 
 def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
@@ -304,18 +309,18 @@ def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
                     change = (place.start, place.end, there.text.encode())
                     yield Edit(
                         f"{address} and {named}, both {expression}",
-                        str(place),
-                        str(there),
+                        _line(place),
+                        _line(there),
                         place.text,
                         there.text,
                         (change,),
                     )
 
 
-def _find_bound(side: Candidate, addresses: list[str]) -> dict[str, Any]:
-    """Places in the model file itself; the sidecar's own literals are compared as settings."""
+def _find_bound(candidate: Candidate, addresses: list[str]) -> dict[str, Location]:
+    """Locations in the model file itself; the sidecar's own literals are compared as settings."""
     own = [address for address in addresses if not address.startswith("sidecar:")]
-    return dict(find(side.sidecar.model, own))
+    return dict(find(candidate.sidecar.model, own))
 
 
 def _by_expression(bindings: Mapping[str, str]) -> dict[str, list[str]]:

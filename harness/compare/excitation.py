@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from harness.compare.candidate import Candidate, CompareError, home, reach
 from harness.compare.match import Match
 from harness.compare.runs import Runs, ends, movement
-from harness.compare.scales import HELD, CharacteristicScales, nature
+from harness.compare.scales import HELD, CharacteristicScales, characteristic_scales
 from harness.engines.protocol import Array, Model
 from harness.numerics.ladder import Limit
 
@@ -41,7 +41,7 @@ SHORTER = (1.0, 2.0, 4.0, 16.0)
 class SourceTask:
     """What a worker needs to record states: `given` are starts by coordinate (`x`, `x_dot`)."""
 
-    side: Candidate
+    candidate: Candidate
     match: Match
     given: tuple[Mapping[str, float], ...]
     resolution: float
@@ -84,9 +84,9 @@ def record(task: SourceTask) -> Recorded:
         EngineError, BlownUpError: naming what could not be run.
         CompareError: for joints of the source that move on their own and have no match.
     """
-    model = task.side.load()
+    model = task.candidate.load()
     rng = np.random.default_rng(SEED)
-    found = nature(model, rng)
+    found = characteristic_scales(model, rng)
     names = tuple(model.coordinates)
     z, w, driven, links = _starts(model, found, task.given, names, rng)
     reduced = task.match.slopes(home(model)[None])[0]
@@ -96,8 +96,8 @@ def record(task: SourceTask) -> Recorded:
     push = np.zeros((len(z), len(unit)))
     picked = np.ix_(independent, independent)
     mass = np.linalg.inv(compared[picked])
-    wish = rng.uniform(-1, 1, (len(z), len(independent))) * unit[list(independent)]
-    push[:, independent] = (wish * found.typical**2) @ mass
+    options = rng.uniform(-1, 1, (len(z), len(independent))) * unit[list(independent)]
+    push[:, independent] = (options * found.typical**2) @ mass
     push[np.logical_not(driven)] = 0.0
     chain = _chain(model, task, found, Runs(0.0, z, w, push), links)
     recorded = _gathered(task, chain, found, unit, independent)

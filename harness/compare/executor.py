@@ -2,53 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Generic
 
 from harness.compare.candidate import CompareError
+from harness.compare.compare import Execute, T, V
 from harness.schedule.workers import Failure, Workers
 
 
-def in_workers(workers: Workers) -> Callable[[str, Callable[[Any], Any], list[Any]], list[Any]]:
+def in_workers(workers: Workers) -> Execute:
     """Each argument goes to a worker process; one that dies costs its own value alone."""
 
-    def ask(who: str, function: Callable[[Any], Any], arguments: list[Any]) -> list[Any]:
+    def execute(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> list[V | Failure]:
         futures = [workers.submit(_Guarded(function), argument) for argument in arguments]
-        values = [workers.outcome(future) for future in futures]
-        return [
-            Failure(_named(who, value.reason), value.stdout)
-            if isinstance(value, Failure)
-            else value
-            for value in values
-        ]
+        return [_told(who, workers.outcome(future)) for future in futures]
 
-    return ask
+    return execute
 
 
-def _named(who: str, reason: str) -> str:
-    """A reason that names the file already needs no other name for it."""
-    return reason if who.rpartition(" [")[0] in reason else f"{who}: {reason}"
-
-
-class _Guarded:
-    """A function whose wrong usage comes back as what it is."""
-
-    def __init__(self, function: Callable[[Any], Any]) -> None:
-        self.function = function
-
-    def __call__(self, argument: Any) -> Any:
-        try:
-            return self.function(argument)
-        except CompareError as error:
-            return Failure(str(error), "", True)
-
-
-def at_once(who: str, function: Callable[[Any], Any], arguments: list[Any]) -> list[Any]:
+def at_once(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> list[V | Failure]:
     """The same in this process."""
-    values: list[Any] = []
+    values: list[V | Failure] = []
     for argument in arguments:
         try:
             values.append(_Guarded(function)(argument))
         except (RuntimeError, ValueError) as error:
-            values.append(Failure(_named(who, str(error)), ""))
+            values.append(_told(who, Failure(str(error), "")))
     return values
+
+
+def _told(who: str, value: V | Failure) -> V | Failure:
+    """A failure with the name of what failed; a reason that names the file needs no other."""
+    if not isinstance(value, Failure) or value.usage or who.rpartition(" [")[0] in value.reason:
+        return value
+    return Failure(f"{who}: {value.reason}", value.stdout)
+
+
+class _Guarded(Generic[T, V]):
+    """A function whose wrong usage comes back as what it is."""
+
+    def __init__(self, function: Callable[[T], V]) -> None:
+        self.function = function
+
+    def __call__(self, argument: T) -> V | Failure:
+        try:
+            return self.function(argument)
+        except CompareError as error:
+            return Failure(str(error), "", usage=True)

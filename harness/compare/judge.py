@@ -19,7 +19,7 @@ from harness.records.outcome import Outcome
 class TargetTask:
     """What a worker needs to run the target: `signs` turns joints the other way, (m,)."""
 
-    side: Candidate
+    candidate: Candidate
     runs: Runs
     fastest: float
     resolution: float
@@ -40,7 +40,7 @@ def follow(task: TargetTask) -> Followed:
     Raises:
         EngineError, BlownUpError: naming what could not be run.
     """
-    model, s, given = task.side.load(), task.signs, task.runs
+    model, s, given = task.candidate.load(), task.signs, task.runs
     runs = Runs(given.length, given.z * s, given.w * s, given.push * s)
     limit = ends(model, runs, None, task.fastest, task.resolution)
     limit.value[:] *= np.concatenate([s, s])

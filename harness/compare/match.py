@@ -26,7 +26,7 @@ class Match:
     Attributes:
         source: "A" or "B"; the target is the other.
         names: the target's coordinates, as the comparison calls them.
-        told: a phrase for each that is not simply the same name.
+        pairing: a phrase for each that is not simply the same name.
         left_out: coordinates of the source that nothing of the target's is read from.
         constant: whether dc/dz is constant.
         value: c(z).
@@ -37,7 +37,7 @@ class Match:
 
     source: str
     names: tuple[str, ...]
-    told: tuple[str, ...]
+    pairing: tuple[str, ...]
     left_out: tuple[str, ...]
     constant: bool
     value: NumericFunction
@@ -225,7 +225,7 @@ def _compiled(
     used = set[sp.Basic]().union(*(e.free_symbols for e in value))
     spelled = {symbol: sp.Symbol(name) for name, symbol in z.items()}
     label, other = ("A", "B") if source == "A" else ("B", "A")
-    told = [
+    pairing = [
         f"{name} of {other} is {sp.sstr(expression.xreplace(spelled))} of {label}"
         for name, expression in zip(others, value, strict=True)
         if expression != z.get(name)
@@ -233,7 +233,7 @@ def _compiled(
     return Match(
         source,
         tuple(others),
-        tuple(told),
+        tuple(pairing),
         tuple(name for name, symbol in z.items() if symbol not in used),
         not slope.free_symbols,
         compile_function(value, own),

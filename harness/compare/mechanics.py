@@ -43,7 +43,7 @@ class MechanicsTask:
         fastest, typical: rates of the motions, rad/s.
     """
 
-    side: Candidate
+    candidate: Candidate
     match: Match | None
     signs: Array
     z: Array
@@ -81,7 +81,7 @@ def mechanics(task: MechanicsTask) -> Mechanics:
     Raises:
         EngineError: naming file, place and remedy.
     """
-    model = task.side.load()
+    model = task.candidate.load()
     lens = _Lens(task, model)
     mass = lens.mass
     rest = lens.forces(model, task.z, np.zeros_like(task.w), range(len(task.z)))
@@ -94,7 +94,7 @@ def mechanics(task: MechanicsTask) -> Mechanics:
 def _unweighted(task: MechanicsTask, lens: _Lens) -> Estimate | None:
     """Forces at rest without gravity, for engines whose gravity can be set."""
     try:
-        model = task.side.at(gravity=[0.0, 0.0, 0.0]).load()
+        model = task.candidate.at(gravity=[0.0, 0.0, 0.0]).load()
     except EngineError:
         return None
     return lens.forces(model, task.z, np.zeros_like(task.w), range(len(task.z)))

@@ -64,7 +64,7 @@ def free_directions(inverse: Array) -> Array:
     return kept * safe[:, None]
 
 
-def nature(model: Model, rng: np.random.Generator) -> CharacteristicScales:
+def characteristic_scales(model: Model, rng: np.random.Generator) -> CharacteristicScales:
     """Inertia, rates and sizes of a model, from small motions about where it is drawn.
 
     Raises:

@@ -31,7 +31,7 @@ class TrialTask:
         periodic: of the coordinates of the comparison.
     """
 
-    side: Candidate
+    candidate: Candidate
     edits: tuple[Edit, ...]
     runs: Runs
     match: Match | None
@@ -48,13 +48,13 @@ class Trial:
         edits: those made.
         moved: largest change of A's ends, relative to how far the components move.
         explained: share of the discrepancy that is gone; 1 is all of it.
-        told: why it could not be tried, or empty.
+        not_tried: why it could not be tried, or empty.
     """
 
     edits: tuple[Edit, ...]
     moved: float
     explained: float
-    told: str = ""
+    not_tried: str = ""
 
 
 def tried(task: TrialTask) -> Array:
@@ -64,7 +64,7 @@ def tried(task: TrialTask) -> Array:
         EngineError, BlownUpError, ValueError: where the edited model can't be run.
     """
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        model = _edited(task.side, task.edits, Path(folder)).load()
+        model = _edited(task.candidate, task.edits, Path(folder)).load()
         if len(model.coordinates) != task.joints:
             raise EngineError("it changes which joints there are")
         found = quick(model, task.runs, task.match)
@@ -74,18 +74,18 @@ def tried(task: TrialTask) -> Array:
     return unwrapped(found, task.near, task.periodic)
 
 
-def _edited(side: Candidate, edits: Sequence[Edit], folder: Path) -> Candidate:
+def _edited(candidate: Candidate, edits: Sequence[Edit], folder: Path) -> Candidate:
     """A copy of the model with edits made; what lies beside it is linked to."""
-    model = side.sidecar.model
+    model = candidate.sidecar.model
     for entry in model.parent.resolve().iterdir():
         hidden = entry.name.startswith(".")
         if not hidden and entry.name not in (model.name, f"{model.name}.toml", "__pycache__"):
             (folder / entry.name).symlink_to(entry)
     copy = folder / model.name
     copy.write_bytes(applied(model.read_bytes(), tuple(edits)))
-    sidecar = replace(side.sidecar, model=copy)
+    sidecar = replace(candidate.sidecar, model=copy)
     springs = list(sidecar.springs)
-    settings = {**sidecar.settings, **sidecar.engine_settings.get(side.engine, {})}
+    settings = {**sidecar.settings, **sidecar.engine_settings.get(candidate.engine, {})}
     for key, value in (setting for edit in edits for setting in edit.settings):
         kind, _, name = key.partition(".")
         if kind != "settings":
@@ -96,7 +96,7 @@ def _edited(side: Candidate, edits: Sequence[Edit], folder: Path) -> Candidate:
         else:
             settings[name] = value
     sidecar = replace(sidecar, springs=tuple(springs), settings=settings, engine_settings={})
-    return replace(side, sidecar=sidecar)
+    return replace(candidate, sidecar=sidecar)
 
 
 def attribute_difference(

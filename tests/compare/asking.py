@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from harness.compare.candidate import side
+from harness.compare.candidate import candidate
 from harness.compare.compare import CompareOptions, compare
 from harness.compare.executor import at_once
 from harness.compare.match import declared
@@ -12,8 +12,13 @@ from harness.files.folders import builtin
 
 def compared(a, b, engine_a=None, engine_b=None, joints="", table=None, **more):
     """Compare two files as the command does."""
-    pair = side("A", Path(a), engine_a), side("B", Path(b), engine_b)
-    return compare(CompareOptions(*pair, declared(joints, table), **more), at_once)
+    options = CompareOptions(
+        a=candidate("A", Path(a), engine_a),
+        b=candidate("B", Path(b), engine_b),
+        joints=declared(joints, table),
+        **more,
+    )
+    return compare(options, at_once)
 
 
 def model(system, name):

@@ -55,7 +55,7 @@ def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path):
     table = written(tmp_path, "map.toml", '[joints]\nphi = "drum.x / 0.18"\n')
     a, b = model(drum, "space.py"), model(drum, "robot.urdf")
     found = agrees(compared(a, b, None, "pybullet", table=table))
-    assert found.match.told == (
+    assert found.match.pairing == (
         "x of B is drum.x of A",
         "phi of B is 50*drum.x/9 of A",
         "theta of B is rod.angle of A",
@@ -101,7 +101,7 @@ def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path):
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))
     found = agrees(compared(path, other, "mujoco", "mujoco"))
     moved = {
-        t.edits[0].label: (t.edits[0].where_a.rpartition("/")[2], t.moved)
+        t.edits[0].label: (str(t.edits[0].where_a).rpartition("/")[2], t.moved)
         for t in found.trials
         if len(t.edits) == 1
     }
@@ -127,7 +127,7 @@ def test_what_is_for_the_eye_alone_moves_nothing(tmp_path):
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('size="0.18 0.1"', 'size="0.28 0.1"'))
     (trial,) = agrees(compared(path, other)).trials
-    assert (trial.moved, trial.told) == (0.0, "")
+    assert (trial.moved, trial.not_tried) == (0.0, "")
 
 
 def test_a_state_of_the_users_own_is_run_too():

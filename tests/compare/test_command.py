@@ -1,11 +1,13 @@
 """`crosscheck compare` as a person uses it: exit codes, messages, the record."""
 
-import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+from harness.records.comparison import Comparison
+from harness.records.outcome import Outcome
+from harness.records.read import decoded
 from tests.compare.asking import changed, model, written
 
 ROOT = Path(__file__).parents[2]
@@ -47,12 +49,14 @@ def test_a_difference_exits_1_and_is_told_and_written(tmp_path):
     told = f"mujoco.xml:{line}  body[rod]/inertial@diaginertia[1]: 0.024 -> 0.024012"
     assert told in done.stdout
     assert "explains all of it" in done.stdout
-    found = json.loads((tmp_path / "out" / "record.json").read_text())
-    assert found["outcome"] == "DIFFERS"
-    assert found["models"][0]["gravity"] == [0, 0, -9.81]
-    assert found["terms"][0]["joints"] == ["theta"]
-    assert found["differences"][0]["edits"][0]["where_a"].endswith(f"mujoco.xml:{line}")
-    assert found["runs"]["count"] > found["runs"]["driven"] > 0
+    written_down = decoded((tmp_path / "out" / "record.json").read_bytes(), Comparison)
+    assert written_down.outcome is Outcome.DIFFERS
+    assert written_down.models[0].gravity == (0, 0, -9.81)
+    found = written_down.found
+    assert found is not None
+    assert found.terms[0].joints == ("theta",)
+    assert str(found.differences[0].edits[0].where_a).endswith(f"mujoco.xml:{line}")
+    assert found.runs.count > found.runs.driven > 0
 
 
 def test_the_same_exits_0(tmp_path):
@@ -68,9 +72,10 @@ def test_an_engine_that_crashes_exits_3_and_is_told_with_what_it_printed(tmp_pat
     assert done.returncode == 3, done.stdout + done.stderr
     assert "FAILED" in done.stdout
     assert f"{b} [known]: the engine's process died (SIGSEGV)" in done.stdout
-    found = json.loads((tmp_path / "record.json").read_text())
-    assert found["outcome"] == "FAILED"
-    assert "SIGSEGV" in found["reason"]
+    found = decoded((tmp_path / "record.json").read_bytes(), Comparison)
+    assert found.outcome is Outcome.FAILED
+    assert "SIGSEGV" in found.reason
+    assert found.found is None
 
 
 def test_wrong_usage_exits_2_in_one_line(tmp_path):

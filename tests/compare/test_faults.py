@@ -68,7 +68,7 @@ def test_one_literal_off_by_a_millionth_is_named(
     assert edit.label == literal
     place = path if not literal.startswith("sidecar:") else path.with_name(f"{path.name}.toml")
     lines = place.read_text().splitlines()
-    line = int(edit.where_a.rpartition(":")[2])
+    line = edit.where_a.line
     near = lines[line - 1 : line + 3] if literal.startswith("sidecar:") else [lines[line - 1]]
     assert any(old.split("=")[0].strip('<"> ').split()[0] in one for one in near)
 
@@ -193,8 +193,8 @@ def test_across_formats_a_constant_names_both_lines(tmp_path):
     assert trial.explained == 1.0
     (edit,) = trial.edits
     assert edit.label.endswith("both m")
-    assert 'mass="0.8001"' in a.read_text().splitlines()[int(edit.where_a.split(":")[-1]) - 1]
-    assert edit.where_b.split(":")[-2].endswith("robot.urdf")
+    assert 'mass="0.8001"' in a.read_text().splitlines()[edit.where_a.line - 1]
+    assert edit.where_b.file.endswith("robot.urdf")
 
 
 def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path):

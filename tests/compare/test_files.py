@@ -14,10 +14,7 @@ def between(folder, suffix, one, other):
     files = written(folder, f"a{suffix}", one), written(folder, f"b{suffix}", other)
     sides = [Candidate("A", Sidecar(f, ("any",), {}, {}, {}, {}, ()), "any") for f in files]
     found = edits(*sides)
-    told = [
-        (e.label, *(int(w.rpartition(":")[2]) for w in (e.where_a, e.where_b)), e.old, e.new)
-        for e in found
-    ]
+    told = [(e.label, e.where_a.line, e.where_b.line, e.old, e.new) for e in found]
     return told, applied(one.encode(), found).decode()
 
 

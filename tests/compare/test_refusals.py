@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from harness.compare.candidate import CompareError, NotInstalledError, side
+from harness.compare.candidate import CompareError, NotInstalledError, candidate
 from harness.compare.compare import FailureError
 from harness.compare.match import declared, match
 from harness.files.sidecar import SidecarError
@@ -89,7 +89,7 @@ def test_a_path_or_engine_that_will_not_do_is_refused(tmp_path, name, engine, se
     changed(tmp_path, model("simple_pendulum", "mujoco.xml"))
     (tmp_path / "system.py.toml").write_text("")
     with pytest.raises(CompareError, match=sentence):
-        side("B", tmp_path / name, engine)
+        candidate("B", tmp_path / name, engine)
 
 
 def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch):
@@ -97,7 +97,7 @@ def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch):
 
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
     with pytest.raises(NotInstalledError, match="pymunk would run it and is not installed"):
-        side("A", model("simple_pendulum", "space.py"), None)
+        candidate("A", model("simple_pendulum", "space.py"), None)
 
 
 def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(tmp_path, monkeypatch):
@@ -105,15 +105,18 @@ def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(tmp_pa
 
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ('["pybullet", "mujoco"]', '["mujoco"]'))
-    assert (side("A", path, None).engine, side("A", other, None).engine) == ("pybullet", "mujoco")
+    assert (candidate("A", path, None).engine, candidate("A", other, None).engine) == (
+        "pybullet",
+        "mujoco",
+    )
     monkeypatch.setattr(PybulletEngine, "version", lambda _: None)
-    assert side("A", path, None).engine == "mujoco"
+    assert candidate("A", path, None).engine == "mujoco"
 
 
 def test_a_sidecar_that_cannot_be_read_is_named(tmp_path):
     path = changed(tmp_path, model("simple_pendulum", "robot.urdf"), ("[settings]", "[settings"))
     with pytest.raises(SidecarError, match=r"robot.urdf.toml: "):
-        side("A", path, None)
+        candidate("A", path, None)
 
 
 def test_a_model_that_cannot_be_loaded_is_named_with_its_engine(tmp_path):

@@ -1,0 +1,116 @@
+"""A comparison as the record that is printed and written."""
+
+from __future__ import annotations
+
+import datetime
+
+from harness.compare.candidate import Candidate, Facts
+from harness.compare.compare import CompareOptions, Findings
+from harness.compare.terms import Term
+from harness.compare.trials import Trial
+from harness.engines.registry import engines
+from harness.records.base import number, numbers
+from harness.records.comparison import (
+    Compared,
+    ComparedModel,
+    ComparedRuns,
+    ComparedTerm,
+    Comparison,
+    FileDifference,
+    FileEdit,
+)
+from harness.records.outcome import Outcome
+from harness.schedule.workers import Failure
+
+
+def comparison_record(found: Findings, created: datetime.datetime) -> Comparison:
+    """What came of a comparison."""
+    options, judged, recorded = found.options, found.judgement, found.recorded
+    return Comparison(
+        created=_spelled(created),
+        resolution=options.resolution,
+        models=tuple(
+            _model(candidate, facts)
+            for candidate, facts in zip((options.a, options.b), found.facts, strict=True)
+        ),
+        outcome=judged.outcome,
+        reason=judged.reason,
+        found=Compared(
+            discrepancy=number(judged.discrepancy),
+            uncertainty=number(judged.uncertainty),
+            component=judged.component,
+            joints=tuple(found.match.names),
+            by_component=numbers(judged.by_component.tolist()),
+            map=tuple(found.match.pairing),
+            left_out=tuple(found.match.left_out),
+            states_of=found.match.source,
+            runs=ComparedRuns(
+                count=len(recorded.runs.z),
+                length=recorded.runs.length,
+                driven=int(recorded.driven.sum()),
+                lost=recorded.lost,
+            ),
+            turned=found.turned,
+            left_when_turned=number(found.left) if found.turned else None,
+            terms=tuple(_term(term) for term in found.terms),
+            differences=tuple(_difference(trial) for trial in found.trials),
+            untried=found.untried,
+            notes=found.notes,
+            seconds=found.seconds,
+        ),
+    )
+
+
+def failed_record(
+    options: CompareOptions, failure: Failure, created: datetime.datetime
+) -> Comparison:
+    """The record of a comparison that could not be run."""
+    return Comparison(
+        created=_spelled(created),
+        resolution=options.resolution,
+        models=tuple(_model(candidate, None) for candidate in (options.a, options.b)),
+        outcome=Outcome.FAILED,
+        reason=failure.reason,
+        stdout=failure.stdout,
+    )
+
+
+def _spelled(created: datetime.datetime) -> str:
+    return created.isoformat(timespec="seconds")
+
+
+def _model(candidate: Candidate, facts: Facts | None) -> ComparedModel:
+    return ComparedModel(
+        model=str(candidate.sidecar.model),
+        engine=candidate.engine,
+        version=engines()[candidate.engine].version(),
+        notes=candidate.notes,
+        coordinates=None if facts is None else facts.coordinates,
+        integrator=None if facts is None else facts.integrator,
+        step=None if facts is None else number(facts.step),
+        gravity=None if facts is None else numbers(facts.gravity),
+    )
+
+
+def _term(term: Term) -> ComparedTerm:
+    return ComparedTerm(
+        kind=term.kind,
+        joints=tuple(term.about),
+        message=term.message,
+        a=number(term.a),
+        b=number(term.b),
+        uncertainty=number(term.uncertainty),
+        effect=number(term.effect),
+    )
+
+
+def _difference(trial: Trial) -> FileDifference:
+    return FileDifference(
+        edits=tuple(
+            FileEdit(what=e.label, a=e.old, b=e.new, where_a=e.where_a, where_b=e.where_b)
+            for e in trial.edits
+        ),
+        moved=number(trial.moved),
+        explained=number(trial.explained),
+        not_tried=trial.not_tried,
+    )

@@ -1,0 +1,147 @@
+"""A comparison of two models, for the terminal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from harness.records.comparison import Compared, Comparison, FileDifference, FileEdit
+from harness.records.outcome import Outcome
+from harness.text.table import STYLES
+
+MOST_TOLD = 20
+
+
+def print_comparison(console: Console, comparison: Comparison) -> None:
+    """Print both models, the outcome, the terms that differ, and the lines that do."""
+    if comparison.found is None:
+        _print_failure(console, comparison)
+        return
+    _print_models(console, comparison, comparison.found)
+    _print_outcome(console, comparison, comparison.found)
+    _print_terms(console, comparison.outcome, comparison.found)
+    _print_differences(console, comparison.outcome, comparison.found)
+
+
+def _say(console: Console, text: str, style: str = "") -> None:
+    console.print(f"[{style}]{escape(text)}[/]" if style else escape(text), soft_wrap=True)
+
+
+def _print_failure(console: Console, comparison: Comparison) -> None:
+    failed = f"[{STYLES[Outcome.FAILED]}]{Outcome.FAILED}[/]"
+    console.print(f"{failed}  {escape(comparison.reason)}", soft_wrap=True)
+    for line in comparison.stdout.splitlines()[-6:]:
+        _say(console, f"  | {line}")
+
+
+def _print_models(console: Console, comparison: Comparison, found: Compared) -> None:
+    for label, model in zip("AB", comparison.models, strict=True):
+        pull = ", ".join(f"{g:g}" for g in model.gravity or ())
+        said = f", gravity ({pull})" if pull else ""
+        _say(console, f"{label}  {model.model} in {model.engine}{said}")
+    for note in (*found.notes, *found.map):
+        _say(console, f"   {note}", "dim")
+    if found.left_out:
+        names = ", ".join(found.left_out)
+        _say(console, f"   left out of {found.states_of}: {names}, which follow or stay put", "dim")
+    _say(
+        console,
+        f"   {found.runs.count} runs of {found.runs.length:.3g} s from states of"
+        f" {found.states_of}, {found.runs.driven} of them under known forces",
+    )
+    console.print()
+
+
+def _print_outcome(console: Console, comparison: Comparison, found: Compared) -> None:
+    console.print(
+        f"[{STYLES[comparison.outcome]}]{comparison.outcome}[/]  discrepancy"
+        f" {_size(found.discrepancy)}, uncertainty {_size(found.uncertainty)}, on"
+        f" {escape(found.component)}"
+    )
+    if comparison.reason:
+        _say(console, f"  {comparison.reason}")
+    if comparison.outcome is not Outcome.AGREES and len(found.joints) > 1:
+        _say(console, f"  by joint: {_by_joint(found)}")
+    for joint in found.turned:
+        _say(
+            console,
+            f"  {joint} turns the other way in B; map it so with --joints, or turn its axis"
+            f" (that leaves {_size(found.left_when_turned)})",
+        )
+
+
+def _size(value: float | None) -> str:
+    return f"{float('inf') if value is None else value:.1e}"
+
+
+def _by_joint(found: Compared) -> str:
+    sizes = [float("inf") if size is None else size for size in found.by_component]
+    n = len(found.joints)
+    worst = {name: max(sizes[i], sizes[n + i]) for i, name in enumerate(found.joints)}
+    order = sorted(worst, key=lambda name: -worst[name])
+    return ", ".join(f"{name} {worst[name]:.1e}" for name in order[:MOST_TOLD])
+
+
+def _print_terms(console: Console, outcome: Outcome, found: Compared) -> None:
+    if found.terms:
+        console.print("\nterms of the equations that differ, the weightiest first")
+        for term in found.terms[:MOST_TOLD]:
+            _say(console, f"  {term.message}")
+        if len(found.terms) > MOST_TOLD:
+            console.print(f"  and {len(found.terms) - MOST_TOLD} more")
+    elif outcome is Outcome.DIFFERS and not found.turned:
+        console.print("\nno single term differs by more than it can be measured to")
+
+
+def _print_differences(console: Console, outcome: Outcome, found: Compared) -> None:
+    if not found.differences:
+        return
+    agrees = outcome is Outcome.AGREES
+    console.print("\nwhere the files differ, A -> B")
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    for _ in range(3):
+        table.add_column(overflow="fold")
+    shown = [one for one in found.differences if not agrees or len(one.edits) == 1]
+    for one in shown[:MOST_TOLD]:
+        table.add_row(*(escape(cell) for cell in _cells(one, agrees)))
+    console.print(table)
+    if len(shown) > MOST_TOLD:
+        console.print(f"and {len(shown) - MOST_TOLD} more, see --json")
+    if found.untried:
+        console.print(f"{found.untried} more differences of the files were not tried alone")
+
+
+def _cells(one: FileDifference, agrees: bool) -> tuple[str, str, str]:
+    if len(one.edits) > 1:
+        return "", f"all {len(one.edits)} together", _effect(one, agrees)
+    (edit,) = one.edits
+    return _lines(edit), f"{edit.what}: {edit.a} -> {edit.b}", _effect(one, agrees)
+
+
+def _lines(edit: FileEdit) -> str:
+    """The line in A; that in B where it has another number."""
+    if edit.where_a is None or edit.where_b is None:
+        return ""
+    a, b = (Path(str(where)).name for where in (edit.where_a, edit.where_b))
+    return a if a == b or edit.where_a.line == edit.where_b.line else f"{a}, {b}"
+
+
+def _effect(one: FileDifference, agrees: bool) -> str:
+    if one.not_tried:
+        return f"not tried: {one.not_tried}"
+    if one.moved == 0.0:
+        return "no motion depends on it"
+    if agrees:
+        return f"moves the motions by {_size(one.moved)}, which others undo"
+    if one.explained == 1.0:
+        return "explains all of it"
+    return f"explains {_share(one.explained or 0.0)} of it, moves by {_size(one.moved)}"
+
+
+def _share(explained: float) -> str:
+    if explained <= 0.0005:
+        return "nothing"
+    return f"{100 * min(explained, 0.99999):.3g} %"
