@@ -1,31 +1,42 @@
 """Comparisons in this process, and copies of the built-in models with something changed."""
 
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 from harness.compare.candidate import candidate
-from harness.compare.compare import CompareOptions, compare
+from harness.compare.compare import CompareOptions, Findings, compare
 from harness.compare.executor import at_once
 from harness.compare.match import declared
 from harness.files.folders import builtin
 
 
-def compared(a, b, engine_a=None, engine_b=None, joints="", table=None, **more):
+def compared(
+    a: Path | str,
+    b: Path | str,
+    engine_a: str | None = None,
+    engine_b: str | None = None,
+    joints: str = "",
+    table: Path | None = None,
+    resolution: float = 1e-9,
+    starts: tuple[Mapping[str, float], ...] = (),
+) -> Findings:
     """Compare two files as the command does."""
     options = CompareOptions(
         a=candidate("A", Path(a), engine_a),
         b=candidate("B", Path(b), engine_b),
         joints=declared(joints, table),
-        **more,
+        resolution=resolution,
+        starts=starts,
     )
     return compare(options, at_once)
 
 
-def model(system, name):
+def model(system: str, name: str) -> Path:
     return builtin() / system / name
 
 
-def changed(folder, path, *replacements):
+def changed(folder: Path, path: Path, *replacements: tuple[str, str]) -> Path:
     """A copy of a model file and its sidecar, with some text replaced in either."""
     folder.mkdir(parents=True, exist_ok=True)
     sidecar = path.with_name(f"{path.name}.toml")
@@ -42,7 +53,7 @@ def changed(folder, path, *replacements):
     return folder / path.name
 
 
-def written(folder, name, text, *replacements):
+def written(folder: Path, name: str, text: str, *replacements: tuple[str, str]) -> Path:
     """A file of a given text, with some of it replaced."""
     folder.mkdir(parents=True, exist_ok=True)
     for old, new in replacements:

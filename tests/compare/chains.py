@@ -1,9 +1,11 @@
 """Random serial chains of slides and hinges, the same one written as MJCF and as URDF."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 
-def chain(seed, joints):
+def chain(seed: int, joints: int) -> tuple[str, str]:
     """(MJCF, URDF) of a chain with random axes, offsets, turned inertias, springs and dampers."""
     random = np.random.default_rng(seed)
     bodies, links = "", '  <link name="ground"/>\n'
@@ -47,5 +49,5 @@ def chain(seed, joints):
     return mjcf, f'<robot name="chain">\n{links}</robot>\n'
 
 
-def words(values):
+def words(values: Iterable[float]) -> str:
     return " ".join(repr(float(value)) for value in values)

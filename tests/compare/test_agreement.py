@@ -1,7 +1,10 @@
 """Models of one mechanism agree with each other, whatever their format and engine."""
 
+from pathlib import Path
+
 import pytest
 
+from harness.compare.compare import Findings
 from harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
@@ -19,7 +22,7 @@ PAIRS = (
 )
 
 
-def agrees(found):
+def agrees(found: Findings) -> Findings:
     judged = found.judgement
     assert judged.outcome is Outcome.AGREES, judged.reason
     assert judged.discrepancy < 1e-9
@@ -30,26 +33,28 @@ def agrees(found):
 
 @pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize(("a", "engine_a", "b", "engine_b"), PAIRS)
-def test_the_built_in_models_agree_across_formats_and_engines(system, a, engine_a, b, engine_b):
+def test_the_built_in_models_agree_across_formats_and_engines(
+    system: str, a: str, engine_a: str | None, b: str, engine_b: str | None
+) -> None:
     found = agrees(compared(model(system, a), model(system, b), engine_a, engine_b))
     # A free motion can't fix the overall scale: half of the runs or so are driven.
     assert found.recorded.driven.sum() >= 40
 
 
-def test_a_drum_that_rolls_by_an_equality_agrees_with_one_that_rolls_by_a_gear():
+def test_a_drum_that_rolls_by_an_equality_agrees_with_one_that_rolls_by_a_gear() -> None:
     drum = "drum_pendulum"
     found = agrees(compared(model(drum, "mujoco_rolling.xml"), model(drum, "robot.urdf")))
     assert found.match.names == ("x", "phi", "theta")
     assert len(found.recorded.independent) == 2
 
 
-def test_states_are_taken_of_the_model_that_has_a_following_joint_more():
+def test_states_are_taken_of_the_model_that_has_a_following_joint_more() -> None:
     drum = "drum_pendulum"
     found = agrees(compared(model(drum, "mujoco.xml"), model(drum, "robot.urdf")))
     assert (found.match.source, found.match.left_out) == ("B", ("phi",))
 
 
-def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path):
+def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path: Path) -> None:
     drum = "drum_pendulum"
     # The Space has a drum that slides; the URDF's turns too.
     table = written(tmp_path, "map.toml", '[joints]\nphi = "drum.x / 0.18"\n')
@@ -63,13 +68,13 @@ def test_an_expression_says_what_a_joint_without_a_namesake_is(tmp_path):
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
-def test_an_arm_written_by_hand_in_both_formats_agrees(tmp_path, engine):
+def test_an_arm_written_by_hand_in_both_formats_agrees(tmp_path: Path, engine: str) -> None:
     a, b = written(tmp_path, "arm.xml", MJCF), written(tmp_path, "arm.urdf", URDF)
     found = agrees(compared(a, b, engine_b=engine))
     assert "gravity (0, 0, -9.81) and a step of 0.002 s are assumed" in found.notes[0]
 
 
-def test_a_joint_of_another_name_direction_and_zero_agrees_when_mapped(tmp_path):
+def test_a_joint_of_another_name_direction_and_zero_agrees_when_mapped(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(
         tmp_path,
@@ -82,7 +87,7 @@ def test_a_joint_of_another_name_direction_and_zero_agrees_when_mapped(tmp_path)
     agrees(compared(path, other, joints="theta=0.3-swing"))
 
 
-def test_step_and_integrator_are_no_difference(tmp_path):
+def test_step_and_integrator_are_no_difference(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(
         tmp_path,
@@ -96,7 +101,7 @@ def test_step_and_integrator_are_no_difference(tmp_path):
     }
 
 
-def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path):
+def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path: Path) -> None:
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.001"), ('"Euler"', '"RK4"'))
     found = agrees(compared(path, other, "mujoco", "mujoco"))
@@ -111,7 +116,7 @@ def test_a_sidecars_step_and_integrator_are_no_difference(tmp_path):
     }
 
 
-def test_comments_and_white_space_are_no_difference(tmp_path):
+def test_comments_and_white_space_are_no_difference(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(
         tmp_path,
@@ -123,14 +128,14 @@ def test_comments_and_white_space_are_no_difference(tmp_path):
     assert agrees(compared(path, other)).trials == ()
 
 
-def test_what_is_for_the_eye_alone_moves_nothing(tmp_path):
+def test_what_is_for_the_eye_alone_moves_nothing(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('size="0.18 0.1"', 'size="0.28 0.1"'))
     (trial,) = agrees(compared(path, other)).trials
     assert (trial.moved, trial.not_tried) == (0.0, "")
 
 
-def test_a_state_of_the_users_own_is_run_too():
+def test_a_state_of_the_users_own_is_run_too() -> None:
     path = model("simple_pendulum", "mujoco.xml")
     found = agrees(compared(path, path, starts=({"theta": 2.9, "theta_dot": 0.25},)))
     here = found.recorded.runs
@@ -138,13 +143,13 @@ def test_a_state_of_the_users_own_is_run_too():
 
 
 @pytest.mark.parametrize(("seed", "joints"), [(1, 2), (3, 4), (5, 7)])
-def test_random_chains_agree_across_formats(tmp_path, seed, joints):
+def test_random_chains_agree_across_formats(tmp_path: Path, seed: int, joints: int) -> None:
     mjcf, urdf = chain(seed, joints)
     a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)
     agrees(compared(a, b, engine_b="mujoco"))
 
 
-def test_what_pybullet_loses_of_turned_inertias_is_told(tmp_path):
+def test_what_pybullet_loses_of_turned_inertias_is_told(tmp_path: Path) -> None:
     mjcf, urdf = chain(1, 2)
     a, b = written(tmp_path, "a.xml", mjcf), written(tmp_path, "b.urdf", urdf)
     found = compared(a, b, engine_b="pybullet")
@@ -152,7 +157,7 @@ def test_what_pybullet_loses_of_turned_inertias_is_told(tmp_path):
     assert "principal axes PyBullet finds to 1e-9" in found.notes[-1]
 
 
-def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path):
+def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     wall = '<geom type="sphere" pos="0.6 0 0.55" size="0.1" contype="1" conaffinity="1"/>\n'
     bob = '<geom name="bob" type="sphere" pos="0 0 -0.75" size="0.05"'

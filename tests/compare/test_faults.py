@@ -1,7 +1,11 @@
 """One thing made wrong in a copy: what differs is named by joint, by term and by line."""
 
+from pathlib import Path
+
 import pytest
 
+from harness.compare.compare import Findings
+from harness.compare.trials import Trial
 from harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
@@ -36,15 +40,21 @@ FAULTS = (
 )  # fmt: skip
 
 
-def single(found):
+def single(found: Findings) -> dict[str, Trial]:
     """What each difference of the files explains alone, by its label."""
     return {t.edits[0].label: t for t in found.trials if len(t.edits) == 1}
 
 
 @pytest.mark.parametrize(("system", "name", "old", "new", "messages", "literal"), FAULTS)
 def test_one_literal_off_by_a_millionth_is_named(
-    tmp_path, system, name, old, new, messages, literal
-):
+    tmp_path: Path,
+    system: str,
+    name: str,
+    old: str,
+    new: str,
+    messages: tuple[str, ...],
+    literal: str | None,
+) -> None:
     path = model(system, name)
     engine = {".urdf": "mujoco"}.get(path.suffix)
     other = changed(tmp_path, path, (old, new))
@@ -68,12 +78,12 @@ def test_one_literal_off_by_a_millionth_is_named(
     assert edit.label == literal
     place = path if not literal.startswith("sidecar:") else path.with_name(f"{path.name}.toml")
     lines = place.read_text().splitlines()
-    line = edit.where_a.line
+    line = edit.where_a.line or 0
     near = lines[line - 1 : line + 3] if literal.startswith("sidecar:") else [lines[line - 1]]
     assert any(old.split("=")[0].strip('<"> ').split()[0] in one for one in near)
 
 
-def test_of_several_differences_each_is_told_its_share(tmp_path):
+def test_of_several_differences_each_is_told_its_share(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(
         tmp_path,
@@ -93,7 +103,7 @@ def test_of_several_differences_each_is_told_its_share(tmp_path):
     assert (len(together.edits), together.explained) == (4, 1.0)
 
 
-def test_an_element_more_is_tried_as_a_whole(tmp_path):
+def test_an_element_more_is_tried_as_a_whole(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     extra = '<body name="knob" pos="0 0 -0.2"><inertial pos="0 0 0" mass="0.01"'
     extra += ' diaginertia="1e-6 1e-6 1e-6"/></body>\n    </body>\n  </worldbody>'
@@ -105,7 +115,7 @@ def test_an_element_more_is_tried_as_a_whole(tmp_path):
     assert (trial.explained, trial.edits[0].new) == (1.0, "nothing")
 
 
-def test_an_attribute_more_is_tried(tmp_path):
+def test_an_attribute_more_is_tried(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" armature="1e-5"/>'))
     for a, b in ((path, other), (other, path)):
@@ -114,7 +124,7 @@ def test_an_attribute_more_is_tried(tmp_path):
         assert found.terms[0].kind == "inertia"
 
 
-def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path):
+def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 -1 0" frictionloss="0.001"/>'))
     found = compared(path, other)
@@ -125,7 +135,7 @@ def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path):
     assert found.trials[0].explained > 0.99
 
 
-def test_drag_that_grows_with_the_square_of_the_speed_is_no_damping(tmp_path):
+def test_drag_that_grows_with_the_square_of_the_speed_is_no_damping(tmp_path: Path) -> None:
     path = model("mass_spring_damper", "robot.urdf")
     other = changed(tmp_path, path, ("step = 0.002", "step = 0.002\nlink_damping = 0.04"))
     found = compared(path, other, "pybullet", "pybullet")
@@ -135,7 +145,7 @@ def test_drag_that_grows_with_the_square_of_the_speed_is_no_damping(tmp_path):
     assert found.trials[0].explained == 1.0
 
 
-def test_gravity_that_differs_is_told_by_its_force(tmp_path):
+def test_gravity_that_differs_is_told_by_its_force(tmp_path: Path) -> None:
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ("gravity = [0, 0, -9.81]", "gravity = [0, 0, -9.80665]"))
     found = compared(path, other, "mujoco", "pybullet")
@@ -148,7 +158,9 @@ def test_gravity_that_differs_is_told_by_its_force(tmp_path):
     ('<axis xyz="0.6 0.8 0"/>', '<axis xyz="-0.6 -0.8 0"/>', "elbow"),
     ('<axis xyz="0 0 -1"/>', '<axis xyz="0 0 1"/>', "reach"),
 ])  # fmt: skip
-def test_a_joint_that_turns_the_other_way_is_named(tmp_path, old, new, joint):
+def test_a_joint_that_turns_the_other_way_is_named(
+    tmp_path: Path, old: str, new: str, joint: str
+) -> None:
     a = written(tmp_path, "arm.xml", MJCF, ('springref="0.4"', 'springref="0"'))
     urdf = URDF.replace("Reference>0.4<", "Reference>0<").replace(
         'lower="-0.2" upper="0.3"', 'lower="-0.3" upper="0.3"'
@@ -163,7 +175,7 @@ def test_a_joint_that_turns_the_other_way_is_named(tmp_path, old, new, joint):
     assert mapped.judgement.outcome is Outcome.AGREES
 
 
-def test_a_mirror_image_does_not_tell_which_joint_is_turned(tmp_path):
+def test_a_mirror_image_does_not_tell_which_joint_is_turned(tmp_path: Path) -> None:
     a = model("drum_pendulum", "mujoco.xml")
     b = changed(
         tmp_path,
@@ -173,7 +185,7 @@ def test_a_mirror_image_does_not_tell_which_joint_is_turned(tmp_path):
     assert compared(a, b, engine_b="mujoco").turned == ("x or theta",)
 
 
-def test_a_product_of_inertia_shows_across_formats(tmp_path):
+def test_a_product_of_inertia_shows_across_formats(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(tmp_path, "arm.urdf", URDF, ('izz="0.003" ixy="0"', 'izz="0.003" ixy="0.00002"'))
     found = compared(a, b, engine_b="mujoco")
@@ -186,18 +198,18 @@ def test_a_product_of_inertia_shows_across_formats(tmp_path):
     assert own.b - own.a == pytest.approx(2 * 0.6 * 0.8 * 2e-5, rel=1e-3)
 
 
-def test_across_formats_a_constant_names_both_lines(tmp_path):
+def test_across_formats_a_constant_names_both_lines(tmp_path: Path) -> None:
     a = changed(tmp_path, model("drum_pendulum", "mujoco.xml"), ('mass="0.8"', 'mass="0.8001"'))
     found = compared(a, model("drum_pendulum", "robot.urdf"), engine_b="mujoco")
     (trial,) = found.trials
     assert trial.explained == 1.0
     (edit,) = trial.edits
     assert edit.label.endswith("both m")
-    assert 'mass="0.8001"' in a.read_text().splitlines()[edit.where_a.line - 1]
+    assert 'mass="0.8001"' in a.read_text().splitlines()[(edit.where_a.line or 0) - 1]
     assert edit.where_b.file.endswith("robot.urdf")
 
 
-def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path):
+def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path: Path) -> None:
     path = model("drum_pendulum", "robot.urdf")
     line = '<mimic joint="x" multiplier="5.555555555555555" offset="0"/>'
     other = changed(tmp_path, path, (line, ""))
@@ -207,7 +219,7 @@ def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path):
     assert "3 of the joints move by themselves in B, 2 in A" in found.terms[0].message
 
 
-def test_a_model_without_gravity_to_set_still_names_the_stiffness(tmp_path):
+def test_a_model_without_gravity_to_set_still_names_the_stiffness(tmp_path: Path) -> None:
     text = """names = ["a", "b"]
 M = [[2.0, 0.3], [0.3, 1.0]]
 C = [[0.5, 0.0], [0.0, 0.2]]

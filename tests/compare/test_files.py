@@ -1,5 +1,7 @@
 """What differs between two files, and what would have to be written in the first to make it so."""
 
+from pathlib import Path
+
 import pytest
 
 from harness.compare.candidate import Candidate
@@ -9,7 +11,9 @@ from harness.files.sidecar import Sidecar
 from tests.compare.asking import written
 
 
-def between(folder, suffix, one, other):
+def between(
+    folder: Path, suffix: str, one: str, other: str
+) -> tuple[list[tuple[str, int | None, int | None, str, str]], str]:
     """Differences of two texts, as (label, line in A, line in B, old, new), and A made B."""
     files = written(folder, f"a{suffix}", one), written(folder, f"b{suffix}", other)
     sides = [Candidate("A", Sidecar(f, ("any",), {}, {}, {}, {}, ()), "any") for f in files]
@@ -18,7 +22,7 @@ def between(folder, suffix, one, other):
     return told, applied(one.encode(), found).decode()
 
 
-def test_a_number_of_a_vector_is_one_difference(tmp_path):
+def test_a_number_of_a_vector_is_one_difference(tmp_path: Path) -> None:
     told, made = between(
         tmp_path,
         ".xml",
@@ -35,7 +39,7 @@ def test_a_number_of_a_vector_is_one_difference(tmp_path):
     ('<m><b name="one"/><b name="two"/></m>', '<m><b name="two"/><b name="one"/></m>'),
     ('<m a="1" b="2"/>', '<m b="2" a="1"/>'),
 ])  # fmt: skip
-def test_the_same_said_otherwise_is_no_difference(tmp_path, one, other):
+def test_the_same_said_otherwise_is_no_difference(tmp_path: Path, one: str, other: str) -> None:
     assert between(tmp_path, ".xml", one, other)[0] == []
 
 
@@ -49,13 +53,15 @@ def test_the_same_said_otherwise_is_no_difference(tmp_path, one, other):
     ('<m><b/><c k="1"><d/></c></m>', "<m><b/></m>", ("c", '<c k="1"><d/></c>', "nothing")),
     ('<m><j name="a"/></m>', '<m><j name="b"/></m>', ("j[a]@name", "a", "b")),
 ])  # fmt: skip
-def test_every_kind_of_difference_can_be_made(tmp_path, one, other, told):
+def test_every_kind_of_difference_can_be_made(
+    tmp_path: Path, one: str, other: str, told: tuple[str, ...]
+) -> None:
     found, made = between(tmp_path, ".xml", one, other)
     assert [(label, old, new) for label, _, _, old, new in found] == [told]
     assert between(tmp_path, ".xml", made, other)[0] == []
 
 
-def test_numbers_of_python_are_told_by_their_names_or_lines(tmp_path):
+def test_numbers_of_python_are_told_by_their_names_or_lines(tmp_path: Path) -> None:
     one = "MASS = 2.0  # kg\n\ndef build():\n    '''Old.'''\n    return MASS, -0.5, 7\n"
     other = "\nMASS = 2.5\ndef build():\n    'New.'\n    return MASS, +0.5, 7.0\n"
     told, made = between(tmp_path, ".py", one, other)
@@ -64,7 +70,7 @@ def test_numbers_of_python_are_told_by_their_names_or_lines(tmp_path):
     assert "return MASS, +0.5, 7" in made
 
 
-def test_other_code_is_told_at_its_first_line_and_tried_as_a_whole(tmp_path):
+def test_other_code_is_told_at_its_first_line_and_tried_as_a_whole(tmp_path: Path) -> None:
     one, other = "a = 1\nb = a\n", "a = 1\nb = a * 2\n"
     told, made = between(tmp_path, ".py", one, other)
     assert [entry[:3] for entry in told] == [("code", 2, 2)]
@@ -76,6 +82,8 @@ def test_other_code_is_told_at_its_first_line_and_tried_as_a_whole(tmp_path):
     (".xml", "<!DOCTYPE m [<!ENTITY a 'b'>]><m/>", "entities or a DTD"),
     (".py", "a = (", r"b.py:1: no Python"),
 ])  # fmt: skip
-def test_a_file_that_cannot_be_read_is_named_with_its_line(tmp_path, suffix, text, sentence):
+def test_a_file_that_cannot_be_read_is_named_with_its_line(
+    tmp_path: Path, suffix: str, text: str, sentence: str
+) -> None:
     with pytest.raises(LocationError, match=sentence):
         between(tmp_path, suffix, {".xml": "<m/>", ".py": "a = 1"}[suffix], text)

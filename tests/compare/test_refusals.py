@@ -1,5 +1,7 @@
 """What can't be compared is refused in one line, with the place and the remedy."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,10 +12,12 @@ from harness.files.sidecar import SidecarError
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
 
-NONE = ({}, {})
+NONE: tuple[dict[str, str], dict[str, str]] = ({}, {})
 
 
-def test_a_renamed_joint_is_refused_with_both_lists_and_the_likeliest_partner(tmp_path):
+def test_a_renamed_joint_is_refused_with_both_lists_and_the_likeliest_partner(
+    tmp_path: Path,
+) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('joint name="theta"', 'joint name="theta_2"'))
     with pytest.raises(CompareError) as error:
@@ -24,7 +28,7 @@ def test_a_renamed_joint_is_refused_with_both_lists_and_the_likeliest_partner(tm
     )
 
 
-def test_a_joint_that_the_other_model_has_locked_is_refused_by_name(tmp_path):
+def test_a_joint_that_the_other_model_has_locked_is_refused_by_name(tmp_path: Path) -> None:
     a = written(tmp_path, "arm.xml", MJCF)
     b = written(
         tmp_path,
@@ -43,7 +47,7 @@ def test_a_joint_that_the_other_model_has_locked_is_refused_by_name(tmp_path):
     ("theta=hip", "hip is neither a coordinate nor a constant; the joints of B are x, theta"),
     ("theta=2+", "can't read '2\\+'"),
 ])  # fmt: skip
-def test_a_map_that_cannot_be_read_is_refused(joints, sentence):
+def test_a_map_that_cannot_be_read_is_refused(joints: str, sentence: str) -> None:
     with pytest.raises(CompareError, match=sentence):
         match(("x", "theta"), ("x", "theta"), declared(joints, None), NONE)
 
@@ -52,12 +56,14 @@ def test_a_map_that_cannot_be_read_is_refused(joints, sentence):
     ("[joints", "map.toml: can't be read"),
     ("[coordinates]\na = 'b'", "it needs one table, \\[joints\\]"),
 ])  # fmt: skip
-def test_a_map_file_that_cannot_be_read_is_refused(tmp_path, text, sentence):
+def test_a_map_file_that_cannot_be_read_is_refused(
+    tmp_path: Path, text: str, sentence: str
+) -> None:
     with pytest.raises(CompareError, match=sentence):
         declared("", written(tmp_path, "map.toml", text))
 
 
-def test_a_map_may_scale_turn_and_shift(tmp_path):
+def test_a_map_may_scale_turn_and_shift(tmp_path: Path) -> None:
     z, w = [[0.4, 0.7]], [[2.0, 3.0]]
     pairs = declared("a=2*q-1, b=-r", None)
     table = written(tmp_path, "map.toml", '[joints]\nq = "(a + 1) / 2"\nr = "-b"\n')
@@ -68,12 +74,12 @@ def test_a_map_may_scale_turn_and_shift(tmp_path):
         assert np.allclose(over, [[[0.7, -0.7]], [[1.0, -3.0]]], atol=1e-15)
 
 
-def test_a_name_that_has_a_partner_is_not_matched_again():
+def test_a_name_that_has_a_partner_is_not_matched_again() -> None:
     with pytest.raises(CompareError, match="no match for joint b of A and joint a of B"):
         match(("a", "b"), ("a", "c"), declared("a=c", None), NONE)
 
 
-def test_a_state_of_a_joint_that_is_not_there_is_refused():
+def test_a_state_of_a_joint_that_is_not_there_is_refused() -> None:
     path = model("simple_pendulum", "mujoco.xml")
     with pytest.raises(CompareError, match=r"--start: 'phi' is no joint .* are theta"):
         compared(path, path, starts=({"phi": 1.0},))
@@ -85,14 +91,16 @@ def test_a_state_of_a_joint_that_is_not_there_is_refused():
     ("mujoco.xml", "pybullet", "pybullet reads .urdf files alone; choose another with --engine-b"),
     ("system.py.toml", None, "no engine reads it; they read"),
 ])  # fmt: skip
-def test_a_path_or_engine_that_will_not_do_is_refused(tmp_path, name, engine, sentence):
+def test_a_path_or_engine_that_will_not_do_is_refused(
+    tmp_path: Path, name: str, engine: str | None, sentence: str
+) -> None:
     changed(tmp_path, model("simple_pendulum", "mujoco.xml"))
     (tmp_path / "system.py.toml").write_text("")
     with pytest.raises(CompareError, match=sentence):
         candidate("B", tmp_path / name, engine)
 
 
-def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch):
+def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     from harness.engines.pymunk import PymunkEngine
 
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
@@ -100,7 +108,9 @@ def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch):
         candidate("A", model("simple_pendulum", "space.py"), None)
 
 
-def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(tmp_path, monkeypatch):
+def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from harness.engines.pybullet import PybulletEngine
 
     path = model("simple_pendulum", "robot.urdf")
@@ -113,13 +123,13 @@ def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(tmp_pa
     assert candidate("A", path, None).engine == "mujoco"
 
 
-def test_a_sidecar_that_cannot_be_read_is_named(tmp_path):
+def test_a_sidecar_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     path = changed(tmp_path, model("simple_pendulum", "robot.urdf"), ("[settings]", "[settings"))
     with pytest.raises(SidecarError, match=r"robot.urdf.toml: "):
         candidate("A", path, None)
 
 
-def test_a_model_that_cannot_be_loaded_is_named_with_its_engine(tmp_path):
+def test_a_model_that_cannot_be_loaded_is_named_with_its_engine(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('mass="0.45"', 'mass="-0.45"'))
     with pytest.raises(FailureError, match=r"mujoco.xml: MuJoCo can't load it"):
