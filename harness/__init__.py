@@ -1,8 +1,11 @@
-"""Hold physics models against their equations, to nine digits, in every engine that runs them."""
+"""Hold physics models against their equations, to nine digits, in every engine that runs them.
+
+`physics_crosscheck` is the name to import from; what lies here may move.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from harness.api import check
@@ -10,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["check"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     # Not imported before it is asked for: pytest imports this package in every project.
     if name == "check":
         from harness.api import check

@@ -1,17 +1,27 @@
-"""The way in, by a name of its own: `harness` and `reference` are names that others use too.
+"""Hold physics models against their equations, to nine digits, in every engine that runs them.
 
-Importing this module binds both names, in this process, to the packages that lie beside it,
-whatever the working folder, PYTHONPATH or pytest put before them. They are imported when needed.
+This is the one name to import from: in a `system.py`, in tests, in notebooks.
+
+    from physics_crosscheck import Constant, Coordinate, Scenario, System, check
+
+`physics_crosscheck.records` has the types of what comes out, `physics_crosscheck.engine` what an
+adapter of another engine is made of.
+
+Importing this module binds the names `harness` and `reference`, in this process, to the packages
+that lie beside it, whatever the working folder, PYTHONPATH or pytest put before them: others use
+these names too. They are imported when something of theirs is asked for.
 """
 
 from __future__ import annotations
 
+import importlib
 import importlib.machinery
 import sys
 from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 OWN = ("harness", "reference")
 BESIDE = Path(__file__).resolve().parents[1]
@@ -51,3 +61,46 @@ def _ours(file: str | None, name: str) -> bool:
 
 
 claim()
+
+if TYPE_CHECKING:
+    from harness.api import Results, check
+    from reference import (
+        Angle,
+        Body,
+        Constant,
+        Coordinate,
+        DeclarationError,
+        Equilibrium,
+        Input,
+        Link,
+        Output,
+        PublishedEquation,
+        Scenario,
+        System,
+        t,
+    )
+
+_FROM = {
+    "harness.api": ("Results", "check"),
+    "reference": (
+        "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input",
+        "Link", "Output", "PublishedEquation", "Scenario", "System", "t",
+    ),
+}  # fmt: skip
+
+__all__ = [
+    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
+    "Output", "PublishedEquation", "Results", "Scenario", "System", "check", "t",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> object:
+    # Not before it is asked for: a declaration needs sympy, and no engine; help texts neither.
+    for module, names in _FROM.items():
+        if name in names:
+            return getattr(importlib.import_module(module), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

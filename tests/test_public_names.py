@@ -1,0 +1,60 @@
+"""The names that users import: each a promise, and no others."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import physics_crosscheck
+import physics_crosscheck.engine
+import physics_crosscheck.records
+
+ROOT = Path(__file__).parents[1]
+
+TOP = {
+    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
+    "Output", "PublishedEquation", "Results", "Scenario", "System", "check", "t",
+}  # fmt: skip
+RECORDS = {
+    "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",
+    "EngineLinearization", "Explanation", "FullRun", "Model", "ModelId", "Mutation", "Mutations",
+    "Outcome", "Record", "Results", "ResultsError", "Series", "SourceLine", "System", "Verdict",
+    "read_results",
+}  # fmt: skip
+ENGINE = {
+    "Array", "Engine", "EngineError", "Force", "Model", "ModelSpec", "Remark", "Spring",
+    "StateForce", "conformance",
+}  # fmt: skip
+
+
+def test_the_public_names_are_these() -> None:
+    modules = (physics_crosscheck, physics_crosscheck.records, physics_crosscheck.engine)
+    for module, names in zip(modules, (TOP, RECORDS, ENGINE), strict=True):
+        assert set(module.__all__) == names
+        assert all(getattr(module, name) is not None for name in names)
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    assert not hasattr(physics_crosscheck, "nothing")
+
+
+def test_the_packages_say_that_they_are_typed() -> None:
+    for package in ("physics_crosscheck", "harness", "reference"):
+        assert (ROOT / package / "py.typed").is_file()
+
+
+def test_importing_the_public_name_imports_nothing_heavy() -> None:
+    heavy = "{'sympy', 'numpy', 'msgspec', 'mujoco', 'pybullet', 'pymunk', 'harness', 'reference'}"
+    code = f"import sys, physics_crosscheck; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_models_and_template_import_from_the_public_name_alone() -> None:
+    for file in (*ROOT.glob("models/*/*.py"), *ROOT.glob("template/*.py")):
+        text = file.read_text()
+        assert "from reference" not in text, file
+        assert "harness" not in text, file
