@@ -220,7 +220,7 @@ def _taylor_series(
     """Each segment by heyoka's adaptive Taylor series, at the precision of a double."""
     import heyoka as hy
 
-    from reference.system import t
+    from reference.declaration import t
 
     system = equations.system
     inputs = dict(zip(system.u, piece.expressions, strict=True))

@@ -13,7 +13,7 @@ from typing import Any
 
 import sympy as sp
 
-from reference.system import Coordinate
+from reference.declaration import Coordinate
 
 Triple = Sequence[Any]
 """Three numbers or expressions: a place, an axis, moments."""

@@ -12,10 +12,10 @@ import mpmath as mp
 import numpy as np
 import sympy as sp
 
+from reference.declaration import DeclarationError, Equilibrium, t
 from reference.derive import Equations
 from reference.numeric import Array
 from reference.simplify import LONG, tidy
-from reference.system import DeclarationError, Equilibrium, t
 
 DIGITS = 60
 """Working precision of the linear algebra: a defective eigenvalue keeps half of it."""

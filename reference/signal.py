@@ -17,8 +17,9 @@ import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 
+from reference.declaration import DeclarationError, Scenario, t
 from reference.numeric import Array, NumericFunction, compile_function
-from reference.system import DeclarationError, Scenario, System, t
+from reference.system import System
 
 DIGITS = 40
 """Precision of the closed form, wherever it is asked for: a double's 16, and 24 to lose."""

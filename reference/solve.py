@@ -8,13 +8,13 @@ import numpy as np
 import sympy as sp
 
 from reference.closed_form import solve_closed_form
+from reference.declaration import Equilibrium, Scenario, t
 from reference.derive import Equations
 from reference.integrate import ReferenceError, solve_numerically, trajectory
 from reference.linearize import linearize
 from reference.motion import Motion, Span
 from reference.numeric import Array
 from reference.signal import Piece, numeric_inputs, pieces
-from reference.system import Equilibrium, Scenario, t
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200

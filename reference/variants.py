@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from reference.declaration import Coordinate, t
 from reference.derive import Equations
 from reference.integrate import collocate
 from reference.numeric import Array, NumericFunction, compile_function
 from reference.simplify import solved
-from reference.system import Coordinate, t
 
 CREEP = 1e-3
 """Speed below which Coulomb friction is smoothed, as a share of the motion's."""

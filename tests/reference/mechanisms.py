@@ -64,7 +64,7 @@ def declared(**changed) -> dict:
         "D": C * X.v**2 / 2,
         "equilibria": (Equilibrium("rest", {X: 0}, False, "relaxed"),),
         "scenarios": (Scenario("free", "released", {X: 0.1}, {X: 0}, {F: 0}, 10.0),),
-        "printed": (),
+        "published": (),
     }
     return fields | changed
 
@@ -104,7 +104,7 @@ def pendulum(angle, speed: float, duration: float, g: float = 9.81, l: float = 1
         D=0,
         equilibria=(Equilibrium("hanging", {theta: 0}, False, "down"),),
         scenarios=(Scenario("only", "of a test", {theta: angle}, {theta: speed}, {}, duration),),
-        printed=(),
+        published=(),
     )
 
 
@@ -150,7 +150,7 @@ def cart_with_double_pendulum() -> System:
                 5.0,
             ),
         ),
-        printed=(),
+        published=(),
     )
 
 

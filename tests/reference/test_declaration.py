@@ -143,7 +143,7 @@ FAULTS = {
         "inputs: the value of f depends on x_dot",
     ),
     "an unknown kind of printed equation": (
-        declared(printed=(PublishedEquation("2.5", "x = 0", "poetry", "x", False, ""),)),
+        declared(published=(PublishedEquation("2.5", "x = 0", "poetry", "x", False, ""),)),
         "Eq. 2.5: states 'poetry' is unknown",
     ),
     "a constant that is not declared": (

@@ -116,7 +116,7 @@ def test_an_equation_without_inputs_is_compared_without_them():
 def test_a_system_without_inputs_has_its_linear_equations_compared():
     system = pendulum(0.1, 0.0, 1.0)
     printed = PublishedEquation("3.12", "theta'' + (g/l)*theta = 0", "linear", "hanging", False, "")
-    equations = derive(dataclasses.replace(system, printed=(printed,)))
+    equations = derive(dataclasses.replace(system, published=(printed,)))
     (row,) = errata(equations, (linearize(equations, system.equilibria[0]),))
     assert row.verdict == AGREES
 

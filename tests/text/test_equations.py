@@ -135,7 +135,7 @@ def test_a_planted_erratum_is_counted():
     system = system_of("mass_spring_damper")
     first, second = system.printed
     wrong = dataclasses.replace(second, text="m*x'' + 2*c*x' + k*x = f")
-    text = squeeze(describe(dataclasses.replace(system, printed=(first, wrong))))
+    text = squeeze(describe(dataclasses.replace(system, published=(first, wrong))))
     assert "1 of 2 differs" in text
     assert "Eq. 2.6 motion of x: differs" in text
     assert "left over c*x'" in text
