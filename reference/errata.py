@@ -26,7 +26,7 @@ Comparison: TypeAlias = tuple[sp.Expr, sp.Expr]
 """What is derived, and what the published expression leaves over: zero where they agree."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Erratum:
     """One published equation and its class.
 
@@ -74,15 +74,17 @@ def _compare(
     # A chain of sides is held against one thing.
     derived = dict.fromkeys(f"{sp.sstr(found)}{ending}" for found, _ in best)
     return Erratum(
-        published,
-        DIFFERS if _size(best) else agreement,
-        "; ".join(derived),
-        "; ".join(sp.sstr(sp.expand(left)) for _, left in best if left != 0),
+        published=published,
+        verdict=DIFFERS if _size(best) else agreement,
+        derived="; ".join(derived),
+        difference="; ".join(
+            sp.sstr(sp.expand(sp.simplify(left))) for _, left in best if left != 0
+        ),
     )
 
 
 def _size(choice: Sequence[Comparison]) -> int:
-    return sum(len(sp.sstr(sp.expand(left))) for _, left in choice if left != 0)
+    return sum(len(sp.sstr(left)) for _, left in choice if left != 0)
 
 
 def _motions(published: PublishedEquation, equations: Equations) -> list[list[Comparison]]:
@@ -189,8 +191,18 @@ def _undriven(derived: sp.Expr, published: PublishedEquation, equations: Equatio
 
 
 def _left_over(published: sp.Expr, derived: sp.Expr) -> sp.Expr:
+    """Their difference; zero, and not only equal to it, where there is none."""
     difference = sp.expand(published - derived)
-    return difference if difference == 0 else sp.simplify(published - derived)
+    if difference == 0 or _is_something(difference):
+        return difference
+    return sp.simplify(difference)
+
+
+def _is_something(expression: sp.Expr) -> bool:
+    """Whether it is surely not zero, from its value at a place of no symmetry: that is quick."""
+    symbols = sorted(expression.free_symbols, key=str)
+    place = {symbol: sp.Rational(7 * i + 3, 11) for i, symbol in enumerate(symbols)}
+    return bool(abs(sp.N(expression.xreplace(place), 30)) > 1e-12)
 
 
 def _motion_left_over(reading: Reading, derived: sp.Expr, equations: Equations) -> sp.Expr:

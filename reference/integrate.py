@@ -118,12 +118,12 @@ def solve_numerically(
         )
     other = "heyoka's Taylor series" if by_series else "DOP853"
     return Segments(
-        times,
-        starts,
-        end,
-        np.concatenate(nodes),
-        apart + 2 * np.finfo(float).eps * size,
-        f"Gauss collocation of order {2 * STAGES}, checked by {other}",
+        t=times,
+        start=starts,
+        end=end,
+        nodes=np.concatenate(nodes),
+        bound=apart + 2 * np.finfo(float).eps * size,
+        method=f"Gauss collocation of order {2 * STAGES}, checked by {other}",
     )
 
 

@@ -21,7 +21,7 @@ DIGITS = 60
 """Working precision of the linear algebra: a defective eigenvalue keeps half of it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linearization:
     """M a + C v + K q = F u about an equilibrium, and the same as y' = A y + B u, z = Cy y + D u.
 
@@ -93,16 +93,16 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
                 b[n + i, j] = lower_f[i, j]
         position = np.array([float(sp.N(p.subs(values), 30)) for p in at])
     return Linearization(
-        equilibrium.name,
-        at,
-        position,
-        mass,
-        damping,
-        stiffness,
-        pushes,
-        seen,
-        through,
-        {"M": m, "C": c, "K": k, "F": f, "A": a, "B": b, "Cy": cy, "D": d},
+        equilibrium=equilibrium.name,
+        at=at,
+        position=position,
+        mass=mass,
+        damping=damping,
+        stiffness=stiffness,
+        input=pushes,
+        output=seen,
+        feedthrough=through,
+        exact={"M": m, "C": c, "K": k, "F": f, "A": a, "B": b, "Cy": cy, "D": d},
     )
 
 

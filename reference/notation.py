@@ -59,7 +59,7 @@ def readings(
     names = _names(system, coordinate) | {str(sign): sign for sign in signs}
     names |= {f"{c.name}0": _point(c) for c in system.coordinates if c.name == published.of}
     text = _spelled(published.text, system, coordinate)
-    equation, *settings = re.split(r",\s*(?![^()]*\))", text)
+    equation, *settings = _split(text)
     try:
         for setting in settings:
             _set(setting, names, system)
@@ -67,8 +67,9 @@ def readings(
     except Exception as error:
         raise DeclarationError(f"{where}: can't read {published.text!r}: {error}") from None
     _check_names(sides, system, {*signs, *map(_point, system.coordinates)}, where)
-    if len(sides) < 2:
-        raise DeclarationError(f"{where}: {published.text!r} has no right side")
+    chain = published.states in ("value", "linear part")
+    if len(sides) < 2 or (len(sides) > 2 and not chain):
+        raise DeclarationError(f"{where}: {published.text!r} has {len(sides)} sides, not two")
     point = sp.sympify(names.get(f"{published.of}0", 0))
     return [
         Reading(tuple(side.subs(choice) for side in sides), point.subs(choice))
@@ -144,6 +145,18 @@ def _spelled(text: str, system: System, coordinate: Coordinate | None) -> str:
         text = re.sub(rf"\b{c.name}''", f"{c.name}_ddot", text)
         text = re.sub(rf"\b{c.name}'", f"{c.name}_dot", text)
     return text.replace("^", "**")
+
+
+def _split(text: str) -> list[str]:
+    """The equation, and what stands in it for what: commas outside parentheses are between."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter == "(") - (letter == ")")
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return parts
 
 
 def _set(setting: str, names: Names, system: System) -> None:

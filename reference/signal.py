@@ -56,7 +56,7 @@ class Generator:
         return [mp.mpf(mp.re(value)) for value in evaluate(mp.mpf(time))]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Piece:
     """The inputs between two breaks, where all are smooth."""
 
@@ -105,7 +105,7 @@ def pieces(system: System, scenario: Scenario) -> tuple[Piece, ...]:
                     f"system {system.name!r}, scenario {scenario.name!r}: the input"
                     f" {declared.name} is not smooth: {expression}; use Heaviside or Piecewise"
                 )
-        result.append(Piece(start, stop, smooth))
+        result.append(Piece(start=start, stop=stop, expressions=smooth))
     return tuple(result)
 
 
