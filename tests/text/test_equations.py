@@ -233,6 +233,9 @@ def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name):
             r"$f \pm k x \pm c \dot{x} = m \ddot{x}$",
         ]),
         ("torsional_disc", [r"J \ddot{\theta} + k_{\theta} \theta = T"]),
+        ("free_pair", [
+            r"$d/dt(dL/d\dot{x_{1}}) = m_{1} \ddot{x_{1}}$",
+        ]),
         ("drum_pendulum", [
             r"\Delta_{\theta} &= \theta - \pi",
             r"(m l/2) \ddot{x} \cos(\theta)",
