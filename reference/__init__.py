@@ -1,7 +1,6 @@
 """Reference equations: declared, derived, linearized and solved; no engine is known here."""
 
-from reference.sketch import Angle, Body, Link
-from reference.system import (
+from reference.declaration import (
     Constant,
     Coordinate,
     DeclarationError,
@@ -9,12 +8,14 @@ from reference.system import (
     Input,
     Output,
     PublishedEquation,
+    Quantity,
     Scenario,
-    System,
     t,
 )
+from reference.sketch import Angle, Body, Link
+from reference.system import System
 
 __all__ = [
     "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
-    "Output", "PublishedEquation", "Scenario", "System", "t",
+    "Output", "PublishedEquation", "Quantity", "Scenario", "System", "t",
 ]  # fmt: skip

@@ -18,7 +18,7 @@ from reference.numeric import Array
 from reference.signal import DIGITS, Generator, Piece
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Segments:
     """Solved segments, before they become a `Motion`; the fields are those of `Motion`."""
 
@@ -88,12 +88,12 @@ def solve_closed_form(
     end = np.concatenate(ends)
     inner = np.concatenate(nodes)
     return Segments(
-        np.concatenate(times),
-        np.concatenate(starts) + origin,
-        end + origin,
-        inner + origin,
-        np.finfo(float).eps * np.max(np.abs(end + origin), axis=0),
-        f"matrix exponential of the linear equations, {DIGITS} digits",
+        t=np.concatenate(times),
+        start=np.concatenate(starts) + origin,
+        end=end + origin,
+        nodes=inner + origin,
+        bound=np.finfo(float).eps * np.max(np.abs(end + origin), axis=0),
+        method=f"matrix exponential of the linear equations, {DIGITS} digits",
     )
 
 

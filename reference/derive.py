@@ -11,9 +11,10 @@ from functools import cached_property
 
 import sympy as sp
 
+from reference.declaration import t
 from reference.numeric import NumericFunction, compile_function
 from reference.simplify import LONG, solved, tidy
-from reference.system import System, t
+from reference.system import System
 
 
 @dataclass(frozen=True)

@@ -118,12 +118,12 @@ def solve_numerically(
         )
     other = "heyoka's Taylor series" if by_series else "DOP853"
     return Segments(
-        times,
-        starts,
-        end,
-        np.concatenate(nodes),
-        apart + 2 * np.finfo(float).eps * size,
-        f"Gauss collocation of order {2 * STAGES}, checked by {other}",
+        t=times,
+        start=starts,
+        end=end,
+        nodes=np.concatenate(nodes),
+        bound=apart + 2 * np.finfo(float).eps * size,
+        method=f"Gauss collocation of order {2 * STAGES}, checked by {other}",
     )
 
 
@@ -220,7 +220,7 @@ def _taylor_series(
     """Each segment by heyoka's adaptive Taylor series, at the precision of a double."""
     import heyoka as hy
 
-    from reference.system import t
+    from reference.declaration import t
 
     system = equations.system
     inputs = dict(zip(system.u, piece.expressions, strict=True))

@@ -8,12 +8,12 @@ that each joint's sines and cosines enter once and the expressions stay short.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import sympy as sp
 
-from reference.system import Coordinate
+from reference.declaration import Coordinate
 
 Triple = Sequence[Any]
 """Three numbers or expressions: a place, an axis, moments."""
@@ -22,7 +22,7 @@ DIGITS = 24
 """Digits of an irrational component of an axis, kept as a rational: eight beyond a double's."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Frame:
     """A frame fixed to a body.
 
@@ -42,10 +42,10 @@ class Frame:
         """The frame shifted by x, y, z along its own axes, fixed to the same body."""
         shift = _column((x, y, z))
         return Frame(
-            self.rotation,
-            _m(self.origin + self.rotation * shift),
-            _m(self.velocity + self.spin.cross(shift)),
-            self.spin,
+            rotation=self.rotation,
+            origin=_m(self.origin + self.rotation * shift),
+            velocity=_m(self.velocity + self.spin.cross(shift)),
+            spin=self.spin,
         )
 
     def turned(self, about: Triple, angle: Any) -> Frame:
@@ -56,14 +56,14 @@ class Frame:
         """The frame behind a hinge through the origin; `zero` is where it is not turned."""
         frame = self.turned(about, coordinate.q - sp.sympify(zero))
         spin = _m(frame.spin + _unit(about) * coordinate.v)
-        return Frame(frame.rotation, frame.origin, frame.velocity, spin)
+        return replace(frame, spin=spin)
 
     def slide(self, coordinate: Coordinate, along: Triple, zero: Any = 0) -> Frame:
         """The frame behind a slide; `zero` is where it is not shifted."""
         axis = _unit(along)
         frame = self.at(*(axis * (coordinate.q - sp.sympify(zero))))
         velocity = _m(frame.velocity + axis * coordinate.v)
-        return Frame(frame.rotation, frame.origin, velocity, frame.spin)
+        return replace(frame, velocity=velocity)
 
     def kinetic(self, mass: Any, moments: Triple, products: Triple = (0, 0, 0)) -> sp.Expr:
         """Kinetic energy of a body whose centre of mass is the origin, J.
@@ -87,14 +87,16 @@ class Frame:
         if not turn.free_symbols:
             # Numbers gather: what was a sum of sums becomes a term a velocity again.
             parts = tuple(part.applyfunc(sp.expand) for part in parts)
-        return Frame(_m(parts[0]), self.origin, _m(parts[1]), _m(parts[2]))
+        return Frame(
+            rotation=_m(parts[0]), origin=self.origin, velocity=_m(parts[1]), spin=_m(parts[2])
+        )
 
 
 ground = Frame(
-    sp.ImmutableMatrix.eye(3),
-    sp.ImmutableMatrix.zeros(3, 1),
-    sp.ImmutableMatrix.zeros(3, 1),
-    sp.ImmutableMatrix.zeros(3, 1),
+    rotation=sp.ImmutableMatrix.eye(3),
+    origin=sp.ImmutableMatrix.zeros(3, 1),
+    velocity=sp.ImmutableMatrix.zeros(3, 1),
+    spin=sp.ImmutableMatrix.zeros(3, 1),
 )
 """The frame that does not move."""
 

@@ -18,7 +18,7 @@ from reference.solve import is_linear
 AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LinearityError:
     """Error of the linear equations for one mode about one equilibrium.
 
@@ -53,7 +53,7 @@ def linearity(equations: Equations, linearization: Linearization) -> tuple[Linea
             continue
         period = 2 * np.pi / mode.frequency
         times = np.linspace(0.0, period, 101)
-        still = Piece(0.0, period, tuple(0 * u for u in equations.system.u))
+        still = Piece(start=0.0, stop=period, expressions=tuple(0 * u for u in equations.system.u))
         flow: Array = scipy.linalg.expm(matrix[None] * times[:, None, None])
         errors = []
         for amplitude in AMPLITUDES:
@@ -63,6 +63,12 @@ def linearity(equations: Equations, linearization: Linearization) -> tuple[Linea
             linear = flow @ start + offset
             errors.append(float(np.max(np.abs(linear - exact)[:, :n]) / amplitude))
         result.append(
-            LinearityError(linearization.equilibrium, index, period, AMPLITUDES, tuple(errors))
+            LinearityError(
+                equilibrium=linearization.equilibrium,
+                mode=index,
+                period=period,
+                amplitudes=AMPLITUDES,
+                errors=tuple(errors),
+            )
         )
     return tuple(result)

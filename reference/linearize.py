@@ -12,16 +12,16 @@ import mpmath as mp
 import numpy as np
 import sympy as sp
 
+from reference.declaration import DeclarationError, Equilibrium, t
 from reference.derive import Equations
 from reference.numeric import Array
 from reference.simplify import LONG, tidy
-from reference.system import DeclarationError, Equilibrium, t
 
 DIGITS = 60
 """Working precision of the linear algebra: a defective eigenvalue keeps half of it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Linearization:
     """M a + C v + K q = F u about an equilibrium, and the same as y' = A y + B u, z = Cy y + D u.
 
@@ -93,16 +93,16 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
                 b[n + i, j] = lower_f[i, j]
         position = np.array([float(sp.N(p.subs(values), 30)) for p in at])
     return Linearization(
-        equilibrium.name,
-        at,
-        position,
-        mass,
-        damping,
-        stiffness,
-        pushes,
-        seen,
-        through,
-        {"M": m, "C": c, "K": k, "F": f, "A": a, "B": b, "Cy": cy, "D": d},
+        equilibrium=equilibrium.name,
+        at=at,
+        position=position,
+        mass=mass,
+        damping=damping,
+        stiffness=stiffness,
+        input=pushes,
+        output=seen,
+        feedthrough=through,
+        exact={"M": m, "C": c, "K": k, "F": f, "A": a, "B": b, "Cy": cy, "D": d},
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import re
 import sys
 import traceback
 import types
 from pathlib import Path
 
-from reference.system import DeclarationError, System
+from reference.declaration import DeclarationError
+from reference.system import System
 
 
 def load_system(folder: Path) -> System:
@@ -54,7 +56,6 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, DeclarationError):
         return str(error)
     if isinstance(error, TypeError) and "missing" in str(error):
-        return (
-            str(error).replace(".__init__()", "").replace("required positional argument", "field")
-        )
+        told = str(error).replace(".__init__()", "")
+        return re.sub("required (positional|keyword-only) argument", "field", told)
     return f"{type(error).__name__}: {error}"

@@ -19,7 +19,7 @@ s = sp.Symbol("s")
 """The Laplace variable of transfer functions."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pole:
     """An eigenvalue of A, with the share of each coordinate in its motion.
 
@@ -36,7 +36,7 @@ class Pole:
     damping: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mode:
     """A mode of M a + K q = 0: frequency (rad/s) and shape, largest entry 1; 0 is rigid-body.
 
@@ -80,7 +80,11 @@ def poles(linearization: Linearization) -> tuple[Pole, ...]:
                 continue
             size = 0.0 if re == 0 and im == 0 else float(abs(mean))
             damping = 0.0 - re / size if size else float("nan")
-            result.append(Pole(complex(re, im), len(group), size, damping))
+            result.append(
+                Pole(
+                    value=complex(re, im), multiplicity=len(group), frequency=size, damping=damping
+                )
+            )
     return tuple(sorted(result, key=lambda p: (p.frequency, p.value.real)))
 
 
@@ -98,7 +102,11 @@ def modes(linearization: Linearization) -> tuple[Mode, ...]:
         squared = 0.0 if abs(value) < 1e-12 * scale else float(value)
         largest = shape[np.argmax(np.abs(shape))]
         result.append(
-            Mode(np.sqrt(max(squared, 0.0)), np.sqrt(max(-squared, 0.0)), shape / largest)
+            Mode(
+                frequency=np.sqrt(max(squared, 0.0)),
+                growth=np.sqrt(max(-squared, 0.0)),
+                shape=shape / largest,
+            )
         )
     return tuple(sorted(result, key=lambda mode: (mode.frequency, mode.growth)))
 

@@ -21,7 +21,7 @@ def chebyshev_nodes() -> Array:
     return nodes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Span:
     """Equal segments between two breaks of the input: `count` segments of `length` seconds."""
 
@@ -31,7 +31,7 @@ class Span:
     constant_input: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Motion:
     """A scenario solved: K segments of a system with n coordinates; all in SI units.
 

@@ -46,7 +46,7 @@ class NumericFunction:
 
     @cached_property
     def _function(self) -> Callable[..., Any]:
-        # The text was printed by sympy from a parsed expression: names and operators alone.
+        # The text was written by sympy from a parsed expression: names and operators alone.
         namespace: dict[str, Any] = dict(vars(np))
         exec(self.source, namespace)
         function: Callable[..., Any] = namespace["_lambdifygenerated"]

@@ -17,8 +17,9 @@ import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 
+from reference.declaration import DeclarationError, Scenario, t
 from reference.numeric import Array, NumericFunction, compile_function
-from reference.system import DeclarationError, Scenario, System, t
+from reference.system import System
 
 DIGITS = 40
 """Precision of the closed form, wherever it is asked for: a double's 16, and 24 to lose."""
@@ -55,7 +56,7 @@ class Generator:
         return [mp.mpf(mp.re(value)) for value in evaluate(mp.mpf(time))]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Piece:
     """The inputs between two breaks, where all are smooth."""
 
@@ -104,7 +105,7 @@ def pieces(system: System, scenario: Scenario) -> tuple[Piece, ...]:
                     f"system {system.name!r}, scenario {scenario.name!r}: the input"
                     f" {declared.name} is not smooth: {expression}; use Heaviside or Piecewise"
                 )
-        result.append(Piece(start, stop, smooth))
+        result.append(Piece(start=start, stop=stop, expressions=smooth))
     return tuple(result)
 
 

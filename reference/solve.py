@@ -8,13 +8,13 @@ import numpy as np
 import sympy as sp
 
 from reference.closed_form import solve_closed_form
+from reference.declaration import Equilibrium, Scenario, t
 from reference.derive import Equations
 from reference.integrate import ReferenceError, solve_numerically, trajectory
 from reference.linearize import linearize
 from reference.motion import Motion, Span
 from reference.numeric import Array
 from reference.signal import Piece, numeric_inputs, pieces
-from reference.system import Equilibrium, Scenario, t
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200
@@ -52,15 +52,15 @@ def solve(equations: Equations, scenario: Scenario) -> Motion:
     else:
         segments = solve_numerically(equations, start, signals, spans)
     return Motion(
-        segments.t,
-        segments.start,
-        segments.end,
-        segments.bound,
-        segments.nodes,
-        spans,
-        numeric_inputs(signals),
-        fastest,
-        segments.method,
+        t=segments.t,
+        start=segments.start,
+        end=segments.end,
+        bound=segments.bound,
+        nodes=segments.nodes,
+        spans=spans,
+        inputs=numeric_inputs(signals),
+        fastest=fastest,
+        method=segments.method,
     )
 
 
@@ -88,7 +88,14 @@ def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
     for piece in signals:
         duration = piece.stop - piece.start
         count = sp.nextprime(max(int(np.ceil(wanted * duration)) - 1, 1))
-        spans.append(Span(piece.start, duration / int(count), int(count), piece.constant))
+        spans.append(
+            Span(
+                start=piece.start,
+                length=duration / int(count),
+                count=int(count),
+                constant_input=piece.constant,
+            )
+        )
     return tuple(spans)
 
 

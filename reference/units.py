@@ -95,26 +95,45 @@ def dimension_of(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]) ->
         return None
     if expression.is_number:
         return ONE
-    if isinstance(expression, sp.Symbol):
-        return symbols[expression]
-    if isinstance(expression, sp.Add):
-        return _dimension_of_sum(expression, symbols)
-    if isinstance(expression, sp.Mul):
-        product = ONE
-        for factor in expression.args:
-            dimension = dimension_of(factor, symbols)
-            if dimension is None:
-                return None
-            product = product * dimension
-        return product
-    if isinstance(expression, sp.Pow) and expression.exp.is_Rational:
-        base = dimension_of(expression.base, symbols)
-        return base and base ** Fraction(int(expression.exp.p), int(expression.exp.q))
-    if isinstance(expression, sp.atan2):
-        y, x = (dimension_of(argument, symbols) for argument in expression.args)
-        if y is not None and x is not None and y != x:
-            raise UnitError(f"{expression} compares {y} with {x}")
-        return ONE
+    match expression:
+        case sp.Symbol():
+            return symbols[expression]
+        case sp.Add():
+            return _dimension_of_sum(expression, symbols)
+        case sp.Mul():
+            return _dimension_of_product(expression, symbols)
+        case sp.Pow() if expression.exp.is_Rational:
+            base = dimension_of(expression.base, symbols)
+            return base and base ** Fraction(int(expression.exp.p), int(expression.exp.q))
+        case sp.atan2():
+            return _dimension_of_angle(expression, symbols)
+    return _dimension_of_function(expression, symbols)
+
+
+def _dimension_of_product(
+    expression: sp.Mul, symbols: Mapping[sp.Symbol, Dimension]
+) -> Dimension | None:
+    product = ONE
+    for factor in expression.args:
+        dimension = dimension_of(factor, symbols)
+        if dimension is None:
+            return None
+        product = product * dimension
+    return product
+
+
+def _dimension_of_angle(expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]) -> Dimension:
+    """The direction of a point (x, y), both of one unit."""
+    y, x = (dimension_of(argument, symbols) for argument in expression.args)
+    if y is not None and x is not None and y != x:
+        raise UnitError(f"{expression} compares {y} with {x}")
+    return ONE
+
+
+def _dimension_of_function(
+    expression: sp.Expr, symbols: Mapping[sp.Symbol, Dimension]
+) -> Dimension:
+    """A function such as the sine takes numbers and gives one."""
     for argument in expression.args:
         dimension = dimension_of(argument, symbols)
         if dimension not in (None, ONE):

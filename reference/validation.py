@@ -8,8 +8,16 @@ from typing import Any
 
 import sympy as sp
 
+from reference.declaration import (
+    CLAIMS,
+    Constant,
+    Declaration,
+    DeclarationError,
+    Output,
+    Quantity,
+    t,
+)
 from reference.sketch import BODIES, LINKS, Angle, Body, Link, expressions
-from reference.system import DeclarationError, System, t
 from reference.units import ENERGY, POWER, TIME, Dimension, UnitError, dimension_of, parse_unit
 
 _SMOOTHLESS = (
@@ -18,7 +26,7 @@ _SMOOTHLESS = (
 )  # fmt: skip
 
 
-def check(system: System) -> None:
+def check(system: Declaration) -> None:
     """Refuse a system that is incomplete or inconsistent.
 
     Raises:
@@ -33,25 +41,11 @@ def check(system: System) -> None:
     _check_sketch(system, where)
 
 
-def _check_names(system: System, where: str) -> None:
-    for kind in ("coordinates", "constants", "outputs", "equilibria", "scenarios"):
-        if not getattr(system, kind) and kind != "constants":
+def _check_names(system: Declaration, where: str) -> None:
+    for kind in ("coordinates", "outputs", "equilibria", "scenarios"):
+        if not getattr(system, kind):
             raise DeclarationError(f"{where} declares no {kind}")
-    seen = {"t": "the time", **{f"{c.name}_dot": "a velocity" for c in system.coordinates}}
-    seen |= {f"{c.name}_ddot": "an acceleration" for c in system.coordinates}
-    for kind, items in (
-        ("coordinate", system.coordinates),
-        ("constant", system.constants),
-        ("input", system.inputs),
-    ):
-        for item in items:
-            if not item.name.isidentifier():
-                raise DeclarationError(f"{where}: the {kind} name {item.name!r} is no identifier")
-            if item.name in seen:
-                raise DeclarationError(f"{where}: {item.name!r} is {seen[item.name]} and a {kind}")
-            seen[item.name] = f"a {kind}"
-            if not item.description:
-                raise DeclarationError(f"{where}: the {kind} {item.name} has no description")
+    _check_symbol_names(system, where)
     for kind, named in (
         ("output", system.outputs),
         ("scenario", system.scenarios),
@@ -62,15 +56,40 @@ def _check_names(system: System, where: str) -> None:
             if names.count(name) > 1:
                 raise DeclarationError(f"{where} has two {kind} entries named {name!r}")
     for constant in system.constants:
-        if not constant.source:
-            raise DeclarationError(f"{where}: the constant {constant.name} states no source")
-        if isinstance(constant.value, bool) or not isinstance(constant.value, (int, float)):
-            raise DeclarationError(f"{where}: the constant {constant.name} has no numeric value")
-        if not math.isfinite(constant.value):
-            raise DeclarationError(f"{where}: the constant {constant.name} is {constant.value}")
+        _check_constant(constant, where)
 
 
-def dimensions(system: System) -> dict[sp.Symbol, Dimension]:
+def _check_symbol_names(system: Declaration, where: str) -> None:
+    """Whatever may stand in an expression or an equation has a name of its own."""
+    seen = {"t": "the time", **{f"{c.name}_dot": "a velocity" for c in system.coordinates}}
+    seen |= {f"{c.name}_ddot": "an acceleration" for c in system.coordinates}
+    for kind, items in (
+        ("coordinate", system.coordinates),
+        ("constant", system.constants),
+        ("input", system.inputs),
+        ("quantity", system.quantities),
+    ):
+        for item in items:
+            if not item.name.isidentifier():
+                raise DeclarationError(f"{where}: the {kind} name {item.name!r} is no identifier")
+            if item.name in seen:
+                raise DeclarationError(f"{where}: {item.name!r} is {seen[item.name]} and a {kind}")
+            seen[item.name] = f"a {kind}"
+            if not item.description:
+                raise DeclarationError(f"{where}: the {kind} {item.name} has no description")
+
+
+def _check_constant(constant: Constant, where: str) -> None:
+    place = f"{where}: the constant {constant.name}"
+    if not constant.source:
+        raise DeclarationError(f"{place} states no source")
+    if isinstance(constant.value, bool) or not isinstance(constant.value, (int, float)):
+        raise DeclarationError(f"{place} has no numeric value")
+    if not math.isfinite(constant.value):
+        raise DeclarationError(f"{place} is {constant.value}")
+
+
+def dimensions(system: Declaration) -> dict[sp.Symbol, Dimension]:
     """Dimension of every symbol of the system.
 
     Raises:
@@ -87,7 +106,7 @@ def dimensions(system: System) -> dict[sp.Symbol, Dimension]:
     return found
 
 
-def _check_units(system: System, where: str) -> None:
+def _check_units(system: Declaration, where: str) -> None:
     try:
         known = dimensions(system)
     except UnitError as error:
@@ -96,25 +115,34 @@ def _check_units(system: System, where: str) -> None:
     for name, (expression, expected) in wanted.items():
         _check_symbols(expression, known, f"{where}: {name}")
         _check_dimension(expression, expected, known, f"{where}: {name}")
-    for item in system.inputs:
-        if not item.on:
-            raise DeclarationError(f"{where}: the input {item.name} acts on no coordinate")
-        for coordinate, factor in item.on.items():
-            place = f"{where}: the input {item.name}"
+    for pushed in system.inputs:
+        if not pushed.on:
+            raise DeclarationError(f"{where}: the input {pushed.name} acts on no coordinate")
+        for coordinate, factor in pushed.on.items():
+            place = f"{where}: the input {pushed.name}"
             if coordinate not in system.coordinates:
                 raise DeclarationError(f"{place} acts on an unknown coordinate {coordinate}")
             expected = ENERGY / known[coordinate.q]
-            expression = sp.sympify(factor) * item.symbol
+            expression = sp.sympify(factor) * pushed.symbol
             _check_symbols(expression, known, place)
             _check_dimension(expression, expected, known, f"{place} on {coordinate.name}")
     for output in system.outputs:
-        place = f"{where}: the output {output.name}"
-        _check_symbols(sp.sympify(output.expression), known, place)
-        try:
-            expected = parse_unit(output.unit)
-        except UnitError as error:
-            raise DeclarationError(f"{place}: {error}") from None
-        _check_dimension(sp.sympify(output.expression), expected, known, place)
+        _check_formula(output, known, f"{where}: the output {output.name}")
+    for quantity in system.quantities:
+        _check_formula(quantity, known, f"{where}: the quantity {quantity.name}")
+
+
+def _check_formula(
+    item: Output | Quantity, known: Mapping[sp.Symbol, Dimension], place: str
+) -> None:
+    """A formula has the unit that is declared beside it."""
+    expression = sp.sympify(item.expression)
+    _check_symbols(expression, known, place)
+    try:
+        expected = parse_unit(item.unit)
+    except UnitError as error:
+        raise DeclarationError(f"{place}: {error}") from None
+    _check_dimension(expression, expected, known, place)
 
 
 def _check_symbols(expression: sp.Expr, known: Mapping[sp.Symbol, Any], place: str) -> None:
@@ -134,14 +162,14 @@ def _check_dimension(
         raise DeclarationError(f"{place} has the unit {found}, where {expected} belongs")
 
 
-def _check_smooth(system: System, where: str) -> None:
+def _check_smooth(system: Declaration, where: str) -> None:
     for name in ("T", "V", "D"):
         for bad in (*_SMOOTHLESS, sp.core.function.AppliedUndef):
             for found in getattr(system, name).atoms(bad):
                 raise DeclarationError(f"{where}: {name} is not differentiable: it has {found}")
 
 
-def _check_energies(system: System, where: str) -> None:
+def _check_energies(system: Declaration, where: str) -> None:
     for name in ("T", "V", "D"):
         expression = getattr(system, name)
         allowed = {*system.q, t, *(c.symbol for c in system.constants)}
@@ -165,7 +193,7 @@ def _check_energies(system: System, where: str) -> None:
         )
 
 
-def _always_singular(mass: sp.Matrix, system: System) -> bool:
+def _always_singular(mass: sp.Matrix, system: Declaration) -> bool:
     """Whether the mass matrix has no inverse at any of some places, to fifty digits."""
     symbols = (*system.q, t)
     for shift in (1, 4, 9):
@@ -178,7 +206,7 @@ def _always_singular(mass: sp.Matrix, system: System) -> bool:
     return True
 
 
-def _check_maps(system: System, where: str) -> None:
+def _check_maps(system: Declaration, where: str) -> None:
     constants = {c.symbol for c in system.constants}
     for equilibrium in system.equilibria:
         place = f"{where}, equilibrium {equilibrium.name!r}"
@@ -194,10 +222,11 @@ def _check_maps(system: System, where: str) -> None:
         mass = sp.hessian(system.T, system.v).xreplace(system.values | {t: sp.Integer(0)})
         if not mass.xreplace(start).evalf().is_positive_definite:
             raise DeclarationError(f"{place}: the mass matrix there is not positive definite")
-    for printed in system.printed:
-        if printed.states not in {"motion", "linear", "T", "V", "D", "L"}:
+    for published in system.published:
+        if published.states not in CLAIMS:
             raise DeclarationError(
-                f"{where}, Eq. {printed.number}: states {printed.states!r} is unknown"
+                f"{where}, Eq. {published.number}: states {published.states!r} is unknown,"
+                f" it may be {list(CLAIMS)}"
             )
 
 
@@ -205,7 +234,7 @@ DRAWN = (sp.Symbol, sp.Number, sp.NumberSymbol, sp.Add, sp.Mul, sp.Pow, sp.sin, 
 """What the places of a sketch may be made of."""
 
 
-def _check_sketch(system: System, where: str) -> None:
+def _check_sketch(system: Declaration, where: str) -> None:
     known = {*system.q, *(c.symbol for c in system.constants)}
     for number, shape in enumerate(system.sketch, 1):
         place = f"{where}, shape {number} of the sketch"

@@ -13,17 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
+from reference.declaration import Coordinate, t
 from reference.derive import Equations
 from reference.integrate import collocate
 from reference.numeric import Array, NumericFunction, compile_function
 from reference.simplify import solved
-from reference.system import Coordinate, t
 
 CREEP = 1e-3
 """Speed below which Coulomb friction is smoothed, as a share of the motion's."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameter:
     """One number that might be other than the equations have it.
 
@@ -118,7 +118,13 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
     system = equations.system
     n = len(system.coordinates)
     parameters = [
-        Parameter(c.name, "constant", c.unit, c.value, abs(c.value) or 1.0)
+        Parameter(
+            name=c.name,
+            kind="constant",
+            unit=c.unit,
+            nominal=c.value,
+            size=abs(c.value) or 1.0,
+        )
         for c in system.constants
     ]
     symbols = [c.symbol for c in system.constants]
@@ -145,7 +151,15 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
             else:
                 added_force[i] -= symbol * term
             unit = _unit(kind, coordinate)
-            parameters.append(Parameter(f"{kind} on {coordinate.name}", kind, unit, 0.0, size))
+            parameters.append(
+                Parameter(
+                    name=f"{kind} on {coordinate.name}",
+                    kind=kind,
+                    unit=unit,
+                    nominal=0.0,
+                    size=size,
+                )
+            )
     total = sp.Matrix(equations.mass) + added_mass
     acceleration = solved(total, sp.Matrix(equations.force) + added_force)
     function = compile_function(list(acceleration), system.q, system.v, system.u, (t,), symbols)

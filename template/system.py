@@ -57,7 +57,7 @@ system = System(
         Scenario("driven", "a harmonic torque on top of a steady one", q={theta: 0.2},
                  v={theta: 0}, inputs={tau: 0.4 + 0.6 * sin(2.1 * t)}, duration=15.0),
     ),
-    # Equations as your source prints them may be listed here, and are checked as well: see
+    # Equations as your source has them may be listed here, and are checked as well: see
     # models/*/system.py of physics-crosscheck.
-    printed=(),
+    published=(),
 )  # fmt: skip

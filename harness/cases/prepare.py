@@ -175,12 +175,12 @@ def describe_system(
         ],
         "errata": [
             {
-                "number": e.printed.number,
-                "printed": e.printed.text,
+                "number": e.published.number,
+                "printed": e.published.text,
                 "verdict": e.verdict,
                 "derived": e.derived,
                 "difference": e.difference,
-                "note": e.printed.note,
+                "note": e.published.note,
             }
             for e in errata(equations, linear)
         ],

@@ -9,9 +9,9 @@ from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL
 from harness.files.folders import system_folders
 from harness.text.equations import describe
+from reference.declaration import DeclarationError
 from reference.integrate import ReferenceError
 from reference.load import load_system
-from reference.system import DeclarationError
 
 
 def add(command: argparse.ArgumentParser) -> None:

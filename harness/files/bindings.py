@@ -21,7 +21,8 @@ import sympy as sp
 from harness.files.expressions import parse
 from harness.files.locations import Location, LocationError, find, find_in
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
-from reference.system import DeclarationError, System
+from reference.declaration import DeclarationError
+from reference.system import System
 
 SIDECAR = "sidecar:"
 """What an address begins with that leads into the sidecar itself."""

@@ -20,8 +20,9 @@ from harness.records.outcome import Outcome
 from harness.run import Record, model_files
 from harness.text.failure import diagnosis_lines, figures, in_brief, told
 from harness.text.status import TestStatus, decide
+from reference.declaration import DeclarationError
 from reference.load import load_system
-from reference.system import DeclarationError, System
+from reference.system import System
 
 WORDS = {"and", "or", "not", "True", "False", "None"}
 """What -m reads as something else than a marker's name."""

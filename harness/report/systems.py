@@ -125,9 +125,9 @@ def system_view(
             (
                 shown(e["number"]),
                 shown(e["printed"]),
-                _as_printed(e["derived"], system),
+                _as_published(e["derived"], system),
                 f"{VERDICTS.get(e['verdict'], '')} {shown(e['verdict'])}",
-                _as_printed(e["difference"], system) or NOTHING,
+                _as_published(e["difference"], system) or NOTHING,
                 shown(e["note"]),
             )
             for e in system["errata"]
@@ -150,8 +150,8 @@ def system_view(
     )
 
 
-def _as_printed(text: str, system: Mapping[str, Any]) -> str:
-    """A derived equation with primes and carets, as the printed one beside it has them."""
+def _as_published(text: str, system: Mapping[str, Any]) -> str:
+    """A derived equation with primes and carets, as the published one beside it has them."""
     for name in sorted((c["name"] for c in system["coordinates"]), key=len, reverse=True):
         text = text.replace(f"{name}_ddot", f"{name}''").replace(f"{name}_dot", f"{name}'")
     return shown(text.replace("**", "^"))

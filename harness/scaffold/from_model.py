@@ -16,7 +16,8 @@ from harness.scaffold.mjcf import read_mjcf
 from harness.scaffold.scenarios import plan, provisional
 from harness.scaffold.text import sidecar_text, system_text
 from harness.scaffold.urdf import read_urdf
-from reference.system import DeclarationError, System
+from reference.declaration import DeclarationError
+from reference.system import System
 
 _ENGINES = {".urdf": ("pybullet", "mujoco"), ".xml": ("mujoco",)}
 GRAVITY = 9.81

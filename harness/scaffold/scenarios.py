@@ -13,11 +13,12 @@ import sympy as sp
 
 from harness.scaffold.folder import NewError
 from harness.scaffold.mechanism import Joint
+from reference.declaration import Equilibrium, Scenario, t
 from reference.derive import Equations, derive
 from reference.integrate import ReferenceError, trajectory
 from reference.numeric import Array, compile_function
 from reference.signal import pieces
-from reference.system import Equilibrium, Scenario, System, t
+from reference.system import System
 
 PERIODS = 10
 SHORTEST, LONGEST = 2.0, 15.0

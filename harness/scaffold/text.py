@@ -63,7 +63,7 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
             "    V=V,",
             "    D=D,",
             *plan.lines(joints, [j.force for j in joints]),
-            "    printed=(),",
+            "    published=(),",
             ")",
             "",
         ]

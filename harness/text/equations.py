@@ -306,18 +306,18 @@ def _errata(table: tuple[Erratum, ...], system: System, page: Style) -> Iterator
     said = f"{worst} of {len(table)} differs" if worst else f"none of {len(table)} differs"
     yield page.words(f"Computed, each missing sign (±) tried both ways: {said}.")
     for row in table:
-        claim = row.printed.states + (f" of {row.printed.of}" if row.printed.of else "")
-        if row.printed.states == "linear":
-            claim = f"linear about {row.printed.of}"
+        claim = row.published.states + (f" of {row.published.of}" if row.published.of else "")
+        if row.published.states == "linear":
+            claim = f"linear about {row.published.of}"
         rows = [
-            ("printed", page.code(row.printed.text)),
+            ("published", page.code(row.published.text)),
             ("derived", page.code(_plain(row.derived, system))),
         ]
         if row.difference:
             rows.append(("left over", page.code(_plain(row.difference, system))))
-        if row.printed.note:
-            rows.append(("note", page.words(row.printed.note)))
-        title = page.words(f"Eq. {row.printed.number}")
+        if row.published.note:
+            rows.append(("note", page.words(row.published.note)))
+        title = page.words(f"Eq. {row.published.number}")
         yield page.table((title, page.words(f"{claim}: {row.verdict}")), rows)
 
 

@@ -274,7 +274,9 @@ class _Latex(Style):
             accent = ("{}", r"\dot{{{}}}", r"\ddot{{{}}}")[len(primes)]
             return accent.format(sp.latex(sp.Symbol(name)))
 
-        text = re.sub(r"([A-Za-z]\w*)('{0,2})", word, text)
+        # The d of dL/dx' is none of a name's letters.
+        text = re.sub(r"\bd([A-Z]\w*)/d(\w+)", r"d~\1/d~\2", text)
+        text = re.sub(r"([A-Za-z]\w*)('{0,2})", word, text).replace("~", "")
         text = re.sub(r"\^(\d+)", r"^{\1}", text)
         return self.inline(text.replace("*", " ").replace("±", r"\pm"))
 

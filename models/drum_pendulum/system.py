@@ -1,10 +1,10 @@
 """Example 2.5: a drum on a spring rolls without slipping; a rod swings from its centre."""
 
-from sympy import Heaviside, cos, pi, sin
+from sympy import Heaviside, Symbol, cos, expand, integrate, pi, sin
 
 from reference import (
     Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Scenario, System, t,
+    PublishedEquation, Quantity, Scenario, System, t,
 )  # fmt: skip
 
 x = Coordinate("x", "m", "displacement of the drum's centre from the spring's equilibrium")
@@ -25,6 +25,24 @@ tau = Input("tau", "N*m", "torque on the rod, reacted by the ground (Q of Eq. 2.
 
 rolling = M * x.v**2 / 2 + (M * r**2 / 2) * (x.v / r) ** 2 / 2
 rod = m * x.v**2 / 2 + m * l * x.v * theta.v * cos(theta.q) / 2 + m * l**2 * theta.v**2 / 6
+
+# What the source finds step by step, here from the bodies themselves: the rings of the drum, which
+# move with its centre and turn; the points of the rod, each s from the drum's centre.
+rho, s = Symbol("rho", positive=True), Symbol("s", positive=True)
+ring_energy = 2 * M * rho / r**2 * (x.v**2 + (rho * x.v / r) ** 2) / 2
+drum_energy = integrate(expand(ring_energy), (rho, 0, r))
+point_x, point_y = x.q + s * sin(theta.q), -s * cos(theta.q)
+
+
+def along_rod(expression):
+    return integrate(expand(expression / l), (s, 0, l))
+
+
+def rate(place):
+    return place.diff(x.q) * x.v + place.diff(theta.q) * theta.v
+
+
+rod_energy = along_rod(m * (rate(point_x) ** 2 + rate(point_y) ** 2) / 2)
 
 system = System(
     name="drum_pendulum",
@@ -53,24 +71,54 @@ system = System(
         Scenario("large", "the rod released at 2.9 rad", q={x: 0.05, theta: 2.9},
                  v={x: 0, theta: 0}, inputs={F: 0, tau: 0}, duration=18.0),
     ),
-    printed=(
-        PublishedEquation("2.34-2.48",
-                "3*M*x'^2/4 + m*x'^2/2 + m*l*x'*theta'*cos(theta)/2 + m*l^2*theta'^2/6",
-                "T", "", False,
-                "number within the range not told"),
-        PublishedEquation("2.34-2.48", "k*x^2/2 ± m*g*(l/2)*cos(theta)", "V", "", False,
-                "number within the range not told; sign lost in the transcript"),
-        PublishedEquation("2.34-2.48",
-                "(3*M/2 + m)*x'' ± (m*l/2)*sin(theta)*theta'^2 + (m*l/2)*cos(theta)*theta''"
-                " + k*x = 0", "motion", "x", False,
-                "number within the range not told; sign lost in the transcript"),
-        PublishedEquation("2.34-2.48",
-                "(m*l/2)*cos(theta)*x'' + (m*l^2/3)*theta'' + (m*g*l/2)*sin(theta) = 0",
-                "motion", "theta", False, "number within the range not told"),
-        PublishedEquation("3.13", "(3*M/2 + m)*x'' + (m*l/2)*theta'' + k*x = 0", "linear",
-                "hanging", False, ""),
-        PublishedEquation("3.14", "x'' + (2*l/3)*theta'' + g*theta = 0", "linear",
-                "hanging", False, ""),
+    published=(
+        PublishedEquation("2.2", "d/dt(dL/dq') ± dL/dq = Q, L = T ± V",
+                          "motion", of="", driven=True, note="of every coordinate q; Q is F, tau"),
+        PublishedEquation("2.34", "T_M = M*v^2/2 + J_M*omega^2/2, v = x', omega = v/r,"
+                          " J_M = M*r^2/2", "value", of="", driven=False, note=""),
+        PublishedEquation("2.35", "T_M = M*x'^2/2 + (1/2)*(M*r^2/2)*(x'/r)^2 = 3*M*x'^2/4",
+                          "value", of="", driven=False, note=""),
+        PublishedEquation("2.36", "x_G = x + (l/2)*sin(theta)",
+                          "value", of="", driven=False, note=""),
+        PublishedEquation("2.37", "y_G = ± (l/2)*cos(theta)",
+                          "value", of="", driven=False, note=""),
+        PublishedEquation("2.38", "v_x = x' + (l/2)*theta'*cos(theta)",
+                          "value", of="", driven=False, note=""),
+        PublishedEquation("2.39", "v_y = (l/2)*theta'*sin(theta)",
+                          "value", of="", driven=False, note=""),
+        PublishedEquation("2.40", "T_m = m*v_m^2/2 + J_m*theta'^2/2, v_m^2 = v_x^2 + v_y^2,"
+                          " J_m = m*l^2/12", "value", of="", driven=False, note=""),
+        PublishedEquation("2.41", "T_m = m*x'^2/2 + m*x'*l*theta'*cos(theta)/2 + m*l^2*theta'^2/6",
+                          "value", of="", driven=False, note=""),
+        PublishedEquation("2.42", "T = 3*M*x'^2/4 + m*x'^2/2 + m*x'*l*theta'*cos(theta)/2"
+                          " + m*l^2*theta'^2/6", "value", of="", driven=False, note=""),
+        PublishedEquation("2.43", "V = k*x^2/2 + m*g*(± l/2)*cos(theta)",
+                          "value", of="", driven=False, note=""),
+        PublishedEquation("2.44", "L = 3*M*x'^2/4 + m*x'^2/2 + m*x'*l*theta'*cos(theta)/2"
+                          " + m*l^2*theta'^2/6 ± k*x^2/2 + m*g*l*cos(theta)/2",
+                          "value", of="", driven=False, note=""),
+        PublishedEquation("2.45", "d/dt(dL/dx') ± dL/dx = 0",
+                          "motion", of="x", driven=False, note=""),
+        PublishedEquation("2.46", "d/dt(dL/dtheta') ± dL/dtheta = 0",
+                          "motion", of="theta", driven=False, note=""),
+        PublishedEquation("2.47", "(3/2)*M*x'' + m*x'' ± (m*l/2)*sin(theta)*theta'^2"
+                          " + (m*l/2)*cos(theta)*theta'' + k*x = 0",
+                          "motion", of="x", driven=False, note=""),
+        PublishedEquation("2.48", "(m*l/2)*x''*cos(theta) + (m*l^2/3)*theta''"
+                          " + (m*g*l/2)*sin(theta) = 0",
+                          "motion", of="theta", driven=False, note=""),
+        PublishedEquation("3.13", "(3*M/2 + m)*x'' + (m*l/2)*theta'' + k*x = 0",
+                          "linear", of="hanging", driven=False, note=""),
+        PublishedEquation("3.14", "x'' + (2/3)*l*theta'' + g*theta = 0",
+                          "linear", of="hanging", driven=False, note=""),
+    ),
+    quantities=(
+        Quantity("T_M", drum_energy, "J", "kinetic energy of the drum, over its rings"),
+        Quantity("x_G", along_rod(point_x), "m", "the rod's centre, over its points"),
+        Quantity("y_G", along_rod(point_y), "m", "height of the rod's centre, over its points"),
+        Quantity("v_x", rate(along_rod(point_x)), "m/s", "velocity of the rod's centre along x"),
+        Quantity("v_y", rate(along_rod(point_y)), "m/s", "velocity of the rod's centre upward"),
+        Quantity("T_m", rod_energy, "J", "kinetic energy of the rod, over its points"),
     ),
     sketch=(
         Link("wall", (-0.8, -r), (0.8, -r)),

@@ -4,7 +4,7 @@ from sympy import Heaviside, Rational, sin
 
 from reference import (
     Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Scenario, System, t,
+    PublishedEquation, Quantity, Scenario, System, t,
 )  # fmt: skip
 
 x = Coordinate("x", "m", "displacement of the mass from the spring's equilibrium")
@@ -36,10 +36,16 @@ system = System(
         Scenario("resonance", "driven close to its natural frequency", q={x: 0.02}, v={x: 0},
                  inputs={f: 1.5 * sin(5.9 * t)}, duration=14.5),
     ),
-    printed=(
-        PublishedEquation("2.5", "f ± k*x ± c*x' = m*x''", "motion", "x", True,
-                "signs lost in the transcript"),
-        PublishedEquation("2.6", "m*x'' + c*x' + k*x = f", "motion", "x", True, ""),
+    published=(
+        PublishedEquation("2.1", "F = m*a",
+                          "motion", of="x", driven=True, note="Newton's law, here of this mass"),
+        PublishedEquation("2.4", "F = m*a", "motion", of="x", driven=True, note=""),
+        PublishedEquation("2.5", "f ± k*x ± c*x' = m*x''", "motion", of="x", driven=True, note=""),
+        PublishedEquation("2.6", "m*x'' + c*x' + k*x = f", "motion", of="x", driven=True, note=""),
+    ),
+    quantities=(
+        Quantity("F", f - k * x.q - c * x.v, "N", "all forces on the mass, cut free"),
+        Quantity("a", x.a, "m/s^2", "acceleration of the mass"),
     ),
     sketch=(
         Link("wall", (-0.9, 0.3), (-0.9, -0.3)),

@@ -4,7 +4,7 @@ from sympy import Heaviside, Rational, exp, sin
 
 from reference import (
     Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Scenario, System, t,
+    PublishedEquation, Quantity, Scenario, System, t,
 )  # fmt: skip
 
 theta = Coordinate("theta", "rad", "rotation of the disc from the shaft's equilibrium")
@@ -38,10 +38,16 @@ system = System(
         Scenario("beat", "driven near its natural frequency: the amplitude beats past 3 rad",
                  q={theta: 0.1}, v={theta: 0}, inputs={T: 0.2 * sin(5.8 * t)}, duration=12.0),
     ),
-    printed=(
-        PublishedEquation("2.8", "T ± k_theta*theta = J*theta''", "motion", "theta", True,
-                "signs lost in the transcript"),
-        PublishedEquation("2.9", "J*theta'' + k_theta*theta = T", "motion", "theta", True, ""),
+    published=(
+        PublishedEquation("2.7", "M = J*alpha", "motion", of="theta", driven=True, note=""),
+        PublishedEquation("2.8", "T ± k_theta*theta = J*theta''",
+                          "motion", of="theta", driven=True, note=""),
+        PublishedEquation("2.9", "J*theta'' + k_theta*theta = T",
+                          "motion", of="theta", driven=True, note=""),
+    ),
+    quantities=(
+        Quantity("M", T - k_theta * theta.q, "N*m", "all torques on the disc, cut free"),
+        Quantity("alpha", theta.a, "rad/s^2", "angular acceleration of the disc"),
     ),
     sketch=(
         Body("disc", (0, 0), 0.2, 0.2, theta.q, label="J"),

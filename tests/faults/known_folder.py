@@ -31,7 +31,7 @@ system = System(
         Scenario("free", "released", {x: 0.25}, {x: -0.4}, {f: 0}, 5.0),
         Scenario("driven", "driven", {x: 0.1}, {x: 0.2}, {f: 1.5 * sin(5.9 * t)}, 5.0),
     ),
-    printed=(),
+    published=(),
 )
 '''
 

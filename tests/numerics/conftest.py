@@ -39,7 +39,7 @@ def oscillator(damping=DAMPING, drive=0.0, duration=3.0):
                 "only", "test", q={x: 0.25}, v={x: -0.4}, inputs={f: drive}, duration=duration
             ),
         ),
-        printed=(),
+        published=(),
     )
 
 

@@ -2,7 +2,9 @@
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
+import sympy as sp
 from sympy import cos
 
 from reference import (
@@ -49,9 +51,9 @@ C = constant("c", 0.9, "N*s/m")
 F = Input("f", "N", "force", on={X: 1})
 
 
-def declared(**changed) -> dict:
+def declared(**changed: Any) -> dict[str, Any]:
     """Return the fields of a small, faultless system, with some of them replaced."""
-    fields = {
+    fields: dict[str, Any] = {
         "name": "oscillator",
         "title": "Mass, spring and damper",
         "source": "a test",
@@ -64,13 +66,19 @@ def declared(**changed) -> dict:
         "D": C * X.v**2 / 2,
         "equilibria": (Equilibrium("rest", {X: 0}, False, "relaxed"),),
         "scenarios": (Scenario("free", "released", {X: 0.1}, {X: 0}, {F: 0}, 10.0),),
-        "printed": (),
+        "published": (),
     }
     return fields | changed
 
 
 def oscillator(
-    m: float, c: float, k: float, force=0, x: float = 0.3, v: float = -0.2, duration: float = 6.0
+    m: float,
+    c: float,
+    k: float,
+    force: sp.Expr | float = 0,
+    x: float = 0.3,
+    v: float = -0.2,
+    duration: float = 6.0,
 ) -> System:
     """Declare m x'' + c x' + k x = force(t), with one scenario."""
     constants = (constant("m", m, "kg"), constant("c", c, "N*s/m"), constant("k", k, "N/m"))
@@ -86,7 +94,13 @@ def oscillator(
     )
 
 
-def pendulum(angle, speed: float, duration: float, g: float = 9.81, l: float = 1.0) -> System:  # noqa: E741
+def pendulum(
+    angle: sp.Expr | float,
+    speed: float,
+    duration: float,
+    g: float = 9.81,
+    l: float = 1.0,  # noqa: E741
+) -> System:
     """Declare a free simple pendulum of 1 kg, with one scenario."""
     theta = Coordinate("theta", "rad", "angle from the vertical")
     m = constant("m", 1.0, "kg")
@@ -104,7 +118,7 @@ def pendulum(angle, speed: float, duration: float, g: float = 9.81, l: float = 1
         D=0,
         equilibria=(Equilibrium("hanging", {theta: 0}, False, "down"),),
         scenarios=(Scenario("only", "of a test", {theta: angle}, {theta: speed}, {}, duration),),
-        printed=(),
+        published=(),
     )
 
 
@@ -150,7 +164,7 @@ def cart_with_double_pendulum() -> System:
                 5.0,
             ),
         ),
-        printed=(),
+        published=(),
     )
 
 

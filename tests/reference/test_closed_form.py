@@ -5,7 +5,9 @@ with 50 digits, from the constants as the doubles that they are: they are exact 
 """
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cache
+from typing import TypeAlias
 
 import mpmath as mp
 import numpy as np
@@ -14,10 +16,11 @@ import sympy as sp
 from sympy import exp, sin
 
 import reference.closed_form
-from reference import Equilibrium, t
+from reference import Equilibrium, Scenario, t
 from reference.closed_form import state_at
-from reference.derive import derive
+from reference.derive import Equations, derive
 from reference.linearize import linearize
+from reference.motion import Motion
 from reference.signal import pieces
 from reference.solve import is_linear, solve
 from tests.reference.mechanisms import EPS, oscillator
@@ -43,10 +46,13 @@ FORCES = {
     "exponential": sp.Rational(AMOUNT) * exp(-sp.Rational(RATE) * t),
     "harmonic": sp.Rational(AMOUNT) * sin(sp.Rational(FREQUENCY) * t),
 }
+Pair: TypeAlias = tuple[mp.mpf, mp.mpf]
+"""Position and speed."""
+
 EVERY = [(regime, force) for regime in REGIMES for force in FORCES]
 
 
-def free(m, c, k, x, v, time):
+def free(m: mp.mpf, c: mp.mpf, k: mp.mpf, x: mp.mpf, v: mp.mpf, time: mp.mpf) -> Pair:
     """Return position and speed of m x'' + c x' + k x = 0, by the formula of its regime."""
     half, squared = c / (2 * m), k / m
     inside = squared - half**2
@@ -60,7 +66,7 @@ def free(m, c, k, x, v, time):
     return decay * (x * a + (v + half * x) * b), decay * (v * a - (half * v + squared * x) * b)
 
 
-def particular(m, c, k, force, time):
+def particular(m: mp.mpf, c: mp.mpf, k: mp.mpf, force: str, time: mp.mpf) -> Pair:
     """Return a position and speed that satisfy the equation under the force, whatever the start."""
     f, a, w = mp.mpf(AMOUNT), mp.mpf(RATE), mp.mpf(FREQUENCY)
     if force == "none":
@@ -82,7 +88,9 @@ def particular(m, c, k, force, time):
     return f * time**3 / (6 * m), f * time**2 / (2 * m)
 
 
-def textbook(constants, force, start, begin, time):
+def textbook(
+    constants: Sequence[float], force: str, start: Sequence[float], begin: float, time: float
+) -> list[mp.mpf]:
     """Return the state `time` after `begin`, where it is `start`."""
     m, c, k = map(mp.mpf, constants)
     at_begin = particular(m, c, k, force, mp.mpf(begin))
@@ -93,18 +101,18 @@ def textbook(constants, force, start, begin, time):
 
 
 @cache
-def made(regime: str, force: str):
+def made(regime: str, force: str) -> tuple[Equations, Scenario]:
     system = oscillator(*REGIMES[regime], FORCES[force], x=0.3, v=-0.25, duration=6.0)
     return derive(system), system.scenarios[0]
 
 
 @cache
-def solved(regime: str, force: str):
+def solved(regime: str, force: str) -> Motion:
     return solve(*made(regime, force))
 
 
 @pytest.mark.parametrize(("regime", "force"), EVERY)
-def test_the_closed_form_is_the_textbooks_to_30_digits(regime, force):
+def test_the_closed_form_is_the_textbooks_to_30_digits(regime: str, force: str) -> None:
     equations, scenario = made(regime, force)
     linearization = linearize(equations, equations.system.equilibria[0])
     (piece,) = pieces(equations.system, scenario)
@@ -118,7 +126,7 @@ def test_the_closed_form_is_the_textbooks_to_30_digits(regime, force):
 
 
 @pytest.mark.parametrize(("regime", "force"), EVERY)
-def test_every_segment_ends_where_the_textbook_says(regime, force):
+def test_every_segment_ends_where_the_textbook_says(regime: str, force: str) -> None:
     motion = solved(regime, force)
     assert motion.method.startswith("matrix exponential")
     (span,) = motion.spans
@@ -134,7 +142,9 @@ def test_every_segment_ends_where_the_textbook_says(regime, force):
 
 
 @pytest.mark.parametrize(("regime", "force"), EVERY)
-def test_the_chain_of_starts_is_the_textbooks_motion_from_time_zero(regime, force):
+def test_the_chain_of_starts_is_the_textbooks_motion_from_time_zero(
+    regime: str, force: str
+) -> None:
     motion = solved(regime, force)
     (span,) = motion.spans
     with mp.workdps(50):
@@ -144,7 +154,7 @@ def test_the_chain_of_starts_is_the_textbooks_motion_from_time_zero(regime, forc
             assert all(g <= EPS * a for g, a in zip(gap, motion.amplitude, strict=True))
 
 
-def test_resonance_without_damping_grows_as_the_textbook_says():
+def test_resonance_without_damping_grows_as_the_textbook_says() -> None:
     """m = 1, k = 4, driven at 2 1/s exactly: x = f/8 (sin 2t - 2t cos 2t), from rest."""
     system = oscillator(1.0, 0.0, 4.0, 3 * sin(2 * t), x=0.0, v=0.0, duration=40.0)
     motion = solve(derive(system), system.scenarios[0])
@@ -159,7 +169,7 @@ def test_resonance_without_damping_grows_as_the_textbook_says():
             assert abs(motion.start[i, 1] - speed) <= EPS * motion.amplitude[1]
 
 
-def test_a_step_amid_the_motion_starts_a_new_span_from_where_the_first_ended():
+def test_a_step_amid_the_motion_starts_a_new_span_from_where_the_first_ended() -> None:
     force = AMOUNT * sp.Heaviside(t - sp.Rational(7, 3))
     system = oscillator(*REGIMES["lightly damped"], force, x=0.3, v=-0.25)
     motion = solve(derive(system), system.scenarios[0])
@@ -175,7 +185,7 @@ def test_a_step_amid_the_motion_starts_a_new_span_from_where_the_first_ended():
             assert np.all(np.abs(gap) <= EPS * motion.amplitude)
 
 
-def test_a_constant_one_epsilon_off_is_told():
+def test_a_constant_one_epsilon_off_is_told() -> None:
     """What the tests above would see: a stiffness wrong in its last bit, over the motion."""
     off = oscillator(1.3, 0.0, np.nextafter(47.0, 48.0), 0, x=0.3, v=-0.25, duration=60.0)
     motion = solve(derive(off), off.scenarios[0])
@@ -187,7 +197,7 @@ def test_a_constant_one_epsilon_off_is_told():
         assert max(abs(a - b) / size for a, b, size in gaps) > 4 * EPS
 
 
-def test_fewer_digits_are_told(monkeypatch):
+def test_fewer_digits_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """With 15 digits instead of 40 the chain of starts must drift by more than is allowed above."""
     monkeypatch.setattr(reference.closed_form, "DIGITS", 15)
     equations, scenario = made("undamped", "harmonic")
@@ -201,7 +211,7 @@ def test_fewer_digits_are_told(monkeypatch):
     assert worst > 2 * EPS
 
 
-def test_an_input_without_a_generator_has_no_closed_form():
+def test_an_input_without_a_generator_has_no_closed_form() -> None:
     equations = derive(oscillator(1.3, 0.9, 47.0, sin(t**2)))
     linearization = linearize(equations, equations.system.equilibria[0])
     (piece,) = pieces(equations.system, equations.system.scenarios[0])
@@ -212,14 +222,14 @@ def test_an_input_without_a_generator_has_no_closed_form():
 @pytest.mark.parametrize(
     "force", [sin((4 + t / 3) * t), 3 * sin(t * (t + sp.pi)), sp.sqrt(2 + t), exp(-(t**2) / 3)]
 )
-def test_what_no_linear_equation_generates_is_integrated_on_a_linear_system(force):
+def test_what_no_linear_equation_generates_is_integrated_on_a_linear_system(force: str) -> None:
     system = oscillator(1.3, 0.9, 47.0, force)
     motion = solve(derive(system), system.scenarios[0])
     assert motion.method.startswith("Gauss collocation")
     assert np.all(motion.bound <= 16 * EPS * motion.amplitude)
 
 
-def test_a_linear_system_is_told_from_a_nonlinear_and_from_a_displaced_one():
+def test_a_linear_system_is_told_from_a_nonlinear_and_from_a_displaced_one() -> None:
     base = oscillator(1.3, 0.9, 47.0)
     x = base.coordinates[0]
     assert is_linear(derive(base))

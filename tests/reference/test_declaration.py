@@ -4,6 +4,8 @@ import dataclasses
 import math
 import shutil
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 import sympy as sp
@@ -19,6 +21,7 @@ from reference import (
     Link,
     Output,
     PublishedEquation,
+    Quantity,
     Scenario,
     System,
     t,
@@ -33,10 +36,14 @@ STRAY = sp.Symbol("stray", real=True)
 ZERO = constant("z", 0.0, "kg")
 NEGATIVE = constant("n", -1.3, "kg")
 SPEED = constant("w", 2.0, "m/s")
+NOTHING: Any = None  # what no type allows, and a person may write
+WORD: Any = "47"
+SPATIAL: Any = (0, 0, 0)
+BARE = Quantity("p", M * X.v, "kg*m/s", "momentum")
 
 
-def scenario(**changed) -> Scenario:
-    fields = {
+def scenario(**changed: Any) -> Scenario:
+    fields: dict[str, Any] = {
         "name": "free",
         "description": "released",
         "q": {X: 0.1},
@@ -47,7 +54,7 @@ def scenario(**changed) -> Scenario:
     return Scenario(**fields)
 
 
-def two(**changed) -> dict:
+def two(**changed: Any) -> dict[str, Any]:
     """Two coordinates, x and y."""
     return (
         declared(
@@ -95,7 +102,7 @@ FAULTS = {
         "write '1' for a dimensionless number",
     ),
     "no unit at all": (
-        declared(constants=(M, C, dataclasses.replace(K, unit=None))),
+        declared(constants=(M, C, dataclasses.replace(K, unit=NOTHING))),
         "the unit None is empty",
     ),
     "an input that acts on nothing": (
@@ -142,15 +149,27 @@ FAULTS = {
         declared(scenarios=(scenario(inputs={F: -X.v}),)),
         "inputs: the value of f depends on x_dot",
     ),
-    "an unknown kind of printed equation": (
-        declared(printed=(PublishedEquation("2.5", "x = 0", "poetry", "x", False, ""),)),
-        "Eq. 2.5: states 'poetry' is unknown",
+    "an unknown kind of published equation": (
+        declared(
+            published=(
+                PublishedEquation("2.5", "x = 0", "poetry", of="x", driven=False, note=""),
+            )
+        ),
+        "Eq. 2.5: states 'poetry' is unknown, it may be ['motion', 'linear', 'linear part', 'val",
     ),
     "a constant that is not declared": (
         declared(constants=(M, C)),
         "V uses k, which is declared nowhere",
     ),
+    "an unknown symbol in a quantity": (
+        declared(quantities=(dataclasses.replace(BARE, expression=M * X.v * STRAY),)),
+        "the quantity p uses stray",
+    ),
     # impossible dimensions
+    "a quantity with a wrong unit": (
+        declared(quantities=(dataclasses.replace(BARE, unit="N"),)),
+        "the quantity p has the unit kg*m*s^-1",
+    ),
     "a typing error in a unit": (
         declared(constants=(M, C, dataclasses.replace(K, unit="Nm"))),
         "the unit 'Nm' has a part 'Nm'",
@@ -244,6 +263,14 @@ FAULTS = {
         declared(constants=(M, C, K, constant("x_ddot", 1.0, "m"))),
         "'x_ddot' is an acceleration",
     ),
+    "a quantity named as a constant": (
+        declared(quantities=(dataclasses.replace(BARE, name="k"),)),
+        "'k' is a constant and a quantity",
+    ),
+    "a quantity without a description": (
+        declared(quantities=(dataclasses.replace(BARE, description=""),)),
+        "the quantity p has no description",
+    ),
     "a name that is no identifier": (
         declared(constants=(M, C, K, constant("m 2", 1.0, "kg"))),
         "'m 2' is no identifier",
@@ -258,7 +285,7 @@ FAULTS = {
         "the constant k is nan",
     ),
     "a constant that is a word": (
-        declared(constants=(M, C, Constant("k2", "47", "N/m", "stiffness", "a test"))),
+        declared(constants=(M, C, Constant("k2", WORD, "N/m", "stiffness", "a test"))),
         "the constant k2 has no numeric value",
     ),
     "a constant that is a flag": (
@@ -276,7 +303,7 @@ FAULTS = {
         "shape 1 of the sketch: (0, 0) is no Link, Body or Angle",
     ),
     "a point of a sketch with three numbers": (
-        declared(sketch=(Body("disc", (0, 0, 0), 1, 1),)),
+        declared(sketch=(Body("disc", SPATIAL, 1, 1),)),
         "shape 1 of the sketch: a point is a pair (x, y)",
     ),
     "a sketch of an undeclared symbol": (
@@ -296,7 +323,9 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(("fields", "sentence"), FAULTS.values(), ids=FAULTS.keys())
-def test_a_fault_is_refused_by_a_sentence_that_names_it(fields, sentence):
+def test_a_fault_is_refused_by_a_sentence_that_names_it(
+    fields: dict[str, Any], sentence: str
+) -> None:
     with pytest.raises(DeclarationError) as caught:
         System(**fields)
     assert sentence in str(caught.value)
@@ -304,7 +333,7 @@ def test_a_fault_is_refused_by_a_sentence_that_names_it(fields, sentence):
     assert "\n" not in str(caught.value)
 
 
-def test_the_faultless_system_passes():
+def test_the_faultless_system_passes() -> None:
     assert System(**declared()).values == {
         M.symbol: sp.Rational(1.3),
         C.symbol: sp.Rational(0.9),
@@ -313,11 +342,13 @@ def test_the_faultless_system_passes():
     assert System(**two()).q == (X.q, Y.q)
 
 
-# Nothing is computed from a sketch: a system may do without.
+# No motion is computed from a sketch, or from a quantity of published equations: a system may do
+# without.
 @pytest.mark.parametrize(
-    "field", [f.name for f in dataclasses.fields(System) if f.name != "sketch"]
+    "field",
+    [f.name for f in dataclasses.fields(System) if f.name not in ("sketch", "quantities")],
 )
-def test_no_field_of_a_system_has_a_default(field):
+def test_no_field_of_a_system_has_a_default(field: str) -> None:
     fields = declared()
     del fields[field]
     with pytest.raises(TypeError, match=f"missing 1 required positional argument: '{field}'"):
@@ -325,20 +356,20 @@ def test_no_field_of_a_system_has_a_default(field):
 
 
 @pytest.mark.parametrize("kind", [Constant, Coordinate, Input, Output, Equilibrium, Scenario,
-                                  PublishedEquation])  # fmt: skip
-def test_no_field_of_a_declared_item_has_a_default(kind):
+                                  PublishedEquation, Quantity])  # fmt: skip
+def test_no_field_of_a_declared_item_has_a_default(kind: type) -> None:
     for field in dataclasses.fields(kind):
         assert field.default is dataclasses.MISSING
         assert field.default_factory is dataclasses.MISSING
 
 
-def test_a_stated_equilibrium_that_is_none_is_refused_naming_the_force():
+def test_a_stated_equilibrium_that_is_none_is_refused_naming_the_force() -> None:
     system = System(**declared(equilibria=(Equilibrium("off", {X: 0.01}, False, ""),)))
     with pytest.raises(DeclarationError, match=r"'off': is none; the force on x there is -.*k"):
         linearize(derive(system), system.equilibria[0])
 
 
-def test_a_search_that_finds_no_equilibrium_is_refused():
+def test_a_search_that_finds_no_equilibrium_is_refused() -> None:
     slope = constant("a", 3.0, "N")
     system = System(
         **declared(
@@ -351,12 +382,12 @@ def test_a_search_that_finds_no_equilibrium_is_refused():
         linearize(derive(system), system.equilibria[0])
 
 
-def test_an_unknown_scenario_is_refused_naming_the_known():
+def test_an_unknown_scenario_is_refused_naming_the_known() -> None:
     with pytest.raises(KeyError, match="no scenario 'frei'; it has free"):
         System(**declared()).scenario("frei")
 
 
-def test_constants_are_the_doubles_that_they_are():
+def test_constants_are_the_doubles_that_they_are() -> None:
     assert built_in("mass_spring_damper").values[M.symbol] == sp.Rational(1.3)
     assert sp.Rational(1.3) != sp.Rational(13, 10)
 
@@ -365,13 +396,13 @@ def test_constants_are_the_doubles_that_they_are():
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Path:
     """Copy a built-in folder's declaration, to spoil it."""
     shutil.copy(MODELS / "mass_spring_damper" / "system.py", tmp_path)
     return tmp_path
 
 
-def spoil(folder, old: str, new: str) -> int:
+def spoil(folder: Path, old: str, new: str) -> int:
     """Replace text in the declaration; return the line of the replacement."""
     path = folder / "system.py"
     text = path.read_text()
@@ -381,22 +412,22 @@ def spoil(folder, old: str, new: str) -> int:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_built_in_folder_is_named_as_its_system(name):
+def test_a_built_in_folder_is_named_as_its_system(name: str) -> None:
     assert built_in(name).name == name
 
 
-def test_a_folder_without_a_declaration_is_refused_naming_the_file(tmp_path):
+def test_a_folder_without_a_declaration_is_refused_naming_the_file(tmp_path: Path) -> None:
     with pytest.raises(DeclarationError, match=r"system\.py: no such file"):
         load_system(tmp_path)
 
 
-def test_a_syntax_error_is_refused_with_file_and_line(folder):
+def test_a_syntax_error_is_refused_with_file_and_line(folder: Path) -> None:
     line = spoil(folder, 'x = Coordinate("x", "m",', 'x = = Coordinate("x", "m",')
     with pytest.raises(DeclarationError, match=rf"system\.py:{line}: SyntaxError: invalid syntax"):
         load_system(folder)
 
 
-def test_a_missing_field_is_refused_with_file_and_line_and_its_name(folder):
+def test_a_missing_field_is_refused_with_file_and_line_and_its_name(folder: Path) -> None:
     spoil(folder, "    D=c * x.v**2 / 2,\n", "")
     # A call is placed at its first line.
     line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
@@ -404,26 +435,28 @@ def test_a_missing_field_is_refused_with_file_and_line_and_its_name(folder):
         load_system(folder)
 
 
-def test_a_wrong_name_is_refused_with_file_and_line(folder):
+def test_a_wrong_name_is_refused_with_file_and_line(folder: Path) -> None:
     line = spoil(folder, "V=k * x.q**2 / 2", "V=kk * x.q**2 / 2")
     with pytest.raises(DeclarationError, match=rf"system\.py:{line}: NameError: name 'kk'"):
         load_system(folder)
 
 
-def test_a_declaration_error_is_refused_with_file_and_line(folder):
+def test_a_declaration_error_is_refused_with_file_and_line(folder: Path) -> None:
     spoil(folder, "V=k * x.q**2 / 2", "V=k * x.q")
     line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
     with pytest.raises(DeclarationError, match=rf"system\.py:{line}: system 'mass_.*V has the u"):
         load_system(folder)
 
 
-def test_a_file_that_declares_no_system_is_refused_with_the_remedy(folder):
+def test_a_file_that_declares_no_system_is_refused_with_the_remedy(folder: Path) -> None:
     spoil(folder, "system = System(", "other = System(")
     with pytest.raises(DeclarationError, match=r"must end with `system = System\(\.\.\.\)`"):
         load_system(folder)
 
 
-def test_two_folders_share_no_module_and_no_path(folder, tmp_path_factory):
+def test_two_folders_share_no_module_and_no_path(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     other = tmp_path_factory.mktemp("other")
     shutil.copy(folder / "system.py", other)
     spoil(other, 'Constant("k", 47.0', 'Constant("k", 48.0')

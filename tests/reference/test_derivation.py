@@ -1,6 +1,8 @@
 """The derivation against three that share nothing with it: Newton, Kane and heyoka."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from sympy.physics import mechanics as me
 
 from reference import System
 from reference.derive import derive
+from reference.numeric import Array
 from tests.reference.mechanisms import CART, EPS, NAMES, built_in, equations_of, oscillator
 
 EVERY = [*NAMES, CART.name]
@@ -37,12 +40,12 @@ NEWTON = {
 
 
 @pytest.mark.parametrize("name", NEWTON)
-def test_newtons_second_law_gives_the_same_equation(name):
+def test_newtons_second_law_gives_the_same_equation(name: str) -> None:
     system = built_in(name)
     assert sp.simplify(equations_of(name).residual[0] - NEWTON[name](symbols(system))) == 0
 
 
-def test_newtons_second_law_with_the_damper_the_wrong_way_round_does_not():
+def test_newtons_second_law_with_the_damper_the_wrong_way_round_does_not() -> None:
     names = symbols(built_in("mass_spring_damper"))
     wrong = NEWTON["mass_spring_damper"](names | {"c": -names["c"]})
     assert sp.simplify(equations_of("mass_spring_damper").residual[0] - wrong) != 0
@@ -63,26 +66,30 @@ class Mechanism:
         self.space = me.ReferenceFrame("N")
         self.origin = me.Point("O")
         self.origin.set_vel(self.space, 0)
-        self.bodies: list = []
-        self.loads: list = []
+        self.bodies: list[me.Particle | me.RigidBody] = []
+        self.loads: list[tuple[me.Point | me.ReferenceFrame, me.Vector]] = []
 
-    def point(self, name: str, start: me.Point, vector, velocity=None) -> me.Point:
+    def point(
+        self, name: str, start: me.Point, vector: me.Vector, velocity: me.Vector | None = None
+    ) -> me.Point:
         point = start.locatenew(name, vector)
         rates = {sp.diff(self.q[n], me.dynamicsymbols._t): self.u[n] for n in self.q}
         speed = point.pos_from(self.origin).dt(self.space).subs(rates)
         point.set_vel(self.space, speed if velocity is None else velocity)
         return point
 
-    def frame(self, name: str, angle, rate) -> me.ReferenceFrame:
+    def frame(self, name: str, angle: sp.Expr, rate: sp.Expr) -> me.ReferenceFrame:
         """Return a frame turned by an angle about z, counterclockwise."""
         frame = self.space.orientnew(name, "Axis", (angle, self.space.z))
         frame.set_ang_vel(self.space, rate * self.space.z)
         return frame
 
-    def particle(self, point: me.Point, mass) -> None:
+    def particle(self, point: me.Point, mass: sp.Expr) -> None:
         self.bodies.append(me.Particle(f"P{len(self.bodies)}", point, mass))
 
-    def body(self, point: me.Point, frame, mass, inertia) -> None:
+    def body(
+        self, point: me.Point, frame: me.ReferenceFrame, mass: sp.Expr, inertia: sp.Expr
+    ) -> None:
         moment = me.inertia(frame, 0, 0, inertia)
         name = f"B{len(self.bodies)}"
         self.bodies.append(me.RigidBody(name, point, frame, mass, (moment, point)))
@@ -185,7 +192,7 @@ KANE = {
 }
 
 
-def kane_matches(name: str, assemble) -> bool:
+def kane_matches(name: str, assemble: Callable[[Mechanism], None]) -> bool:
     """Whether M and f of Kane's equations are the derived ones, symbolically."""
     derived = equations_of(name)
     mechanism = Mechanism(derived.system)
@@ -196,11 +203,11 @@ def kane_matches(name: str, assemble) -> bool:
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_kanes_method_gives_the_same_equations_of(name):
+def test_kanes_method_gives_the_same_equations_of(name: str) -> None:
     assert kane_matches(name, KANE[name])
 
 
-def test_kanes_method_tells_a_drum_with_the_inertia_of_a_hoop():
+def test_kanes_method_tells_a_drum_with_the_inertia_of_a_hoop() -> None:
     def hoop(p: Mechanism) -> None:
         kane_drum_pendulum(p)
         drum = p.bodies[0]
@@ -210,7 +217,7 @@ def test_kanes_method_tells_a_drum_with_the_inertia_of_a_hoop():
     assert not kane_matches("drum_pendulum", hoop)
 
 
-def test_kanes_method_tells_a_damper_left_out():
+def test_kanes_method_tells_a_damper_left_out() -> None:
     def undamped(p: Mechanism) -> None:
         kane_cart(p)
         p.value["c2"] = sp.Integer(0)
@@ -222,7 +229,9 @@ def test_kanes_method_tells_a_damper_left_out():
 # heyoka's own formulation, numerically, at random states.
 
 
-def heyoka_accelerations(system: System, states, forces):
+def heyoka_accelerations(
+    system: System, states: Array | list[list[float]], forces: Array | list[list[float]]
+) -> Array:
     """Accelerations by `heyoka.lagrangian`; the inputs enter as constant forces, L + Q q."""
     hy = pytest.importorskip("heyoka")
     names = [str(x) for x in (*system.q, *system.v)]
@@ -230,7 +239,7 @@ def heyoka_accelerations(system: System, states, forces):
     variables = list(variables) if isinstance(variables, list | tuple) else [variables]
     n = len(system.q)
 
-    def convert(expression):
+    def convert(expression: sp.Expr) -> Any:
         number = sp.sympify(expression).xreplace(system.values).evalf(17)
         return hy.from_sympy(number) if number.free_symbols else hy.expression(float(number))
 
@@ -246,14 +255,14 @@ def heyoka_accelerations(system: System, states, forces):
     return np.array(found)
 
 
-def random_states(system: System, count: int = 5):
+def random_states(system: System, count: int = 5) -> tuple[Array, Array]:
     draw = np.random.default_rng(20240229)
     n = len(system.q)
     return draw.uniform(-2, 2, (count, 2 * n)), draw.uniform(-3, 3, (count, len(system.u)))
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_heyokas_lagrangian_gives_the_same_accelerations(name):
+def test_heyokas_lagrangian_gives_the_same_accelerations(name: str) -> None:
     derived = equations_of(name)
     system, n = derived.system, len(derived.system.q)
     states, forces = random_states(system)
@@ -265,7 +274,7 @@ def test_heyokas_lagrangian_gives_the_same_accelerations(name):
     assert np.max(np.abs(ours - theirs)) <= 32 * EPS * np.max(np.abs(theirs))
 
 
-def test_heyokas_dissipation_function_takes_energy_as_ours_does():
+def test_heyokas_dissipation_function_takes_energy_as_ours_does() -> None:
     system = oscillator(2.0, 3.0, 5.0)
     found = heyoka_accelerations(system, [[0.0, 1.0]], [[0.0]])
     assert found[0, 0] == -1.5  # -c v / m
@@ -274,7 +283,7 @@ def test_heyokas_dissipation_function_takes_energy_as_ours_does():
     )[0] == sp.Rational(-3, 2)
 
 
-def test_heyokas_lagrangian_tells_a_changed_damping():
+def test_heyokas_lagrangian_tells_a_changed_damping() -> None:
     system = CART
     changed = dataclasses.replace(system, D=system.D * sp.Rational(1000001, 1000000))
     states, forces = random_states(system)
@@ -289,19 +298,19 @@ def test_heyokas_lagrangian_tells_a_changed_damping():
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_energy_changes_by_what_is_supplied_less_what_is_dissipated(name):
+def test_the_energy_changes_by_what_is_supplied_less_what_is_dissipated(name: str) -> None:
     assert equations_of(name).energy_balance == 0
 
 
 @pytest.mark.parametrize("name", [n for n in EVERY if equations_of(n).system.D != 0])
-def test_the_energy_balance_tells_a_dissipation_changed_after_the_derivation(name):
+def test_the_energy_balance_tells_a_dissipation_changed_after_the_derivation(name: str) -> None:
     derived = equations_of(name)
     factor = 1 + sp.Rational(1, 10**6)
     assert dataclasses.replace(derived, dissipated=factor * derived.dissipated).energy_balance != 0
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_energy_balance_tells_a_force_left_out(name):
+def test_the_energy_balance_tells_a_force_left_out(name: str) -> None:
     derived = equations_of(name)
     still = dict.fromkeys(derived.system.u, 0)
     silent = dataclasses.replace(derived, force=derived.force.xreplace(still))
@@ -309,7 +318,7 @@ def test_the_energy_balance_tells_a_force_left_out(name):
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_mass_matrix_is_symmetric_and_positive(name):
+def test_the_mass_matrix_is_symmetric_and_positive(name: str) -> None:
     derived = equations_of(name)
     assert derived.mass == derived.mass.T
     states, _ = random_states(derived.system)
@@ -320,7 +329,7 @@ def test_the_mass_matrix_is_symmetric_and_positive(name):
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_the_numeric_accelerations_are_the_symbolic_ones(name):
+def test_the_numeric_accelerations_are_the_symbolic_ones(name: str) -> None:
     derived = equations_of(name)
     system, n = derived.system, len(derived.system.q)
     states, forces = random_states(system)
@@ -341,7 +350,7 @@ def test_the_numeric_accelerations_are_the_symbolic_ones(name):
         assert np.max(np.abs(found - np.array(exact, dtype=float).ravel())) <= 32 * EPS * largest
 
 
-def test_a_moving_constraint_enters_the_equations():
+def test_a_moving_constraint_enters_the_equations() -> None:
     """A bead on a straight wire turning at w: m r'' = m w^2 r, by hand (Goldstein, section 1.6)."""
     base = oscillator(1.5, 0.0, 2.0)
     x, m = base.coordinates[0], base.constants[0]

@@ -8,9 +8,9 @@ import sympy as sp
 from sympy import sin
 
 import reference.integrate
-from reference import t
+from reference import Scenario, System, t
 from reference.closed_form import solve_closed_form
-from reference.derive import derive
+from reference.derive import Equations, derive
 from reference.integrate import (
     AGREEMENT,
     ReferenceError,
@@ -20,6 +20,8 @@ from reference.integrate import (
     trajectory,
 )
 from reference.linearize import linearize
+from reference.motion import Motion
+from reference.numeric import Array
 from reference.signal import pieces
 from reference.solve import is_linear, solve, tile
 from tests.reference.mechanisms import (
@@ -39,25 +41,27 @@ NONLINEAR = [
 HEYOKA = reference.integrate.heyoka_installed()
 
 
-def scenario_of(name: str, scenario: str):
+def scenario_of(name: str, scenario: str) -> tuple[Equations, Scenario]:
     equations = equations_of(name)
     return equations, equations.system.scenario(scenario)
 
 
-def sizes(motion):
+def sizes(motion: Motion) -> Array:
     """Return the motion's size per component: the largest position, the largest velocity."""
     n = motion.end.shape[1] // 2
     largest = np.max(np.abs(motion.end), axis=0)
     return np.concatenate([np.full(n, largest[:n].max()), np.full(n, largest[n:].max())])
 
 
-def test_some_systems_are_nonlinear():
+def test_some_systems_are_nonlinear() -> None:
     assert {name for name, _ in NONLINEAR} >= {"drum_pendulum", "simple_pendulum"}
 
 
 @pytest.mark.parametrize(("name", "scenario"), NONLINEAR)
 @pytest.mark.parametrize("heyoka", [True, False])
-def test_two_integrations_agree_to_1e_12_of_the_motion(name, scenario, heyoka, monkeypatch):
+def test_two_integrations_agree_to_1e_12_of_the_motion(
+    name: str, scenario: str, heyoka: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     if heyoka and not HEYOKA:
         pytest.skip("heyoka is not installed")
     monkeypatch.setattr(reference.integrate, "heyoka_installed", lambda: heyoka)
@@ -70,7 +74,7 @@ def test_two_integrations_agree_to_1e_12_of_the_motion(name, scenario, heyoka, m
 
 
 @pytest.mark.parametrize(("name", "scenario"), NONLINEAR)
-def test_heyoka_and_dop853_end_the_segments_alike(name, scenario):
+def test_heyoka_and_dop853_end_the_segments_alike(name: str, scenario: str) -> None:
     pytest.importorskip("heyoka")
     equations, declared = scenario_of(name, scenario)
     motion = solve(equations, declared)
@@ -87,7 +91,9 @@ def test_heyoka_and_dop853_end_the_segments_alike(name, scenario):
 
 @pytest.mark.parametrize("heyoka", [True, False])
 @pytest.mark.parametrize("off", [1e-11, np.nan, np.inf])
-def test_a_check_that_ends_elsewhere_is_an_error(off, heyoka, monkeypatch):
+def test_a_check_that_ends_elsewhere_is_an_error(
+    off: float, heyoka: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     equations, scenario = scenario_of("simple_pendulum", "free")
     monkeypatch.setattr(reference.integrate, "heyoka_installed", lambda: False)
     right = solve(equations, scenario)
@@ -99,7 +105,7 @@ def test_a_check_that_ends_elsewhere_is_an_error(off, heyoka, monkeypatch):
         solve(equations, scenario)
 
 
-def test_a_check_within_the_agreement_widens_the_bound(monkeypatch):
+def test_a_check_within_the_agreement_widens_the_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference.integrate, "heyoka_installed", lambda: False)
     equations, scenario = scenario_of("simple_pendulum", "free")
     right = solve(equations, scenario)
@@ -108,7 +114,7 @@ def test_a_check_within_the_agreement_widens_the_bound(monkeypatch):
     assert np.all(solve(equations, scenario).bound >= off * (1 - 1e-3))
 
 
-def falling_apart():
+def falling_apart() -> System:
     """Declare x'' = +b x^3, which reaches infinity within a second."""
     base = oscillator(1.0, 0.0, 1.0, x=2.0, v=1.0, duration=5.0)
     (x,) = base.coordinates
@@ -119,13 +125,13 @@ def falling_apart():
 @pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning")
 @pytest.mark.filterwarnings("ignore:invalid value encountered:RuntimeWarning")
 @pytest.mark.filterwarnings("ignore:divide by zero encountered:RuntimeWarning")
-def test_a_motion_that_runs_to_infinity_is_an_error_that_tells_when():
+def test_a_motion_that_runs_to_infinity_is_an_error_that_tells_when() -> None:
     system = falling_apart()
     with pytest.raises(ReferenceError, match=r"the equations cannot be integrated past 0\.\d+ s"):
         solve(derive(system), system.scenarios[0])
 
 
-def test_the_numeric_way_solves_a_linear_system_as_the_closed_form_does():
+def test_the_numeric_way_solves_a_linear_system_as_the_closed_form_does() -> None:
     """The only test in which the two ways meet: a harmonic force after a step, with damping."""
     force = 2 * sp.Heaviside(t - 1) + sin(3 * t)
     system = oscillator(1.3, 0.9, 47.0, force, duration=4.0)
@@ -149,10 +155,10 @@ def test_the_numeric_way_solves_a_linear_system_as_the_closed_form_does():
         assert np.all(np.max(np.abs(ends - closed.end[chosen]), axis=0) <= 8 * EPS * size)
 
 
-def test_the_collocation_has_order_16():
+def test_the_collocation_has_order_16() -> None:
     """One coarse segment of y'' = -y from (0, 1), in units of its length: error ~ length^17."""
 
-    def field(times, states):
+    def field(times: Array, states: Array) -> Array:
         return np.stack([states[..., 1], -states[..., 0]], axis=-1)
 
     def error(length: float) -> float:
@@ -165,7 +171,7 @@ def test_the_collocation_has_order_16():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_trajectory_hits_the_breaks_of_its_input(name):
+def test_a_trajectory_hits_the_breaks_of_its_input(name: str) -> None:
     """A whole run in pieces ends where the segments' chain says, whatever the requested times."""
     system, equations = built_in(name), equations_of(name)
     scenario = next(

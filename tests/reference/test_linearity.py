@@ -1,22 +1,24 @@
 """How far the linear equations hold, against elliptic functions and the law of the square."""
 
+import dataclasses
+
 import mpmath as mp
 import numpy as np
 import pytest
 
 import reference.linearity
-from reference.linearity import AMPLITUDES, linearity
+from reference.linearity import AMPLITUDES, LinearityError, linearity
 from reference.linearize import linearize
 from reference.solve import is_linear
 from tests.reference.mechanisms import NAMES, built_in, equations_of
 
 
-def errors_of(name: str):
+def errors_of(name: str) -> tuple[LinearityError, ...]:
     equations = equations_of(name)
     return linearity(equations, linearize(equations, equations.system.equilibria[0]))
 
 
-def test_the_error_of_the_linear_pendulum_is_what_the_elliptic_functions_say():
+def test_the_error_of_the_linear_pendulum_is_what_the_elliptic_functions_say() -> None:
     (found,) = errors_of("simple_pendulum")
     w = mp.sqrt(mp.mpf(9.81) / mp.mpf(0.75))
     assert found.period == pytest.approx(float(2 * mp.pi / w), rel=1e-15)
@@ -35,7 +37,7 @@ def test_the_error_of_the_linear_pendulum_is_what_the_elliptic_functions_say():
 
 
 @pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
-def test_the_error_falls_with_the_square_of_the_amplitude(name):
+def test_the_error_falls_with_the_square_of_the_amplitude(name: str) -> None:
     for found in errors_of(name):
         small = [(a, e) for a, e in zip(found.amplitudes, found.errors, strict=True) if a <= 0.05]
         slope = np.diff(np.log([e for _, e in small])) / np.diff(np.log([a for a, _ in small]))
@@ -43,29 +45,29 @@ def test_the_error_falls_with_the_square_of_the_amplitude(name):
         assert np.all(np.abs(slope - 2) < 0.01)
 
 
-def test_a_wrong_linearization_does_not_fall(monkeypatch):
+def test_a_wrong_linearization_does_not_fall(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stiffness a thousandth off leaves an error that no small amplitude takes away."""
     equations = equations_of("simple_pendulum")
     right = linearize(equations, equations.system.equilibria[0])
-    wrong = type(right)(*(getattr(right, f) for f in right.__dataclass_fields__))
-    wrong.exact["A"] = right.exact["A"] * mp.mpf("1.001")
+    stiffer = {**right.exact, "A": right.exact["A"] * mp.mpf("1.001")}
+    wrong = dataclasses.replace(right, exact=stiffer)
     (found,) = linearity(equations, wrong)
     assert found.errors[0] > 1e-3
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if is_linear(equations_of(n))])
-def test_linear_equations_have_no_such_error(name):
+def test_linear_equations_have_no_such_error(name: str) -> None:
     assert errors_of(name) == ()
 
 
 @pytest.mark.parametrize("name", ["simple_pendulum", "drum_pendulum"])
-def test_an_unstable_equilibrium_has_no_such_table(name):
+def test_an_unstable_equilibrium_has_no_such_table(name: str) -> None:
     equations = equations_of(name)
     (upright,) = (e for e in built_in(name).equilibria if e.name == "upright")
     assert linearity(equations, linearize(equations, upright)) == ()
 
 
-def test_each_mode_of_the_drum_has_its_own():
+def test_each_mode_of_the_drum_has_its_own() -> None:
     first, second = errors_of("drum_pendulum")
     assert (first.mode, second.mode) == (0, 1)
     assert first.amplitudes == AMPLITUDES == reference.linearity.AMPLITUDES

@@ -50,7 +50,7 @@ def linear(system: System) -> Linearization:
 # A and B
 
 
-def derivatives(name: str, linearization: Linearization):
+def derivatives(name: str, linearization: Linearization) -> mp.matrix:
     """A and B as derivatives of the first-order field, by mpmath with 40 digits."""
     equations = equations_of(name)
     system = equations.system
@@ -61,8 +61,8 @@ def derivatives(name: str, linearization: Linearization):
     rest = [mp.mpf(sp.N(p.subs(system.values), 50)) for p in linearization.at]
     rest += [mp.mpf(0)] * (len(variables) - len(rest))
 
-    def entry(row: int, column: int):
-        def along(value):
+    def entry(row: int, column: int) -> mp.mpf:
+        def along(value: mp.mpf) -> mp.mpf:
             return field(*rest[:column], value, *rest[column + 1 :])[row]
 
         return mp.diff(along, rest[column])
@@ -74,7 +74,7 @@ def derivatives(name: str, linearization: Linearization):
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS)
-def test_the_linearization_is_the_derivative_of_the_first_order_field(name, rest):
+def test_the_linearization_is_the_derivative_of_the_first_order_field(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     n = len(linearization.at)
     with mp.workdps(40):
@@ -87,7 +87,7 @@ def test_the_linearization_is_the_derivative_of_the_first_order_field(name, rest
                 assert abs(found[row, column] - ours) <= mp.mpf(10) ** -18 * (1 + abs(ours))
 
 
-def test_the_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness():
+def test_the_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness() -> None:
     down, up = (linearized("simple_pendulum", rest) for rest in ("hanging", "upright"))
     assert down.stiffness == -up.stiffness
     names = {c.name: c.symbol for c in built_in("simple_pendulum").constants}
@@ -96,13 +96,13 @@ def test_the_two_rests_of_the_pendulum_differ_in_the_sign_of_their_stiffness():
     assert up.arrays["A"][1, 0] == 9.81 / 0.75
 
 
-def test_a_searched_equilibrium_is_recognized():
+def test_a_searched_equilibrium_is_recognized() -> None:
     linearization = linearized("drum_pendulum", "upright")
     assert linearization.at == (0, sp.pi)
     np.testing.assert_array_equal(linearization.position, [0.0, np.pi])
 
 
-def test_a_searched_equilibrium_that_is_no_multiple_of_pi_has_40_digits():
+def test_a_searched_equilibrium_that_is_no_multiple_of_pi_has_40_digits() -> None:
     """A mass on a spring that hangs: k x = m g, written down by hand."""
     weight = constant("w", 3.7, "N")
     base = oscillator(1.3, 0.9, 47.0)
@@ -116,7 +116,7 @@ def test_a_searched_equilibrium_that_is_no_multiple_of_pi_has_40_digits():
     assert abs(found - sp.Rational(3.7) / 47) < sp.Float(10, 40) ** -40
 
 
-def test_the_linearization_of_a_linear_system_is_the_system():
+def test_the_linearization_of_a_linear_system_is_the_system() -> None:
     matrices = linear(oscillator(1.3, 0.9, 47.0)).arrays
     np.testing.assert_array_equal(matrices["A"], [[0, 1], [-47.0 / 1.3, -0.9 / 1.3]])
     np.testing.assert_array_equal(matrices["B"], [[0], [1 / 1.3]])
@@ -157,7 +157,7 @@ def pair(first: float, second: float, coupling: float) -> System:
     )
 
 
-def test_repeated_roots_have_mass_orthogonal_shapes():
+def test_repeated_roots_have_mass_orthogonal_shapes() -> None:
     linearization = linear(pair(20.0, 20.0, 0.0))
     first, second = modes(linearization)
     assert first.frequency == pytest.approx(np.sqrt(20 / 1.3), rel=4 * EPS)
@@ -167,12 +167,12 @@ def test_repeated_roots_have_mass_orthogonal_shapes():
     assert [(p.multiplicity, p.damping) for p in poles(linearization)] == [(2, 0.0)]
 
 
-def test_nearly_repeated_roots_stay_apart():
+def test_nearly_repeated_roots_stay_apart() -> None:
     linearization = linear(pair(20.0, 20.0 * (1 + 1e-9), 0.0))
     assert [p.multiplicity for p in poles(linearization)] == [1, 1]
 
 
-def test_two_equal_oscillators_swing_together_and_against_each_other():
+def test_two_equal_oscillators_swing_together_and_against_each_other() -> None:
     first, second = modes(linear(pair(20.0, 20.0, 3.0)))
     assert first.frequency == pytest.approx(np.sqrt(20 / 1.3), rel=8 * EPS)
     assert second.frequency == pytest.approx(np.sqrt(26 / 1.3), rel=8 * EPS)
@@ -180,7 +180,7 @@ def test_two_equal_oscillators_swing_together_and_against_each_other():
     assert second.shape[0] * second.shape[1] == pytest.approx(-1, abs=16 * EPS)
 
 
-def test_the_free_pair_has_a_rigid_body_mode():
+def test_the_free_pair_has_a_rigid_body_mode() -> None:
     linearization = linearized("free_pair", "rest")
     first, second = modes(linearization)
     assert first.rigid
@@ -198,30 +198,30 @@ def test_the_free_pair_has_a_rigid_body_mode():
     assert swinging.damping == pytest.approx(c / (2 * np.sqrt(k * reduced)), rel=4 * EPS)
 
 
-def test_a_weak_spring_to_the_ground_is_no_rigid_body_mode():
+def test_a_weak_spring_to_the_ground_is_no_rigid_body_mode() -> None:
     # A frequency of 1e-5 of the other's: its square is 1e-10, well above rounding.
     soft = pair(2e-9, 2e-9, 20.0)
     assert not any(mode.rigid for mode in modes(linear(soft)))
 
 
-def test_critical_damping_has_a_double_pole():
+def test_critical_damping_has_a_double_pole() -> None:
     (pole,) = poles(linear(oscillator(1.0, 4.0, 4.0)))
     assert (pole.value, pole.multiplicity, pole.frequency, pole.damping) == (-2, 2, 2, 1)
 
 
-def test_damping_a_little_off_critical_has_none():
+def test_damping_a_little_off_critical_has_none() -> None:
     found = poles(linear(oscillator(1.0, 4.0 * (1 + 4 * EPS), 4.0)))
     assert [p.multiplicity for p in found] == [1, 1]
 
 
-def test_an_overdamped_oscillator_has_two_real_poles():
+def test_an_overdamped_oscillator_has_two_real_poles() -> None:
     slow, fast = poles(linear(oscillator(2.0, 10.0, 8.0)))  # 2 s^2 + 10 s + 8 = 2 (s+1)(s+4)
     assert (slow.value, fast.value) == (-1, -4)
     assert (slow.damping, fast.damping) == (1, 1)
     assert (slow.multiplicity, fast.multiplicity) == (1, 1)
 
 
-def test_an_underdamped_oscillator_has_the_textbook_pole():
+def test_an_underdamped_oscillator_has_the_textbook_pole() -> None:
     m, c, k = (constant.value for constant in built_in("mass_spring_damper").constants)
     (pole,) = poles(linearized("mass_spring_damper", "rest"))
     assert pole.frequency == pytest.approx(np.sqrt(k / m), rel=2 * EPS)
@@ -229,12 +229,12 @@ def test_an_underdamped_oscillator_has_the_textbook_pole():
     assert pole.value.imag > 0
 
 
-def test_negative_damping_has_a_negative_ratio():
+def test_negative_damping_has_a_negative_ratio() -> None:
     (pole,) = poles(linear(oscillator(1.0, -0.4, 4.0)))
     assert pole.damping == pytest.approx(-0.1, rel=2 * EPS)
 
 
-def test_the_upright_pendulum_grows_and_falls_at_the_same_rate():
+def test_the_upright_pendulum_grows_and_falls_at_the_same_rate() -> None:
     linearization = linearized("simple_pendulum", "upright")
     rate = np.sqrt(9.81 / 0.75)
     (mode,) = modes(linearization)
@@ -245,7 +245,7 @@ def test_the_upright_pendulum_grows_and_falls_at_the_same_rate():
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS)
-def test_the_modes_satisfy_their_equation(name, rest):
+def test_the_modes_satisfy_their_equation(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     mass, stiffness = linearization.arrays["M"], linearization.arrays["K"]
     for mode in modes(linearization):
@@ -256,7 +256,7 @@ def test_the_modes_satisfy_their_equation(name, rest):
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS)
-def test_the_complex_shapes_are_eigenvectors(name, rest):
+def test_the_complex_shapes_are_eigenvectors(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     m, c, k = (linearization.arrays[x] for x in "MCK")
     values = {complex(p.value) for p in poles(linearization) if p.value.imag > 0}
@@ -272,7 +272,7 @@ def test_the_complex_shapes_are_eigenvectors(name, rest):
 # Transfer functions
 
 
-def textbook(name: str) -> dict[str, list]:
+def textbook(name: str) -> dict[str, list[list[sp.Expr]]]:
     """Return the transfer functions worked out by hand, outputs by inputs."""
     v = {c.name: c.symbol for c in built_in(name).constants}
     if name == "mass_spring_damper":
@@ -305,14 +305,14 @@ def textbook(name: str) -> dict[str, list]:
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS[:-1])
-def test_the_transfer_functions_are_the_textbooks(name, rest):
+def test_the_transfer_functions_are_the_textbooks(name: str, rest: str) -> None:
     found = transfer_functions(linearized(name, rest))
     gap = found - sp.Matrix(textbook(name)[rest])
     assert all(sp.simplify(entry) == 0 for entry in gap)
 
 
 @pytest.mark.parametrize(("name", "rest"), RESTS)
-def test_the_transfer_functions_are_the_state_spaces(name, rest):
+def test_the_transfer_functions_are_the_state_spaces(name: str, rest: str) -> None:
     linearization = linearized(name, rest)
     a, b, cy, d = (linearization.exact[x] for x in ("A", "B", "Cy", "D"))
     frequencies = np.array([0.3, 2.1, 4.4, 17.0])
@@ -327,13 +327,13 @@ def test_the_transfer_functions_are_the_state_spaces(name, rest):
         assert np.max(np.abs(numbers - theirs)) <= 500 * EPS * np.max(np.abs(theirs))
 
 
-def test_repeated_poles_have_a_complex_shape_each():
+def test_repeated_poles_have_a_complex_shape_each() -> None:
     (first, a), (second, b) = damped_shapes(linear(pair(20.0, 20.0, 0.0)))
     assert first == second
     assert abs(np.linalg.det(np.column_stack([a, b]))) > 0.5
 
 
-def test_an_output_that_sees_a_velocity_brings_an_s():
+def test_an_output_that_sees_a_velocity_brings_an_s() -> None:
     system = pair(20.0, 20.0, 3.0)
     functions = transfer_functions(linear(system))
     m, k1, k2, k3 = (c.symbol for c in system.constants)
@@ -352,17 +352,17 @@ def test_an_output_that_sees_a_velocity_brings_an_s():
         ("drum_pendulum", "MIMO"),
     ],
 )
-def test_a_system_is_classed_by_its_inputs_and_outputs(name, kind):
+def test_a_system_is_classed_by_its_inputs_and_outputs(name: str, kind: str) -> None:
     system = built_in(name)
     assert classify(len(system.inputs), len(system.outputs)) == kind
 
 
-def test_what_has_many_inputs_and_one_output_or_no_input_is_classed_too():
+def test_what_has_many_inputs_and_one_output_or_no_input_is_classed_too() -> None:
     assert classify(3, 1) == "MISO"
     assert classify(0, 2) == "autonomous"
 
 
-def test_a_system_without_inputs_is_linearized():
+def test_a_system_without_inputs_is_linearized() -> None:
     linearization = linear(pendulum(0.1, 0.0, 1.0))
     assert linearization.arrays["B"].shape == (2, 0)
     assert transfer_functions(linearization).shape == (1, 0)
@@ -374,32 +374,32 @@ x, y = sp.symbols("x y", real=True)
 
 
 @pytest.mark.parametrize("order", [1, 3, 5, 7])
-def test_the_taylor_series_of_the_sine_is_the_textbooks(order):
+def test_the_taylor_series_of_the_sine_is_the_textbooks(order: int) -> None:
     expected = sum(
         (-1) ** i * x ** (2 * i + 1) / sp.factorial(2 * i + 1) for i in range((order + 1) // 2)
     )
     assert sp.expand(taylor(sp.sin(x), {x: sp.Integer(0)}, order) - expected) == 0
 
 
-def test_the_taylor_series_about_another_point_is_in_powers_of_the_distance():
+def test_the_taylor_series_about_another_point_is_in_powers_of_the_distance() -> None:
     found = taylor(sp.cos(x), {x: sp.pi / 2}, 3)
     distance = x - sp.pi / 2
     assert sp.expand(found - (-distance + distance**3 / 6)) == 0
 
 
-def test_the_taylor_series_in_two_variables_has_the_mixed_terms():
+def test_the_taylor_series_in_two_variables_has_the_mixed_terms() -> None:
     found = taylor(sp.exp(x) * sp.sin(y), {x: sp.Integer(0), y: sp.Integer(0)}, 3)
     assert sp.expand(found - (y + x * y + x**2 * y / 2 - y**3 / 6)) == 0
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 5])
-def test_the_error_of_a_taylor_series_falls_with_the_next_power(order):
+def test_the_error_of_a_taylor_series_falls_with_the_next_power(order: int) -> None:
     """The step halved: the error falls by 2^(order + 1), to what the next term leaves."""
     function = sp.exp(x) * sp.cos(y + x) + x * y**2
     point = {x: sp.Rational(1, 3), y: sp.Rational(-1, 5)}
     polynomial = taylor(function, point, order)
 
-    def error(step: sp.Rational):
+    def error(step: sp.Rational) -> sp.Expr:
         place = {x: point[x] + step, y: point[y] + step * 3 / 4}
         return abs(sp.N((function - polynomial).subs(place), 40))
 
@@ -408,7 +408,7 @@ def test_the_error_of_a_taylor_series_falls_with_the_next_power(order):
     assert abs(observed - (order + 1)) < 0.01
 
 
-def test_the_first_order_of_the_drums_force_is_its_linearization():
+def test_the_first_order_of_the_drums_force_is_its_linearization() -> None:
     equations = equations_of("drum_pendulum")
     system = equations.system
     point = dict.fromkeys((*system.q, *system.v, *system.u), sp.Integer(0))

@@ -1,9 +1,11 @@
 """The motion as a value: its segments, its interpolation, and its trip to another process."""
 
+import dataclasses
 import pickle
 import subprocess
 import sys
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,24 +15,23 @@ import reference.motion
 from reference.integrate import collocate, field_of
 from reference.linearize import linearize
 from reference.modes import modes, poles
-from reference.motion import NODES, chebyshev_nodes
+from reference.motion import NODES, Motion, chebyshev_nodes
 from reference.signal import pieces
 from reference.solve import SEGMENTS_A_PERIOD, SEGMENTS_AT_LEAST, is_linear, solve
 from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of
 
 
 @cache
-def motion_of(name: str, scenario: str):
+def motion_of(name: str, scenario: str) -> Motion:
     equations = equations_of(name)
     return solve(equations, equations.system.scenario(scenario))
 
 
-def every(test):
-    return pytest.mark.parametrize(("name", "scenario"), SCENARIOS)(test)
+every = pytest.mark.parametrize(("name", "scenario"), SCENARIOS)
 
 
 @every
-def test_the_segments_tile_the_duration_in_prime_numbers(name, scenario):
+def test_the_segments_tile_the_duration_in_prime_numbers(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     declared = built_in(name).scenario(scenario)
     assert all(sp.isprime(span.count) for span in motion.spans)
@@ -46,7 +47,7 @@ def test_the_segments_tile_the_duration_in_prime_numbers(name, scenario):
 
 
 @every
-def test_each_segment_starts_where_the_last_has_ended(name, scenario):
+def test_each_segment_starts_where_the_last_has_ended(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     gap = np.max(np.abs(motion.start[1:] - motion.end[:-1]), axis=0)
     if is_linear(equations_of(name)):
@@ -58,7 +59,7 @@ def test_each_segment_starts_where_the_last_has_ended(name, scenario):
 
 
 @every
-def test_the_nodes_begin_at_the_start_and_stop_at_the_end(name, scenario):
+def test_the_nodes_begin_at_the_start_and_stop_at_the_end(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     assert motion.nodes.shape == (len(motion.t), NODES, motion.start.shape[1])
     np.testing.assert_allclose(motion.nodes[:, 0], motion.start, rtol=0, atol=4 * EPS)
@@ -67,7 +68,9 @@ def test_the_nodes_begin_at_the_start_and_stop_at_the_end(name, scenario):
 
 
 @every
-def test_a_motion_between_its_nodes_is_what_direct_integration_gives(name, scenario):
+def test_a_motion_between_its_nodes_is_what_direct_integration_gives(
+    name: str, scenario: str
+) -> None:
     motion, equations = motion_of(name, scenario), equations_of(name)
     first = 0
     signals = pieces(equations.system, equations.system.scenario(scenario))
@@ -83,7 +86,7 @@ def test_a_motion_between_its_nodes_is_what_direct_integration_gives(name, scena
             assert np.all(gap <= 1e-13 * np.maximum(motion.amplitude, 1e-2))
 
 
-def test_two_nodes_fewer_do_not_interpolate_as_well(monkeypatch):
+def test_two_nodes_fewer_do_not_interpolate_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference.motion, "NODES", 9)
     equations = equations_of("drum_pendulum")
     scenario = equations.system.scenario("free")
@@ -96,7 +99,7 @@ def test_two_nodes_fewer_do_not_interpolate_as_well(monkeypatch):
 
 
 @every
-def test_the_motion_at_its_nodes_is_its_nodes(name, scenario):
+def test_the_motion_at_its_nodes_is_its_nodes(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     np.testing.assert_array_equal(motion.at(motion.t), motion.nodes[:, 0])
     inner = motion.t[3] + motion.lengths[3] * chebyshev_nodes()[1:-1]
@@ -105,19 +108,17 @@ def test_the_motion_at_its_nodes_is_its_nodes(name, scenario):
     assert np.all(gap <= 8 * EPS * motion.amplitude * max(1, motion.fastest))
 
 
-def test_a_node_a_billionth_off_is_told():
+def test_a_node_a_billionth_off_is_told() -> None:
     motion = motion_of("simple_pendulum", "free")
     nodes = motion.nodes.copy()
     nodes[:, 4] *= 1 + 1e-9
-    spoiled = type(motion)(
-        *(nodes if f == "nodes" else getattr(motion, f) for f in motion.__dataclass_fields__)
-    )
+    spoiled = dataclasses.replace(motion, nodes=nodes)
     times = motion.t + motion.lengths * 0.37
     assert np.max(np.abs(spoiled.at(times) - motion.at(times))) > 1e-12
 
 
 @every
-def test_a_motion_travels_without_sympy(name, scenario):
+def test_a_motion_travels_without_sympy(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     payload = pickle.dumps(motion)
     assert b"sympy" not in payload
@@ -128,7 +129,7 @@ def test_a_motion_travels_without_sympy(name, scenario):
     np.testing.assert_array_equal(back.at(times), motion.at(times))
 
 
-def test_a_motion_is_unpickled_in_another_process(tmp_path):
+def test_a_motion_is_unpickled_in_another_process(tmp_path: Path) -> None:
     motion = motion_of("simple_pendulum", "chirp")
     path = tmp_path / "motion.pickle"
     path.write_bytes(pickle.dumps(motion))
@@ -148,7 +149,7 @@ def test_a_motion_is_unpickled_in_another_process(tmp_path):
 
 
 @every
-def test_a_scenario_lasts_ten_slow_periods_or_five_decay_times(name, scenario):
+def test_a_scenario_lasts_ten_slow_periods_or_five_decay_times(name: str, scenario: str) -> None:
     equations = equations_of(name)
     rest = linearize(equations, equations.system.equilibria[0])
     slowest = min(mode.frequency for mode in modes(rest) if not mode.rigid)
@@ -159,7 +160,7 @@ def test_a_scenario_lasts_ten_slow_periods_or_five_decay_times(name, scenario):
 
 
 @pytest.mark.parametrize("name", sorted({name for name, _ in SCENARIOS}))
-def test_a_system_has_three_scenarios_of_which_one_is_forced(name):
+def test_a_system_has_three_scenarios_of_which_one_is_forced(name: str) -> None:
     motions = [motion_of(n, s) for n, s in SCENARIOS if n == name]
     assert len(motions) >= 3
     grid = np.linspace(0, motions[0].duration, 301)
@@ -168,7 +169,7 @@ def test_a_system_has_three_scenarios_of_which_one_is_forced(name):
 
 
 @pytest.mark.parametrize("name", ["drum_pendulum", "simple_pendulum"])
-def test_a_pendulum_swings_beyond_two_and_a_half_radians(name):
+def test_a_pendulum_swings_beyond_two_and_a_half_radians(name: str) -> None:
     system = built_in(name)
     (angle,) = (i for i, c in enumerate(system.coordinates) if c.unit == "rad")
     largest = max(motion_of(n, s).amplitude[angle] for n, s in SCENARIOS if n == name)

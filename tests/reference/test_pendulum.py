@@ -1,5 +1,7 @@
 """The simple pendulum against Jacobi's elliptic functions, to the IFToMM benchmark's 2000 s."""
 
+from collections.abc import Sequence
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from scipy.optimize import brentq
 
 from reference.derive import derive
 from reference.motion import Motion
+from reference.numeric import Array
 from reference.solve import solve
 from tests.reference.mechanisms import EPS, pendulum
 
@@ -22,12 +25,12 @@ STARTS = {  # angle, speed
 }
 
 
-def solved(angle, speed: float, duration: float, l: float = L) -> Motion:  # noqa: E741
+def solved(angle: sp.Expr | float, speed: float, duration: float, l: float = L) -> Motion:  # noqa: E741
     system = pendulum(angle, speed, duration, G, l)
     return solve(derive(system), system.scenarios[0])
 
 
-def flow(state, time, w):
+def flow(state: Sequence[float], time: mp.mpf, w: mp.mpf) -> list[mp.mpf]:
     """Move a state along theta'' = -w^2 sin(theta), exactly: Whittaker, Dynamics, section 44."""
     angle, speed = map(mp.mpf, state)
     si, half = mp.sin(angle / 2), speed / (2 * w)
@@ -49,7 +52,7 @@ def flow(state, time, w):
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_the_exact_flow_satisfies_the_equation(name):
+def test_the_exact_flow_satisfies_the_equation(name: str) -> None:
     """The test's own formula, tested: its second derivative, its start, its composition."""
     with mp.workdps(30):
         w = mp.sqrt(mp.mpf(G) / L)
@@ -65,7 +68,7 @@ def test_the_exact_flow_satisfies_the_equation(name):
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_every_segment_ends_where_the_elliptic_functions_say(name):
+def test_every_segment_ends_where_the_elliptic_functions_say(name: str) -> None:
     motion = solved(*STARTS[name], duration=5.0)
     (span,) = motion.spans
     with mp.workdps(25):
@@ -86,7 +89,7 @@ def test_every_segment_ends_where_the_elliptic_functions_say(name):
 
 
 @pytest.mark.parametrize("name", STARTS)
-def test_the_chain_of_starts_stays_on_the_exact_motion(name):
+def test_the_chain_of_starts_stays_on_the_exact_motion(name: str) -> None:
     motion = solved(*STARTS[name], duration=5.0)
     (span,) = motion.spans
     with mp.workdps(25):
@@ -98,7 +101,7 @@ def test_the_chain_of_starts_stays_on_the_exact_motion(name):
     assert np.max(gap) <= {"large": 1e-10, "almost upright": 1e-8}.get(name, 1e-11)
 
 
-def test_a_gravity_off_by_some_eps_is_told():
+def test_a_gravity_off_by_some_eps_is_told() -> None:
     motion = solved(*STARTS["moderate"], duration=5.0)
     (span,) = motion.spans
     with mp.workdps(25):
@@ -111,7 +114,7 @@ def test_a_gravity_off_by_some_eps_is_told():
 
 
 @pytest.mark.parametrize("amplitude", [0.05, 1.1, 2.9])
-def test_the_period_is_four_quarter_periods(amplitude):
+def test_the_period_is_four_quarter_periods(amplitude: float) -> None:
     w = mp.sqrt(mp.mpf(G) / L)
     exact = float(4 * mp.ellipk(mp.sin(mp.mpf(amplitude) / 2) ** 2) / w)
     motion = solved(amplitude, 0.0, duration=6.0 * exact)
@@ -130,14 +133,14 @@ def test_the_period_is_four_quarter_periods(amplitude):
     assert (crossing[1] - crossing[0]) / 5 == pytest.approx(exact, rel=allowed)
 
 
-def test_the_period_of_the_linear_pendulum_is_told_from_it():
+def test_the_period_of_the_linear_pendulum_is_told_from_it() -> None:
     linear = 2 * np.pi / np.sqrt(G / L)
     exact = 4 * mp.ellipk(mp.sin(mp.mpf("0.025")) ** 2) / mp.sqrt(mp.mpf(G) / L)
     assert abs(linear / exact - 1) > 1e-4
 
 
 @pytest.mark.slow
-def test_the_benchmark_pendulum_of_iftomm_runs_for_2000_s():
+def test_the_benchmark_pendulum_of_iftomm_runs_for_2000_s() -> None:
     """IFToMM multibody benchmark A01: 1 m, 1 kg, released from the horizontal at rest, 2000 s.
 
     Its bound on the drift of the energy is 5e-5 J.
@@ -159,7 +162,7 @@ def test_the_benchmark_pendulum_of_iftomm_runs_for_2000_s():
     assert np.all(motion.bound <= 1e-13)
 
 
-def by_addition(states, length: float, w):
+def by_addition(states: Array, length: float, w: mp.mpf) -> Array:
     """Move all states by one segment, through the addition theorem of sn, in long doubles.
 
     The parameter is that of the release, m = 1/2, up to what the energy has drifted; to first

@@ -13,7 +13,7 @@ from reference.signal import DIGITS, Piece, generator, numeric_inputs, pieces
 from tests.reference.mechanisms import EPS, declared, oscillator
 
 
-def cut(force, duration: float = 6.0) -> tuple[Piece, ...]:
+def cut(force: sp.Expr, duration: float = 6.0) -> tuple[Piece, ...]:
     system = oscillator(1.0, 0.0, 1.0, force, duration=duration)
     return pieces(system, system.scenarios[0])
 
@@ -34,13 +34,13 @@ def cut(force, duration: float = 6.0) -> tuple[Piece, ...]:
         (Heaviside(t - Rational(1, 3)), [1 / 3]),
     ],
 )
-def test_an_input_is_cut_at_its_breaks(force, breaks):
+def test_an_input_is_cut_at_its_breaks(force: sp.Expr, breaks: list[float]) -> None:
     found = cut(force)
     assert [p.start for p in found] == [0.0, *breaks]
     assert [p.stop for p in found] == [*breaks, 6.0]
 
 
-def test_a_piece_has_the_branch_that_holds_in_it():
+def test_a_piece_has_the_branch_that_holds_in_it() -> None:
     first, second, third = cut(2 * Heaviside(t - 1) + Piecewise((t**2, t < 4), (sin(t), True)))
     assert first.expressions == (t**2,)
     assert second.expressions == (t**2 + 2,)
@@ -49,7 +49,7 @@ def test_a_piece_has_the_branch_that_holds_in_it():
     assert not first.constant
 
 
-def test_the_breaks_of_all_inputs_cut_all_of_them():
+def test_the_breaks_of_all_inputs_cut_all_of_them() -> None:
     base = declared()
     x = base["coordinates"][0]
     second = Input("g", "N", "another force", on={x: -1})
@@ -62,12 +62,12 @@ def test_the_breaks_of_all_inputs_cut_all_of_them():
     assert [p.expressions for p in found] == [(0, 0), (1, 0), (1, t)]
 
 
-def test_a_decimal_means_the_double_that_it_is():
+def test_a_decimal_means_the_double_that_it_is() -> None:
     (piece,) = cut(sin(8.6 * t))
     assert piece.expressions == (sin(sp.Rational(8.6) * t),)
 
 
-def test_numeric_inputs_take_the_right_hand_value_at_a_break():
+def test_numeric_inputs_take_the_right_hand_value_at_a_break() -> None:
     inputs = numeric_inputs(cut(3 * Heaviside(t - 2) + t * Heaviside(t - 4)))
     times = np.array([0.0, 1.9, 2.0, 3.9, 4.0, 6.0])
     np.testing.assert_array_equal(inputs(times)[:, 0], [0, 0, 3, 3, 7, 9])
@@ -95,7 +95,7 @@ def test_numeric_inputs_take_the_right_hand_value_at_a_break():
         (Rational(1, 2) + Rational(7, 10) * sin(Rational(23, 10) * t), 3),
     ],
 )
-def test_a_generator_reproduces_its_signal(force, order):
+def test_a_generator_reproduces_its_signal(force: sp.Expr, order: int) -> None:
     made = generator(sp.sympify(force))
     assert made is not None
     assert len(made.coefficients) == order
@@ -108,7 +108,7 @@ def test_a_generator_reproduces_its_signal(force, order):
         assert all(abs(moved[i] - exact[i]) <= mp.mpf(10) ** -30 * size for i in range(order))
 
 
-def test_a_generator_has_its_digits_whoever_asks_first():
+def test_a_generator_has_its_digits_whoever_asks_first() -> None:
     """Precision in force elsewhere must not enter: a piece keeps the generators it made."""
     with mp.workdps(15):
         made = generator(sin(sp.Rational(5.9) * t))
@@ -118,7 +118,7 @@ def test_a_generator_has_its_digits_whoever_asks_first():
         assert abs(made.coefficients[0] - exact) <= exact * mp.mpf(10) ** (1 - DIGITS)
 
 
-def test_a_wrong_generator_is_told():
+def test_a_wrong_generator_is_told() -> None:
     made = generator(sin(3 * t))
     assert made is not None
     off = dataclasses.replace(made, coefficients=(made.coefficients[0] * (1 + EPS), 0))
@@ -130,7 +130,7 @@ def test_a_wrong_generator_is_told():
 @pytest.mark.parametrize(
     "force", [sin((2 + t) * t), 1 / (1 + t), log(1 + t), sqrt(1 + t), exp(-(t**2)), sin(sin(t))]
 )
-def test_what_no_linear_equation_generates_has_no_generator(force):
+def test_what_no_linear_equation_generates_has_no_generator(force: sp.Expr) -> None:
     assert generator(force) is None
     (piece,) = cut(force)
     assert piece.generators is None
@@ -148,7 +148,9 @@ def test_what_no_linear_equation_generates_has_no_generator(force):
         (Piecewise((1, cos(t) > 0), (0, True)), "must be linear in t"),
     ],
 )
-def test_an_input_whose_breaks_cannot_be_told_is_refused_by_a_sentence(force, sentence):
+def test_an_input_whose_breaks_cannot_be_told_is_refused_by_a_sentence(
+    force: sp.Expr, sentence: str
+) -> None:
     with pytest.raises(DeclarationError) as caught:
         cut(force)
     assert sentence in str(caught.value)

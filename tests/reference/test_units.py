@@ -13,6 +13,7 @@ from reference.units import (
     ONE,
     POWER,
     TIME,
+    Dimension,
     UnitError,
     dimension_of,
     parse_unit,
@@ -40,20 +41,20 @@ KNOWN = {x: LENGTH, y: TIME, m: MASS, angle: ONE}
         ("m/s/s", LENGTH / TIME / TIME),
     ],
 )
-def test_a_unit_is_read(text, expected):
+def test_a_unit_is_read(text: str, expected: Dimension) -> None:
     assert parse_unit(text) == expected
 
 
 @pytest.mark.parametrize(
     "text", ["Nm", "lb", "kg*", "m^", "m^x", "s^-", "deg", "2*m", "N m", "m^1/2"]
 )
-def test_a_unit_with_an_unknown_part_is_refused_naming_it(text):
+def test_a_unit_with_an_unknown_part_is_refused_naming_it(text: str) -> None:
     with pytest.raises(UnitError, match="has a part"):
         parse_unit(text)
 
 
 @pytest.mark.parametrize("text", ["", "  ", None, 1])
-def test_a_missing_unit_is_refused_with_the_remedy(text):
+def test_a_missing_unit_is_refused_with_the_remedy(text: str) -> None:
     with pytest.raises(UnitError, match="write '1' for a dimensionless number"):
         parse_unit(text)
 
@@ -72,7 +73,7 @@ def test_a_missing_unit_is_refused_with_the_remedy(text):
         (sp.Integer(0), None),
     ],
 )
-def test_an_expression_has_a_dimension(expression, expected):
+def test_an_expression_has_a_dimension(expression: sp.Expr, expected: Dimension) -> None:
     assert dimension_of(expression, KNOWN) == expected
 
 
@@ -88,11 +89,11 @@ def test_an_expression_has_a_dimension(expression, expected):
         (m * (x + y), "but"),
     ],
 )
-def test_a_contradiction_is_named(expression, named):
+def test_a_contradiction_is_named(expression: sp.Expr, named: str) -> None:
     with pytest.raises(UnitError, match=named):
         dimension_of(expression, KNOWN)
 
 
-def test_a_dimension_is_written_for_a_reader():
+def test_a_dimension_is_written_for_a_reader() -> None:
     assert str(FORCE) == "kg*m*s^-2"
     assert str(ONE) == "1"

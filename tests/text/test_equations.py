@@ -45,8 +45,8 @@ def test_the_page_names_what_is_declared(name, style):
         assert f"{constant.value:.6g}" in text
     for equilibrium in system.equilibria:
         assert f"Equilibrium {equilibrium.name}: {equilibrium.description}" in text
-    for printed in system.printed:
-        assert f"Eq. {printed.number}" in text
+    for published in system.published:
+        assert f"Eq. {published.number}" in text
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -89,7 +89,7 @@ def test_the_text_has_no_names_of_the_program(name):
             "0 0 0 2 rigid body",
             "0 0 1 1 rigid body",
             "x2/f = (c*s + k) / (m1*m2*s^4 + c*(m1 + m2)*s^3 + k*(m1 + m2)*s^2)",
-            "1 of 5 differs",
+            "1 of 17 differs",
             "Eq. 2.25 motion of x2: differs",
             "left over k*x1 - k*x2",
         ]),
@@ -113,7 +113,7 @@ def test_the_text_has_no_names_of_the_program(name):
             "l^2*m*theta'' - g*l*m*dtheta + g*l*m/6*dtheta^3 = tau",
             f"{np.sqrt(9.81 / 0.75):.6g}",
             "0.01 0.00297 %",
-            "none of 2 differs",
+            "none of 11 differs",
         ]),
     ],
 )  # fmt: skip
@@ -133,9 +133,9 @@ def test_a_changed_constant_changes_the_numbers():
 
 def test_a_planted_erratum_is_counted():
     system = system_of("mass_spring_damper")
-    first, second = system.printed
+    first, second = system.published[-2:]
     wrong = dataclasses.replace(second, text="m*x'' + 2*c*x' + k*x = f")
-    text = squeeze(describe(dataclasses.replace(system, printed=(first, wrong))))
+    text = squeeze(describe(dataclasses.replace(system, published=(first, wrong))))
     assert "1 of 2 differs" in text
     assert "Eq. 2.6 motion of x: differs" in text
     assert "left over c*x'" in text
@@ -233,9 +233,12 @@ def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name):
             r"$f \pm k x \pm c \dot{x} = m \ddot{x}$",
         ]),
         ("torsional_disc", [r"J \ddot{\theta} + k_{\theta} \theta = T"]),
+        ("free_pair", [
+            r"$d/dt(dL/d\dot{x_{1}}) = m_{1} \ddot{x_{1}}$",
+        ]),
         ("drum_pendulum", [
             r"\Delta_{\theta} &= \theta - \pi",
-            r"(m l/2) \cos(\theta) \ddot{x}",
+            r"(m l/2) \ddot{x} \cos(\theta)",
         ]),
     ],
 )  # fmt: skip

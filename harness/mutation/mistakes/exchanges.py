@@ -8,7 +8,7 @@ from itertools import combinations
 from harness.files.bindings import at_constants, bindings
 from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
-from reference.system import DeclarationError
+from reference.declaration import DeclarationError
 
 
 def exchanges(subject: Subject) -> Iterator[Mistake]:

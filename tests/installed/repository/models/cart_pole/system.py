@@ -40,5 +40,5 @@ system = System(
         Scenario("pushed", "a harmonic force on the cart", q={x: 0, theta: 0.3},
                  v={x: 0, theta: 0}, inputs={F: 4 * sin(3.1 * t)}, duration=6.0),
     ),
-    printed=(),
+    published=(),
 )  # fmt: skip

@@ -47,5 +47,5 @@ system = System(
         Scenario("motor", "a harmonic torque", q={alpha: 0.2, beta: -0.3},
                  v={alpha: 0, beta: 0}, inputs={tau: 1.5 * sin(2.7 * t)}, duration=6.0),
     ),
-    printed=(),
+    published=(),
 )  # fmt: skip
