@@ -75,22 +75,26 @@ if TYPE_CHECKING:
         Link,
         Output,
         PublishedEquation,
+        Quantity,
         Scenario,
         System,
         t,
     )
+    from reference.kinematics import Frame, ground
 
 _FROM = {
     "harness.api": ("Results", "check"),
     "reference": (
         "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input",
-        "Link", "Output", "PublishedEquation", "Scenario", "System", "t",
+        "Link", "Output", "PublishedEquation", "Quantity", "Scenario", "System", "t",
     ),
+    "reference.kinematics": ("Frame", "ground"),
 }  # fmt: skip
 
 __all__ = [
-    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
-    "Output", "PublishedEquation", "Results", "Scenario", "System", "check", "t",
+    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Frame",
+    "Input", "Link", "Output", "PublishedEquation", "Quantity", "Results", "Scenario", "System", "check",
+    "ground", "t",
 ]  # fmt: skip
 
 

@@ -7,7 +7,7 @@ This file says what the mechanism is. The model files beside it say what engines
 # sympy's functions, not those of math: the energies are formulas, and are differentiated.
 from sympy import cos, pi, sin
 
-from reference import (
+from physics_crosscheck import (
     Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t,
 )  # fmt: skip
 

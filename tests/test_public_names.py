@@ -6,15 +6,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-import physics_crosscheck
 import physics_crosscheck.engine
+
+import physics_crosscheck
 import physics_crosscheck.records
 
 ROOT = Path(__file__).parents[1]
 
 TOP = {
-    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
-    "Output", "PublishedEquation", "Results", "Scenario", "System", "check", "t",
+    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Frame",
+    "Input", "Link", "Output", "PublishedEquation", "Quantity", "Results", "Scenario", "System",
+    "check", "ground", "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",

@@ -20,10 +20,9 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
         [
             f'"""The physics of {name}, read from {file} by `crosscheck new`."""',
             "",
-            "SYMPYfrom reference import (",
-            "    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t,",
+            "SYMPYfrom physics_crosscheck import (",
+            "    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, ground, t,",
             ")",
-            "from reference.kinematics import ground",
             "",
             *_comment(f"""What follows was derived from {file} itself, so it checks the engines, and
             every later edit of {file}: but not yet {file} against what you mean. For that, replace

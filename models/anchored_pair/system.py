@@ -2,7 +2,7 @@
 
 from sympy import Heaviside, Rational, sin
 
-from reference import (
+from physics_crosscheck import (
     Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
     PublishedEquation, Scenario, System, t,
 )  # fmt: skip

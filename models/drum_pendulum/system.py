@@ -2,7 +2,7 @@
 
 from sympy import Heaviside, Symbol, cos, expand, integrate, pi, sin
 
-from reference import (
+from physics_crosscheck import (
     Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
     PublishedEquation, Quantity, Scenario, System, t,
 )  # fmt: skip

@@ -15,7 +15,7 @@ SYSTEM = '''
 
 from sympy import sin
 
-from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
+from physics_crosscheck import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
 
 x = Coordinate("x", "m", "displacement")
 m = Constant("m", 1.3, "kg", "mass", "chosen")

@@ -2,7 +2,7 @@
 
 from sympy import cos, pi, sin
 
-from reference import (
+from physics_crosscheck import (
     Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t,
 )  # fmt: skip
 
