@@ -93,8 +93,8 @@ _FROM = {
 
 __all__ = [
     "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Frame",
-    "Input", "Link", "Output", "PublishedEquation", "Quantity", "Results", "Scenario", "System", "check",
-    "ground", "t",
+    "Input", "Link", "Output", "PublishedEquation", "Quantity", "Results", "Scenario", "System",
+    "check", "ground", "t",
 ]  # fmt: skip
 
 
