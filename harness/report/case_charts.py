@@ -54,12 +54,18 @@ def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
         x_label="t [s]",
         y_label=f"{name} [{shown(unit)}]",
         curves=(
-            Curve("reference", "reference", 0, run.t, run.reference[i]),
+            Curve(label="reference", role="reference", place=0, x=run.t, y=run.reference[i]),
             *(
-                Curve(other.label, "other", place, other.t, other.engine[i])
+                Curve(label=other.label, role="other", place=place, x=other.t, y=other.engine[i])
                 for place, other in enumerate(others)
             ),
-            Curve(f"this: {run.label}, {run.step}", "engine", 0, run.t, run.engine[i]),
+            Curve(
+                label=f"this: {run.label}, {run.step}",
+                role="engine",
+                place=0,
+                x=run.t,
+                y=run.engine[i],
+            ),
         ),
         key="Wide line: the solution of the equations. Dashes: this engine at its shipped step;"
         " thin lines: the others. The legend hides and shows each.",
@@ -83,9 +89,19 @@ def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
         x_label=f"{names[i]} [{shown(units[i])}]",
         y_label=f"{names[half + i]} [{shown(units[half + i])}]",
         curves=(
-            Curve("reference", "reference", 0, run.reference[i], run.reference[half + i]),
             Curve(
-                f"this: {run.label}, {run.step}", "engine", 0, run.engine[i], run.engine[half + i]
+                label="reference",
+                role="reference",
+                place=0,
+                x=run.reference[i],
+                y=run.reference[half + i],
+            ),
+            Curve(
+                label=f"this: {run.label}, {run.step}",
+                role="engine",
+                place=0,
+                x=run.engine[i],
+                y=run.engine[half + i],
             ),
         ),
         key="Velocity over position, drawn as the motion.",
@@ -108,9 +124,19 @@ def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
         x_label="t [s]",
         y_label="relative error",
         curves=(
-            Curve("uncertainty", "band", 0, segment_t, run.pack.column(bound, 3)),
-            Curve("global", "global_error", 0, run.t, run.pack.column(error, 4)),
-            Curve("extrapolated", "defect", 0, segment_t, run.pack.column(defect, 3)),
+            Curve(
+                label="uncertainty", role="band", place=0, x=segment_t, y=run.pack.column(bound, 3)
+            ),
+            Curve(
+                label="global", role="global_error", place=0, x=run.t, y=run.pack.column(error, 4)
+            ),
+            Curve(
+                label="extrapolated",
+                role="defect",
+                place=0,
+                x=segment_t,
+                y=run.pack.column(defect, 3),
+            ),
         ),
         key=f"Line: engine − reference of the full run at the shipped step, over the amplitude"
         f" ({size:.3g} {shown(unit)}); solid where the engine is ahead (+), dotted where it is"
@@ -143,7 +169,7 @@ def _energy(run: Run) -> Iterator[Chart]:
         x_label="t [s]",
         y_label="energy [J]",
         curves=tuple(
-            Curve(label, "share", place, run.t, run.pack.column(row, 5))
+            Curve(label=label, role="share", place=place, x=run.t, y=run.pack.column(row, 5))
             for place, (label, row) in enumerate(shares)
         ),
         key="Since the start, at the shipped step. What is gained is what the inputs gave less what"
@@ -159,21 +185,21 @@ def _convergence(run: Run) -> Chart:
     h, defect, increments = values(found.h), values(found.defect), values(found.increments)
     column = run.pack.column
     curves = [
-        Curve("segments", "rungs", 0, column(h, 6), column(defect, 4)),
+        Curve(label="segments", role="rungs", place=0, x=column(h, 6), y=column(defect, 4)),
         Curve(
-            "increments of the limit",
-            "increments",
-            0,
-            column(h[1 : len(increments) + 1], 6),
-            column(increments, 4),
+            label="increments of the limit",
+            role="increments",
+            place=0,
+            x=column(h[1 : len(increments) + 1], 6),
+            y=column(increments, 4),
         ),
-        Curve("full run", "full_run", 0, column(steps, 6), run.error),
+        Curve(label="full run", role="full_run", place=0, x=column(steps, 6), y=run.error),
     ]
     wanted = [(entry.step, entry.target) for entry in run.full_run.steps_for if entry.step]
     if wanted:
         x, y = np.array(wanted).T
         targets = ", ".join(f"{100 * target:g} %" for _, target in wanted)
-        curves.append(Curve(targets, "target", 0, column(x, 6), column(y, 6)))
+        curves.append(Curve(label=targets, role="target", place=0, x=column(x, 6), y=column(y, 6)))
     slope, whose = run.verdict.order, "observed"
     if slope is None:
         slope, whose = run.verdict.claimed_order, "claimed"
@@ -181,7 +207,9 @@ def _convergence(run: Run) -> Chart:
         reach = np.array(ends(np.concatenate([h, steps])))
         guide = defect[-1] * (reach / h[-1]) ** slope
         label = f"slope {slope:.2f} ({whose})"
-        curves.append(Curve(label, "guide", 0, column(reach, 6), column(guide, 4)))
+        curves.append(
+            Curve(label=label, role="guide", place=0, x=column(reach, 6), y=column(guide, 4))
+        )
     return Chart(
         part=COST,
         title="Convergence",
@@ -202,9 +230,11 @@ def _convergence(run: Run) -> Chart:
 def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
     if run.seconds is None:
         return
-    curves = [Curve(f"this: {_method(run)}", "full_run", 0, run.seconds, run.error)]
+    curves = [
+        Curve(label=f"this: {_method(run)}", role="full_run", place=0, x=run.seconds, y=run.error)
+    ]
     curves += [
-        Curve(_method(other), "work", place, other.seconds, other.error)
+        Curve(label=_method(other), role="work", place=place, x=other.seconds, y=other.error)
         for place, other in enumerate(others)
         if other.seconds is not None
     ]

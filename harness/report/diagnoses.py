@@ -13,7 +13,7 @@ from harness.report.text import percent, sci, shown
 from harness.text.causes import cause_sentences
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Line:
     """One line of a file."""
 
@@ -33,7 +33,7 @@ class CauseView:
     where: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ExplanationView:
     """One cause, or a pair, in the order of the ranking: what it leaves, what it is tied with."""
 
@@ -188,7 +188,7 @@ def _lines(text: str, marked: set[int]) -> tuple[Line | None, ...]:
     rows: list[Line | None] = []
     for number, row in enumerate(text.splitlines(), 1):
         if any(abs(number - one) <= CONTEXT for one in marked):
-            rows.append(Line(number, shown(row), number in marked))
+            rows.append(Line(number=number, text=shown(row), marked=number in marked))
         elif rows and rows[-1] is not None:
             rows.append(None)
     return tuple(rows)

@@ -16,7 +16,7 @@ ANNOTATIONS = ("measure", "angle")
 """What explains the sketch and does not move with it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ShapeView:
     """One shape: what to draw along (0, 0) to (1, 0), or about (0, 0), and where."""
 
@@ -26,7 +26,7 @@ class ShapeView:
     matrix: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Label:
     """A symbol, its index set lower."""
 
@@ -36,7 +36,7 @@ class Label:
     index: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Drawing:
     """A sketch, y down as SVG has it.
 
@@ -94,7 +94,14 @@ def drawing(sketch: Sketch, coordinates: Sequence[str]) -> Drawing:
     margin = 0.09 * size
     shapes, labels = [], []
     for number, shape in enumerate(sketch.shapes):
-        shapes.append(ShapeView(number, shape.kind, _path(shape, pose, size), _matrix(shape, pose)))
+        shapes.append(
+            ShapeView(
+                number=number,
+                kind=shape.kind,
+                path=_path(shape, pose, size),
+                matrix=_matrix(shape, pose),
+            )
+        )
         if shape.label:
             labels.append(_label(shape, pose, size))
     box = (left - margin, -high - margin, right - left + 2 * margin, high - low + 2 * margin)
@@ -105,11 +112,11 @@ def drawing(sketch: Sketch, coordinates: Sequence[str]) -> Drawing:
     )
     where = ", ".join(f"{shown(n)} = {v:.3g}" for n, v in zip(coordinates, pose, strict=True))
     return Drawing(
-        " ".join(_n(v) for v in box),
-        _n(0.062 * size),
-        tuple(shapes),
-        tuple(labels),
-        f"Sketch of the mechanism at {where}: {kinds}.",
+        box=" ".join(_n(v) for v in box),
+        size=_n(0.062 * size),
+        shapes=tuple(shapes),
+        labels=tuple(labels),
+        description=f"Sketch of the mechanism at {where}: {kinds}.",
     )
 
 
@@ -235,7 +242,7 @@ def _label(shape: Shape, q: Sequence[float], size: float) -> Label:
     letter, _, index = shown(shape.label).partition("_")
     if not index and len(letter) > 1 and letter[-1].isdigit():
         letter, index = letter.rstrip("0123456789"), letter[len(letter.rstrip("0123456789")) :]
-    return Label(_n(x), _n(-y), GREEK.get(letter, letter), GREEK.get(index, index))
+    return Label(x=_n(x), y=_n(-y), letter=GREEK.get(letter, letter), index=GREEK.get(index, index))
 
 
 def _n(value: float) -> str:

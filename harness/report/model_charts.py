@@ -51,8 +51,12 @@ def _response(pack: Pack, one: EngineLinearization, pairs: Sequence[str]) -> Cha
     curves: list[Curve] = []
     for place, label in enumerate(pairs[:PAIRS]):
         curves += [
-            Curve(label, "transfer", place, w, pack.column(taylor[:, place], 5)),
-            Curve(label, "response", place, w, pack.column(engine[:, place], 5)),
+            Curve(
+                label=label, role="transfer", place=place, x=w, y=pack.column(taylor[:, place], 5)
+            ),
+            Curve(
+                label=label, role="response", place=place, x=w, y=pack.column(engine[:, place], 5)
+            ),
         ]
     return Chart(
         part=LINEAR,
@@ -77,11 +81,11 @@ def reaches(pack: Pack, system: System) -> tuple[Chart, ...]:
         return ()
     curves = tuple(
         Curve(
-            f"{shown(one.equilibrium)}, mode {one.mode + 1}",
-            "reach",
-            place,
-            pack.column(one.amplitudes, 5),
-            pack.column(one.errors, 4),
+            label=f"{shown(one.equilibrium)}, mode {one.mode + 1}",
+            role="reach",
+            place=place,
+            x=pack.column(one.amplitudes, 5),
+            y=pack.column(one.errors, 4),
         )
         for place, one in enumerate(found)
     )
@@ -123,9 +127,13 @@ def hypotheses(pack: Pack, diagnosis: Diagnosis) -> tuple[Chart, ...]:
             x_label="share of the discrepancy left",
             y_label="",
             curves=(
-                Curve("left", "lollipop", 0, pack.column(left, 4), y),
+                Curve(label="left", role="lollipop", place=0, x=pack.column(left, 4), y=y),
                 Curve(
-                    "uncertainty", "guide", 0, pack.column([floor, floor], 4), pack.column(line, 4)
+                    label="uncertainty",
+                    role="guide",
+                    place=0,
+                    x=pack.column([floor, floor], 4),
+                    y=pack.column(line, 4),
                 ),
             ),
             key="Each hypothesis is one number, fitted to the motion; further to the left explains"
@@ -172,9 +180,9 @@ def _corrected(
         x_label="t [s]",
         y_label=f"{name} [{unit}]",
         curves=(
-            Curve("reference", "reference", 0, run.t, run.reference[i]),
-            Curve(with_it, "corrected", 0, pack.column(one.t, 6), fitted),
-            Curve(f"this: {run.label}", "engine", 0, run.t, run.engine[i]),
+            Curve(label="reference", role="reference", place=0, x=run.t, y=run.reference[i]),
+            Curve(label=with_it, role="corrected", place=0, x=pack.column(one.t, 6), y=fitted),
+            Curve(label=f"this: {run.label}", role="engine", place=0, x=run.t, y=run.engine[i]),
         ),
         key=f"Wide line: the equations as declared. Thin line: the {motion.put_into} with the value"
         " that was found. Dashes: the engine with the file as it is.",
@@ -230,8 +238,10 @@ def _defects(pack: Pack, one: CorrectedScenario, run: Run) -> Chart:
         x_label="t [s]",
         y_label="relative defect",
         curves=(
-            Curve("as the file is", "before", 0, t, worst(before)),
-            Curve("with the value that was found", "after", 0, t, worst(after)),
+            Curve(label="as the file is", role="before", place=0, x=t, y=worst(before)),
+            Curve(
+                label="with the value that was found", role="after", place=0, x=t, y=worst(after)
+            ),
         ),
         key=f"Extrapolated segments, the largest of {names}: no step is left in them.",
         summary=f"The largest defect falls from {sci(largest(before.ravel()))} to"

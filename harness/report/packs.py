@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Column:
     """Where numbers are: the id of a pack, and a key within it."""
 
@@ -27,7 +27,7 @@ class Column:
     key: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Curve:
     """One curve; its role and its place among its kind say how it is drawn.
 
@@ -90,7 +90,7 @@ class Pack:
         kept = [_rounded(value, digits) for value in np.asarray(values, dtype=float).tolist()]
         key = self._keys.setdefault(tuple(kept), f"c{len(self._keys)}")
         self._columns[key] = kept
-        return Column(self.id, key)
+        return Column(pack=self.id, key=key)
 
     def packed(self, charts: Iterable[Chart] = (), **more: object) -> str:
         """The pack, with `more` beside it, as text that a script element may hold."""

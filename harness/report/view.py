@@ -39,7 +39,7 @@ class Count:
     cases: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Beside:
     """Other cases that a reader may want next: (permalink, what)."""
 
@@ -259,8 +259,8 @@ def _model_groups(
             engines = [v for v in same[case.scenario] if v is not view][:BESIDE]
             scenarios = [v for _, v in mine if v is not view][:BESIDE]
             beside = Beside(
-                tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
-                tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
+                engines=tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
+                scenarios=tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
             )
             cases.append((view, beside))
         groups.append(
