@@ -160,8 +160,8 @@ def _number(value: float | None) -> str:
 
 
 def _short(where: SourceLine) -> str:
-    """`file:line` without the folders."""
-    return shown(f"{_path(where.file).rsplit('/', 1)[-1]}:{where.line}")
+    """As text, without the folders."""
+    return shown(SourceLine(file=_path(where.file).rsplit("/", 1)[-1], line=where.line))
 
 
 def _path(file: str) -> str:
@@ -173,15 +173,17 @@ def _files(
 ) -> tuple[tuple[str, tuple[Line | None, ...]], ...]:
     """The model file and its sidecar, those of them of which a line is blamed."""
     texts = {model.model: model.text, f"{model.model}.toml": model.sidecar}
-    found = (
-        (file, _lines(text, {where.line for where in blamed if _is_in(where, file)}))
-        for file, text in texts.items()
-    )
+    found = ((file, _lines(text, _marked(blamed, file))) for file, text in texts.items())
     return tuple((shown(file), lines) for file, lines in found if lines)
 
 
-def _is_in(where: SourceLine, file: str) -> bool:
-    return f"/{_path(where.file)}".endswith(f"/{_path(file)}")
+def _marked(blamed: Sequence[SourceLine], file: str) -> set[int]:
+    """Lines of a file; the others are of other files, or mean a whole file."""
+    return {
+        where.line
+        for where in blamed
+        if where.line is not None and f"/{_path(where.file)}".endswith(f"/{_path(file)}")
+    }
 
 
 def _lines(text: str, marked: set[int]) -> tuple[Line | None, ...]:

@@ -264,3 +264,12 @@ def test_a_report_that_can_not_be_drawn_leaves_the_old_one(tmp_path: Path) -> No
     with pytest.raises(ValueError, match=r"no operation '\?'"):
         write_report(path, broken)
     assert path.read_text() == "old"
+
+
+def test_a_system_that_was_not_derived_has_a_page_that_says_so() -> None:
+    found = results(1)
+    found = replace(found, systems=(replace(found.systems[0], derivation=None),))
+    text = Page(render(found)).text
+    assert "The equations of motion were not derived in this run." in text
+    assert "Lagrangian" not in text
+    assert "Linearizations about" not in text

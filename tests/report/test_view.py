@@ -213,6 +213,21 @@ def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
     assert marked(view) == [("robot.urdf", 7)]
 
 
+def test_a_finding_about_a_whole_file_marks_no_line() -> None:
+    finding = AuditFinding(
+        kind="default",
+        message="no time step is told",
+        where=SourceLine(file="/a/robot.urdf"),
+        expected=None,
+        found=None,
+        severity="finding",
+    )
+    view = report(changed_model(results(1), 1, audit=(finding,))).groups[0].models[1].diagnosis
+    assert view is not None
+    assert view.audit == (("default", "no time step is told", "robot.urdf"),)
+    assert view.files == ()
+
+
 def test_an_unexplained_difference_is_not_given_a_cause(troubled: Results) -> None:
     unexplained = replace(diagnosis_of(troubled), explained=False)
     found = changed_model(troubled, 0, diagnosis=unexplained, audit=())
