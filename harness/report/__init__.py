@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import jinja2
 from bokeh.resources import Resources
 from markupsafe import Markup
 
-from harness.records.results import write_whole
+from harness.records.results import Results
+from harness.records.write import write_whole
 from harness.report.view import report
 
 SCRIPTS = ("packs", "looks", "plots", "figures", "motion", "overview", "routes", "start")
@@ -26,12 +25,12 @@ EARLY = 'document.documentElement.classList.add("js");'
 """What runs before anything is shown: without it, everything stays readable."""
 
 
-def write_report(path: Path, found: Mapping[str, Any]) -> None:
+def write_report(path: Path, results: Results) -> None:
     """Write the report of results as one HTML file that asks for nothing else."""
-    write_whole(path, render(found))
+    write_whole(path, render(results))
 
 
-def render(found: Mapping[str, Any]) -> str:
+def render(results: Results) -> str:
     """The report of results as HTML; the same results give the same text."""
     scripts = [_inline(text) for text in (_bokeh(), _own())]
     environment = jinja2.Environment(
@@ -42,7 +41,7 @@ def render(found: Mapping[str, Any]) -> str:
         undefined=jinja2.StrictUndefined,
     )
     return environment.get_template("report.html").render(
-        report=report(found),
+        report=report(results),
         style=Markup(_resource("style.css")),
         early=Markup(EARLY),
         scripts=[Markup(text) for text in scripts],

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from harness.records.outcome import FLOOR
-from harness.report.packs import Chart, Curve
+from harness.report.packs import Array, Chart, Curve
 from harness.report.runs import Run, ends, largest, single, values
 from harness.report.text import percent, quantity, sci, shown
-from reference.numeric import Array
 
 OVERLAID = 9
 """Other runs in one plot at most: more can't be told apart."""
 
 MOTION, ERROR, COST, ENERGY = "Motion", "Error over time", "What the step costs", "Energy"
-
-Record = Mapping[str, Any]
 
 
 def case_charts(
@@ -45,83 +41,109 @@ def case_charts(
 
 
 def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
-    series = run.case["series"]
-    name = shown(series["components"][i])
-    reference, engine = values(series["reference"][i]), values(series["engine"][i])
+    series = run.series
+    name = shown(series.components[i])
+    reference, engine = values(series.reference[i]), values(series.engine[i])
     low, high = ends(reference)
     span = (high - low) or 1.0
     least, most = ends(engine)
     away = least < low - span or most > high + span
     return Chart(
-        MOTION,
-        f"{name}: reference and engines",
-        "t [s]",
-        f"{name} [{shown(unit)}]",
-        (
-            Curve("reference", "reference", 0, run.t, run.reference[i]),
+        part=MOTION,
+        title=f"{name}: reference and engines",
+        x_label="t [s]",
+        y_label=f"{name} [{shown(unit)}]",
+        curves=(
+            Curve(label="reference", role="reference", place=0, x=run.t, y=run.reference[i]),
             *(
-                Curve(other.label, "other", place, other.t, other.engine[i])
+                Curve(label=other.label, role="other", place=place, x=other.t, y=other.engine[i])
                 for place, other in enumerate(others)
             ),
-            Curve(f"this: {run.label}, {run.step}", "engine", 0, run.t, run.engine[i]),
+            Curve(
+                label=f"this: {run.label}, {run.step}",
+                role="engine",
+                place=0,
+                x=run.t,
+                y=run.engine[i],
+            ),
         ),
-        "Wide line: the solution of the equations. Dashes: this engine at its shipped step; thin"
-        " lines: the others. The legend hides and shows each.",
-        f"{name} over {quantity(series['t'][-1], 's')}: the reference stays between {low:.3g} and"
-        f" {high:.3g} {shown(unit)}; this engine is off by"
-        f" {largest(series['error'][i]):.2g} {shown(unit)} at most.",
+        key="Wide line: the solution of the equations. Dashes: this engine at its shipped step;"
+        " thin lines: the others. The legend hides and shows each.",
+        summary=f"{name} over {quantity(series.t[-1], 's')}: the reference stays between {low:.3g}"
+        f" and {high:.3g} {shown(unit)}; this engine is off by"
+        f" {largest(series.error[i]):.2g} {shown(unit)} at most.",
         over_time=True,
         y_limits=(low - span, high + span) if away else None,
     )
 
 
 def _phase(run: Run, i: int, units: Sequence[str]) -> Chart:
-    names = [shown(name) for name in run.case["series"]["components"]]
+    names = [shown(name) for name in run.series.components]
     half = len(names) // 2
-    position, speed = (values(run.case["series"]["reference"][k]) for k in (i, half + i))
+    position, speed = (values(run.series.reference[k]) for k in (i, half + i))
     limits = ends(speed)
     reach = (limits[1] - limits[0]) or 1.0
     return Chart(
-        MOTION,
-        f"Phase portrait of {names[i]}",
-        f"{names[i]} [{shown(units[i])}]",
-        f"{names[half + i]} [{shown(units[half + i])}]",
-        (
-            Curve("reference", "reference", 0, run.reference[i], run.reference[half + i]),
+        part=MOTION,
+        title=f"Phase portrait of {names[i]}",
+        x_label=f"{names[i]} [{shown(units[i])}]",
+        y_label=f"{names[half + i]} [{shown(units[half + i])}]",
+        curves=(
             Curve(
-                f"this: {run.label}, {run.step}", "engine", 0, run.engine[i], run.engine[half + i]
+                label="reference",
+                role="reference",
+                place=0,
+                x=run.reference[i],
+                y=run.reference[half + i],
+            ),
+            Curve(
+                label=f"this: {run.label}, {run.step}",
+                role="engine",
+                place=0,
+                x=run.engine[i],
+                y=run.engine[half + i],
             ),
         ),
-        "Velocity over position, drawn as the motion.",
-        f"The reference reaches {largest(position):.3g} {shown(units[i])} and"
+        key="Velocity over position, drawn as the motion.",
+        summary=f"The reference reaches {largest(position):.3g} {shown(units[i])} and"
         f" {largest(speed):.3g} {shown(units[half + i])}.",
         y_limits=(limits[0] - 0.3 * reach, limits[1] + 0.3 * reach),
     )
 
 
 def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
-    series = run.case["series"]
-    name = shown(series["components"][i])
-    size = max(largest(series["reference"][i]), FLOOR * reach) or 1.0
-    raw = single(series["error"][i]) / size
-    defect, bound = values(series["defect"][i]), values(series["defect_uncertainty"][i])
-    segment_t = run.pack.column(series["segment_t"], 6)
+    series = run.series
+    name = shown(series.components[i])
+    size = max(largest(series.reference[i]), FLOOR * reach) or 1.0
+    error = single(series.error[i]) / size
+    defect, bound = values(series.defect[i]), values(series.defect_uncertainty[i])
+    segment_t = run.pack.column(series.segment_t, 6)
     return Chart(
-        ERROR,
-        f"{name}: error, raw and extrapolated",
-        "t [s]",
-        "relative error",
-        (
-            Curve("uncertainty", "band", 0, segment_t, run.pack.column(bound, 3)),
-            Curve("raw", "raw", 0, run.t, run.pack.column(raw, 4)),
-            Curve("extrapolated", "defect", 0, segment_t, run.pack.column(defect, 3)),
+        part=ERROR,
+        title=f"{name}: error, global and extrapolated",
+        x_label="t [s]",
+        y_label="relative error",
+        curves=(
+            Curve(
+                label="uncertainty", role="band", place=0, x=segment_t, y=run.pack.column(bound, 3)
+            ),
+            Curve(
+                label="global", role="global_error", place=0, x=run.t, y=run.pack.column(error, 4)
+            ),
+            Curve(
+                label="extrapolated",
+                role="defect",
+                place=0,
+                x=segment_t,
+                y=run.pack.column(defect, 3),
+            ),
         ),
-        f"Line: engine − reference of the whole run at the shipped step, over the amplitude"
+        key=f"Line: engine − reference of the full run at the shipped step, over the amplitude"
         f" ({size:.3g} {shown(unit)}); solid where the engine is ahead (+), dotted where it is"
         " behind (−). Triangles: the defect of each extrapolated segment, over its movement; up"
         " and filled for +, down and hollow for −. Grey: its uncertainty; the model differs where"
         " a triangle stands above the grey.",
-        f"Largest among these samples: raw error {percent(largest(raw))}, defect of an"
+        summary=f"Largest among these samples: global error {percent(largest(error))}, defect of an"
         f" extrapolated segment {sci(largest(defect))}, its uncertainty {sci(largest(bound))}.",
         log_y=True,
         over_time=True,
@@ -129,73 +151,77 @@ def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
 
 
 def _energy(run: Run) -> Iterator[Chart]:
-    energy = run.case["series"].get("energy")
-    if energy is None:
+    energy = run.series.energy
+    if not energy.held:
         return
-    rows = {name: single(energy[name]) for name in ("held", "supplied", "dissipated")}
-    gap = rows["held"] - rows["supplied"] + rows["dissipated"]
-    labels = {
-        "held": "gained, T + V",
-        "supplied": "work of the inputs",
-        "dissipated": "taken by dampers",
-        "gap": "unaccounted for",
-    }
-    shares = {**rows, "gap": gap}
+    held, supplied = single(energy.held), single(energy.supplied)
+    dissipated = single(energy.dissipated)
+    gap = held - supplied + dissipated
+    shares = (
+        ("gained, T + V", held),
+        ("work of the inputs", supplied),
+        ("taken by dampers", dissipated),
+        ("unaccounted for", gap),
+    )
     yield Chart(
-        ENERGY,
-        "Energy balance of this engine",
-        "t [s]",
-        "energy [J]",
-        tuple(
-            Curve(labels[name], "share", place, run.t, run.pack.column(row, 5))
-            for place, (name, row) in enumerate(shares.items())
+        part=ENERGY,
+        title="Energy balance of this engine",
+        x_label="t [s]",
+        y_label="energy [J]",
+        curves=tuple(
+            Curve(label=label, role="share", place=place, x=run.t, y=run.pack.column(row, 5))
+            for place, (label, row) in enumerate(shares)
         ),
-        "Since the start, at the shipped step. What is gained is what the inputs gave less what the"
-        " dampers took; what is left is the integrator's.",
-        f"At most {largest(gap):.2g} J is unaccounted for,"
-        f" {percent(run.case.get('energy_error'))} of what is exchanged.",
+        key="Since the start, at the shipped step. What is gained is what the inputs gave less what"
+        " the dampers took; what is left is the integrator's.",
+        summary=f"At most {largest(gap):.2g} J is unaccounted for,"
+        f" {percent(run.full_run.energy_error)} of what is exchanged.",
         over_time=True,
     )
 
 
 def _convergence(run: Run) -> Chart:
-    case = run.case
-    found, plain = case["series"]["convergence"], case["series"]["plain"]
-    h, raw, draws = (values(found[name]) for name in ("h", "raw", "draws"))
-    steps = values(plain["h"])
+    found, steps = run.series.convergence, values(run.series.full_runs.h)
+    h, defect, increments = values(found.h), values(found.defect), values(found.increments)
     column = run.pack.column
     curves = [
-        Curve("segments", "rungs", 0, column(h, 6), column(raw, 4)),
+        Curve(label="segments", role="rungs", place=0, x=column(h, 6), y=column(defect, 4)),
         Curve(
-            "change of the limit", "draws", 0, column(h[1 : len(draws) + 1], 6), column(draws, 4)
+            label="increments of the limit",
+            role="increments",
+            place=0,
+            x=column(h[1 : len(increments) + 1], 6),
+            y=column(increments, 4),
         ),
-        Curve("whole run", "plain", 0, column(steps, 6), run.error),
+        Curve(label="full run", role="full_run", place=0, x=column(steps, 6), y=run.error),
     ]
-    wanted = [(e["step"], e["target"]) for e in case.get("steps_for", ()) if e["step"]]
+    wanted = [(entry.step, entry.target) for entry in run.full_run.steps_for if entry.step]
     if wanted:
         x, y = np.array(wanted).T
         targets = ", ".join(f"{100 * target:g} %" for _, target in wanted)
-        curves.append(Curve(targets, "target", 0, column(x, 6), column(y, 6)))
-    slope, whose = case["order"], "observed"
+        curves.append(Curve(label=targets, role="target", place=0, x=column(x, 6), y=column(y, 6)))
+    slope, whose = run.verdict.order, "observed"
     if slope is None:
-        slope, whose = case.get("claimed_order"), "claimed"
-    if slope is not None and len(h) > 1 and raw[-1] > 0:
+        slope, whose = run.verdict.claimed_order, "claimed"
+    if len(h) > 1 and defect[-1] > 0:
         reach = np.array(ends(np.concatenate([h, steps])))
-        guide = raw[-1] * (reach / h[-1]) ** slope
+        guide = defect[-1] * (reach / h[-1]) ** slope
         label = f"slope {slope:.2f} ({whose})"
-        curves.append(Curve(label, "guide", 0, column(reach, 6), column(guide, 4)))
+        curves.append(
+            Curve(label=label, role="guide", place=0, x=column(reach, 6), y=column(guide, 4))
+        )
     return Chart(
-        COST,
-        "Convergence",
-        "step h [s]",
-        "relative error",
-        tuple(curves),
-        "Circles: root mean square over the segments, step by step. Squares: whole runs, largest"
+        part=COST,
+        title="Convergence",
+        x_label="step h [s]",
+        y_label="relative error",
+        curves=tuple(curves),
+        key="Circles: root mean square over the segments, step by step. Squares: full runs, largest"
         " error. Triangles: how far each finer step still moved the limit. Dots: the slope."
         + (" Diamonds: the steps that would give these errors." if wanted else ""),
-        f"As the step falls from {quantity(_at(h, 0), 's')} to {quantity(_at(h, -1), 's')}, the"
-        f" error of the segments falls from {sci(_at(raw, 0))} to {sci(_at(raw, -1))}; the last one"
-        f" moved the extrapolated limit by {sci(_at(draws, -1))}.",
+        summary=f"As the step falls from {quantity(_at(h, 0), 's')} to {quantity(_at(h, -1), 's')},"
+        f" the error of the segments falls from {sci(_at(defect, 0))} to {sci(_at(defect, -1))};"
+        f" the last one moved the extrapolated limit by {sci(_at(increments, -1))}.",
         log_x=True,
         log_y=True,
     )
@@ -204,31 +230,33 @@ def _convergence(run: Run) -> Chart:
 def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
     if run.seconds is None:
         return
-    curves = [Curve(f"this: {_method(run)}", "plain", 0, run.seconds, run.error)]
+    curves = [
+        Curve(label=f"this: {_method(run)}", role="full_run", place=0, x=run.seconds, y=run.error)
+    ]
     curves += [
-        Curve(_method(other), "work", place, other.seconds, other.error)
+        Curve(label=_method(other), role="work", place=place, x=other.seconds, y=other.error)
         for place, other in enumerate(others)
         if other.seconds is not None
     ]
-    plain = run.case["series"]["plain"]
+    runs = run.series.full_runs
     yield Chart(
-        COST,
-        "Work and precision",
-        "time of the run [s]",
-        "relative error",
-        tuple(curves),
-        "Time that each engine takes for the whole run against the error that it leaves, at the"
+        part=COST,
+        title="Work and precision",
+        x_label="time of the run [s]",
+        y_label="relative error",
+        curves=tuple(curves),
+        key="Time that each engine takes for the full run against the error that it leaves, at the"
         " shipped step and at half and a quarter of it. Further to the lower left is better.",
-        f"This engine takes {quantity(plain['seconds'][0], 's', 2)} for an error of"
-        f" {percent(plain['error'][0])}, and {quantity(plain['seconds'][-1], 's', 2)} for"
-        f" {percent(plain['error'][-1])}.",
+        summary=f"This engine takes {quantity(runs.seconds[0], 's', 2)} for an error of"
+        f" {percent(runs.error[0])}, and {quantity(runs.seconds[-1], 's', 2)} for"
+        f" {percent(runs.error[-1])}.",
         log_x=True,
         log_y=True,
     )
 
 
 def _method(run: Run) -> str:
-    integrator = shown(run.case.get("integrator") or "")
+    integrator = shown(run.full_run.integrator)
     return f"{run.label}, {integrator}" if integrator else run.label
 
 

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
+from harness.records.case import Case, FullRun, Verdict
 from harness.records.outcome import Outcome
+from harness.records.system import Scenario
 from harness.report.text import NOTHING, agreeing_digits, percent, quantity, sci, shown
 
-SYMBOLS = {"AGREES": "✓", "ABSENT": "○", "UNRESOLVED": "?", "DIFFERS": "≠", "FAILED": "✕"}
+SYMBOLS = {
+    Outcome.AGREES: "✓",
+    Outcome.ABSENT: "○",
+    Outcome.UNRESOLVED: "?",
+    Outcome.DIFFERS: "≠",
+    Outcome.FAILED: "✕",
+}
 
 Fact = tuple[str, str]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CaseView:
     """One case.
 
@@ -23,20 +30,21 @@ class CaseView:
         outcome, symbol: what became of it.
         model, engine, scenario: its name.
         judged: whether it ran to an end with a discrepancy.
-        digits, discrepancy, uncertainty, raw_error: as the matrix shows them.
-        told: all of these in words.
+        digits: that agree in every component.
+        discrepancy, uncertainty: of the component that decides.
+        global_error: as the matrix shows it.
         reason: for what is not AGREES.
-        printed: what a failed case printed.
+        stdout: what a failed case printed.
         accepted: why its difference is accepted, where it is.
         facts: titled lists of everything else, (title, ((what, value), ...)).
         cost: what its step costs, in one sentence.
         steps: (error, step that gives it).
         pack: id of its numbers and plots; empty without series.
-        sorts: of digits, E, U, raw error and step, as numbers that sort.
+        sorts: of digits, E, U, global error and step, as numbers that sort.
     """
 
     id: str
-    outcome: str
+    outcome: Outcome
     symbol: str
     system: str
     model: str
@@ -46,10 +54,9 @@ class CaseView:
     digits: str
     discrepancy: str
     uncertainty: str
-    raw_error: str
-    told: str
+    global_error: str
     reason: str
-    printed: str
+    stdout: str
     accepted: str
     facts: tuple[tuple[str, tuple[Fact, ...]], ...]
     cost: str
@@ -59,14 +66,13 @@ class CaseView:
     sorts: tuple[str, ...]
 
 
-def severity(case: Mapping[str, Any]) -> tuple[int, float]:
+def severity(case: Case) -> tuple[int, float]:
     """Sorts cases worst first."""
-    return -Outcome(case["outcome"]).severity, -(case["discrepancy"] or 0.0)
+    discrepancy = case.verdict.discrepancy if case.verdict else None
+    return -case.outcome.severity, -(discrepancy or 0.0)
 
 
-def case_view(
-    case: Mapping[str, Any], identity: str, pack: str, scenario: Mapping[str, Any] | None
-) -> CaseView:
+def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -> CaseView:
     """The view of one case.
 
     Args:
@@ -75,83 +81,82 @@ def case_view(
         pack: id of its numbers and plots; empty without series.
         scenario: the system's record of its scenario; None where the system could not be read.
     """
-    outcome = case["outcome"]
-    judged = case["discrepancy"] is not None and outcome != Outcome.FAILED
-    digits = agreeing_digits(case["discrepancy"], case["uncertainty"]) if judged else NOTHING
-    told = outcome
-    if judged:
-        told = (
-            f"{outcome}, {digits} digits, E {sci(case['discrepancy'])},"
-            f" U {sci(case['uncertainty'])}, raw error {percent(case['raw_error'])}"
-        )
+    verdict, full_run = case.verdict, case.full_run
+    judged = is_judged(case)
     facts = (
-        ("Verdict", _verdict(case, digits)),
-        ("At the shipped step", _at_shipped_step(case)),
-        ("Other steps", _steps(case)),
-        ("Run", _run(case, scenario)),
+        ("Verdict", () if verdict is None else _verdict(verdict, digits_of(case))),
+        ("At the shipped step", () if full_run is None else _at_shipped_step(full_run)),
+        ("Other steps", () if full_run is None else tuple(_steps(full_run))),
+        ("Run", tuple(_run(case, scenario))),
     )
     return CaseView(
         id=identity,
-        outcome=outcome,
-        symbol=SYMBOLS[outcome],
-        system=shown(case["system"]),
-        model=shown(case["model"]),
-        engine=shown(case["engine"]),
-        scenario=shown(case["scenario"]),
+        outcome=case.outcome,
+        symbol=SYMBOLS[case.outcome],
+        system=shown(case.system),
+        model=shown(case.model),
+        engine=shown(case.engine),
+        scenario=shown(case.scenario),
         judged=judged,
-        digits=digits,
-        discrepancy=sci(case["discrepancy"]),
-        uncertainty=sci(case["uncertainty"]),
-        raw_error=percent(case["raw_error"]),
-        told=told,
-        reason=shown(case["reason"]),
-        printed=shown(case.get("printed") or ""),
-        accepted=shown(case.get("accepted") or ""),
+        digits=digits_of(case),
+        discrepancy=sci(None if verdict is None else verdict.discrepancy),
+        uncertainty=sci(None if verdict is None else verdict.uncertainty),
+        global_error=percent(None if full_run is None else full_run.global_error),
+        reason=shown(case.reason),
+        stdout=shown(case.stdout),
+        accepted=shown(case.accepted),
         facts=tuple((title, rows) for title, rows in facts if rows),
-        cost=_cost(case) if judged else "",
-        steps=tuple(
-            (f"{100 * entry['target']:g}\u00a0%", quantity(entry["step"], "s", 3))
-            for entry in case.get("steps_for", ())
-            if entry["step"] is not None
-        ),
-        step=quantity(case["shipped_step"], "s", 3),
+        cost=_cost(full_run, case.outcome) if full_run and judged else "",
+        steps=() if full_run is None else _steps_for(full_run),
+        step=quantity(None if full_run is None else full_run.shipped_step, "s", 3),
         pack=pack,
-        sorts=_sorts(case, judged),
+        sorts=_sorts(verdict, full_run, judged),
     )
 
 
-def _sorts(case: Mapping[str, Any], judged: bool) -> tuple[str, ...]:
+def is_judged(case: Case) -> bool:
+    """Whether a case ran to an end with a discrepancy."""
+    known = case.verdict is not None and case.verdict.discrepancy is not None
+    return known and case.outcome is not Outcome.FAILED
+
+
+def digits_of(case: Case) -> str:
+    """How many digits agree, in every component; none are claimed of what was not judged."""
+    if case.verdict is None or not is_judged(case):
+        return NOTHING
+    return agreeing_digits(case.verdict.largest_discrepancy, case.verdict.largest_uncertainty)
+
+
+def _sorts(verdict: Verdict | None, full_run: FullRun | None, judged: bool) -> tuple[str, ...]:
     """Numbers that sort: what is missing is worse than any number."""
-    worst = max(case["discrepancy"] or 0.0, case["uncertainty"] or 0.0)
-    known = judged and case["uncertainty"] is not None
-    columns = (
-        worst if known else None,
-        case["discrepancy"],
-        case["uncertainty"],
-        case["raw_error"],
-        case["shipped_step"],
-    )
+    columns: list[float | None] = [None] * 5
+    if verdict is not None:
+        worst = max(verdict.largest_discrepancy or 0.0, verdict.largest_uncertainty or 0.0)
+        known = judged and verdict.largest_uncertainty is not None
+        columns[:3] = worst if known else None, verdict.discrepancy, verdict.uncertainty
+    if full_run is not None:
+        columns[3:] = full_run.global_error, full_run.shipped_step
     return tuple("" if value is None else f"{value:.6g}" for value in columns)
 
 
-def _cost(case: Mapping[str, Any]) -> str:
+def _cost(full_run: FullRun, outcome: Outcome) -> str:
     """What the step costs, and where the cost goes."""
-    if case["raw_error"] is None:
+    if full_run.global_error is None:
         return ""
-    step, error = quantity(case["shipped_step"], "s", 3), percent(case["raw_error"])
-    if case["outcome"] == Outcome.DIFFERS:
-        told = (
+    step, error = quantity(full_run.shipped_step, "s", 3), percent(full_run.global_error)
+    if outcome is Outcome.DIFFERS:
+        said = (
             f"At the step of {step} the whole motion is off by {error} of the amplitude at most,"
             " by the step and by what differs"
         )
     else:
-        told = f"The step of {step} costs you {error} of the amplitude over the whole motion"
-    apart = case.get("apart")
-    if apart is None:
-        return f"{told}."
+        said = f"The step of {step} costs you {error} of the amplitude over the whole motion"
+    parts = full_run.decomposition
+    if parts is None:
+        return f"{said}."
     return (
-        f"{told}: by the end the amplitude is {_signed(apart['amplitude'])} off and the phase"
-        f" {quantity(_size(apart['phase']), 'rad', 2)} {_late(apart['phase'])}."
+        f"{said}: by the end the amplitude is {_signed(parts.amplitude)} off and the phase"
+        f" {quantity(_size(parts.phase), 'rad', 2)} {_late(parts.phase)}."
     )
 
 
@@ -167,72 +172,76 @@ def _late(phase: float | None) -> str:
     return "" if phase is None else "late" if phase > 0 else "early"
 
 
-def _verdict(case: Mapping[str, Any], digits: str) -> tuple[Fact, ...]:
-    if case["discrepancy"] is None and case["uncertainty"] is None:
-        return ()
-    order = quantity(case["order"], "", 4)
-    if "claimed_order" in case:
-        order = f"{order} seen, {case['claimed_order']} claimed"
-    return (
-        ("agreeing digits", digits),
-        ("discrepancy E", sci(case["discrepancy"])),
-        ("uncertainty U", sci(case["uncertainty"])),
-        ("component", shown(case["component"])),
-        ("segment at", quantity(case.get("time"), "s")),
-        ("order in h", order),
+def _steps_for(full_run: FullRun) -> tuple[Fact, ...]:
+    return tuple(
+        (f"{100 * entry.target:g}\u00a0%", quantity(entry.step, "s", 3))
+        for entry in full_run.steps_for
+        if entry.step is not None
     )
 
 
-def _at_shipped_step(case: Mapping[str, Any]) -> tuple[Fact, ...]:
-    if case["shipped_step"] is None and case["raw_error"] is None:
+def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
+    if verdict.discrepancy is None and verdict.uncertainty is None:
+        return ()
+    order = quantity(verdict.order, "", 4)
+    return (
+        ("agreeing digits", digits),
+        ("deciding component", shown(verdict.component)),
+        ("its discrepancy E", sci(verdict.discrepancy)),
+        ("its uncertainty U", sci(verdict.uncertainty)),
+        ("largest E of all", sci(verdict.largest_discrepancy)),
+        ("largest U of all", sci(verdict.largest_uncertainty)),
+        ("segment at", quantity(verdict.time, "s")),
+        ("order in h", f"{order} seen, {verdict.claimed_order} claimed"),
+    )
+
+
+def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:
+    if full_run.shipped_step is None and full_run.global_error is None:
         return ()
     rows = [
-        ("step", quantity(case["shipped_step"], "s")),
-        ("raw error", percent(case["raw_error"])),
+        ("step", quantity(full_run.shipped_step, "s")),
+        ("global error", percent(full_run.global_error)),
     ]
-    apart = case.get("apart")
-    if apart is not None:
+    parts = full_run.decomposition
+    if parts is not None:
         rows += [
-            ("amplitude, at the end", percent(apart["amplitude"])),
-            ("phase, at the end", quantity(apart["phase"], "rad", 3)),
-            ("frequency", percent(apart["frequency"])),
-            ("damping ratio", quantity(apart["damping"], "", 3)),
-            ("of the error, these explain", percent(apart["explained"])),
+            ("amplitude, at the end", percent(parts.amplitude)),
+            ("phase, at the end", quantity(parts.phase, "rad", 3)),
+            ("frequency", percent(parts.frequency)),
+            ("damping ratio", quantity(parts.damping, "", 3)),
+            ("of the error, these explain", percent(parts.explained)),
         ]
-    if case.get("energy_error") is not None:
-        rows.append(("energy balance", percent(case["energy_error"])))
-    if case.get("constraint_drift") is not None:
-        rows.append(("constraint drift", f"{case['constraint_drift']:.2g} (engine units)"))
+    if full_run.energy_error is not None:
+        rows.append(("energy balance", percent(full_run.energy_error)))
+    if full_run.constraint_drift is not None:
+        rows.append(("constraint drift", f"{full_run.constraint_drift:.2g} (engine units)"))
     return tuple(rows)
 
 
-def _steps(case: Mapping[str, Any]) -> tuple[Fact, ...]:
-    rows = []
-    if case.get("raw_order") is not None:
-        rows.append(("order of whole runs", f"{case['raw_order']:.3f}"))
-    checked = case.get("checked_step")
+def _steps(full_run: FullRun) -> Iterator[Fact]:
+    if full_run.order is not None:
+        yield "order of full runs", f"{full_run.order:.3f}"
+    checked = full_run.checked_step
     if checked is not None:
-        rows.append(
-            (
-                "checked by a run",
-                f"{percent(checked['measured'])} at {quantity(checked['step'], 's', 3)},"
-                f" {100 * checked['target']:g}\u00a0% foretold",
-            )
+        yield (
+            "checked by a run",
+            f"{percent(checked.measured)} at {quantity(checked.step, 's', 3)},"
+            f" {100 * checked.target:g}\u00a0% foretold",
         )
-    return tuple(rows)
 
 
-def _run(case: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> tuple[Fact, ...]:
-    rows = []
+def _run(case: Case, scenario: Scenario | None) -> Iterator[Fact]:
     if scenario is not None:
-        rows.append(("scenario", shown(scenario["description"])))
-        rows += [(shown(name), shown(text)) for name, text in scenario["inputs"].items()]
-    if case.get("integrator"):
-        rows.append(("integrator", shown(case["integrator"])))
-    if case.get("steps") is not None:
-        rows.append(("engine steps for the limits", f"{case['steps']:,}".replace(",", "\u202f")))
-    if case.get("rungs"):
-        rows.append(("steps a segment", ", ".join(str(rung) for rung in case["rungs"])))
-    if case["seconds"]:
-        rows.append(("took", quantity(case["seconds"], "s", 2)))
-    return tuple(rows)
+        yield "scenario", shown(scenario.description)
+        for name, text in scenario.inputs.items():
+            yield shown(name), shown(text)
+    if case.full_run is not None and case.full_run.integrator:
+        yield "integrator", shown(case.full_run.integrator)
+    if case.verdict is not None:
+        steps = f"{case.verdict.steps:,}".replace(",", "\u202f")
+        yield "engine steps for the limits", steps
+        if case.verdict.rungs:
+            yield "steps a segment", ", ".join(str(rung) for rung in case.verdict.rungs)
+    if case.seconds:
+        yield "took", quantity(case.seconds, "s", 2)

@@ -3,16 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple
-from typing import Any
+from dataclasses import dataclass
 
+from harness.records.case import Case
+from harness.records.model import Model
+from harness.records.results import Results
 from harness.report.case_charts import OVERLAID, case_charts
-from harness.report.model_charts import hypotheses, reaches, redrawn, responses
-from harness.report.packs import Chart, Pack
+from harness.report.keys import ModelKey, model_key
+from harness.report.model_charts import corrected, hypotheses, reaches, responses
+from harness.report.packs import Chart, Column, Pack
 from harness.report.runs import Run, largest, runs
 
-Record = Mapping[str, Any]
-Key = tuple[str, str, str]
+
+@dataclass(frozen=True)
+class Track:
+    """Where the page finds a motion that it animates beside others: pack and key of each column."""
+
+    t: tuple[str, str]
+    engine: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """Where the page finds what it animates.
+
+    Attributes:
+        system: id of the pack that has the sketch.
+        t, reference, engine: keys of the case's own columns.
+        others: of the other models and engines.
+    """
+
+    system: str
+    t: str
+    reference: tuple[str, ...]
+    engine: tuple[str, ...]
+    others: tuple[Track, ...]
 
 
 class Content:
@@ -21,28 +46,25 @@ class Content:
     Charts of one pack may show numbers of another, so they are all made before any is packed.
     """
 
-    def __init__(self, found: Record) -> None:
-        self._systems = {system["folder"]: system for system in found["systems"]}
-        self._runs = runs(found["cases"])
-        self._packs: dict[str, tuple[Pack, tuple[Chart, ...], dict[str, Any]]] = {}
-        self._linear: dict[Key, tuple[Chart, ...]] = {}
-        for place, model in enumerate(found["models"]):
-            system = self._systems.get(model["folder"])
+    def __init__(self, results: Results) -> None:
+        self._systems = {system.folder: system for system in results.systems}
+        self._runs = runs(results.cases)
+        self._packs: dict[str, tuple[Pack, tuple[Chart, ...], Mapping[str, object]]] = {}
+        self._linear: dict[ModelKey, tuple[Chart, ...]] = {}
+        for place, model in enumerate(results.models):
+            system = self._systems.get(model.folder)
             if system is not None:
                 pack = Pack(f"pack-model-{place}")
-                charts = responses(pack, model, system)
-                self._linear[_key(model)] = charts
+                self._linear[model_key(model)] = responses(pack, model, system)
                 self._keep(pack, ())
-        for place, system in enumerate(found["systems"]):
+        self._system_packs: dict[str, str] = {}
+        for place, system in enumerate(results.systems):
             pack = Pack(f"pack-system-{place}")
-            self._keep(pack, reaches(pack, system), sketch=system.get("sketch"))
-        self._system_packs = {
-            system["folder"]: f"pack-system-{place}"
-            for place, system in enumerate(found["systems"])
-        }
-        self._keep_cases(_reach(found["cases"]))
+            self._system_packs[system.folder] = pack.id
+            self._keep(pack, reaches(pack, system), sketch=system.sketch)
+        self._keep_cases(_reach(results.cases))
         self._diagnosis_packs = {
-            place: self._diagnosed(place, model) for place, model in enumerate(found["models"])
+            place: self._diagnosed(place, model) for place, model in enumerate(results.models)
         }
 
     def case_pack(self, place: int) -> str:
@@ -64,81 +86,79 @@ class Content:
             name: pack.packed(charts, **more) for name, (pack, charts, more) in self._packs.items()
         }
 
-    def _keep(self, pack: Pack, charts: Iterable[Chart], **more: Any) -> None:
+    def _keep(self, pack: Pack, charts: Iterable[Chart], **more: object) -> None:
         self._packs[pack.id] = pack, tuple(charts), more
 
     def _keep_cases(self, reach: Mapping[str, list[float]]) -> None:
         together: dict[tuple[str, str], list[Run]] = {}
         for run in self._runs:
             if run is not None:
-                together.setdefault((run.case["folder"], run.case["scenario"]), []).append(run)
+                together.setdefault((run.case.folder, run.case.scenario), []).append(run)
         for run in self._runs:
             if run is None:
                 continue
-            folder = run.case["folder"]
-            others = [r for r in together[folder, run.case["scenario"]] if r is not run]
+            folder = run.case.folder
+            others = [r for r in together[folder, run.case.scenario] if r is not run]
             charts = case_charts(run, others, self._units(run), reach[folder])
-            system = self._system_packs.get(folder)
-            linear = self._linear.get(_key(run.case), ())
-            reaching = self._packs[system][1] if system else ()
-            self._keep(
-                run.pack, (*charts, *linear, *reaching), motion=self._motion(run, others, system)
-            )
+            linear = self._linear.get(model_key(run.case), ())
+            reaching = self._packs[self._system_packs[folder]][1] if folder in self._systems else ()
+            self._keep(run.pack, (*charts, *linear, *reaching), motion=self._motion(run, others))
 
-    def _motion(self, run: Run, others: Sequence[Run], system: str | None) -> dict[str, Any] | None:
+    def _motion(self, run: Run, others: Sequence[Run]) -> Motion | None:
         """Where the page finds what it animates; None without a sketch."""
-        if system is None or self._packs[system][2]["sketch"] is None:
+        system = self._systems.get(run.case.folder)
+        if system is None or system.sketch is None:
             return None
         half = len(run.reference) // 2
-        return {
-            "system": system,
-            "t": run.t.key,
-            "reference": [column.key for column in run.reference[:half]],
-            "engine": [column.key for column in run.engine[:half]],
-            "others": [
-                {"t": astuple(other.t), "engine": [astuple(c) for c in other.engine[:half]]}
+        return Motion(
+            system=self._system_packs[system.folder],
+            t=run.t.key,
+            reference=tuple(column.key for column in run.reference[:half]),
+            engine=tuple(column.key for column in run.engine[:half]),
+            others=tuple(
+                Track(_address(other.t), tuple(_address(c) for c in other.engine[:half]))
                 for other in others[:OVERLAID]
-            ],
-        }
+            ),
+        )
 
     def _units(self, run: Run) -> list[str]:
         """Units of the components: the coordinates', then those of their rates."""
-        system = self._systems.get(run.case["folder"])
+        system = self._systems.get(run.case.folder)
         if system is None:
             return ["?"] * len(run.reference)
-        units = [coordinate["unit"] for coordinate in system["coordinates"]]
+        units = [coordinate.unit for coordinate in system.coordinates]
         return units + [f"{unit}/s" for unit in units]
 
-    def _diagnosed(self, place: int, model: Record) -> str:
-        diagnosis = model.get("diagnosis")
-        if not diagnosis:
+    def _diagnosed(self, place: int, model: Model) -> str:
+        diagnosis = model.diagnosis
+        if diagnosis is None:
             return ""
         pack = Pack(f"pack-diagnosis-{place}")
         own = {
-            run.case["scenario"]: run
+            run.case.scenario: run
             for run in self._runs
-            if run is not None and _key(run.case) == _key(model)
+            if run is not None and model_key(run.case) == model_key(model)
         }
         charts = list(hypotheses(pack, diagnosis))
-        if own:
+        if own and diagnosis.corrected is not None:
             units = self._units(next(iter(own.values())))
-            charts += redrawn(pack, diagnosis, own, units)
+            charts += corrected(pack, diagnosis.corrected, own, units)
         if not charts:
             return ""
         self._keep(pack, charts)
         return pack.id
 
 
-def _key(record: Record) -> Key:
-    return record["folder"], record["model"], record["engine"]
+def _address(column: Column) -> tuple[str, str]:
+    return column.pack, column.key
 
 
-def _reach(cases: Iterable[Record]) -> dict[str, list[float]]:
+def _reach(cases: Iterable[Case]) -> dict[str, list[float]]:
     """Largest magnitude of each component over all cases of a folder."""
     found: dict[str, list[float]] = {}
     for case in cases:
-        if case["series"] is not None:
-            sizes = [largest(row) for row in case["series"]["reference"]]
-            before = found.get(case["folder"], [0.0] * len(sizes))
-            found[case["folder"]] = [max(a, b) for a, b in zip(before, sizes, strict=True)]
+        if case.series is not None:
+            sizes = [largest(row) for row in case.series.reference]
+            before = found.get(case.folder, [0.0] * len(sizes))
+            found[case.folder] = [max(a, b) for a, b in zip(before, sizes, strict=True)]
     return found

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from harness.records.base import SourceLine
+from harness.records.cause import Cause
+from harness.records.finding import Explanation
+from harness.records.model import Model
 from harness.report.text import percent, sci, shown
 from harness.text.causes import cause_sentences
 
-Record = Mapping[str, Any]
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Line:
     """One line of a file."""
 
@@ -21,20 +22,27 @@ class Line:
     marked: bool
 
 
-@dataclass(frozen=True)
-class FindingView:
-    """One hypothesis, or a pair, in the order of the ranking."""
+@dataclass(frozen=True, kw_only=True)
+class CauseView:
+    """One number that is wrong."""
 
-    cause: str
+    name: str
     kind: str
     nominal: str
     estimate: str
-    left: str
-    tied: str
     where: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class ExplanationView:
+    """One cause, or a pair, in the order of the ranking: what it leaves, what it is tied with."""
+
+    causes: tuple[CauseView, ...]
+    left: str
+    tied: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class DiagnosisView:
     """What is wrong with one model in one engine.
 
@@ -42,7 +50,7 @@ class DiagnosisView:
         id: its permalink.
         sentence: the cause.
         explained: whether it leaves no more than the uncertainty.
-        findings: ranked.
+        explanations: ranked.
         files: the model file, or its sidecar, with the lines about the marked ones; None stands
             for what is left out.
         audit: what was found by reading, (severity, message, where).
@@ -56,7 +64,7 @@ class DiagnosisView:
     engine: str
     sentence: str
     explained: bool
-    findings: tuple[FindingView, ...]
+    explanations: tuple[ExplanationView, ...]
     files: tuple[tuple[str, tuple[Line | None, ...]], ...]
     audit: tuple[tuple[str, str, str], ...]
     cases: tuple[tuple[str, str], ...]
@@ -68,7 +76,7 @@ CONTEXT = 4
 
 
 def diagnosis_view(
-    model: Record, identity: str, pack: str, cases: Sequence[tuple[str, str]]
+    model: Model, identity: str, pack: str, cases: Sequence[tuple[str, str]]
 ) -> DiagnosisView:
     """The view of a model's diagnosis and audit.
 
@@ -78,57 +86,72 @@ def diagnosis_view(
         pack: id of its numbers and plots; empty without.
         cases: (permalink, scenario) of the cases that differ.
     """
-    diagnosis = model.get("diagnosis") or {}
-    findings = diagnosis.get("findings", ())
-    audit = [entry for entry in model.get("audit", ()) if entry["severity"] == "finding"]
-    named = list(findings[0]["where"]) if findings and diagnosis.get("explained") else []
-    named += [entry["where"] for entry in audit]
+    diagnosis = model.diagnosis
     return DiagnosisView(
         id=identity,
-        system=shown(model["system"]),
-        model=shown(model["model"]),
-        engine=shown(model["engine"]),
+        system=shown(model.system),
+        model=shown(model.model),
+        engine=shown(model.engine),
         sentence=sentence(model),
-        explained=bool(diagnosis.get("explained")),
-        findings=tuple(_finding(one) for one in findings),
-        files=_files(model, named),
-        audit=tuple((shown(e["kind"]), shown(e["message"]), _short(e["where"])) for e in audit),
+        explained=diagnosis is not None and diagnosis.explained,
+        explanations=() if diagnosis is None else tuple(map(_explanation, diagnosis.explanations)),
+        files=_files(model, list(_blamed(model))),
+        audit=tuple(
+            (shown(one.kind), shown(one.message), "" if one.where is None else _short(one.where))
+            for one in model.findings
+        ),
         cases=tuple(cases),
         pack=pack,
     )
 
 
-def sentence(model: Record) -> str:
+def sentence(model: Model) -> str:
     """The cause in one sentence; what is known instead where there is none."""
-    diagnosis = model.get("diagnosis")
-    audit = [entry for entry in model.get("audit", ()) if entry["severity"] == "finding"]
+    diagnosis = model.diagnosis
     if diagnosis is None:
-        return shown(audit[0]["message"]) if audit else ""
-    if not diagnosis.get("findings"):
-        return f"Not diagnosed: {shown(diagnosis.get('reason') or 'no hypothesis fits')}."
-    best = diagnosis["findings"][0]
-    if not diagnosis["explained"]:
+        return shown(model.findings[0].message) if model.findings else ""
+    if not diagnosis.explanations:
+        return f"Not diagnosed: {shown(diagnosis.failure or 'no hypothesis fits')}."
+    best = diagnosis.explanations[0]
+    if not diagnosis.explained:
         return (
-            f"Unexplained: the best single cause, {shown(best['cause'])}, leaves"
-            f" {percent(best['remaining'])} of the discrepancy."
+            f"Unexplained: the best single cause, {named(best.causes)}, leaves"
+            f" {percent(best.remaining)} of the discrepancy."
         )
-    causes = cause_sentences(best)[:-1]
-    return f"{shown(' and '.join(causes))}."
+    return f"{shown(' and '.join(cause_sentences(best)[:-1]))}."
 
 
-def _finding(one: Record) -> FindingView:
-    errors = one["standard_error"]
-    return FindingView(
-        cause=shown(one["cause"]),
-        kind=shown(one["kind"]),
-        nominal=", ".join(_number(value) for value in one["nominal"]),
-        estimate=", ".join(
-            f"{_number(value)} ± {sci(error)}"
-            for value, error in zip(one["estimate"], errors, strict=True)
-        ),
-        left=sci(one["remaining"]),
-        tied=", ".join(shown(name) for name in one["tied_with"]),
-        where=", ".join(_short(place) for place in one["where"] if place),
+def named(causes: Iterable[Cause]) -> str:
+    """Names of causes that are one explanation together."""
+    return " and ".join(shown(cause) for cause in causes)
+
+
+def _blamed(model: Model) -> Iterator[SourceLine]:
+    """Lines of the cause, where it explains the motion, and of what the audit found."""
+    if model.diagnosis is not None and model.diagnosis.explained:
+        for explanation in model.diagnosis.explanations[:1]:
+            for cause in explanation.causes:
+                yield from cause.where
+    for finding in model.findings:
+        if finding.where is not None:
+            yield finding.where
+
+
+def _explanation(one: Explanation) -> ExplanationView:
+    return ExplanationView(
+        causes=tuple(_cause(cause) for cause in one.causes),
+        left=sci(one.remaining),
+        tied=", ".join(shown(name) for name in one.tied_with),
+    )
+
+
+def _cause(cause: Cause) -> CauseView:
+    return CauseView(
+        name=shown(cause),
+        kind=cause.kind,
+        nominal=_number(cause.nominal),
+        estimate=f"{_number(cause.estimate)} ± {sci(cause.standard_error)}",
+        where=", ".join(_short(line) for line in cause.where),
     )
 
 
@@ -136,33 +159,38 @@ def _number(value: float | None) -> str:
     return "?" if value is None else f"{value:.9g}"
 
 
-def _short(where: str) -> str:
-    """`file:line` without the folders."""
-    return shown(where.replace("\\", "/").rsplit("/", 1)[-1])
+def _short(where: SourceLine) -> str:
+    """As text, without the folders."""
+    return shown(SourceLine(file=_path(where.file).rsplit("/", 1)[-1], line=where.line))
 
 
-def _files(model: Record, places: Sequence[str]) -> tuple[tuple[str, tuple[Line | None, ...]], ...]:
-    """The model file and its sidecar, those of them that a place names."""
-    name = model["model"]
-    texts = {name: model["text"], f"{name}.toml": model.get("sidecar", "")}
-    found = ((file, _lines(text, _marked(places, file))) for file, text in texts.items())
+def _path(file: str) -> str:
+    return file.replace("\\", "/")
+
+
+def _files(
+    model: Model, blamed: Sequence[SourceLine]
+) -> tuple[tuple[str, tuple[Line | None, ...]], ...]:
+    """The model file and its sidecar, those of them of which a line is blamed."""
+    texts = {model.model: model.text, f"{model.model}.toml": model.sidecar}
+    found = ((file, _lines(text, _marked(blamed, file))) for file, text in texts.items())
     return tuple((shown(file), lines) for file, lines in found if lines)
 
 
-def _marked(places: Sequence[str], file: str) -> set[int]:
-    found = set()
-    for place in places:
-        name, _, line = place.rpartition(":")
-        if name.endswith(file) and line.isdigit():
-            found.add(int(line))
-    return found
+def _marked(blamed: Sequence[SourceLine], file: str) -> set[int]:
+    """Lines of a file; the others are of other files, or mean a whole file."""
+    return {
+        where.line
+        for where in blamed
+        if where.line is not None and f"/{_path(where.file)}".endswith(f"/{_path(file)}")
+    }
 
 
 def _lines(text: str, marked: set[int]) -> tuple[Line | None, ...]:
     rows: list[Line | None] = []
     for number, row in enumerate(text.splitlines(), 1):
         if any(abs(number - one) <= CONTEXT for one in marked):
-            rows.append(Line(number, shown(row), number in marked))
+            rows.append(Line(number=number, text=shown(row), marked=number in marked))
         elif rows and rows[-1] is not None:
             rows.append(None)
     return tuple(rows)

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from harness.records.case import Case
+from harness.records.model import Model
 from harness.records.outcome import Outcome
-from harness.report.cases import SYMBOLS, CaseView, severity
+from harness.records.results import BaselineChanges
+from harness.report.cases import SYMBOLS, CaseView, digits_of, severity
 from harness.report.diagnoses import DiagnosisView
-from harness.report.text import NOTHING, agreeing_digits, percent, shown
+from harness.report.keys import ModelKey, model_key
+from harness.report.text import NOTHING, percent, shown
 
-Record = Mapping[str, Any]
-Pair = tuple[Record, CaseView]
-Key = tuple[str, str, str]
+Pair = tuple[Case, CaseView]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cell:
     """A system in one model and engine: the worst of its scenarios.
 
@@ -26,8 +27,8 @@ class Cell:
         outcome, symbol: its own.
         counts: how many scenarios have its outcome, of how many.
         digits: the fewest.
-        raw_error: the largest.
-        told: all of these in words.
+        global_error: the largest.
+        summary: all of these in words.
         about: system, model and engine, as the list of cases has them.
     """
 
@@ -36,8 +37,8 @@ class Cell:
     symbol: str
     counts: str
     digits: str
-    raw_error: str
-    told: str
+    global_error: str
+    summary: str
     about: str
 
 
@@ -58,7 +59,7 @@ class Matrix:
     rows: tuple[MatrixRow, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Trouble:
     """Something to act on: a model, or what was not run.
 
@@ -77,7 +78,7 @@ class Trouble:
     sentence: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Change:
     """One case that is not as in the baseline."""
 
@@ -97,8 +98,8 @@ def matrix(pairs: Sequence[Pair], ids: Mapping[str, str], names: Mapping[str, st
     cells: dict[str, dict[tuple[str, str], list[Pair]]] = {}
     columns: Counter[tuple[str, str]] = Counter()
     for case, view in pairs:
-        column = case["model"], case["engine"]
-        row = cells.setdefault(case["folder"], {})
+        column = case.model, case.engine
+        row = cells.setdefault(case.folder, {})
         columns[column] += column not in row
         row.setdefault(column, []).append((case, view))
     order = [column for column, _ in columns.most_common()]
@@ -122,89 +123,115 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
     if not pairs:
         return None
     worst, view = min(pairs, key=lambda pair: severity(pair[0]))
-    outcome = worst["outcome"]
-    alike = sum(case["outcome"] == outcome for case, _ in pairs)
+    outcome = worst.outcome
+    alike = sum(case.outcome is outcome for case, _ in pairs)
     judged = [case for case, v in pairs if v.judged]
-    digits = [agreeing_digits(case["discrepancy"], case["uncertainty"]) for case in judged]
+    digits = [digits_of(case) for case in judged]
     fewest = min(
         (d for d in digits if d not in (NOTHING, "all")),
         key=float,
         default="all" if "all" in digits else NOTHING,
     )
-    raw = [case["raw_error"] for case in judged if case["raw_error"] is not None]
-    largest = percent(max(raw, default=None))
+    errors = [
+        case.full_run.global_error
+        for case in judged
+        if case.full_run is not None and case.full_run.global_error is not None
+    ]
+    largest = percent(max(errors, default=None))
     counts = f"{alike} of {len(pairs)}"
-    told = f"{counts} {outcome}, {fewest} digits, raw error {largest}, {view.scenario} worst"
-    about = f"{view.system} {view.model} {view.engine}"
-    return Cell(view.id, outcome, SYMBOLS[outcome], counts, fewest, largest, told, about)
+    return Cell(
+        id=view.id,
+        outcome=outcome,
+        symbol=SYMBOLS[outcome],
+        counts=counts,
+        digits=fewest,
+        global_error=largest,
+        summary=(
+            f"{counts} {outcome}, {fewest} digits, global error {largest}, {view.scenario} worst"
+        ),
+        about=f"{view.system} {view.model} {view.engine}",
+    )
 
 
 def troubles(
     worst_first: Sequence[Pair],
-    models: Sequence[Record],
-    diagnoses: Mapping[Key, DiagnosisView],
+    models: Sequence[Model],
+    diagnoses: Mapping[ModelKey, DiagnosisView],
 ) -> tuple[Trouble, ...]:
     """What to act on: each model of which a case does not agree, or with an audit finding."""
-    rows: dict[tuple[Key, str], list[Pair]] = {}
-    totals: Counter[Key] = Counter()
+    rows: dict[tuple[ModelKey, Outcome], list[Pair]] = {}
+    totals: Counter[ModelKey] = Counter()
     for case, view in worst_first:
-        key = case["folder"], case["model"], case["engine"]
+        key = model_key(case)
         totals[key] += 1
-        if case["outcome"] not in (Outcome.AGREES, Outcome.ABSENT):
-            rows.setdefault((key, case["outcome"]), []).append((case, view))
+        if case.outcome not in (Outcome.AGREES, Outcome.ABSENT):
+            rows.setdefault((key, case.outcome), []).append((case, view))
     found = []
-    told = set()
+    diagnosed = set()
     for (key, outcome), pairs in rows.items():
-        case, view = pairs[0]
-        diagnosis = diagnoses.get(key) if outcome == Outcome.DIFFERS else None
-        sentence = view.reason
+        diagnosis = diagnoses.get(key) if outcome is Outcome.DIFFERS else None
         if diagnosis is not None and diagnosis.sentence:
-            sentence = diagnosis.sentence
-            told.add(key)
-        if view.accepted:
-            sentence = f"{sentence} Accepted: {view.accepted}"
-        found.append(
-            Trouble(
-                view.id if diagnosis is None else diagnosis.id,
-                outcome,
-                view.symbol,
-                f"{view.system}/{view.model} [{view.engine}]",
-                f"{len(pairs)} of {totals[key]}",
-                sentence,
-            )
+            diagnosed.add(key)
+        found.append(_model_trouble([view for _, view in pairs], diagnosis, totals[key]))
+    return (*found, *_absences(worst_first), *_audit_troubles(models, diagnoses, diagnosed))
+
+
+def _model_trouble(
+    views: Sequence[CaseView], diagnosis: DiagnosisView | None, total: int
+) -> Trouble:
+    """What is wrong with a model: its cases of one outcome, worst first, of `total`."""
+    view = views[0]
+    sentence = diagnosis.sentence if diagnosis is not None else ""
+    sentence = sentence or view.reason
+    return Trouble(
+        id=view.id if diagnosis is None else diagnosis.id,
+        outcome=view.outcome,
+        symbol=view.symbol,
+        name=f"{view.system}/{view.model} [{view.engine}]",
+        cases=f"{len(views)} of {total}",
+        sentence=f"{sentence} Accepted: {view.accepted}" if view.accepted else sentence,
+    )
+
+
+def _absences(pairs: Sequence[Pair]) -> Iterator[Trouble]:
+    reasons = Counter(case.reason for case, _ in pairs if case.outcome is Outcome.ABSENT)
+    for reason, count in reasons.items():
+        yield Trouble(
+            id="",
+            outcome=Outcome.ABSENT,
+            symbol=SYMBOLS[Outcome.ABSENT],
+            name="",
+            cases=str(count),
+            sentence=shown(reason),
         )
-    absent = Counter(case["reason"] for case, _ in worst_first if case["outcome"] == Outcome.ABSENT)
-    found += [
-        Trouble("", str(Outcome.ABSENT), SYMBOLS[Outcome.ABSENT], "", str(count), shown(reason))
-        for reason, count in absent.items()
-    ]
+
+
+def _audit_troubles(
+    models: Sequence[Model], diagnoses: Mapping[ModelKey, DiagnosisView], diagnosed: set[ModelKey]
+) -> Iterator[Trouble]:
+    """Of the models that no case has led to yet."""
     for model in models:
-        key = model["folder"], model["model"], model["engine"]
-        if key in diagnoses and key not in told:
-            view_of = diagnoses[key]
-            found.append(
-                Trouble(
-                    view_of.id,
-                    "AUDIT",
-                    "!",
-                    f"{view_of.system}/{view_of.model} [{view_of.engine}]",
-                    "",
-                    view_of.sentence,
-                )
+        view = diagnoses.get(model_key(model))
+        if view is not None and model_key(model) not in diagnosed:
+            yield Trouble(
+                id=view.id,
+                outcome="AUDIT",
+                symbol="!",
+                name=f"{view.system}/{view.model} [{view.engine}]",
+                cases="",
+                sentence=view.sentence,
             )
-    return tuple(found)
 
 
-def changes(baseline: Record, pairs: Sequence[Pair]) -> tuple[Change, ...]:
+def changes(baseline: BaselineChanges, pairs: Sequence[Pair]) -> tuple[Change, ...]:
     """What changed since the baseline, in the order of the record."""
-    fields = ("system", "model", "engine", "scenario")
-    ids = {tuple(case[name] for name in fields): view.id for case, view in pairs}
+    ids = {case.id: view.id for case, view in pairs}
     return tuple(
         Change(
-            ids.get(tuple(change[name] for name in fields), ""),
-            shown(change["kind"]),
-            shown("{system}/{model}/{scenario} [{engine}]".format(**change)),
-            shown(change["message"]),
+            id=ids.get(change.id, ""),
+            kind=shown(change.kind),
+            name=shown(change.id),
+            message=shown(change.message),
         )
-        for change in baseline["changes"]
+        for change in baseline.changes
     )

@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import base64
 import gzip
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from reference.numeric import Array
-
-Row = Sequence[float | None]
+Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Column:
     """Where numbers are: the id of a pack, and a key within it."""
 
@@ -29,7 +27,7 @@ class Column:
     key: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Curve:
     """One curve; its role and its place among its kind say how it is drawn.
 
@@ -48,7 +46,7 @@ class Curve:
     y: Column
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Chart:
     """One plot.
 
@@ -87,47 +85,49 @@ class Pack:
         self._columns: dict[str, list[float | None]] = {}
         self._keys: dict[tuple[float | None, ...], str] = {}
 
-    def column(self, values: Row | Array, digits: int) -> Column:
+    def column(self, values: Sequence[float | None] | Array, digits: int) -> Column:
         """Keep numbers, with so many digits; the same numbers are kept once."""
         kept = [_rounded(value, digits) for value in np.asarray(values, dtype=float).tolist()]
         key = self._keys.setdefault(tuple(kept), f"c{len(self._keys)}")
         self._columns[key] = kept
-        return Column(self.id, key)
+        return Column(pack=self.id, key=key)
 
-    def packed(self, charts: Iterable[Chart] = (), **more: Any) -> str:
-        """The pack as text that a script element may hold."""
-        content = {
+    def packed(self, charts: Iterable[Chart] = (), **more: object) -> str:
+        """The pack, with `more` beside it, as text that a script element may hold."""
+        content: dict[str, object] = {
             "columns": self._columns,
             "charts": [self._record(chart) for chart in charts],
             **more,
         }
         return compressed(content)
 
-    def _record(self, chart: Chart) -> dict[str, Any]:
-        record = asdict(replace(chart, curves=()))
-        for name in ("title", "x_label", "y_label"):
-            record[name] = not_tex(record[name])
-        record["names"] = [not_tex(name) for name in chart.names]
-        record["curves"] = [
+    def _record(self, chart: Chart) -> dict[str, object]:
+        plain = replace(
+            chart,
+            title=not_tex(chart.title),
+            x_label=not_tex(chart.x_label),
+            y_label=not_tex(chart.y_label),
+            names=tuple(not_tex(name) for name in chart.names),
+            curves=(),
+        )
+        curves = [
             {
+                **asdict(curve),
                 "label": not_tex(curve.label),
-                "role": curve.role,
-                "place": curve.place,
                 "x": self._reference(curve.x),
                 "y": self._reference(curve.y),
             }
             for curve in chart.curves
         ]
-        return record
+        return {**asdict(plain), "curves": curves}
 
-    def _reference(self, column: Column) -> Any:
-        return column.key if column.pack == self.id else [column.pack, column.key]
+    def _reference(self, column: Column) -> str | tuple[str, str]:
+        return column.key if column.pack == self.id else (column.pack, column.key)
 
 
-def compressed(content: Mapping[str, Any]) -> str:
+def compressed(content: Mapping[str, object]) -> str:
     """JSON, compressed, in letters that no element ends with; the same content, the same text."""
-    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
-    data = text.encode("ascii")
+    data = msgspec.json.encode(content)
     return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
 
 

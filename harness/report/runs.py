@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from harness.report.packs import Column, Pack
+from harness.records.base import Numbers
+from harness.records.case import Case, FullRun, Series, Verdict
+from harness.report.packs import Array, Column, Pack
 from harness.report.text import quantity, shown
-from reference.numeric import Array
-
-Record = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Run:
     """One case's motion at its shipped step.
 
     Attributes:
         case: its record.
+        verdict, full_run, series: the case's own.
         label: engine and file.
         step: the shipped one.
         pack: where its numbers are.
         t: sample times.
         reference, engine: components there.
-        error, seconds: of the plain runs, coarsest first; seconds None where they were not taken.
+        error, seconds: of the full runs, coarsest first; seconds None where they were not taken.
     """
 
-    case: Record
+    case: Case
+    verdict: Verdict
+    full_run: FullRun
+    series: Series
     label: str
     step: str
     pack: Pack
@@ -40,42 +42,46 @@ class Run:
     seconds: Column | None
 
 
-def runs(cases: Sequence[Record]) -> list[Run | None]:
+def runs(cases: Sequence[Case]) -> list[Run | None]:
     """The run of each case; None for those without series."""
-    return [None if case["series"] is None else _run(case, i) for i, case in enumerate(cases)]
+    return [_run(case, place) for place, case in enumerate(cases)]
 
 
-def _run(case: Record, place: int) -> Run:
-    series = case["series"]
+def _run(case: Case, place: int) -> Run | None:
+    verdict, full_run, series = case.verdict, case.full_run, case.series
+    if verdict is None or full_run is None or series is None:
+        return None
     pack = Pack(f"pack-case-{place}")
-    step = quantity(case["shipped_step"], "s", 3)
-    seconds = series["plain"].get("seconds")
+    seconds = series.full_runs.seconds
     return Run(
-        case,
-        f"{shown(case['engine'])}, {shown(case['model'])}",
-        step,
-        pack,
-        pack.column(series["t"], 7),
-        tuple(pack.column(row, 6) for row in series["reference"]),
-        tuple(pack.column(single(row), 6) for row in series["engine"]),
-        pack.column(single(series["plain"]["error"]), 5),
-        None if seconds is None else pack.column(seconds, 3),
+        case=case,
+        verdict=verdict,
+        full_run=full_run,
+        series=series,
+        label=f"{shown(case.engine)}, {shown(case.model)}",
+        step=quantity(full_run.shipped_step, "s", 3),
+        pack=pack,
+        t=pack.column(series.t, 7),
+        reference=tuple(pack.column(row, 6) for row in series.reference),
+        engine=tuple(pack.column(single(row), 6) for row in series.engine),
+        error=pack.column(single(series.full_runs.error), 5),
+        seconds=pack.column(seconds, 3) if any(seconds) else None,
     )
 
 
-def values(row: Sequence[float | None]) -> Array:
+def values(row: Numbers) -> Array:
     """Numbers of results; nan for those that are missing."""
     # As floats, None is nan.
     return np.array(row, dtype=float)
 
 
-def single(row: Sequence[float | None]) -> Array:
+def single(row: Numbers) -> Array:
     """The same, without what is beyond the range of a plot: a motion that has blown up."""
     found = values(row)
     return np.where(np.abs(found) > np.finfo(np.float32).max, np.nan, found)
 
 
-def largest(row: Sequence[float | None] | Array) -> float:
+def largest(row: Numbers | Array) -> float:
     """Largest finite magnitude; 0 for none."""
     found = np.abs(np.asarray(row, dtype=float))
     finite = found[np.isfinite(found)]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 import string
 
 NOTHING = "–"
@@ -69,19 +68,6 @@ def agreeing_digits(discrepancy: float | None, uncertainty: float | None) -> str
     if worst <= 0:
         return "all"
     return f"{max(0.0, math.floor(-10 * math.log10(worst)) / 10):.1f}"
-
-
-def equation(text: str) -> str:
-    """`Eq(a, b)` as `a = b`; anything else as it is."""
-    inner = re.fullmatch(r"Eq\((.*)\)", text, re.DOTALL)
-    if inner is None:
-        return shown(text)
-    depth = 0
-    for place, c in enumerate(inner[1]):
-        depth += (c == "(") - (c == ")")
-        if c == "," and depth == 0:
-            return shown(f"{inner[1][:place].strip()} = {inner[1][place + 1 :].strip()}")
-    return shown(text)
 
 
 def complex_number(real: float | None, imaginary: float | None, paired: bool) -> str:

@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from harness.records.case import Case
+from harness.records.model import Model
 from harness.records.outcome import Outcome
+from harness.records.results import Results
+from harness.records.system import System
 from harness.report.cases import SYMBOLS, CaseView, case_view, severity
 from harness.report.content import Content
 from harness.report.diagnoses import DiagnosisView, diagnosis_view
-from harness.report.overview import Change, Matrix, Trouble, changes, matrix, troubles
+from harness.report.keys import ModelKey, model_key
+from harness.report.overview import Change, Matrix, Pair, Trouble, changes, matrix, troubles
 from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
 from harness.text.table import summary
-
-Record = Mapping[str, Any]
 
 MEANINGS = {
     Outcome.AGREES: "no difference beyond the uncertainty, and that is below the resolution",
@@ -27,17 +29,17 @@ MEANINGS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Count:
     """One outcome: its sign, what it means, how many cases have it."""
 
-    outcome: str
+    outcome: Outcome
     symbol: str
     meaning: str
     cases: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Beside:
     """Other cases that a reader may want next: (permalink, what)."""
 
@@ -45,7 +47,7 @@ class Beside:
     scenarios: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ModelGroup:
     """One model file in one engine, with its cases and what is wrong with it."""
 
@@ -55,7 +57,7 @@ class ModelGroup:
     cases: tuple[tuple[CaseView, Beside], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Group:
     """One folder: its page, and those of its models.
 
@@ -72,7 +74,7 @@ class Group:
     about: SystemView | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Report:
     """The whole page.
 
@@ -104,58 +106,84 @@ class Report:
     packs: Mapping[str, str]
 
 
-def report(found: Record) -> Report:
+def report(results: Results) -> Report:
     """The view of results."""
-    systems = {system["folder"]: system for system in found["systems"]}
-    folders = list(dict.fromkeys([*systems, *(case["folder"] for case in found["cases"])]))
-    names = {case["folder"]: case["system"] for case in found["cases"]}
-    names |= {folder: system["name"] for folder, system in systems.items()}
+    systems = {system.folder: system for system in results.systems}
+    names = _names(results, systems)
     ids = _Ids()
-    content = Content(found)
-    groups_ids = {folder: ids.new(f"system-{slug(names[folder])}") for folder in folders}
-    views = _views(found["cases"], systems, ids, content)
-    pairs = list(zip(found["cases"], views, strict=True))
-    diagnoses = _diagnoses(found["models"], pairs, ids, content)
+    content = Content(results)
+    pages = {folder: ids.new(f"system-{slug(name)}") for folder, (name, _) in names.items()}
+    views = _views(results.cases, systems, ids, content)
+    pairs = list(zip(results.cases, views, strict=True))
+    diagnoses = _diagnoses(results.models, pairs, ids, content)
     worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
-    counts = Counter(case["outcome"] for case in found["cases"])
-    by_folder: dict[str, list[tuple[Record, CaseView]]] = {folder: [] for folder in folders}
-    for case, view in pairs:
-        by_folder[case["folder"]].append((case, view))
-    groups = []
-    for folder in folders:
-        models = [model for model in found["models"] if model["folder"] == folder]
-        about = None
-        if folder in systems:
-            about = system_view(systems[folder], models, content.system_pack(folder))
-        groups.append(
-            Group(
-                groups_ids[folder],
-                _name(folder, names),
-                _model_groups(folder, by_folder[folder], diagnoses),
-                about,
-            )
-        )
-    shown_names = {folder: _name(folder, names) for folder in folders}
-    baseline = found.get("baseline")
+    counts = Counter(case.outcome for case in results.cases)
+    shown_names = {folder: name for folder, (_, name) in names.items()}
+    baseline = results.baseline
     return Report(
         title=f"{counts[Outcome.AGREES]} of {len(views)} cases agree",
-        summary=shown(summary(found)),
+        summary=shown(summary(results)),
         settings=(
-            ("created", shown(found["created"])),
-            ("resolution asked", quantity(found["resolution"], "")),
-            *((shown(k), shown(v)) for k, v in found["versions"].items() if v is not None),
+            ("created", shown(results.created)),
+            ("resolution asked", quantity(results.resolution, "")),
+            *((shown(k), shown(v)) for k, v in results.versions.items() if v is not None),
         ),
-        absent=tuple(shown(k) for k, v in found["versions"].items() if v is None),
-        counts=tuple(Count(o, SYMBOLS[o], MEANINGS[o], counts[o]) for o in Outcome),
-        troubles=troubles(worst_first, found["models"], diagnoses),
+        absent=tuple(shown(k) for k, v in results.versions.items() if v is None),
+        counts=tuple(
+            Count(outcome=o, symbol=SYMBOLS[o], meaning=MEANINGS[o], cases=counts[o])
+            for o in Outcome
+        ),
+        troubles=troubles(worst_first, results.models, diagnoses),
         changes=None if baseline is None else changes(baseline, pairs),
-        baseline="" if baseline is None else shown(baseline.get("name") or "the baseline"),
-        matrix=matrix(pairs, groups_ids, shown_names),
+        baseline="" if baseline is None else shown(baseline.name or "the baseline"),
+        matrix=matrix(pairs, pages, shown_names),
         cases=tuple(view for _, view in worst_first),
         engines=tuple(sorted({view.engine for view in views})),
         systems=tuple(dict.fromkeys(view.system for view in views)),
-        groups=tuple(groups),
+        groups=_groups(results, pages, shown_names, pairs, diagnoses, content),
         packs=content.packs(),
+    )
+
+
+def _names(results: Results, systems: Mapping[str, System]) -> dict[str, tuple[str, str]]:
+    """Of each folder, in the order of the run: the system's name, and what it is called here."""
+    folders = dict.fromkeys([*systems, *(case.folder for case in results.cases)])
+    names = {case.folder: case.system for case in results.cases}
+    names |= {folder: system.name for folder, system in systems.items()}
+    times = Counter(names.values())
+    return {
+        folder: (name, shown(name if times[name] == 1 else f"{name} in {folder}"))
+        for folder, name in ((folder, names[folder]) for folder in folders)
+    }
+
+
+def _groups(
+    results: Results,
+    pages: Mapping[str, str],
+    names: Mapping[str, str],
+    pairs: Sequence[Pair],
+    diagnoses: Mapping[ModelKey, DiagnosisView],
+    content: Content,
+) -> tuple[Group, ...]:
+    cases: dict[str, list[Pair]] = {folder: [] for folder in pages}
+    for case, view in pairs:
+        cases[case.folder].append((case, view))
+    abouts = {
+        system.folder: system_view(
+            system,
+            [model for model in results.models if model.folder == system.folder],
+            content.system_pack(system.folder),
+        )
+        for system in results.systems
+    }
+    return tuple(
+        Group(
+            id=page,
+            name=names[folder],
+            models=_model_groups(cases[folder], diagnoses),
+            about=abouts.get(folder),
+        )
+        for folder, page in pages.items()
     )
 
 
@@ -173,49 +201,41 @@ class _Ids:
 
 
 def _views(
-    cases: Sequence[Record], systems: Mapping[str, Record], ids: _Ids, content: Content
+    cases: Sequence[Case], systems: Mapping[str, System], ids: _Ids, content: Content
 ) -> list[CaseView]:
     scenarios = {
-        (folder, scenario["name"]): scenario
+        (folder, scenario.name): scenario
         for folder, system in systems.items()
-        for scenario in system["scenarios"]
+        for scenario in system.scenarios
     }
     return [
         case_view(
             case,
-            ids.new(f"case-{slug(*(case[k] for k in ('system', 'model', 'engine', 'scenario')))}"),
+            ids.new(f"case-{slug(case.system, case.model, case.engine, case.scenario)}"),
             content.case_pack(place),
-            scenarios.get((case["folder"], case["scenario"])),
+            scenarios.get((case.folder, case.scenario)),
         )
         for place, case in enumerate(cases)
     ]
 
 
-Key = tuple[str, str, str]
-
-
-def _key(record: Record) -> Key:
-    return record["folder"], record["model"], record["engine"]
-
-
 def _diagnoses(
-    models: Sequence[Record], pairs: Sequence[tuple[Record, CaseView]], ids: _Ids, content: Content
-) -> dict[Key, DiagnosisView]:
+    models: Sequence[Model], pairs: Sequence[Pair], ids: _Ids, content: Content
+) -> dict[ModelKey, DiagnosisView]:
     """Of the models that a motion or the audit finds wrong."""
-    differing: dict[Key, list[tuple[str, str]]] = {}
+    differing: dict[ModelKey, list[tuple[str, str]]] = {}
     for case, view in pairs:
-        if case["outcome"] == Outcome.DIFFERS:
-            differing.setdefault(_key(case), []).append((view.id, view.scenario))
+        if case.outcome is Outcome.DIFFERS:
+            differing.setdefault(model_key(case), []).append((view.id, view.scenario))
     found = {}
     for place, model in enumerate(models):
-        audited = any(entry["severity"] == "finding" for entry in model.get("audit") or ())
-        if model.get("diagnosis") or audited:
-            name = slug(model["system"], model["model"], model["engine"])
-            found[_key(model)] = diagnosis_view(
+        if model.diagnosis is not None or model.findings:
+            name = slug(model.system, model.model, model.engine)
+            found[model_key(model)] = diagnosis_view(
                 model,
                 ids.new(f"diagnosis-{name}"),
                 content.diagnosis_pack(place),
-                differing.get(_key(model), ()),
+                differing.get(model_key(model), ()),
             )
     return found
 
@@ -225,29 +245,30 @@ BESIDE = 12
 
 
 def _model_groups(
-    folder: str, pairs: Sequence[tuple[Record, CaseView]], diagnoses: Mapping[Key, DiagnosisView]
+    pairs: Sequence[Pair], diagnoses: Mapping[ModelKey, DiagnosisView]
 ) -> tuple[ModelGroup, ...]:
-    rows: dict[Key, list[tuple[Record, CaseView]]] = {}
+    rows: dict[ModelKey, list[Pair]] = {}
     same: dict[str, list[CaseView]] = {}
     for case, view in pairs:
-        rows.setdefault(_key(case), []).append((case, view))
-        same.setdefault(case["scenario"], []).append(view)
+        rows.setdefault(model_key(case), []).append((case, view))
+        same.setdefault(case.scenario, []).append(view)
     groups = []
     for key, mine in rows.items():
         cases = []
         for case, view in mine:
-            engines = [v for v in same[case["scenario"]] if v is not view][:BESIDE]
+            engines = [v for v in same[case.scenario] if v is not view][:BESIDE]
             scenarios = [v for _, v in mine if v is not view][:BESIDE]
             beside = Beside(
-                tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
-                tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
+                engines=tuple((v.id, f"{v.symbol} {v.engine}, {v.model}") for v in engines),
+                scenarios=tuple((v.id, f"{v.symbol} {v.scenario}") for v in scenarios),
             )
             cases.append((view, beside))
-        groups.append(ModelGroup(shown(key[1]), shown(key[2]), diagnoses.get(key), tuple(cases)))
+        groups.append(
+            ModelGroup(
+                model=mine[0][1].model,
+                engine=mine[0][1].engine,
+                diagnosis=diagnoses.get(key),
+                cases=tuple(cases),
+            )
+        )
     return tuple(groups)
-
-
-def _name(folder: str, names: Mapping[str, str]) -> str:
-    name = names[folder]
-    alone = list(names.values()).count(name) == 1
-    return shown(name if alone else f"{name} in {folder}")

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
+from harness.records.results import Results
 from harness.report import render, write_report
 from tests.report.chromium import Browser, Tab, running
 from tests.report.page import Page
@@ -13,22 +13,22 @@ from tests.report.steps import sound
 
 
 @pytest.fixture(scope="session")
-def agreeing() -> dict[str, Any]:
+def agreeing() -> Results:
     return results()
 
 
 @pytest.fixture(scope="session")
-def troubled() -> dict[str, Any]:
+def troubled() -> Results:
     return mixed()
 
 
 @pytest.fixture(scope="session")
-def page(agreeing: dict[str, Any]) -> Page:
+def page(agreeing: Results) -> Page:
     return Page(render(agreeing))
 
 
 @pytest.fixture(scope="session")
-def troubled_page(troubled: dict[str, Any]) -> Page:
+def troubled_page(troubled: Results) -> Page:
     return Page(render(troubled))
 
 
@@ -39,7 +39,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def address(tmp_path_factory: pytest.TempPathFactory, troubled: dict[str, Any]) -> str:
+def address(tmp_path_factory: pytest.TempPathFactory, troubled: Results) -> str:
     path = tmp_path_factory.mktemp("report") / "index.html"
     write_report(path, troubled)
     return path.as_uri()

@@ -36,14 +36,16 @@ def sound(tab: Tab, address: str) -> None:
 
 
 def shown(tab: Tab) -> list[str]:
-    return tab.run(
+    found: list[str] = tab.run(
         "[...document.querySelectorAll('.view')].filter(v => v.checkVisibility()).map(v => v.id)"
     )
+    return found
 
 
 def rows(tab: Tab) -> list[str]:
     script = "[...document.querySelectorAll('#cases tbody tr:not([hidden])')].map(r => r.innerText)"
-    return tab.run(script)
+    found: list[str] = tab.run(script)
+    return found
 
 
 def look(tab: Tab) -> None:

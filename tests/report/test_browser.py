@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 import pytest
 
+from harness.records.results import Results
 from tests.report.chromium import Tab
+from tests.report.samples import array, series_of
 from tests.report.steps import BOTH, BUILT, CASE, PLOTS, TALL, needs_browser, rows, shown
 
 pytestmark = needs_browser
 
 
 def test_every_case_system_and_diagnosis_opens_with_all_its_plots(
-    tab: Tab, address: str, troubled: dict[str, Any]
+    tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.window(height=TALL)
     tab.open(address)
     views = tab.run("[...document.querySelectorAll('.view')].map(v => v.id)")
-    assert len([v for v in views if v.startswith("case-")]) == len(troubled["cases"])
+    assert len([v for v in views if v.startswith("case-")]) == len(troubled.cases)
     drawn = []
     for view in views:
         tab.go(view)
@@ -28,7 +29,7 @@ def test_every_case_system_and_diagnosis_opens_with_all_its_plots(
         assert shown(tab) == [view]
         drawn += tab.run("[...document.querySelectorAll('[data-drawn]')].map(f => f.dataset.drawn)")
     # Seven cases of one coordinate, two of them of a model without linearization; nine of two
-    # coordinates; two systems; a ranking, a motion redrawn and its defects.
+    # coordinates; two systems; a ranking, a motion corrected and its defects.
     one, two = 1 + 1 + 2 + 1 + 2 + 2, 2 + 2 + 4 + 1 + 2 + 2
     assert len(drawn) == 7 * one - 2 + 9 * two + 2 + 3
     assert all(int(found.split()[0]) >= 1 and int(found.split()[2]) >= 2 for found in drawn)
@@ -97,7 +98,7 @@ RANGES = f"""{PLOTS}.map((view) => view.model)
 
 def box(tab: Tab, place: int = 0) -> dict[str, float]:
     """Where the frame of a plot of the present view is, and what it shows."""
-    return tab.run(f"""(() => {{
+    found: dict[str, float] = tab.run(f"""(() => {{
       const canvas = document.querySelectorAll(".view.current .plot")[{place}];
       canvas.scrollIntoView({{block: "center", behavior: "instant"}});
       const rect = canvas.getBoundingClientRect();
@@ -106,6 +107,7 @@ def box(tab: Tab, place: int = 0) -> dict[str, float]:
       return {{left: rect.left + left, top: rect.top + top, width, height,
         start: view.model.x_range.start, end: view.model.x_range.end}};
     }})()""")
+    return found
 
 
 def test_zooming_one_plot_zooms_all_over_time_and_resetting_all_resets(
@@ -138,26 +140,26 @@ TIPS = """(() => {
 
 
 def test_hovering_shows_the_values_of_the_data_in_every_plot(
-    tab: Tab, address: str, troubled: dict[str, Any]
+    tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
     tab.until(BUILT)
     record = next(
         c
-        for c in troubled["cases"]
-        if c["system"] == "system_1"
-        and (c["model"], c["engine"], c["scenario"]) == ("robot.urdf", "pybullet", "driven")
+        for c in troubled.cases
+        if c.system == "system_1"
+        and (c.model, c.engine, c.scenario) == ("robot.urdf", "pybullet", "driven")
     )
-    series = record["series"]
+    series = series_of(record)
     at = box(tab)
     k = 97
-    t = series["t"][k]
+    t = float(series.t[k] or 0.0)
     x = at["left"] + (t - at["start"]) / (at["end"] - at["start"]) * at["width"]
     low, high = tab.run("""(() => { const view = [...Bokeh.index].find((v) =>
       document.querySelector(".view.current .plot").contains(v.el));
       return [view.model.y_range.start, view.model.y_range.end]; })()""")
-    value = series["reference"][0][k]
+    value = float(series.reference[0][k] or 0.0)
     y = at["top"] + (high - value) / (high - low) * at["height"]
     tab.mouse("mouseMoved", x + 3, y)
     tab.mouse("mouseMoved", x, y)
@@ -168,9 +170,9 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
     assert len(texts) == 7, "every plot over time tells its own"
     for i in (0, 1):
         told = dict(re.findall(r"(?:: |; )([^;]+?) (\S+)(?=;|$)", texts[i]))
-        assert float(told["reference"]) == pytest.approx(series["reference"][i][k], rel=1e-4)
+        assert float(told["reference"]) == pytest.approx(series.reference[i][k], rel=1e-4)
         mine = next(value for name, value in told.items() if name.startswith("this"))
-        assert float(mine) == pytest.approx(series["engine"][i][k], rel=1e-4)
+        assert float(mine) == pytest.approx(series.engine[i][k], rel=1e-4)
     cursors = "[...document.querySelectorAll('.view.current .cursor')].map(c => c.style.left)"
     assert len(set(tab.run(cursors))) <= 4, "one time in all plots, in few columns"
     tab.until(f"{TIPS}.some((tip) => tip.startsWith('reference'))")
@@ -182,7 +184,7 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
 
 
 def test_the_mechanism_moves_as_the_data_and_stops_and_scrubs_by_keyboard(
-    tab: Tab, address: str, troubled: dict[str, Any]
+    tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.open(f"{address}#{CASE}")
     tab.until("document.querySelector('.view.current .moving')")
@@ -198,14 +200,14 @@ def test_the_mechanism_moves_as_the_data_and_stops_and_scrubs_by_keyboard(
     tab.until(f"{time} > {stopped}")
     tab.key("Home", 36)
     tab.until(f"{time} === 0")
-    series = troubled["cases"][0]["series"]
+    series = series_of(troubled.cases[0])
     k = 60
     tab.run(f"""(() => {{ const slider = document.querySelector(".view.current .controls input");
-      slider.step = "any"; slider.value = {series["t"][k]};
+      slider.step = "any"; slider.value = {series.t[k]};
       slider.dispatchEvent(new Event("input")); }})()""")
     script = "document.querySelector('.moving .{} .block').getAttribute('transform')"
-    for role, row in (("reference", "reference"), ("engine", "engine")):
-        q = series[row][0][k]
+    for role, rows_of in (("reference", series.reference), ("engine", series.engine)):
+        q = float(rows_of[0][k] or 0.0)
         numbers = [float(n) for n in tab.run(script.format(role))[7:-1].split()]
         w, h, angle = 0.3, 0.2, q**2
         c, s = np.cos(angle), np.sin(angle)
@@ -223,7 +225,7 @@ def test_a_system_without_a_sketch_says_so_and_its_cursor_still_moves(
 
 
 def test_each_plot_has_words_and_a_table_of_its_numbers(
-    tab: Tab, address: str, troubled: dict[str, Any]
+    tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.open(f"{address}#{CASE}")
     tab.until("document.querySelector('.view.current .data')")
@@ -235,7 +237,7 @@ def test_each_plot_has_words_and_a_table_of_its_numbers(
         "[...document.querySelectorAll('.view.current .data table')].map(t =>"
         " [...t.tBodies[0].rows].map(r => [...r.cells].map(c => Number(c.textContent))))"
     )
-    series = troubled["cases"][0]["series"]
+    series = series_of(troubled.cases[0])
     table = np.array(cells[0])
-    np.testing.assert_allclose(table[:, 0], series["t"])
-    np.testing.assert_allclose(table[:, 1], series["reference"][0])
+    np.testing.assert_allclose(table[:, 0], array(series.t))
+    np.testing.assert_allclose(table[:, 1], array(series.reference[0]))

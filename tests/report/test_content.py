@@ -9,10 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
+from harness.records.case import EnergySeries
+from harness.records.results import Results
 from harness.report.content import Content
 from harness.report.packs import not_tex
-from tests.report.samples import results
+from tests.report.samples import LITERAL, array, changed_case, changed_model, results, series_of
 
 
 def unpacked(text: str) -> Any:
@@ -20,7 +23,7 @@ def unpacked(text: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def packs(troubled: dict[str, Any]) -> dict[str, Any]:
+def packs(troubled: Results) -> dict[str, Any]:
     return {name: unpacked(text) for name, text in Content(troubled).packs().items()}
 
 
@@ -42,43 +45,45 @@ def curves(packs: dict[str, Any], own: str, title: str) -> dict[str, Any]:
     }
 
 
-def test_the_charts_of_a_case_hold_its_series(
-    packs: dict[str, Any], troubled: dict[str, Any]
-) -> None:
-    series = troubled["cases"][0]["series"]
+def test_the_charts_of_a_case_hold_its_series(packs: dict[str, Any], troubled: Results) -> None:
+    series = series_of(troubled.cases[0])
     motion = curves(packs, "pack-case-0", "q0: reference")
     errors = curves(packs, "pack-case-0", "q0: error")
     energy = curves(packs, "pack-case-0", "Energy")
     convergence = curves(packs, "pack-case-0", "Convergence")
     work = curves(packs, "pack-case-0", "Work")
-    size = np.max(np.abs(series["reference"][0]))
-    gap = np.subtract(series["energy"]["held"], series["energy"]["supplied"])
+    size = np.max(np.abs(array(series.reference[0])))
+    held, supplied, dissipated = (
+        array(row) for row in (series.energy.held, series.energy.supplied, series.energy.dissipated)
+    )
     for found, x, y in (
-        (motion["reference 0"], series["t"], series["reference"][0]),
-        (motion["engine 0"], series["t"], series["engine"][0]),
-        (errors["raw 0"], series["t"], np.array(series["error"][0]) / size),
-        (errors["defect 0"], series["segment_t"], series["defect"][0]),
-        (errors["band 0"], series["segment_t"], series["defect_uncertainty"][0]),
-        (energy["share 0"], series["t"], series["energy"]["held"]),
-        (energy["share 3"], series["t"], gap + series["energy"]["dissipated"]),
-        (convergence["rungs 0"], series["convergence"]["h"], series["convergence"]["raw"]),
-        (convergence["draws 0"], series["convergence"]["h"][1:], series["convergence"]["draws"]),
-        (convergence["plain 0"], series["plain"]["h"], series["plain"]["error"]),
-        (convergence["target 0"], [0.0021], [0.01]),
-        (work["plain 0"], series["plain"]["seconds"], series["plain"]["error"]),
+        (motion["reference 0"], series.t, series.reference[0]),
+        (motion["engine 0"], series.t, series.engine[0]),
+        (errors["global_error 0"], series.t, array(series.error[0]) / size),
+        (errors["defect 0"], series.segment_t, series.defect[0]),
+        (errors["band 0"], series.segment_t, series.defect_uncertainty[0]),
+        (energy["share 0"], series.t, series.energy.held),
+        (energy["share 3"], series.t, held - supplied + dissipated),
+        (convergence["rungs 0"], series.convergence.h, series.convergence.defect),
+        (convergence["increments 0"], series.convergence.h[1:], series.convergence.increments),
+        (convergence["full_run 0"], series.full_runs.h, series.full_runs.error),
+        (convergence["target 0"], (0.0021,), (0.01,)),
+        (work["full_run 0"], series.full_runs.seconds, series.full_runs.error),
     ):
-        np.testing.assert_allclose(found[0], x, rtol=1e-5)
-        np.testing.assert_allclose(found[1], y, rtol=2e-4, atol=1e-6 * np.max(np.abs(y)))
+        expected = np.array(y, dtype=float)
+        size = np.max(np.abs(expected))
+        np.testing.assert_allclose(found[0], np.array(x, dtype=float), rtol=1e-5)
+        np.testing.assert_allclose(found[1], expected, rtol=2e-4, atol=1e-6 * size)
 
 
 def test_every_other_engine_of_the_scenario_lies_over_the_case(
-    packs: dict[str, Any], troubled: dict[str, Any]
+    packs: dict[str, Any], troubled: Results
 ) -> None:
     motion = curves(packs, "pack-case-9", "q1: reference")
-    others = [i for i in (12, 15) if troubled["cases"][i]["scenario"] == "free"]
+    others = [i for i in (12, 15) if troubled.cases[i].scenario == "free"]
     assert len(others) == 2
     for place, i in enumerate(others):
-        expected = troubled["cases"][i]["series"]["engine"][1]
+        expected = array(series_of(troubled.cases[i]).engine[1])
         np.testing.assert_allclose(motion[f"other {place}"][1], expected)
     assert f"other {len(others)}" not in motion
 
@@ -88,15 +93,16 @@ def test_the_numbers_of_another_case_are_not_stored_twice(packs: dict[str, Any])
     assert reference[0] == "pack-case-12"
 
 
-def test_raw_errors_are_relative_to_no_less_than_a_share_of_the_largest_amplitude() -> None:
+def test_global_errors_are_relative_to_no_less_than_a_share_of_the_largest_amplitude() -> None:
     found = results(1)
-    still = found["cases"][0]
-    still["series"]["reference"] = [[0.0] * len(row) for row in still["series"]["reference"]]
-    still["series"]["error"][0][5] = 0.02
+    still = series_of(found.cases[0])
+    reference = tuple((0.0,) * len(row) for row in still.reference)
+    error = ((*still.error[0][:5], 0.02, *still.error[0][6:]), *still.error[1:])
+    found = changed_case(found, 0, series=replace(still, reference=reference, error=error))
     packs = {name: unpacked(text) for name, text in Content(found).packs().items()}
     # FLOOR is one per cent of the other scenarios' amplitude of one.
-    raw = curves(packs, "pack-case-0", "q0: error")["raw 0"][1]
-    assert raw[5] == pytest.approx(0.02 / 0.01, rel=1e-3)
+    drawn = curves(packs, "pack-case-0", "q0: error")["global_error 0"][1]
+    assert drawn[5] == pytest.approx(0.02 / 0.01, rel=1e-3)
 
 
 def test_a_motion_that_blew_up_does_not_hide_the_reference(packs: dict[str, Any]) -> None:
@@ -131,8 +137,8 @@ def test_linear_charts_show_engine_over_transfer_function_and_error_over_amplitu
     np.testing.assert_allclose(reach, ([0.01, 0.1, 1.0], [1e-5, 1e-3, 0.1]))
 
 
-def test_the_diagnosis_shows_the_ranking_and_the_motion_redrawn(
-    packs: dict[str, Any], troubled: dict[str, Any]
+def test_the_diagnosis_shows_the_ranking_and_the_motion_corrected(
+    packs: dict[str, Any], troubled: Results
 ) -> None:
     (own,) = (name for name in packs if name.startswith("pack-diagnosis"))
     ranking = chart(packs, own, "Ranked")
@@ -140,12 +146,12 @@ def test_the_diagnosis_shows_the_ranking_and_the_motion_redrawn(
     left, rows = curves(packs, own, "Ranked")["lollipop 0"]
     np.testing.assert_allclose(left, [1e-10, 1.1e-10, 0.4])
     np.testing.assert_allclose(rows, [2.5, 1.5, 0.5])
-    drawn = curves(packs, own, "free: q0, redrawn")
-    series = troubled["cases"][0]["series"]
-    np.testing.assert_allclose(drawn["reference 0"][1], series["reference"][0])
-    np.testing.assert_allclose(drawn["redrawn 0"][1], series["engine"][0])
-    # The sample's redrawn motion is the engine's: nothing is left.
-    told = chart(packs, own, "free: q0, redrawn")["summary"]
+    drawn = curves(packs, own, "free: q0, corrected")
+    series = series_of(troubled.cases[0])
+    np.testing.assert_allclose(drawn["reference 0"][1], array(series.reference[0]))
+    np.testing.assert_allclose(drawn["corrected 0"][1], array(series.engine[0]))
+    # The sample's corrected motion is the engine's: nothing is left.
+    told = chart(packs, own, "free: q0, corrected")["summary"]
     assert "k = 39.5 by 0" in told or "e-" in told.split("39.5 by ")[1][:8]
     defects = curves(packs, own, "free: defects")
     np.testing.assert_allclose(defects["before 0"][1], 3.1e-6)
@@ -157,10 +163,14 @@ def test_a_system_without_a_sketch_has_no_motion(packs: dict[str, Any]) -> None:
     assert packs["pack-case-9"]["motion"] is None
 
 
-def test_results_of_an_older_run_are_drawn_without_what_they_lack() -> None:
+def test_a_run_without_energies_and_times_is_drawn_without_them() -> None:
     found = results(1)
-    for case in found["cases"]:
-        del case["series"]["energy"], case["series"]["plain"]["seconds"]
+    nothing = EnergySeries(held=(), supplied=(), dissipated=())
+    for place, case in enumerate(found.cases):
+        series = series_of(case)
+        full_runs = replace(series.full_runs, seconds=(None, None))
+        series = replace(series, energy=nothing, full_runs=full_runs)
+        found = changed_case(found, place, series=series)
     packs = {name: unpacked(text) for name, text in Content(found).packs().items()}
     titles = [one["title"] for one in packs["pack-case-0"]["charts"]]
     assert "Convergence" in titles
@@ -170,3 +180,28 @@ def test_results_of_an_older_run_are_drawn_without_what_they_lack() -> None:
 def test_text_that_looks_like_tex_is_not_given_to_bokeh_as_such() -> None:
     for name in ("$$x$$", "\\[x\\]", "\\(x\\)"):
         assert not any(opening in not_tex(name) for opening in ("$$", "\\[", "\\("))
+
+
+def test_a_cause_whose_name_has_an_and_in_it_is_one_row_of_the_ranking(troubled: Results) -> None:
+    diagnosis = troubled.models[0].diagnosis
+    assert diagnosis is not None
+    assert diagnosis.corrected is not None
+    first = diagnosis.explanations[0]
+    body = "body[nut and bolt]@mass"
+    cause = replace(first.causes[0], subject=(body,))
+    other = replace(first.causes[0], subject=LITERAL.subject, estimate=2.5)
+    found = changed_model(
+        troubled,
+        0,
+        diagnosis=replace(
+            diagnosis,
+            explanations=(replace(first, causes=(cause,)), *diagnosis.explanations[1:]),
+            corrected=replace(diagnosis.corrected, causes=(cause, other)),
+        ),
+    )
+    packs = {name: unpacked(text) for name, text in Content(found).packs().items()}
+    (own,) = (name for name in packs if name.startswith("pack-diagnosis"))
+    assert chart(packs, own, "Ranked")["names"] == ["mass", "k", body]
+    assert len(curves(packs, own, "Ranked")["lollipop 0"][0]) == 3
+    labels = [c["label"] for c in chart(packs, own, "free: q0, corrected")["curves"]]
+    assert labels[1] == f"equations with {body} = 39.5 and joint[x]@stiffness = 2.5"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from harness.records.results import Results
 from harness.report import write_report
 from tests.report.chromium import Browser, Tab
 from tests.report.steps import (
@@ -83,7 +83,7 @@ def test_plots_that_were_drawn_on_a_dark_ground_keep_it_on_paper(tab: Tab, addre
 
 
 def test_without_javascript_everything_but_the_plots_is_there(
-    browser: Browser, address: str, troubled: dict[str, Any]
+    browser: Browser, address: str, troubled: Results
 ) -> None:
     with browser.tab(scripts=False) as tab:
         tab.send("Page.navigate", url=address)
@@ -93,7 +93,7 @@ def test_without_javascript_everything_but_the_plots_is_there(
         assert "JavaScript is off" in text
         assert "13 of 19 cases agree" in text
         assert "is 38.25, the motion wants 39.5" in text
-        assert len(rows(tab)) == len(troubled["cases"])
+        assert len(rows(tab)) == len(troubled.cases)
         assert not tab.run("document.querySelector('.filters').checkVisibility()")
         tab.run(f"document.getElementById('{CASE}').open = true")
         assert "These steps would give" in tab.run("document.body.innerText")
@@ -120,7 +120,7 @@ def test_an_accessibility_checker_finds_nothing_serious(
 
 
 def test_hostile_names_neither_run_nor_break_the_plots(
-    browser: Browser, tmp_path: Path, troubled: dict[str, Any]
+    browser: Browser, tmp_path: Path, troubled: Results
 ) -> None:
     path = tmp_path / "index.html"
     name = "".join(HOSTILE)

@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-import copy
-from typing import Any
-
 import pytest
+from msgspec.structs import replace
 
+from harness.records.base import SourceLine
+from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.results import Results
 from harness.report.cases import CaseView
 from harness.report.diagnoses import DiagnosisView
-from harness.report.text import agreeing_digits, equation, percent, shown, slug
+from harness.report.text import agreeing_digits, percent, shown, slug
 from harness.report.view import Report, report
-from tests.report.samples import results
+from tests.report.samples import changed_case, changed_model, results
 
 
 @pytest.fixture(scope="module")
-def seen(troubled: dict[str, Any]) -> Report:
+def seen(troubled: Results) -> Report:
     return report(troubled)
 
 
 def of(seen: Report, identity: str) -> CaseView:
     return next(case for case in seen.cases if case.id == identity)
+
+
+def diagnosis_of(found: Results) -> Diagnosis:
+    diagnosis = found.models[0].diagnosis
+    assert diagnosis is not None
+    return diagnosis
 
 
 def marked(view: DiagnosisView) -> list[tuple[str, int]]:
@@ -29,23 +36,25 @@ def marked(view: DiagnosisView) -> list[tuple[str, int]]:
     ]
 
 
-def facts(view: Any) -> dict[str, str]:
+def facts(view: CaseView) -> dict[str, str]:
     return {what: value for _, rows in view.facts for what, value in rows}
 
 
-def test_every_case_is_shown_once_with_an_id_of_its_own(
-    seen: Report, troubled: dict[str, Any]
-) -> None:
+def test_every_case_is_shown_once_with_an_id_of_its_own(seen: Report, troubled: Results) -> None:
     ids = [case.id for case in seen.cases]
-    assert len(ids) == len(set(ids)) == len(troubled["cases"])
+    assert len(ids) == len(set(ids)) == len(troubled.cases)
 
 
 def test_two_folders_with_systems_and_models_of_the_same_name_are_told_apart() -> None:
     found = results(1)
-    for kind in ("systems", "models", "cases"):
-        found[kind] += [{**one, "folder": "/elsewhere"} for one in found[kind]]
+    found = replace(
+        found,
+        systems=found.systems + tuple(replace(one, folder="/elsewhere") for one in found.systems),
+        models=found.models + tuple(replace(one, folder="/elsewhere") for one in found.models),
+        cases=found.cases + tuple(replace(one, folder="/elsewhere") for one in found.cases),
+    )
     seen = report(found)
-    assert len({case.id for case in seen.cases}) == len(found["cases"])
+    assert len({case.id for case in seen.cases}) == len(found.cases)
     assert [group.name for group in seen.groups] == [
         "system_0 in /models/system_0",
         "system_0 in /elsewhere",
@@ -55,8 +64,8 @@ def test_two_folders_with_systems_and_models_of_the_same_name_are_told_apart() -
 
 def test_a_case_recorded_twice_is_shown_twice() -> None:
     found = results(1)
-    found["cases"].append(found["cases"][0])
-    assert len({case.id for case in report(found).cases}) == len(found["cases"])
+    found = replace(found, cases=(*found.cases, found.cases[0]))
+    assert len({case.id for case in report(found).cases}) == len(found.cases)
 
 
 def test_digits_of_agreement_are_rounded_down_from_the_larger_of_both() -> None:
@@ -70,15 +79,15 @@ def test_digits_of_agreement_are_rounded_down_from_the_larger_of_both() -> None:
 def test_the_facts_of_a_case_are_those_of_its_record(seen: Report) -> None:
     view = of(seen, "case-system_1/robot.urdf/pybullet/driven")
     assert (view.digits, view.discrepancy, view.uncertainty) == ("11.9", "7.1e-14", "1.0e-12")
-    told = {what: value.replace("\u00a0", " ") for what, value in facts(view).items()}
-    assert told["raw error"] == "0.911 %"
-    assert told["order in h"] == "1.002 seen, 1 claimed"
-    assert told["checked by a run"] == "0.957 % at 0.0021 s, 1 % foretold"
-    assert told["phase, at the end"] == "-0.068 rad"
-    assert told["constraint drift"] == "0 (engine units)"
-    assert told["engine steps for the limits"] == "48\u202f185"
-    assert told["integrator"] == "euler"
-    assert told["f"] == "sin(t)"
+    of_it = {what: value.replace("\u00a0", " ") for what, value in facts(view).items()}
+    assert of_it["global error"] == "0.911 %"
+    assert of_it["order in h"] == "1.002 seen, 1 claimed"
+    assert of_it["checked by a run"] == "0.957 % at 0.0021 s, 1 % foretold"
+    assert of_it["phase, at the end"] == "-0.068 rad"
+    assert of_it["constraint drift"] == "0 (engine units)"
+    assert of_it["engine steps for the limits"] == "48\u202f185"
+    assert of_it["integrator"] == "euler"
+    assert of_it["f"] == "sin(t)"
 
 
 def test_cases_come_worst_first(seen: Report) -> None:
@@ -90,7 +99,7 @@ def test_cases_come_worst_first(seen: Report) -> None:
 
 def test_a_case_without_numbers_shows_none(seen: Report) -> None:
     absent = of(seen, "case-system_0/mujoco.xml/mujoco/large")
-    assert (absent.outcome, absent.digits, absent.discrepancy, absent.raw_error) == (
+    assert (absent.outcome, absent.digits, absent.discrepancy, absent.global_error) == (
         "ABSENT",
         *"–––",
     )
@@ -119,21 +128,19 @@ def test_the_engines_poles_stand_beside_taylors_one_of_each_pair(seen: Report) -
     assert about is not None
     linear = about.linearizations[0]
     assert linear.poles == (("-0.1 ± 3i", "3.0017 rad/s, damping ratio 0.03331"),)
-    assert linear.twins[0].errors == ("2.5e-14", "3.5e-15", "–", "0")
-    assert linear.twins[0].poles == (("-0.1 ± 3.0003i", "1.0e-04"),)
+    assert linear.engines[0].errors == ("2.5e-14", "3.5e-15", "–", "0")
+    assert linear.engines[0].poles == (("-0.1 ± 3.0003i", "1.0e-04"),)
     # The second model has none: its linearization failed.
-    assert len(linear.twins) == 2
-    assert [file.reasons for file in about.files] == [(), ("mujoco: it diverges",)]
+    assert len(linear.engines) == 2
+    assert [file.failures for file in about.files] == [
+        (),
+        ("robot.urdf was not linearized. mujoco: it diverges",),
+    ]
 
 
 def test_results_without_any_case_make_a_report() -> None:
     nothing = results(0)
     assert report(nothing).cases == ()
-
-
-def test_equations_lose_their_wrapping_at_the_outer_comma() -> None:
-    assert equation("Eq(m*a, f*max(0, 1) - k*q)") == "m*a = f*max(0, 1) - k*q"
-    assert equation("a + b") == "a + b"
 
 
 def test_small_shares_are_written_with_an_exponent() -> None:
@@ -173,7 +180,7 @@ def test_the_matrix_shows_the_worst_of_each_model_worst_systems_first(seen: Repo
     first = row.cells[0]
     assert first is not None
     assert (first.outcome, first.counts, first.digits) == ("DIFFERS", "1 of 3", "5.5")
-    assert first.raw_error == "0.911\u00a0%"
+    assert first.global_error == "0.911\u00a0%"
     assert first.id == "case-system_0/mujoco.xml/mujoco/free"
     assert row.cells[-1] is None, "the unread folder's column has no case here"
 
@@ -189,18 +196,15 @@ def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report)
 
 
 def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
-    found = results(1)
-    found["models"][1]["audit"] = [
-        {
-            "kind": "literal",
-            "message": "m is 2 where 3 belongs",
-            "where": "/a/robot.urdf:7",
-            "expected": 3.0,
-            "found": 2.0,
-            "severity": "finding",
-        },
-    ]
-    seen = report(found)
+    finding = AuditFinding(
+        kind="literal",
+        message="m is 2 where 3 belongs",
+        where=SourceLine(file="/a/robot.urdf", line=7),
+        expected=3.0,
+        found=2.0,
+        severity="finding",
+    )
+    seen = report(changed_model(results(1), 1, audit=(finding,)))
     assert [(one.outcome, one.sentence) for one in seen.troubles] == [
         ("AUDIT", "m is 2 where 3 belongs")
     ]
@@ -209,10 +213,24 @@ def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
     assert marked(view) == [("robot.urdf", 7)]
 
 
-def test_an_unexplained_difference_is_not_given_a_cause(troubled: dict[str, Any]) -> None:
-    found = copy.deepcopy(troubled)
-    found["models"][0]["diagnosis"]["explained"] = False
-    found["models"][0]["audit"] = []
+def test_a_finding_about_a_whole_file_marks_no_line() -> None:
+    finding = AuditFinding(
+        kind="default",
+        message="no time step is told",
+        where=SourceLine(file="/a/robot.urdf"),
+        expected=None,
+        found=None,
+        severity="finding",
+    )
+    view = report(changed_model(results(1), 1, audit=(finding,))).groups[0].models[1].diagnosis
+    assert view is not None
+    assert view.audit == (("default", "no time step is told", "robot.urdf"),)
+    assert view.files == ()
+
+
+def test_an_unexplained_difference_is_not_given_a_cause(troubled: Results) -> None:
+    unexplained = replace(diagnosis_of(troubled), explained=False)
+    found = changed_model(troubled, 0, diagnosis=unexplained, audit=())
     view = report(found).groups[0].models[0].diagnosis
     assert view is not None
     assert view.sentence.startswith("Unexplained: the best single cause, joint[x]@stiffness,")
@@ -228,12 +246,18 @@ def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> N
     assert [line.text.strip() for line in lines if line and line.marked] == ["<line n='21'/>"]
 
 
-def test_a_cause_in_the_sidecar_is_marked_there(troubled: dict[str, Any]) -> None:
-    found = copy.deepcopy(troubled)
-    model = found["models"][0]
-    model["audit"] = []
-    model["sidecar"] = "[[spring]]\nstiffness = 38.0\n"
-    model["diagnosis"]["findings"][0]["where"] = ["mujoco.xml.toml:2"]
+def test_a_cause_in_the_sidecar_is_marked_there(troubled: Results) -> None:
+    diagnosis = diagnosis_of(troubled)
+    best = diagnosis.explanations[0]
+    cause = replace(best.causes[0], where=(SourceLine(file="mujoco.xml.toml", line=2),))
+    explanations = (replace(best, causes=(cause,)), *diagnosis.explanations[1:])
+    found = changed_model(
+        troubled,
+        0,
+        audit=(),
+        sidecar="[[spring]]\nstiffness = 38.0\n",
+        diagnosis=replace(diagnosis, explanations=explanations),
+    )
     view = report(found).groups[0].models[0].diagnosis
     assert view is not None
     assert marked(view) == [("mujoco.xml.toml", 2)]
@@ -254,3 +278,55 @@ def test_what_the_step_costs_is_one_sentence_with_steps(seen: Report) -> None:
         " by the end the amplitude is -2.9\u00a0% off and the phase 0.068\u00a0rad early."
     )
     assert view.steps == (("1\u00a0%", "0.0021\u00a0s"),), "an unknown step is not told"
+
+
+def test_digits_are_of_the_worst_component_and_discrepancies_of_the_one_that_decides() -> None:
+    found = results(1)
+    verdict = found.cases[0].verdict
+    assert verdict is not None
+    wide = replace(verdict, largest_discrepancy=2e-11, largest_uncertainty=4e-10)
+    seen = report(changed_case(found, 0, verdict=wide))
+    view = of(seen, "case-system_0/mujoco.xml/mujoco/free")
+    assert (view.digits, view.discrepancy, view.uncertainty) == ("9.3", "7.1e-14", "1.0e-12")
+    assert view.sorts[:3] == ("4e-10", "7.1e-14", "1.02e-12")
+    of_it = facts(view)
+    assert of_it["agreeing digits"] == "9.3"
+    assert of_it["deciding component"] == "q0"
+    assert (of_it["largest E of all"], of_it["largest U of all"]) == ("2.0e-11", "4.0e-10")
+    cell = seen.matrix.rows[0].cells[0]
+    assert cell is not None
+    assert cell.digits == "9.3"
+
+
+def test_a_cause_whose_name_has_an_and_in_it_is_one_cause(troubled: Results) -> None:
+    diagnosis = diagnosis_of(troubled)
+    best = diagnosis.explanations[0]
+    body = replace(best.causes[0], subject=("body[nut and bolt]@mass",), where=())
+    pair = (body, replace(best.causes[0], estimate=2.5))
+    for causes in ((body,), pair):
+        first = replace(best, causes=causes, tied_with=(body.id,))
+        found = changed_model(troubled, 0, diagnosis=replace(diagnosis, explanations=(first,)))
+        view = report(found).groups[0].models[0].diagnosis
+        assert view is not None
+        (shown_first,) = view.explanations
+        names = ["body[nut and bolt]@mass", "joint[x]@stiffness"][: len(causes)]
+        assert [one.name for one in shown_first.causes] == names
+        assert [one.kind for one in shown_first.causes] == ["literal"] * len(causes)
+        assert shown_first.tied == "body[nut and bolt]@mass"
+        assert view.sentence.count("the motion wants") == len(causes)
+
+
+def test_a_system_that_was_not_derived_is_shown_as_it_is_declared() -> None:
+    found = results(1)
+    found = replace(found, systems=(replace(found.systems[0], derivation=None),))
+    about = report(found).groups[0].about
+    assert about is not None
+    assert (about.lagrangian, about.equations, about.linearizations) == ((), (), ())
+    assert about.constants[0][1] == "38.25"
+
+
+def test_an_audit_that_failed_is_told_beside_its_file() -> None:
+    found = changed_model(results(1), 0, audit=None, audit_failure="the engine died")
+    about = report(found).groups[0].about
+    assert about is not None
+    assert about.files[0].failures == ("mujoco.xml was not audited. mujoco: the engine died",)

@@ -23,9 +23,9 @@ const LOOKS = {
   reference: () => [line(SKY, 5, [], 0.65)],
   engine: () => [line(VERMILION, 1.7, [6, 3])],
   other: (place) => [line(pick(OTHERS, place), 1, pick(DASHES, place + 1), 0.9)],
-  redrawn: () => [line(GREEN, 2, [])],
+  corrected: () => [line(GREEN, 2, [])],
   band: () => [{ kind: "band", fill_color: ink("--muted"), fill_alpha: 0.28 }],
-  raw: () => [
+  global_error: () => [
     { ...line(BLUE, 1.4), sign: 1 }, { ...line(BLUE, 1.4, [2, 2]), sign: -1 },
   ],
   defect: () => [
@@ -36,9 +36,9 @@ const LOOKS = {
   after: () => both(GREEN, "circle", []),
   share: (place) => [line(pick(PALETTE, place), 1.8, pick(DASHES, place))],
   rungs: () => both(BLUE, "circle", []),
-  plain: () => both(VERMILION, "square", [7, 3]),
+  full_run: () => both(VERMILION, "square", [7, 3]),
   work: (place) => both(pick(OTHERS, place), pick(MARKERS, place), pick(DASHES, place + 1)),
-  draws: () => both(GREEN, "triangle", [2, 2]),
+  increments: () => both(GREEN, "triangle", [2, 2]),
   reach: (place) => both(pick(PALETTE, place), pick(MARKERS, place), pick(DASHES, place)),
   target: () => [marks("diamond", ORANGE, 12)],
   transfer: (place) => [line(pick(PALETTE, place), 5, [], 0.4)],

@@ -1,0 +1,152 @@
+"""A system made up for the report's tests, as a run writes it."""
+
+from __future__ import annotations
+
+from harness.records.system import (
+    Constant,
+    Derivation,
+    Erratum,
+    Formula,
+    Linearity,
+    Linearization,
+    Mode,
+    Output,
+    Pole,
+    Quantity,
+    Scenario,
+    Shape,
+    Sketch,
+    SketchTree,
+    System,
+    TransferFunction,
+)
+
+SCENARIOS = ("free", "driven", "large")
+
+
+def formula(text: str) -> Formula:
+    return Formula(text=text, latex=rf"\text{{{text}}}")
+
+
+def sketch(coordinates: int) -> Sketch:
+    """Blocks on springs, the first of them turned."""
+    shapes = [
+        Shape(kind="wall", label="", start=[-1.0, 0.5], end=[-1.0, -0.5]),
+        Shape(kind="measure", label="q0", start=[0.0, 0.4], end=[["q", 0], 0.4]),
+        Shape(
+            kind="angle",
+            label="theta",
+            at=[0.0, 0.0],
+            radius=0.3,
+            start=0.0,
+            end=["*", 2.0, ["q", 0]],
+        ),
+    ]
+    for i in range(coordinates):
+        here: SketchTree = ["+", ["q", i], float(i)]
+        shapes += [
+            Shape(kind="spring", label="k", start=[i - 1.0, 0.0], end=[here, 0.0]),
+            Shape(
+                kind="block",
+                label=f"m_{i}",
+                at=[here, ["sin", ["*", 0.5, ["q", i]]]],
+                width=0.3,
+                height=0.2,
+                angle=["^", ["q", i], 2.0],
+            ),
+        ]
+    return Sketch(pose=(0.5,) * coordinates, shapes=tuple(shapes))
+
+
+def taylor_pole(real: float, imaginary: float) -> Pole:
+    size = abs(complex(real, imaginary))
+    damping = -real / size
+    return Pole(real=real, imaginary=imaginary, multiplicity=1, frequency=size, damping=damping)
+
+
+def system(name: str, coordinates: int) -> System:
+    names = [f"q{i}" for i in range(coordinates)]
+    return System(
+        name=name,
+        folder=f"/models/{name}",
+        title=f"The {name}",
+        source="Example 9.1",
+        kind="SIMO",
+        coordinates=tuple(
+            Quantity(name=n, unit="m", description=f"displacement {n}", latex=f"q_{{{i}}}")
+            for i, n in enumerate(names)
+        ),
+        constants=(
+            Constant(
+                name="k",
+                unit="N/m",
+                description="stiffness",
+                latex="k",
+                value=38.25,
+                source="chosen",
+            ),
+        ),
+        inputs=(Quantity(name="f", unit="N", description="force", latex="f"),),
+        outputs=tuple(
+            Output(name=n, unit="m", description=f"displacement {n}", formula=formula(n))
+            for n in names
+        ),
+        scenarios=tuple(
+            Scenario(
+                name=scenario,
+                description=f"a {scenario} motion",
+                duration=12.0,
+                inputs={"f": "sin(t)"},
+                segments=300,
+                method="exactly",
+                bound=1e-16,
+            )
+            for scenario in SCENARIOS
+        ),
+        derivation=derivation(names),
+        sketch=sketch(coordinates),
+        seconds=1.0,
+    )
+
+
+def derivation(names: list[str]) -> Derivation:
+    return Derivation(
+        energies={
+            "T": formula("m*q0_dot**2/2"),
+            "V": formula("k*q0**2/2"),
+            "D": formula("0"),
+        },
+        equations=tuple(formula(f"Eq(m*{n}_ddot, f*max(0, 1) - k*{n})") for n in names),
+        linearizations=(
+            Linearization(
+                equilibrium="rest",
+                position=(0.0,) * len(names),
+                formula=formula("M*q0_ddot + K*q0 = F*f"),
+                matrices={},
+                poles=(taylor_pole(-0.1, 3.0),),
+                modes=(Mode(frequency=3.0, growth=0.0, shape=(1.0,) * len(names), rigid=False),),
+                transfer_functions=(
+                    TransferFunction(output="q0", input="f", formula=formula("1/(k + m*s**2)")),
+                ),
+            ),
+        ),
+        linearity=(
+            Linearity(
+                equilibrium="rest",
+                mode=0,
+                period=2.0,
+                amplitudes=(0.01, 0.1, 1.0),
+                errors=(1e-5, 1e-3, 0.1),
+            ),
+        ),
+        errata=(
+            Erratum(
+                number="9.2",
+                published="k*q0 + k*q0",
+                verdict="differs",
+                derived="k*q0",
+                difference="k*q0",
+                note="twice",
+            ),
+        ),
+    )
