@@ -16,11 +16,13 @@ from markupsafe import Markup
 
 from harness.report.text import shown
 
-_GROUPS = frozenset("mrow mtd".split())
-_OPERANDS = frozenset("mrow mi mn mtext mfrac msqrt mroot msub msup msubsup mover".split())
-ELEMENTS = _GROUPS | _OPERANDS | frozenset("mo munder munderover mtable mtr".split())
+_GROUPS = frozenset(["mrow", "mtd"])
+_OPERANDS = frozenset(
+    ["mrow", "mi", "mn", "mtext", "mfrac", "msqrt", "mroot", "msub", "msup", "msubsup", "mover"]
+)
+ELEMENTS = _GROUPS | _OPERANDS | frozenset(["mo", "munder", "munderover", "mtable", "mtr"])
 _KEPT = {"mo": ("stretchy", "fence", "form"), "mi": ("mathvariant",)}
-_VALUES = frozenset("true false prefix postfix normal".split())
+_VALUES = frozenset(["true", "false", "prefix", "postfix", "normal"])
 
 # The space keeps factors of several letters from running into each other.
 _TIMES = Markup('<mo rspace="0.14em">\u2062</mo>')
