@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
 import sympy as sp
 
 from harness.cases.system_record import (
@@ -29,6 +30,9 @@ ORDER = 3
 
 LONG_SERIES = 400
 """Operations in the equations of motion beyond which their series fills pages."""
+
+ROUNDING = 1e-40
+"""What of a matrix's largest entry is rounding: its entries are computed with 60 digits."""
 
 
 def derivation(system: System) -> DerivedSystem:
@@ -68,6 +72,7 @@ def _equilibrium(equations: Equations, one: Linearization, linear: bool) -> Deri
     system = equations.system
     (declared,) = (e for e in system.equilibria if e.name == one.equilibrium)
     moved = {q: deviation(q) for q, at in zip(system.q, one.at, strict=True) if at != 0}
+    series = None if linear else _series(equations, one, moved)
     damped = any(one.damping) and len(system.q) > 1
     return DerivedEquilibrium(
         name=declared.name,
@@ -81,8 +86,8 @@ def _equilibrium(equations: Equations, one: Linearization, linear: bool) -> Deri
             for value, shape in (damped_shapes(one) if damped else ())
         ],
         transfers=_transfers(one, system),
-        moved=[(d, q - one.at[system.q.index(q)]) for q, d in moved.items()],
-        series=None if linear else _series(equations, one, moved),
+        moved=[(d, q - one.at[system.q.index(q)]) for q, d in moved.items()] if series else [],
+        series=series,
         linearity=linearity_records(equations, one),
     )
 
@@ -103,6 +108,7 @@ def _matrices(one: Linearization, system: System) -> Iterator[Matrix]:
         numbers = to_array(one.exact[name])
         if not numbers.size:
             continue
+        numbers[np.abs(numbers) < ROUNDING * np.max(np.abs(numbers))] = 0.0
         found = symbolic.get(name)
         if found is not None and not any(entry.free_symbols for entry in found):
             found = None

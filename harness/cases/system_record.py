@@ -133,7 +133,7 @@ def mode_records(one: Linearization) -> tuple[records.Mode, ...]:
             frequency=number(m.frequency),
             growth=number(m.growth),
             shape=numbers(m.shape),
-            rigid=m.rigid,
+            rigid=bool(m.rigid),
         )
         for m in modes(one)
     )
@@ -234,8 +234,9 @@ def _linear_equations(one: Linearization, system: System, latex: Latex) -> recor
     left = [(_readable(one, name, factor), of) for name, factor, of in parts if any(factor)]
     driven = [(_readable(one, "F", one.input), system.u)] if any(one.input) else []
     sides = [[(m, sp.Matrix(of)) for m, of in side] for side in (left, driven)]
+    zero = _text(sp.zeros(len(system.q), 1))
     text = ", ".join(
-        " + ".join(f"{sp.sstr(m)}*{sp.sstr(of)}" for m, of in side) or "0" for side in sides
+        " + ".join(f"{_text(m)}*{_text(of)}" for m, of in side) or zero for side in sides
     )
     if len(system.q) == 1:
         written = [
@@ -254,6 +255,10 @@ def _readable(one: Linearization, name: str, matrix: sp.Matrix) -> sp.Matrix:
     if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
         return matrix
     return sp.Matrix(one.arrays[name])
+
+
+def _text(matrix: sp.Matrix) -> str:
+    return f"Matrix({sp.sstr(matrix.tolist())})"
 
 
 def _matrix(matrix: sp.Matrix, latex: Latex) -> str:

@@ -21,6 +21,7 @@ _OPERANDS = frozenset(
     ["mrow", "mi", "mn", "mtext", "mfrac", "msqrt", "mroot", "msub", "msup", "msubsup", "mover"]
 )
 ELEMENTS = _GROUPS | _OPERANDS | frozenset(["mo", "munder", "munderover", "mtable", "mtr"])
+_PARTS = {"mfrac": 2, "mroot": 2, "msub": 2, "msup": 2, "mover": 2, "munder": 2, "msubsup": 3}
 _KEPT = {"mo": ("stretchy", "fence", "form"), "mi": ("mathvariant",)}
 _VALUES = frozenset(["true", "false", "prefix", "postfix", "normal"])
 
@@ -48,20 +49,42 @@ def _group(element: Element) -> Markup:
     """What is in an element, with the multiplication and application that LaTeX leaves out."""
     written = Markup("")
     before: Element | None = None
-    for child in map(_bare, element):
+    for child in _bracketed(list(map(_bare, element))):
         if child.tag == "mspace":  # TeX's thin space between factors: theirs is below
             continue
         if before is not None and before.tag in _OPERANDS and child.tag in _OPERANDS:
             written += _OF if _is_function(before) else _TIMES
+        if before is not None and _sign(before) == "=" and _sign(child) in ("+", "−"):
+            child.set("form", "prefix")  # it is no operation there
         written += _element(child)
         before = child
     return written
+
+
+def _bracketed(elements: list[Element]) -> list[Element]:
+    """The same with each matrix and its brackets as one: they grow as high as it, no higher."""
+    if len(elements) <= 3:  # one matrix alone
+        return elements
+    grouped: list[Element] = []
+    for element in elements:
+        if len(grouped) > 1 and grouped[-1].tag == "mtable" and element.tag == "mo":
+            matrix = Element("mrow")
+            matrix.extend([grouped.pop(-2), grouped.pop(), element])
+            element = matrix
+        grouped.append(element)
+    return grouped
+
+
+def _sign(element: Element) -> str:
+    return html.unescape(element.text or "") if element.tag == "mo" else ""
 
 
 def _element(element: Element) -> Markup:
     tag = str(element.tag)
     if tag not in ELEMENTS:
         raise ValueError(f"{tag!r} is no element of mathematics")
+    if len(element) != _PARTS.get(tag, len(element)):
+        raise ValueError(f"{tag!r} lacks a part")
     text = html.unescape(element.text or "")  # signs are given as references
     if text.startswith("\\"):
         raise ValueError(f"{text!r} is no command that is known")

@@ -61,7 +61,7 @@ class Style(ABC):
 
     def math(self, expression: sp.Expr) -> str:
         """An expression as it stands in a formula."""
-        return str(self._printer.doprint(sp.sympify(expression)))
+        return str(self._printer.doprint(_six_digits(sp.sympify(expression))))
 
     def number(self, value: float) -> str:
         """A number with six digits."""
@@ -93,7 +93,7 @@ class Style(ABC):
         """A sum in the order given."""
         text = ""
         for coefficient, factor in terms:
-            if coefficient == 0:
+            if _is(coefficient, 0):
                 continue
             negative = coefficient.could_extract_minus_sign()
             product = self._product(-coefficient if negative else coefficient, factor)
@@ -104,7 +104,7 @@ class Style(ABC):
         return text or "0"
 
     def _product(self, coefficient: sp.Expr, factor: sp.Expr) -> str:
-        if coefficient == 1:
+        if _is(coefficient, 1):
             return self.math(factor)
         left = self.math(coefficient)
         if coefficient.is_Add:
@@ -241,6 +241,18 @@ _SPECIAL = (
     ("_", r"\_"), ("{", r"\{"), ("}", r"\}"), ("^", r"\textasciicircum{}"),
     ("~", r"\textasciitilde{}"), ("±", r"$\pm$"),
 )  # fmt: skip
+
+
+def _six_digits(expression: sp.Expr) -> sp.Expr:
+    """The same with decimals for fractions of many digits, which numbers of a file turn into."""
+    fractions = (f for f in expression.atoms(sp.Rational) if f.q > 1)
+    long = {f: sp.Float(f, 15) for f in fractions if max(abs(f.p), f.q) >= 10**6}
+    return expression.xreplace(long)
+
+
+def _is(coefficient: sp.Expr, value: int) -> bool:
+    """Whether it is that number; sympy's 1.0 does not equal its 1."""
+    return bool(coefficient == value or (coefficient.is_Float and float(coefficient) == value))
 
 
 def _word(word: str) -> str:
