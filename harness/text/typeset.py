@@ -198,6 +198,7 @@ class Latex(Style):
             name, primes = match.groups()
             return rf"\{name}" if name in _FUNCTIONS else latex_name(name, len(primes))
 
+        text = re.sub(r"\bd([A-Za-z]\w*)?/d(?=[A-Za-z])", r"d \1/d ", text)  # a derivative's d
         text = re.sub(r"([A-Za-z]\w*)('{0,2})", word, text)
         text = re.sub(r"\^(\d+)", r"^{\1}", text)
         return text.replace("*", " ").replace("±", r"\pm")

@@ -91,3 +91,16 @@ def test_numbers_have_six_digits() -> None:
 
 def test_what_sympy_prints_gets_primes_and_carets() -> None:
     assert primed("x_ddot + theta_x_dot**2 - x_dot", ["x", "theta_x"]) == "x'' + theta_x'^2 - x'"
+
+
+@pytest.mark.parametrize(
+    ("text", "latex"),
+    [
+        ("f ± k*x1' = m*x1''", r"f \pm k \dot{x}_{1} = m \ddot{x}_{1}"),
+        ("dL/dx' - D = 0", r"d L/d \dot{x} - D = 0"),
+        ("d/dt(dT/dx') = sin(theta)^2", r"d /d t(d T/d \dot{x}) = \sin(\theta)^{2}"),
+        ("d1/d2", "d_{1}/d_{2}"),
+    ],
+)
+def test_an_equation_given_as_text_is_written_as_latex(text: str, latex: str) -> None:
+    assert Latex((), (), ()).equation(text) == latex
