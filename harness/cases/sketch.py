@@ -6,42 +6,67 @@ A tree is a number, `["q", i]` for the i-th position, or an operation and its op
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Literal, TypeAlias, cast
 
 import sympy as sp
 
-from reference.sketch import Angle, Link, Shape, expressions
+from harness.records import system as records
+from harness.records.base import numbers
+from reference.sketch import Angle, Body, Link, Shape, expressions
 from reference.system import System
 
-Tree = float | list[Any]
+Kind: TypeAlias = Literal[
+    "spring", "damper", "rod", "line", "wall", "measure", "block", "disc", "spiral"
+]
+"""What a declared shape may be, beside an angle."""
 
 
-def sketch_record(system: System) -> dict[str, Any] | None:
-    """The sketch of a system in results.json, posed as its first scenario starts; None without."""
+def sketch_record(system: System) -> records.Sketch | None:
+    """The sketch of a system, posed as its first scenario starts; None without."""
     if not system.sketch:
         return None
     start = system.scenarios[0].q
     pose = [float(sp.sympify(start[c]).xreplace(system.values)) for c in system.coordinates]
-    return {"pose": pose, "shapes": [_shape(shape, system) for shape in system.sketch]}
+    return records.Sketch(
+        pose=numbers(pose), shapes=tuple(_shape(shape, system) for shape in system.sketch)
+    )
 
 
-def _shape(shape: Shape, system: System) -> dict[str, Any]:
-    kind = "angle" if isinstance(shape, Angle) else shape.kind
+def _shape(shape: Shape, system: System) -> records.Shape:
     found = {name: tree(e, system) for name, e in expressions(shape).items()}
-    record: dict[str, Any] = {"kind": kind, "label": shape.label}
-    if isinstance(shape, Link):
-        record["start"] = [found["start x"], found["start y"]]
-        record["end"] = [found["end x"], found["end y"]]
-        return record
-    record["at"] = [found.pop("at x"), found.pop("at y")]
-    return record | found
+    match shape:
+        case Link():
+            return records.Shape(
+                kind=cast(Kind, shape.kind),
+                label=shape.label,
+                start=[found["start x"], found["start y"]],
+                end=[found["end x"], found["end y"]],
+            )
+        case Body():
+            return records.Shape(
+                kind=cast(Kind, shape.kind),
+                label=shape.label,
+                at=[found["at x"], found["at y"]],
+                width=found["width"],
+                height=found["height"],
+                angle=found["angle"],
+            )
+        case Angle():
+            return records.Shape(
+                kind="angle",
+                label=shape.label,
+                at=[found["at x"], found["at y"]],
+                radius=found["radius"],
+                start=found["start"],
+                end=found["end"],
+            )
 
 
-def tree(expression: sp.Expr, system: System) -> Tree:
+def tree(expression: sp.Expr, system: System) -> records.SketchTree:
     """An expression of positions and constants as a tree, the constants put in."""
     places = {q: i for i, q in enumerate(system.q)}
 
-    def walk(e: sp.Expr) -> Tree:
+    def walk(e: sp.Expr) -> records.SketchTree:
         if e in places:
             return ["q", places[e]]
         if e.is_number:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
+from harness.cases.derivation import derivation
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL
 from harness.files.folders import system_folders
@@ -24,7 +25,8 @@ def main(options: argparse.Namespace) -> int:
     """Print what the declaration entails."""
     try:
         for folder in system_folders(options.folders):
-            print(describe(load_system(folder), "latex" if options.latex else "text"))
+            derived = derivation(load_system(folder))
+            print(describe(derived, "latex" if options.latex else "text"))
     except (DeclarationError, ReferenceError) as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL

@@ -13,6 +13,7 @@ from harness.report.drawing import Drawing, drawing
 from harness.report.linearizations import LinearView, linear_views
 from harness.report.maths import mathml
 from harness.report.text import NOTHING, quantity, sci, shown
+from harness.text.primes import primed
 
 VERDICTS = {"agrees": "✓", "agrees up to signs": "±", "differs": "≠"}
 
@@ -112,18 +113,11 @@ def _erratum(erratum: Erratum, names: Sequence[str]) -> tuple[str, ...]:
     return (
         shown(erratum.number),
         shown(erratum.published),
-        _as_published(erratum.derived, names),
+        shown(primed(erratum.derived, names)),
         f"{VERDICTS[erratum.verdict]} {erratum.verdict}",
-        _as_published(erratum.difference, names) or NOTHING,
+        shown(primed(erratum.difference, names)) or NOTHING,
         shown(erratum.note),
     )
-
-
-def _as_published(text: str, names: Sequence[str]) -> str:
-    """A derived equation with primes and carets, as the published one beside it has them."""
-    for name in sorted(names, key=len, reverse=True):
-        text = text.replace(f"{name}_ddot", f"{name}''").replace(f"{name}_dot", f"{name}'")
-    return shown(text.replace("**", "^"))
 
 
 def _scenario(scenario: Scenario) -> tuple[str, ...]:

@@ -1,93 +1,78 @@
-"""Mathematics as a page: the same headings, tables and formulas as plain text or as LaTeX."""
+"""The one way in which an expression is written: as text for a person, and as LaTeX.
+
+Both have the same conventions: derivatives of coordinates have primes or dots, sums keep the order
+that they are given in, numbers have six digits, a polynomial has falling powers.
+"""
 
 from __future__ import annotations
 
 import cmath
 import math
 import re
-import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Literal
+from typing import TypeAlias
 
 import sympy as sp
+from sympy.printing.conventions import split_super_sub
+from sympy.printing.latex import LatexPrinter, greek_letters_set, tex_greek_dictionary
 from sympy.printing.str import StrPrinter
 
-from reference.system import System
-
-WIDTH = 100
-"""Columns of a terminal."""
-
-Row = Sequence[str]
+Terms: TypeAlias = Sequence[tuple[sp.Expr, sp.Expr]]
+"""A sum: coefficient and factor of each term, in their order."""
 
 
 class Style(ABC):
-    """How a page is written. Strings that `math` and its kin return go into `inline` or `display`.
+    """How expressions of a system are written.
 
     Args:
-        names: how to write a symbol, where that is not its name: derivatives, deviations.
+        q, v, a: symbols of its positions, velocities and accelerations.
     """
 
     times: str
     plus_minus: str
     imaginary: str
     phase: str
-    linear: str
-    first_order: str
 
-    def __init__(self, names: Mapping[sp.Symbol, str]) -> None:
-        self.names = dict(names)
-
-    @abstractmethod
-    def math(self, expression: sp.Expr) -> str:
-        """Return an expression as it stands in a formula."""
-
-    @abstractmethod
-    def words(self, text: str) -> str:
-        """Return words that must come out as they are."""
+    def __init__(
+        self, q: Sequence[sp.Symbol], v: Sequence[sp.Symbol], a: Sequence[sp.Symbol]
+    ) -> None:
+        names: dict[sp.Symbol, str] = {}
+        for position, velocity, acceleration in zip(q, v, a, strict=True):
+            names[velocity] = self.derivative(position.name, 1)
+            names[acceleration] = self.derivative(position.name, 2)
+            names[deviation(position)] = self.deviation(position.name)
+        self._printer = self._printer_of(names)
 
     @abstractmethod
-    def code(self, text: str) -> str:
-        """Return an equation that was given as plain text."""
+    def _printer_of(self, names: Mapping[sp.Symbol, str]) -> _TextPrinter | _LatexPrinter: ...
 
     @abstractmethod
-    def inline(self, formula: str) -> str:
-        """Return a formula within words or a table."""
+    def derivative(self, name: str, order: int) -> str:
+        """A derivative of a coordinate by time, of order 0 to 2."""
 
     @abstractmethod
-    def subscript(self, name: str, index: str) -> str:
-        """Return a name with an index."""
+    def deviation(self, name: str) -> str:
+        """A coordinate's distance from an equilibrium."""
 
     @abstractmethod
     def fraction(self, above: str, below: str) -> str:
-        """Return a quotient of two sums."""
+        """A quotient of two sums."""
 
-    @abstractmethod
-    def heading(self, text: str, level: int) -> str:
-        """Return a heading; level 1 is the page's title."""
-
-    def table(self, header: Row, rows: Sequence[Row]) -> str:
-        """Return a table whose cells are words or inline formulas; an empty column is left out."""
-        used = [i for i, name in enumerate(header) if name or any(row[i] for row in rows)]
-        return self._table([header[i] for i in used], [[row[i] for i in used] for row in rows])
-
-    @abstractmethod
-    def _table(self, header: Row, rows: Sequence[Row]) -> str: ...
-
-    @abstractmethod
-    def display(self, formulas: Sequence[tuple[str, str]]) -> str:
-        """Return formulas `left = right`, one a line."""
-
-    @abstractmethod
-    def matrix(self, name: str, forms: Sequence[Sequence[Row]]) -> str:
-        """Return `name = matrix = matrix`; each is rows of formulas."""
+    def math(self, expression: sp.Expr) -> str:
+        """An expression as it stands in a formula."""
+        return str(self._printer.doprint(_six_digits(sp.sympify(expression))))
 
     def number(self, value: float) -> str:
-        """Return a number with six digits, as a formula."""
+        """A number with six digits."""
         return f"{value:.6g}"
 
+    def bracket(self, formula: str) -> str:
+        """A formula in parentheses."""
+        return f"({formula})"
+
     def complex_number(self, value: complex, pair: bool = False) -> str:
-        """Return a complex number, or the pair of it and its conjugate."""
+        """A complex number, or the pair of it and its conjugate."""
         if value.imag == 0:
             return self.number(value.real)
         imaginary = f"{self.number(value.imag)} {self.imaginary}"
@@ -97,18 +82,18 @@ class Style(ABC):
         return f"{self.number(value.real)} {sign} {imaginary}"
 
     def polar(self, value: complex) -> str:
-        """Return a complex number by its size and phase."""
+        """A complex number by its size and phase."""
         size = abs(value)
         if size < 1e-9:  # a share of nothing has no phase
             return "0"
         degrees = round(math.degrees(cmath.phase(value)), 2) + 0.0
         return self.number(size) + self.phase.replace("#", f"{degrees:g}")
 
-    def sum(self, terms: Sequence[tuple[sp.Expr, sp.Expr]]) -> str:
-        """Return a sum of coefficient times factor, in the order given."""
+    def sum(self, terms: Terms) -> str:
+        """A sum in the order given."""
         text = ""
         for coefficient, factor in terms:
-            if coefficient == 0:
+            if _is(coefficient, 0):
                 continue
             negative = coefficient.could_extract_minus_sign()
             product = self._product(-coefficient if negative else coefficient, factor)
@@ -119,24 +104,169 @@ class Style(ABC):
         return text or "0"
 
     def _product(self, coefficient: sp.Expr, factor: sp.Expr) -> str:
-        if coefficient == 1:
+        if _is(coefficient, 1):
             return self.math(factor)
         left = self.math(coefficient)
         if coefficient.is_Add:
             left = self.bracket(left)
         return left if factor == 1 else f"{left}{self.times}{self.math(factor)}"
 
-    def bracket(self, formula: str) -> str:
-        """Return a formula in parentheses."""
-        return f"({formula})"
-
     def polynomial(self, expression: sp.Expr, variable: sp.Symbol) -> str:
-        """Return a polynomial in falling powers of a variable, its coefficients factored."""
+        """A polynomial in falling powers of a variable, its coefficients factored."""
         terms = sp.Poly(expression, variable).terms()
         return self.sum([(sp.factor(c), variable**power) for (power,), c in terms])
 
+    def rational(self, expression: sp.Expr, variable: sp.Symbol) -> str:
+        """A quotient of polynomials, the highest power below with a positive coefficient."""
+        above, below = sp.fraction(sp.together(expression))
+        if sp.Poly(below, variable).LC().could_extract_minus_sign():
+            above, below = -above, -below
+        top, bottom = (self.polynomial(sp.expand(part), variable) for part in (above, below))
+        return top if bottom == "1" or top == "0" else self.fraction(top, bottom)
 
-class _Printer(StrPrinter):  # type: ignore[misc]  # sympy ships no types
+
+class Text(Style):
+    """Plain text."""
+
+    times = "*"
+    plus_minus = "±"
+    imaginary = "j"
+    phase = " at # deg"
+
+    def _printer_of(self, names: Mapping[sp.Symbol, str]) -> _TextPrinter:
+        return _TextPrinter(names)
+
+    def math(self, expression: sp.Expr) -> str:
+        """An expression, with carets for powers."""
+        return super().math(expression).replace("**", "^")
+
+    def derivative(self, name: str, order: int) -> str:
+        """A derivative, with primes."""
+        return name + "'" * order
+
+    def deviation(self, name: str) -> str:
+        """A deviation, such as dx."""
+        return f"d{name}"
+
+    def fraction(self, above: str, below: str) -> str:
+        """A quotient in one line."""
+        above = f"({above})" if " " in above else above
+        below = f"({below})" if any(sign in below for sign in " */") else below
+        return f"{above}/{below}" if " " not in above + below else f"{above} / {below}"
+
+
+class Latex(Style):
+    """LaTeX with `amsmath`."""
+
+    times = r" \, "
+    plus_minus = r"\pm"
+    imaginary = r"\mathrm{j}"
+    phase = r" \angle #^\circ"
+
+    def _printer_of(self, names: Mapping[sp.Symbol, str]) -> _LatexPrinter:
+        return _LatexPrinter(names)
+
+    def derivative(self, name: str, order: int) -> str:
+        """A derivative, with dots."""
+        return latex_name(name, order)
+
+    def deviation(self, name: str) -> str:
+        """A deviation, with a Delta."""
+        return rf"\Delta_{{{latex_name(name)}}}"
+
+    def fraction(self, above: str, below: str) -> str:
+        """A quotient with a bar."""
+        return rf"\frac{{{above}}}{{{below}}}"
+
+    def number(self, value: float) -> str:
+        """A number, with a power of ten."""
+        return latex_number(value)
+
+    def bracket(self, formula: str) -> str:
+        """A formula in parentheses that grow with it."""
+        return rf"\left({formula}\right)"
+
+    def matrix(self, rows: Sequence[Sequence[str]]) -> str:
+        """A matrix of formulas, in brackets."""
+        body = r" \\ ".join(" & ".join(row) for row in rows)
+        return rf"\begin{{bmatrix}} {body} \end{{bmatrix}}"
+
+    def equation(self, text: str) -> str:
+        """An equation that was given as plain text, with primes and carets."""
+
+        def word(match: re.Match[str]) -> str:
+            name, primes = match.groups()
+            return rf"\{name}" if name in _FUNCTIONS else latex_name(name, len(primes))
+
+        text = re.sub(r"\bd([A-Za-z]\w*)?/d(?=[A-Za-z])", r"d \1/d ", text)  # a derivative's d
+        text = re.sub(r"([A-Za-z]\w*)('{0,2})", word, text)
+        text = re.sub(r"\^(\d+)", r"^{\1}", text)
+        return text.replace("*", " ").replace("±", r"\pm")
+
+
+def deviation(q: sp.Symbol) -> sp.Symbol:
+    """The symbol of a coordinate's distance from an equilibrium."""
+    return sp.Symbol(f"{q.name}_deviation", real=True)
+
+
+def latex_name(name: str, dots: int = 0) -> str:
+    """A symbol's name: a Greek or single letter, or a word set upright, and its indices.
+
+    Args:
+        name: as declared, such as `k_theta`, `m1` or `boom_mass`.
+        dots: above the letter: a dot stands above the letter alone, not above its index.
+    """
+    base, above, below = split_super_sub(name)
+    letter = ("{}", r"\dot{{{}}}", r"\ddot{{{}}}")[dots].format(_word(base))
+    indices = ",".join(_word(index) for index in (*above, *below))
+    return f"{letter}_{{{indices}}}" if indices else letter
+
+
+def latex_number(value: float) -> str:
+    """A number with six digits."""
+    mantissa, _, exponent = f"{value:.6g}".partition("e")
+    return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
+
+
+def latex_words(text: str) -> str:
+    """Words that must come out of LaTeX as they are."""
+    for sign, written in _SPECIAL:
+        text = text.replace(sign, written)
+    return text
+
+
+_FUNCTIONS = ("sin", "cos", "tan", "exp")
+
+_SPECIAL = (
+    ("\\", r"\textbackslash "), ("&", r"\&"), ("%", r"\%"), ("$", r"\$"), ("#", r"\#"),
+    ("_", r"\_"), ("{", r"\{"), ("}", r"\}"), ("^", r"\textasciicircum{}"),
+    ("~", r"\textasciitilde{}"), ("±", r"$\pm$"),
+)  # fmt: skip
+
+
+def _six_digits(expression: sp.Expr) -> sp.Expr:
+    """The same with decimals for fractions of many digits, which numbers of a file turn into."""
+    fractions = (f for f in expression.atoms(sp.Rational) if f.q > 1)
+    long = {f: sp.Float(f, 15) for f in fractions if max(abs(f.p), f.q) >= 10**6}
+    return expression.xreplace(long)
+
+
+def _is(coefficient: sp.Expr, value: int) -> bool:
+    """Whether it is that number; sympy's 1.0 does not equal its 1."""
+    return bool(coefficient == value or (coefficient.is_Float and float(coefficient) == value))
+
+
+def _word(word: str) -> str:
+    if len(word) == 1 or word.isdecimal():
+        return latex_words(word)
+    if word in tex_greek_dictionary:
+        return str(tex_greek_dictionary[word])
+    if word.lower() in greek_letters_set:
+        return rf"\{word}"
+    return rf"\text{{{latex_words(word)}}}"
+
+
+class _TextPrinter(StrPrinter):  # type: ignore[misc]  # sympy ships no types
     def __init__(self, names: Mapping[sp.Symbol, str]) -> None:
         super().__init__()
         self.given = names
@@ -148,195 +278,13 @@ class _Printer(StrPrinter):  # type: ignore[misc]  # sympy ships no types
         return f"{float(expr):.6g}"
 
 
-class _Text(Style):
-    """Plain text for a terminal, 100 columns wide."""
+class _LatexPrinter(LatexPrinter):  # type: ignore[misc]  # sympy ships no types
+    def __init__(self, names: Mapping[sp.Symbol, str]) -> None:
+        super().__init__()
+        self.given = names
 
-    times = "*"
-    plus_minus = "±"
-    imaginary = "j"
-    phase = " at # deg"
-    linear = "M q'' + C q' + K q = Q"
-    first_order = "y' = A y + B u"
+    def _print_Symbol(self, expr: sp.Symbol, style: str = "plain") -> str:  # noqa: N802  # its hook
+        return self.given.get(expr) or latex_name(expr.name)
 
-    def math(self, expression: sp.Expr) -> str:
-        return str(_Printer(self.names).doprint(expression)).replace("**", "^")
-
-    def words(self, text: str) -> str:
-        return text
-
-    def code(self, text: str) -> str:
-        return text
-
-    def inline(self, formula: str) -> str:
-        return formula
-
-    def subscript(self, name: str, index: str) -> str:
-        return f"{name}_{index}"
-
-    def fraction(self, above: str, below: str) -> str:
-        if below == "1":
-            return above
-        above = f"({above})" if " " in above else above
-        below = f"({below})" if any(sign in below for sign in " */") else below
-        return f"{above}/{below}" if " " not in above + below else f"{above} / {below}"
-
-    def heading(self, text: str, level: int) -> str:
-        return f"{text}\n{'=-'[level - 1] * len(text)}" if level < 3 else text
-
-    def _table(self, header: Row, rows: Sequence[Row]) -> str:
-        cells = [list(header), *(list(row) for row in rows)]
-        widths = [max(len(row[i]) for row in cells) for i in range(len(header))]
-        while sum(widths) + 2 * len(widths) > WIDTH:
-            widths[widths.index(max(widths))] -= 1
-        lines = []
-        for row in cells:
-            # Whatever is too wide for its column goes on below.
-            parts = [textwrap.wrap(c, w) or [""] for c, w in zip(row, widths, strict=True)]
-            for i in range(max(map(len, parts))):
-                line = "  ".join(
-                    (part[i] if i < len(part) else "").ljust(width)
-                    for part, width in zip(parts, widths, strict=True)
-                )
-                lines.append(f"  {line}".rstrip())
-        lines.insert(1, "  " + "  ".join("-" * width for width in widths))
-        return "\n".join(lines)
-
-    def display(self, formulas: Sequence[tuple[str, str]]) -> str:
-        lines = []
-        for left, right in formulas:
-            lines += textwrap.wrap(
-                f"{left} = {right}" if right else left,
-                WIDTH,
-                initial_indent="  ",
-                subsequent_indent="      ",
-                break_long_words=False,
-                break_on_hyphens=False,
-            )
-        return "\n".join(lines)
-
-    def matrix(self, name: str, forms: Sequence[Sequence[Row]]) -> str:
-        height = len(forms[0])
-        blocks = []
-        for form in forms:
-            widths = [max(len(row[i]) for row in form) for i in range(len(form[0]))]
-            blocks.append(
-                [
-                    "[ " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) + " ]"
-                    for row in form
-                ]
-            )
-        lines = []
-        for i in range(height):
-            joint = " = " if i == 0 else "   "
-            lead = f"  {name if i == 0 else ' ' * len(name)}"
-            lines.append(lead + "".join(joint + block[i] for block in blocks))
-        if max(map(len, lines)) > WIDTH and len(forms) > 1:
-            return self.matrix(name, forms[1:])  # the numbers alone
-        return "\n".join(lines)
-
-
-class _Latex(Style):
-    """LaTeX for the body of a document with `amsmath`."""
-
-    times = r" \, "
-    plus_minus = r"\pm"
-    imaginary = r"\mathrm{j}"
-    phase = r" \angle #^\circ"
-    linear = r"M \ddot{q} + C \dot{q} + K q = Q"
-    first_order = r"\dot{y} = A y + B u"
-
-    def math(self, expression: sp.Expr) -> str:
-        floats = {f: sp.Float(f, 6) for f in sp.sympify(expression).atoms(sp.Float)}
-        return str(sp.latex(expression.xreplace(floats), symbol_names=self.names))
-
-    def words(self, text: str) -> str:
-        for sign, written in (
-            ("\\", r"\textbackslash "),
-            ("&", r"\&"),
-            ("%", r"\%"),
-            ("$", r"\$"),
-            ("#", r"\#"),
-            ("_", r"\_"),
-            ("{", r"\{"),
-            ("}", r"\}"),
-            ("^", r"\textasciicircum{}"),
-            ("~", r"\textasciitilde{}"),
-            ("±", r"$\pm$"),
-        ):
-            text = text.replace(sign, written)
-        return text
-
-    def code(self, text: str) -> str:
-        def word(match: re.Match[str]) -> str:
-            name, primes = match.groups()
-            if name in ("sin", "cos", "tan", "exp"):
-                return rf"\{name}"
-            accent = ("{}", r"\dot{{{}}}", r"\ddot{{{}}}")[len(primes)]
-            return accent.format(sp.latex(sp.Symbol(name)))
-
-        # The d of dL/dx' is none of a name's letters.
-        text = re.sub(r"\bd([A-Z]\w*)/d(\w+)", r"d~\1/d~\2", text)
-        text = re.sub(r"([A-Za-z]\w*)('{0,2})", word, text).replace("~", "")
-        text = re.sub(r"\^(\d+)", r"^{\1}", text)
-        return self.inline(text.replace("*", " ").replace("±", r"\pm"))
-
-    def inline(self, formula: str) -> str:
-        return f"${formula}$"
-
-    def number(self, value: float) -> str:
-        mantissa, _, exponent = f"{value:.6g}".partition("e")
-        return rf"{mantissa} \times 10^{{{int(exponent)}}}" if exponent else mantissa
-
-    def bracket(self, formula: str) -> str:
-        return rf"\left({formula}\right)"
-
-    def subscript(self, name: str, index: str) -> str:
-        return f"{name}_{{{index}}}"
-
-    def fraction(self, above: str, below: str) -> str:
-        return rf"\frac{{{above}}}{{{below}}}"
-
-    def heading(self, text: str, level: int) -> str:
-        command = ("section", "subsection", "subsubsection")[level - 1]
-        return rf"\{command}*{{{self.words(text)}}}"
-
-    def _table(self, header: Row, rows: Sequence[Row]) -> str:
-        # A column of long words is a paragraph, the others are as wide as they need.
-        share = 0.7 if len(header) < 3 else 0.45
-        columns = "".join(
-            rf"p{{{share}\linewidth}}" if max(len(row[i]) for row in (header, *rows)) > 40 else "l"
-            for i in range(len(header))
-        )
-        lines = [" & ".join(header) + r" \\ \hline"]
-        lines += [" & ".join(row) + r" \\" for row in rows]
-        body = "\n".join(lines)
-        return f"\\noindent\\begin{{tabular}}{{{columns}}}\n{body}\n\\end{{tabular}}"
-
-    def display(self, formulas: Sequence[tuple[str, str]]) -> str:
-        lines = [f"{left} &= {right}" if right else f"&{left}" for left, right in formulas]
-        return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
-
-    def matrix(self, name: str, forms: Sequence[Sequence[Row]]) -> str:
-        written = [
-            r"\begin{bmatrix} " + r" \\ ".join(" & ".join(row) for row in form) + r" \end{bmatrix}"
-            for form in forms
-        ]
-        return "\\[\n" + " = ".join([name, *written]) + "\n\\]"
-
-
-def style_of(system: System, style: Literal["text", "latex"]) -> Style:
-    """Return a style that writes the derivatives of a system's coordinates as such."""
-    names: dict[sp.Symbol, str] = {}
-    for c in system.coordinates:
-        if style == "latex":
-            plain = sp.latex(c.q)
-            names |= {c.v: rf"\dot{{{plain}}}", c.a: rf"\ddot{{{plain}}}"}
-            names[deviation(c.q)] = rf"\Delta_{{{plain}}}"
-        else:
-            names |= {c.v: f"{c.name}'", c.a: f"{c.name}''", deviation(c.q): f"d{c.name}"}
-    return _Latex(names) if style == "latex" else _Text(names)
-
-
-def deviation(q: sp.Symbol) -> sp.Symbol:
-    """Return the symbol of a coordinate's distance from an equilibrium."""
-    return sp.Symbol(f"{q.name}_deviation", real=True)
+    def _print_Float(self, expr: sp.Float) -> str:  # noqa: N802  # sympy's hook
+        return latex_number(float(expr))

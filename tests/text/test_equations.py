@@ -2,29 +2,43 @@
 
 import dataclasses
 import re
+import time
 from functools import cache
 from pathlib import Path
+from typing import Literal
+from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
 
-from harness.text.equations import describe
-from reference import DeclarationError, Equilibrium
+from harness.cases.derivation import derivation
+from harness.report.maths import mathml
+from harness.text.equations import DerivedSystem, describe
+from harness.text.typeset import Latex
+from reference import DeclarationError, Equilibrium, System
 from reference.load import load_system
+from tests.cases.arms import arm
+from tests.reference.mechanisms import CART
 
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = sorted(path.parent.name for path in MODELS.glob("*/system.py"))
-STYLES = ["text", "latex"]
+Style = Literal["text", "latex"]
+STYLES: list[Style] = ["text", "latex"]
 
 
 @cache
-def system_of(name: str):
+def system_of(name: str) -> System:
     return load_system(MODELS / name)
 
 
 @cache
-def page(name: str, style: str = "text") -> str:
-    return describe(system_of(name), style)
+def derived(name: str) -> DerivedSystem:
+    return derivation(system_of(name))
+
+
+@cache
+def page(name: str, style: Style = "text") -> str:
+    return describe(derived(name), style)
 
 
 def squeeze(text: str) -> str:
@@ -34,12 +48,15 @@ def squeeze(text: str) -> str:
 
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("name", NAMES)
-def test_the_page_names_what_is_declared(name, style):
+def test_the_page_names_what_is_declared(name: str, style: Style) -> None:
     system, text = system_of(name), squeeze(page(name, style))
     assert system.title in text
     assert system.source in text
-    for item in (*system.coordinates, *system.inputs, *system.constants):
-        assert item.description in text
+    descriptions = [coordinate.description for coordinate in system.coordinates]
+    descriptions += [given.description for given in system.inputs]
+    descriptions += [constant.description for constant in system.constants]
+    for description in descriptions:
+        assert description in text
     for constant in system.constants:
         assert constant.source in text.replace(r"\textasciicircum{}", "^")
         assert f"{constant.value:.6g}" in text
@@ -50,13 +67,13 @@ def test_the_page_names_what_is_declared(name, style):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_text_fits_a_terminal_of_100_columns(name):
+def test_the_text_fits_a_terminal_of_100_columns(name: str) -> None:
     assert max(map(len, page(name).splitlines())) <= 100
     assert not re.search(r"[ \t]$", page(name), re.MULTILINE)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_text_has_no_names_of_the_program(name):
+def test_the_text_has_no_names_of_the_program(name: str) -> None:
     text = page(name)
     assert "_dot" not in text
     assert "_ddot" not in text
@@ -89,7 +106,7 @@ def test_the_text_has_no_names_of_the_program(name):
             "0 0 0 2 rigid body",
             "0 0 1 1 rigid body",
             "x2/f = (c*s + k) / (m1*m2*s^4 + c*(m1 + m2)*s^3 + k*(m1 + m2)*s^2)",
-            "1 of 17 differs",
+            "1 of 5 differs",
             "Eq. 2.25 motion of x2: differs",
             "left over k*x1 - k*x2",
         ]),
@@ -113,56 +130,77 @@ def test_the_text_has_no_names_of_the_program(name):
             "l^2*m*theta'' - g*l*m*dtheta + g*l*m/6*dtheta^3 = tau",
             f"{np.sqrt(9.81 / 0.75):.6g}",
             "0.01 0.00297 %",
-            "none of 11 differs",
+            "none of 2 differs",
         ]),
     ],
 )  # fmt: skip
-def test_the_text_holds_what_is_computed(name, lines):
+def test_the_text_holds_what_is_computed(name: str, lines: list[str]) -> None:
     text = squeeze(page(name))
     for line in lines:
         assert line in text
 
 
-def test_a_changed_constant_changes_the_numbers():
+def test_a_changed_constant_changes_the_numbers() -> None:
     system = system_of("mass_spring_damper")
     m, c, k = system.constants
     stiffer = dataclasses.replace(system, constants=(m, c, dataclasses.replace(k, value=48.0)))
-    assert f"{np.sqrt(48 / 1.3):.6g}" in describe(stiffer)
-    assert f"{np.sqrt(47 / 1.3):.6g}" not in describe(stiffer)
+    assert f"{np.sqrt(48 / 1.3):.6g}" in describe(derivation(stiffer))
+    assert f"{np.sqrt(47 / 1.3):.6g}" not in describe(derivation(stiffer))
 
 
-def test_a_planted_erratum_is_counted():
+def test_a_planted_erratum_is_counted() -> None:
     system = system_of("mass_spring_damper")
-    first, second = system.published[-2:]
+    first, second = (one for one in system.published if one.number in ("2.5", "2.6"))
     wrong = dataclasses.replace(second, text="m*x'' + 2*c*x' + k*x = f")
-    text = squeeze(describe(dataclasses.replace(system, published=(first, wrong))))
+    text = squeeze(describe(derivation(dataclasses.replace(system, published=(first, wrong)))))
     assert "1 of 2 differs" in text
     assert "Eq. 2.6 motion of x: differs" in text
     assert "left over c*x'" in text
 
 
-def test_a_linear_system_has_no_taylor_series_and_no_reach():
+def test_a_linear_system_has_no_taylor_series_and_no_reach() -> None:
     text = page("mass_spring_damper")
     assert "Taylor" not in text
     assert "How far" not in text
     assert "Taylor" in page("simple_pendulum")
 
 
-def test_a_system_without_inputs_is_described():
+def test_a_system_without_inputs_is_described() -> None:
     system = system_of("simple_pendulum")
     free = dataclasses.replace(
         system, inputs=(), scenarios=(dataclasses.replace(system.scenarios[0], inputs={}),)
     )
-    text = squeeze(describe(free))
+    text = squeeze(describe(derivation(free)))
     assert "autonomous, nonlinear. Inputs: none. Outputs: theta." in text
     assert "Transfer functions" not in text
 
 
-def test_an_equilibrium_that_is_none_is_refused():
+def test_an_equilibrium_that_is_none_is_refused() -> None:
     system = system_of("simple_pendulum")
     off = Equilibrium("off", {system.coordinates[0]: 1}, False, "none")
     with pytest.raises(DeclarationError, match="'off': is none"):
-        describe(dataclasses.replace(system, equilibria=(off,)))
+        derivation(dataclasses.replace(system, equilibria=(off,)))
+
+
+def test_an_arm_of_two_joints_is_printed_within_seconds() -> None:
+    """Its mass matrix is two by two, but too long to be inverted, expanded or read as symbols."""
+    began = time.process_time()
+    text, latex = (describe(found, style) for found in [derivation(arm())] for style in STYLES)
+    assert time.process_time() - began < 30
+    assert "M = [ 0.0206602    0.000446292 ]" in text
+    assert "A = [ 0        0         1         0        ]" in text
+    assert "C = [ friction  0        ] = [ 0.4  0   ]" in text
+    assert "Left out: of equations as long as these it would fill pages." in text
+    assert "lift/torque = (13.6035*s^2" in text
+    assert r"\ddot{\text{pan}}" in latex
+    environments(latex)
+
+
+def test_three_coordinates_with_short_equations_have_their_symbols() -> None:
+    text = describe(derivation(CART))
+    assert "l1*m1 + l1*m2" in text
+    assert "-1/(l1*m0)" in text, "B, of the inverse mass matrix"
+    assert "e-6" not in text, "what is rounding is nothing"
 
 
 # LaTeX
@@ -180,7 +218,7 @@ def environments(text: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_latex_is_balanced(name):
+def test_the_latex_is_balanced(name: str) -> None:
     text = page(name, "latex")
     environments(text)
     depth = 0
@@ -194,7 +232,7 @@ def test_the_latex_is_balanced(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_table_in_latex_has_as_many_cells_as_columns(name):
+def test_a_table_in_latex_has_as_many_cells_as_columns(name: str) -> None:
     tables = re.findall(
         r"\\begin\{tabular\}\{((?:l|p\{[^}]*\})+)\}\n(.*?)\n\\end\{tabular\}",
         page(name, "latex"),
@@ -210,7 +248,7 @@ def test_a_table_in_latex_has_as_many_cells_as_columns(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name):
+def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name: str) -> None:
     text = page(name, "latex")
     outside = re.sub(
         r"\$[^$]*\$|\\\[.*?\\\]|\\begin\{align\*\}.*?\\end\{align\*\}", "", text, flags=re.DOTALL
@@ -233,25 +271,43 @@ def test_the_latex_has_no_raw_specials_and_no_names_of_the_program(name):
             r"$f \pm k x \pm c \dot{x} = m \ddot{x}$",
         ]),
         ("torsional_disc", [r"J \ddot{\theta} + k_{\theta} \theta = T"]),
-        ("free_pair", [
-            r"$d/dt(dL/d\dot{x_{1}}) = m_{1} \ddot{x_{1}}$",
-        ]),
         ("drum_pendulum", [
             r"\Delta_{\theta} &= \theta - \pi",
-            r"(m l/2) \ddot{x} \cos(\theta)",
+            r"(m l/2) \cos(\theta) \ddot{x}",
         ]),
     ],
 )  # fmt: skip
-def test_the_latex_holds_what_is_computed(name, formulas):
+def test_the_latex_holds_what_is_computed(name: str, formulas: list[str]) -> None:
     text = page(name, "latex")
     for formula in formulas:
         assert formula in text
 
 
-def test_special_signs_in_words_are_escaped():
+def test_special_signs_in_words_are_escaped() -> None:
     system = system_of("mass_spring_damper")
     m, c, k = system.constants
     odd = dataclasses.replace(m, description=r"50 % of m_1 & {more} \ #2 ~ $")
-    text = describe(dataclasses.replace(system, constants=(odd, c, k)), "latex")
+    text = describe(derivation(dataclasses.replace(system, constants=(odd, c, k))), "latex")
     assert r"50 \% of m\_1 \& \{more\} \textbackslash  \#2 \textasciitilde{} \$" in text
     environments(text)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_formula_can_be_set_in_a_browser(name: str) -> None:
+    found = derived(name)
+    latex = Latex(found.q, found.v, found.a)
+    formulas = [each.latex for each in (*found.coordinates, *found.inputs)]
+    formulas += [each.latex for each in found.constants]
+    formulas += [latex.math(e) for e in (*found.outputs, *(e for _, e in found.energies))]
+    formulas += [f"{latex.sum(left)} = {latex.sum(right)}" for left, right in found.motion]
+    for equilibrium in found.equilibria:
+        formulas += [latex.rational(each.function, each.s) for each in equilibrium.transfers]
+        for left, right in equilibrium.series or ():
+            formulas.append(f"{latex.sum(left)} = {latex.sum(right)}")
+        for matrix in equilibrium.matrices:
+            if matrix.symbolic is not None:
+                rows = matrix.symbolic.tolist()
+                formulas.append(latex.matrix([[latex.math(e) for e in row] for row in rows]))
+    for formula in formulas:
+        assert mathml(formula).startswith("<math>"), formula
+        fromstring(mathml(formula))

@@ -1,0 +1,55 @@
+"""The sketch of a system as plain data: trees of positions, the constants put in."""
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from harness.cases.sketch import sketch_record, tree
+from harness.files.folders import builtin
+from harness.report.drawing import drawing, evaluate
+from reference import System
+from reference.load import load_system
+from reference.sketch import Link
+
+NAMES = sorted(path.parent.name for path in builtin().glob("*/system.py"))
+
+
+@pytest.fixture(scope="module")
+def drum() -> System:
+    return load_system(builtin() / "drum_pendulum")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_built_in_sketches_show_every_coordinate_and_stay_together(name: str) -> None:
+    """The trees say what the expressions say, in any position."""
+    system = load_system(builtin() / name)
+    record = sketch_record(system)
+    assert record is not None
+    kinds = {shape.kind for shape in record.shapes}
+    assert kinds & {"spring", "rod", "spiral"}
+    labels = {shape.label for shape in record.shapes}
+    assert {c.name for c in system.coordinates} <= labels
+    random = np.random.default_rng(3)
+    q = list(random.uniform(-2, 2, len(system.coordinates)))
+    values = dict(zip(system.q, map(float, q), strict=True)) | system.values
+    for shape, declared in zip(record.shapes, system.sketch, strict=True):
+        if shape.at is not None:
+            assert not isinstance(declared, Link)
+            for found, expected in zip(shape.at, declared.at, strict=True):
+                exact = float(sp.sympify(expected).subs(values))
+                assert evaluate(found, q) == pytest.approx(exact, abs=1e-7)
+    assert drawing(record, [c.name for c in system.coordinates]).description
+
+
+def test_a_tree_is_small_and_has_the_constants_in_it(drum: System) -> None:
+    length = next(c for c in drum.constants if c.name == "l")
+    theta = drum.coordinates[1]
+    assert tree(length * sp.sin(theta.q), drum) == ["*", 0.6, ["sin", ["q", 1]]]
+    assert tree(sp.pi / 2, drum) == pytest.approx(math.pi / 2)
+
+
+def test_a_strange_operation_in_a_sketch_is_refused() -> None:
+    with pytest.raises(ValueError, match="no operation 'exec' is known"):
+        evaluate(["exec", 1.0], [0.0])

@@ -1,0 +1,109 @@
+"""Formulas on the page: set as in a book, and harmless."""
+
+from collections.abc import Callable
+from xml.etree.ElementTree import Element, fromstring
+
+import pytest
+import sympy as sp
+
+from harness.report.maths import ELEMENTS, mathml
+from harness.text.typeset import Latex, latex_name, latex_words
+from tests.cases.arms import arm
+
+HOSTILE = (
+    "<script>alert(1)</script>", "</math><img src=x onerror=alert(1)>", '"><b onclick="alert(1)">',
+    "&lt;script&gt;", "<!--", "]]>", "a\u202eb\x1b\x00\ud800",
+)  # fmt: skip
+
+
+def flat(latex: str) -> str:
+    """The text of written mathematics, its structure as brackets."""
+
+    def walk(element: Element) -> str:
+        inner = [walk(child) for child in element]
+        match element.tag:
+            case "mfrac":
+                return f"({inner[0]})/({inner[1]})"
+            case "msup":
+                return f"{inner[0]}^{inner[1]}"
+            case "msub":
+                return f"{inner[0]}_{inner[1]}"
+            case "mover":
+                return f"{inner[0]}{inner[1]}"
+        return (element.text or "") * (not inner) + "".join(inner)
+
+    return walk(fromstring(mathml(latex))).replace("\u2062", " ").replace("\u2061", "")
+
+
+@pytest.mark.parametrize(
+    ("latex", "text"),
+    [
+        (r"\dot{x}", "x\u02d9"),
+        (r"\ddot{\theta}^{2}", "θ\u00a8^2"),
+        (r"\frac{3 x}{2}", "(3 x)/(2)"),
+        (r"\dot{x}_{1}", "x\u02d9_1"),
+        (r"\frac{1}{m \, s^{2} - k}", "(1)/(m s^2−k)"),
+        (r"\begin{bmatrix} k & 0 \\ 0 & m \end{bmatrix}", "[k00m]"),
+        (r"l m \cos{\left(\theta \right)} \sin^{2}{\left(x \right)}", "l m cos(θ) sin^2(x)"),
+        (r"\left(a + b\right) \, s", "(a+b) s"),
+        (r"\text{mass} \text{length}_{\text{arm},x}", "mass length_arm,x"),
+        (r"-1.5 \times 10^{-7}", "−1.5×10^−7"),
+    ],
+)
+def test_latex_is_set_as_mathematics(latex: str, text: str) -> None:
+    assert flat(latex) == text
+
+
+def test_a_formula_stands_in_a_line_or_by_itself() -> None:
+    assert mathml("x") == "<math><mi>x</mi></math>"
+    assert mathml("x", block=True) == '<math display="block"><mi>x</mi></math>'
+
+
+def test_brackets_are_as_high_as_their_own_matrix() -> None:
+    two = r"\begin{bmatrix} a \\ b \end{bmatrix} \begin{bmatrix} c \end{bmatrix}"
+    (row,) = fromstring(mathml(two))
+    assert [[e.tag for e in child] for child in row if child.tag == "mrow"] == [
+        ["mo", "mtable", "mo"]
+    ] * 2
+
+
+def test_a_minus_behind_an_equals_sign_is_a_sign() -> None:
+    assert '<mo>=</mo><mo form="prefix">−</mo>' in mathml("a = -b - c")
+    assert mathml("a = -b - c").count("prefix") == 1
+
+
+def test_a_formula_that_fills_pages_is_set() -> None:
+    system = arm()
+    formula = Latex(system.q, system.v, system.a).math(system.T)
+    assert mathml(formula, block=True).startswith("<math")
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+@pytest.mark.parametrize("written", [str, latex_name, latex_words, r"\text{{{}}}".format])
+def test_a_hostile_name_is_text_or_nothing(text: str, written: Callable[[str], str]) -> None:
+    element = fromstring(mathml(written(text)))
+    assert element.tag in ("math", "code")
+    assert {child.tag for child in element.iter()} - {"math", "code"} <= ELEMENTS
+    assert {name for child in element.iter() for name in child.attrib} <= {
+        "accent", "display", "fence", "form", "mathvariant", "rspace", "stretchy"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "latex",
+    [r"\foo", "x^{", r"\frac{1}", r"\boxed{x}", r"\begin{bmatrix}", r"\left(", "{" * 10_000],
+)
+def test_what_can_not_be_set_is_shown_as_it_is(latex: str) -> None:
+    assert mathml(latex) == f"<code>{latex}</code>"
+
+
+def test_references_are_no_way_around_the_escape() -> None:
+    assert "<b" not in mathml(r"\text{&lt;b&gt;}")
+    assert "<" not in (fromstring(mathml(r"\unicode{x3c}")).text or "")
+
+
+def test_special_functions_that_sympy_writes_are_set() -> None:
+    x = sp.Symbol("x")
+    latex = Latex((), (), ())
+    for e in (abs(x), sp.sign(x), sp.sqrt(x), sp.exp(-x), sp.log(x), sp.atan2(x, 1), x**sp.pi):
+        assert mathml(latex.math(e)).startswith("<math>"), latex.math(e)
