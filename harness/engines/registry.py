@@ -29,3 +29,9 @@ def engines() -> dict[str, Engine]:
             continue
         known.setdefault(engine.name, engine)
     return known
+
+
+def readers(suffix: str) -> tuple[Engine, ...]:
+    """The engines that read a format, first those that are preferred for it."""
+    found = [engine for engine in engines().values() if suffix in engine.formats]
+    return tuple(sorted(found, key=lambda engine: suffix not in engine.preferred))

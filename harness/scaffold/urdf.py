@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from harness.engines.registry import readers
 from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import RawElement, read_elements
 from harness.scaffold.constants import Ledger, quarter
@@ -99,9 +100,11 @@ class _Reader:
                     f"link {name!r} moves and has no <inertial>; engines differ"
                     " in what they take for it: write one",
                 )
+            others = [
+                f"; {e.title} takes {e.bare_link} for it" for e in readers(".urdf") if e.bare_link
+            ]
             self.remarks.append(
-                f"link {name!r} has no <inertial> and is taken to weigh nothing; PyBullet takes"
-                " 1 kg for it"
+                f"link {name!r} has no <inertial> and is taken to weigh nothing{''.join(others)}"
             )
         else:
             within = f"link[{name}]/inertial"

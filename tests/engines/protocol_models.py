@@ -28,6 +28,10 @@ class Pairing:
     def __str__(self):
         return " ".join(filter(None, (self.engine, self.format, self.integrator)))
 
+    def spec(self, mechanism, folder):
+        """Write the mechanism's file."""
+        return _WRITERS[self.format](self, mechanism, folder)[0]
+
     def load(self, mechanism, folder):
         """Write the mechanism's file and load it; returns a `Loaded`."""
         spec, places = _WRITERS[self.format](self, mechanism, folder)
