@@ -22,6 +22,8 @@ def engines() -> dict[str, Engine]:
     for point in entry_points(group="crosscheck.engines"):
         try:
             engine: Engine = point.load()()
+            if not isinstance(engine, Engine):
+                raise TypeError("it is no subclass of harness.engines.protocol.Engine")
         except Exception as error:
             warnings.warn(
                 f"the engine {point.name!r} of {point.value} can't be loaded: {error}", stacklevel=2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from harness.engines.registry import readers
@@ -41,20 +42,7 @@ class _Reader:
 
     def mechanism(self) -> Mechanism:
         links = self._named("link")
-        joints = self._named("joint")
-        above: dict[str, RawElement] = {}
-        for joint in joints.values():
-            for end in ("parent", "child"):
-                element = _child(joint, end)
-                link = "" if element is None else element.attributes.get("link", "")
-                if link not in links:
-                    raise self.refuse(joint, f"its <{end}> is {link!r}, which is no link")
-                if end == "child":
-                    if link in above:
-                        raise self.refuse(
-                            joint, f"link {link!r} has two parents: closed loops are not supported"
-                        )
-                    above[link] = joint
+        above = self._above(links)
         roots = [name for name in links if name not in above]
         if len(roots) != 1:
             raise NewError(
@@ -74,6 +62,23 @@ class _Reader:
                 f"{self.source.file}: some links hang on themselves, not on {roots[0]!r}"
             )
         return Mechanism(tuple(bodies), _ZERO, tuple(self.remarks))
+
+    def _above(self, links: Mapping[str, RawElement]) -> dict[str, RawElement]:
+        """The joint that each link hangs on, by the link's name."""
+        above: dict[str, RawElement] = {}
+        for joint in self._named("joint").values():
+            for end in ("parent", "child"):
+                element = _child(joint, end)
+                link = "" if element is None else element.attributes.get("link", "")
+                if link not in links:
+                    raise self.refuse(joint, f"its <{end}> is {link!r}, which is no link")
+                if end == "child":
+                    if link in above:
+                        raise self.refuse(
+                            joint, f"link {link!r} has two parents: closed loops are not supported"
+                        )
+                    above[link] = joint
+        return above
 
     def _named(self, tag: str) -> dict[str, RawElement]:
         found: dict[str, RawElement] = {}

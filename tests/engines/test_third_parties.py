@@ -22,9 +22,19 @@ def test_an_installed_engine_is_known_by_its_name():
 
 
 def test_no_entry_point_takes_the_name_of_a_built_in_engine(tmp_path, monkeypatch):
-    distribution(tmp_path, "usurper", "usurper_engine", "class Engine:\n    name = 'mujoco'\n")
+    text = "from harness.engines.known_answer import KnownEngine\n\n\n"
+    text += "class Engine(KnownEngine):\n    name = 'mujoco'\n"
+    distribution(tmp_path, "usurper", "usurper_engine", text)
     monkeypatch.syspath_prepend(tmp_path)
     assert type(engines()["mujoco"]).__name__ == "MujocoEngine"
+
+
+def test_an_entry_point_that_is_no_engine_is_told_by_name(tmp_path, monkeypatch):
+    distribution(tmp_path, "duck", "duck_engine", "class Engine:\n    name = 'duck'\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.warns(UserWarning, match="'duck'.*no subclass of harness.engines.protocol.Engine"):
+        found = engines()
+    assert "duck" not in found
 
 
 def test_an_entry_point_that_cannot_be_loaded_is_told_by_name(tmp_path, monkeypatch):
