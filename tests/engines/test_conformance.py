@@ -10,7 +10,7 @@ import pytest
 
 from harness.engines.conformance import CHECKS, Check, conform, conform_samples
 from harness.engines.known_answer import KnownEngine, KnownModel
-from harness.engines.protocol import Array, Engine, Force, Model, ModelSpec, StateForce
+from harness.engines.protocol import Array, Engine, Force, ModelSpec, StateForce
 from harness.engines.registry import engines
 from harness.engines.remark import Remark
 from tests.engines.protocol_models import PAIRINGS, Pairing
@@ -216,7 +216,7 @@ class WrongEngine(KnownEngine):
     def __init__(self, model: type[Wrong] = Wrong) -> None:
         self.model = model
 
-    def load(self, spec: ModelSpec) -> Model:  # type: ignore[override]  # any model at all
+    def load(self, spec: ModelSpec) -> KnownModel:
         super().load(spec)  # what is wrong with the file is said as it should be
         return self.model(tomllib.loads(spec.path.read_text()))
 
@@ -228,13 +228,13 @@ class TwoWords(WrongEngine):
 class ForeignErrors(WrongEngine):
     """Whatever goes wrong in reading is passed on as it is."""
 
-    def load(self, spec: ModelSpec) -> Model:
+    def load(self, spec: ModelSpec) -> KnownModel:
         spec.path.read_text().index("names")
         return super().load(spec)
 
 
 class TakesAnySetting(WrongEngine):
-    def load(self, spec: ModelSpec) -> Model:
+    def load(self, spec: ModelSpec) -> KnownModel:
         return super().load(ModelSpec(spec.path, spec.springs))
 
 
