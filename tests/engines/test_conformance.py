@@ -1,6 +1,7 @@
 """The shipped conformance suite: every adapter passes it, and each mistake fails its own check."""
 
 import tomllib
+from argparse import Namespace
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import harness.cli.engines as command
 from harness.engines.conformance import CHECKS, Check, conform, conform_samples
 from harness.engines.known_answer import KnownEngine, KnownModel
 from harness.engines.protocol import Array, Engine, Force, ModelSpec, StateForce
@@ -299,3 +301,21 @@ def test_an_engine_that_ends_in_an_error_of_its_own_is_told() -> None:
     checks = conform_samples(WrongEngine(Raises))["euler.known"]
     told = [check.sentence for check in checks if not check.passed]
     assert "it ended in ZeroDivisionError: an engine's own" in told
+
+
+def test_the_command_tells_each_check_of_an_engine(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(Namespace(conformance="known")) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "euler.known"
+    assert lines[1].startswith("  passed  engine is described: ")
+    assert len(lines) == 2 * (1 + len(CHECKS))
+
+
+def test_the_command_ends_with_one_where_a_check_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command, "engines", lambda: {"wrong": WrongEngine(ClaimsTwo)})
+    assert command.main(Namespace(conformance="wrong")) == 1
+
+
+def test_the_command_knows_what_is_installed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main(Namespace(conformance="nothing")) == 2
+    assert "no engine 'nothing' is installed; there is " in capsys.readouterr().err
