@@ -3,7 +3,7 @@
 from harness import check
 
 def test_my_arm():
-    result = check("models/arm", engines=["mujoco"])
+    result = check("models/arm", resolution=1e-8)
     assert result.agree, str(result)
     assert result.case(scenario="large").raw_error < 0.01
 """

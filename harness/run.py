@@ -7,6 +7,7 @@ model files and sidecars --plan--> tasks --+
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -25,7 +26,7 @@ from harness.cases.case import LinearizationTask, case_task, run_case, run_linea
 from harness.cases.prepare import Prepared, prepare
 from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
 from harness.engines.protocol import Engine
-from harness.engines.registry import engines
+from harness.engines.registry import engines, readers
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
 from harness.records.outcome import Outcome
 from harness.records.results import results
@@ -305,7 +306,8 @@ def model_files(folder: Path) -> Iterator[Sidecar | Record]:
             yield _not_run(
                 path.name,
                 f"{path}: this model file has no sidecar; write {path.name}.toml with at least"
-                ' engines = ["mujoco"] (or the engines meant)',
+                f" engines = {json.dumps([e.name for e in readers(path.suffix)])}"
+                " (or the engines meant)",
             )
     if not described:
         yield _not_run("-", f"{folder}: it has no model file with a sidecar, so nothing was run")

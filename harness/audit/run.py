@@ -8,11 +8,12 @@ from typing import Any
 
 from harness.audit.finding import Finding
 from harness.audit.literals import declared_bindings, literal_findings
-from harness.audit.remarks import Remark, remarks
+from harness.audit.remarks import where
 from harness.audit.task import AuditTask, audit_task
 from harness.audit.terms import Compiled
 from harness.cases.prepare import Prepared
 from harness.engines.registry import engines
+from harness.engines.remark import Remark
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import coordinate_map
 
@@ -41,7 +42,7 @@ def _audit(task: AuditTask) -> tuple[Finding, ...]:
     compiled = tuple(_explained(finding, rounded) for finding in compiled)
     z, w = coordinates.to_engine(task.states)
     wrong = {finding.kind for finding in compiled if finding.severity == "finding"}
-    defaults = tuple(_default(r, wrong) for r in remarks(task, model, z, w))
+    defaults = tuple(_default(r, wrong, task) for r in model.remarks(z, w))
     return (*literals, *compiled, *defaults)
 
 
@@ -55,7 +56,8 @@ def _explained(finding: Finding, rounded: float) -> Finding:
     return replace(finding, message=message, severity="note")
 
 
-def _default(remark: Remark, wrong: Set[str]) -> Finding:
+def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> Finding:
     """A remark that enters a wrong term is a finding; one that enters right ones is a note."""
     severity = "finding" if remark.fault or wrong & set(remark.shows_in) else "note"
-    return Finding("default", remark.message, remark.where, None, remark.value, severity)
+    place = where(remark, task.sidecar, task.engine)
+    return Finding("default", remark.message, place, None, remark.value, severity)

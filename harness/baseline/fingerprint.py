@@ -12,6 +12,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.files.locations import LocationError
+from harness.files.locations.attributes import elements
 from harness.files.sidecar import SidecarError, read_sidecar
 
 NUMERICS = 1
@@ -21,8 +23,8 @@ reference. Raised whenever a change of this package may move a figure of an unch
 BESIDE = "(beside)"
 """Stands for the files of a folder that no model file names: a `space.py` may open any of them."""
 
-_NAMED = re.compile(r"""\b(?:file|filename)\s*=\s*["']([^"']+)["']""")
-_FOLDER = re.compile(r"""\b(?:meshdir|texturedir|assetdir)\s*=\s*["']([^"']+)["']""")
+_NAMES = ("file", "filename")
+_FOLDERS = ("meshdir", "texturedir", "assetdir")
 _MODEL = (".xml", ".urdf")
 
 
@@ -129,10 +131,7 @@ def _inside(folder: Path, apart: Path | None) -> Iterator[str]:
 
 
 def _named_by(model: Path) -> tuple[Path, ...]:
-    """Files that a model file names, and those that these name: includes, meshes, height fields.
-
-    More may be taken for named than is: that costs a run, where one too few would cost a change.
-    """
+    """Files that a model file names, and those that these name: includes, meshes, height fields."""
     found: dict[Path, None] = {}
     waiting = [model]
     folders = [model.parent]
@@ -140,9 +139,9 @@ def _named_by(model: Path) -> tuple[Path, ...]:
         path = waiting.pop()
         if path.suffix not in _MODEL:
             continue
-        text = path.read_text(encoding="utf-8", errors="replace")
-        folders += [base / f for f in _FOLDER.findall(text) for base in (path.parent, model.parent)]
-        for name in _NAMED.findall(text):
+        names, inner = _said(path)
+        folders += [base / f for f in inner for base in (path.parent, model.parent)]
+        for name in names:
             for candidate in _candidates(name, (path.parent, *folders)):
                 known = candidate in found or candidate.resolve() == model.resolve()
                 if candidate.is_file() and not known:
@@ -151,8 +150,21 @@ def _named_by(model: Path) -> tuple[Path, ...]:
     return tuple(found)
 
 
+def _said(path: Path) -> tuple[list[str], list[str]]:
+    """Names of files, and of folders to look in, in the attributes of an XML file."""
+    try:
+        attributes = [element.attributes for element in elements(path)]
+    except LocationError:
+        # An engine may read what is no XML here: any quoted words may be a file's name, since one
+        # too many costs a run, where one too few would cost a change.
+        words = re.findall(r"""["']([^"']{1,255})["']""", path.read_text("utf-8", errors="replace"))
+        return words, words
+    names = [a[key] for a in attributes for key in _NAMES if key in a]
+    return names, [a[key] for a in attributes for key in _FOLDERS if key in a]
+
+
 def _candidates(name: str, folders: Iterable[Path]) -> Iterator[Path]:
-    """Where a file may be: as named, without its package, by its last part (MuJoCo strips it)."""
+    """Where a file may be: as named, without its package, by its last part (engines differ)."""
     name = name.split("://", 1)[-1]
     parts = Path(name).parts
     for folder in dict.fromkeys(folders):

@@ -1,22 +1,51 @@
-"""`crosscheck engines`: what is installed, versions, capabilities."""
+"""`crosscheck engines`: what is installed and what it can do; whether an adapter conforms."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 
-from harness.cli.exit_codes import AGREE
+from harness.cli.exit_codes import AGREE, DIFFER, USAGE
+from harness.engines.protocol import Engine
 from harness.engines.registry import engines
 
 
 def add(command: argparse.ArgumentParser) -> None:
-    """It takes no arguments."""
+    """One option."""
+    command.add_argument(
+        "--conformance",
+        metavar="NAME",
+        help="hold one engine's adapter against the protocol, on the samples that it offers",
+    )
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print a line an engine, and one a capability."""
-    for name, engine in sorted(engines().items()):
+    """Print a line an engine, and one a capability; or one for each check of an adapter."""
+    known = engines()
+    if options.conformance is not None:
+        engine = known.get(options.conformance)
+        if engine is None or engine.version() is None:
+            there = ", ".join(sorted(name for name in known if known[name].version() is not None))
+            print(
+                f"no engine {options.conformance!r} is installed; there is {there}", file=sys.stderr
+            )
+            return USAGE
+        return _conformance(engine)
+    for name, engine in sorted(known.items()):
         version = engine.version()
         print(f"{name:<10} {version or 'not installed':<14} reads {', '.join(engine.formats)}")
         for capability in engine.capabilities:
             print(f"{'':<11}- {capability}")
     return AGREE
+
+
+def _conformance(engine: Engine) -> int:
+    from harness.engines.conformance import conform_samples
+
+    found = conform_samples(engine)
+    for file, checks in found.items():
+        print(file)
+        for check in checks:
+            print(f"  {check}")
+    passed = all(check.passed for checks in found.values() for check in checks)
+    return AGREE if found and passed else DIFFER

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.compare.candidate import Candidate, CompareError, home, reach
+from harness.compare.candidate import Candidate, CompareError
 from harness.compare.match import Match
 from harness.compare.runs import Runs, ends, movement
 from harness.compare.scales import HELD, CharacteristicScales, characteristic_scales
@@ -89,7 +89,7 @@ def record(task: SourceTask) -> Recorded:
     found = characteristic_scales(model, rng)
     names = tuple(model.coordinates)
     z, w, driven, links = _starts(model, found, task.given, names, rng)
-    reduced = task.match.slopes(home(model)[None])[0]
+    reduced = task.match.slopes(model.home[None])[0]
     compared = reduced @ found.inverse @ reduced.T
     independent = _independent(compared)
     unit = np.abs(reduced) @ found.unit
@@ -113,7 +113,7 @@ def _starts(
     rng: np.random.Generator,
 ) -> tuple[Array, Array, Array, int]:
     """Starts (B, nz), whether each is driven (B,), and how many runs follow each other."""
-    start, extent, n = home(model), reach(model), len(names)
+    start, extent, n = model.home, model.reach, len(names)
     own = [_one(start, names, state) for state in given]
     still = np.zeros(n)
     if found.tangent.shape[1] == n:
@@ -270,7 +270,7 @@ def _check_left_out(
     if found.tangent.shape[1] == len(recorded.independent):
         return
     places = [names.index(name) for name in match.left_out]
-    moved = np.abs(recorded.runs.z[:, places] - home(model)[places]).max(axis=0)
+    moved = np.abs(recorded.runs.z[:, places] - model.home[places]).max(axis=0)
     free = [
         name
         for name, by, i in zip(match.left_out, moved, places, strict=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.candidate import Candidate, reach
+from harness.compare.candidate import Candidate
 from harness.compare.match import Match
 from harness.compare.runs import identity
 from harness.compare.scales import free_directions, inverse_mass
@@ -105,7 +105,7 @@ class _Lens:
 
     def __init__(self, task: MechanicsTask, model: Model) -> None:
         self.task = task
-        extent = reach(model)
+        extent = model.reach
         self.size = (extent[:, 1] - extent[:, 0]) / 2
         self.speed = self.size * task.typical
         n, picked = task.z.shape[1], list(task.independent)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.candidate import CompareError, home, reach
+from harness.compare.candidate import CompareError
 from harness.compare.runs import identity
 from harness.engines.protocol import Array, Model
 from harness.numerics.accelerations import Estimate, Probe
@@ -70,7 +70,7 @@ def characteristic_scales(model: Model, rng: np.random.Generator) -> Characteris
     Raises:
         CompareError: where a push moves nothing.
     """
-    start, extent = home(model), reach(model)
+    start, extent = model.home, model.reach
     unit = (extent[:, 1] - extent[:, 0]) / 2
     plain = 2 * np.pi / (1000 * model.step)
     probe = Probe(model, identity(len(start)), unit * plain, plain)

@@ -1,19 +1,27 @@
 """The engine protocol: what an adapter offers, and nothing of the system's equations.
 
-An adapter turns a model file into a `Model` that rolls out. It holds engine knowledge only: it
-never sees a system's constants, never interpolates, and counts steps in integers. Third parties
-add one through the entry point `crosscheck.engines`.
+An adapter turns a model file into a `Model` that rolls out. It holds engine knowledge only, and all
+of it: it never sees a system's constants, never interpolates, and counts steps in integers. What
+must be there is abstract; everything else has a default, so that nothing is asked of an adapter
+that the protocol does not declare. Third parties add one through the entry point
+`crosscheck.engines`; `harness.engines.known_answer` is the one to read first, and
+`harness.engines.conformance` tells what an adapter gets wrong.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
+
+from harness.engines.compiled import CompiledTree
+from harness.engines.mistake import DefaultLeftOn, LeftOut
+from harness.engines.remark import Remark
 
 Array = NDArray[np.float64]
 
@@ -26,7 +34,7 @@ class EngineError(RuntimeError):
 class Spring:
     """A spring and damper on a linear combination s of joints: force -k (s - rest) - c ds/dt.
 
-    MuJoCo's fixed tendon is the model; `joints` maps joint names to coefficients.
+    `joints` maps joint names to coefficients.
     """
 
     joints: Mapping[str, float]
@@ -40,6 +48,24 @@ class ModelSpec:
     """A model file with what its sidecar adds for one engine; `settings` are the engine's own."""
 
     path: Path
+    springs: tuple[Spring, ...] = ()
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """A small mechanism as a file that an adapter runs, for the conformance suite.
+
+    Its coordinates are to be free of one another's constraints, near `Model.home`.
+
+    Attributes:
+        file: name of the file, with its ending.
+        text: what stands in it.
+        springs, settings: as in `ModelSpec`.
+    """
+
+    file: str
+    text: str
     springs: tuple[Spring, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
 
@@ -68,31 +94,31 @@ def within(free: Array, limits: Array) -> Array:
     return np.where((cut[:, 0] < cut[:, 1])[:, None], cut, limits)
 
 
-class Model(Protocol):
+class Model(ABC):
     """A model file, loaded by an engine.
 
-    A model may also have `home`, positions as the file draws the mechanism, (nz,), and `reach`,
-    where positions may be drawn at random, (nz, 2); without them these are 0 and -1 to 1.
+    Attributes:
+        coordinates: names of the engine's coordinates, in the order of its states: nz of them.
+        step: the step the file (or its sidecar) ships with, seconds.
+        integrator: name of the time-stepping method.
+        gravity: its components, m/s^2, two in a planar engine; empty where the model doesn't tell.
+        epsilon: relative rounding of the numbers that the engine computes with.
     """
 
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the engine's coordinates, in the order of its states."""
+    coordinates: tuple[str, ...]
+    step: float
+    integrator: str
+    gravity: tuple[float, ...] = ()
+    epsilon: float = float(np.finfo(np.float64).eps)
 
-    @property
-    def step(self) -> float:
-        """The step the file (or its sidecar) ships with, seconds."""
-
-    @property
-    def integrator(self) -> str:
-        """Name of the time-stepping method."""
-
+    @abstractmethod
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Leading exponent of h in the error of a motion, and the increment to the next.
 
         `varying_input` tells whether an input changes over time and is held over each step.
         """
 
+    @abstractmethod
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
@@ -103,28 +129,92 @@ class Model(Protocol):
         they are.
         """
 
-
-class Engine(Protocol):
-    """An adapter: its name, whether its engine is there, and how to load a model file."""
+    @property
+    def home(self) -> Array:
+        """Positions as the file draws the mechanism, (nz,)."""
+        return np.zeros(len(self.coordinates))
 
     @property
-    def name(self) -> str:
-        """Short name, as in sidecars and results."""
+    def reach(self) -> Array:
+        """Where positions may be drawn at random, (nz, 2)."""
+        return np.tile([-1.0, 1.0], (len(self.coordinates), 1))
 
     @property
-    def formats(self) -> tuple[str, ...]:
-        """Endings of the files it reads, such as ".urdf"."""
+    def remedies(self) -> Mapping[str, Mapping[str, object]]:
+        """What the engine does on its own and the settings let stand: cause -> what undoes it."""
+        return {}
 
     @property
-    def capabilities(self) -> tuple[str, ...]:
-        """What it can do, one short phrase each, for `crosscheck engines`."""
+    def integrators(self) -> Mapping[str, Mapping[str, object]]:
+        """Other ways to step this model, just as sound: name -> settings that choose it."""
+        return {}
 
+    def remarks(self, z: Array, w: Array) -> Iterable[Remark]:
+        """What the engine or the format adds or drops, read from the model and not from a motion.
+
+        Args:
+            z, w: positions and velocities that the motions pass, (K, nz) each.
+        """
+        return ()
+
+
+class Engine(ABC):
+    """An adapter: its name, whether its engine is there, and how to load a model file.
+
+    Attributes:
+        name: short name, as in sidecars and results.
+        title: as it is written in sentences.
+        formats: endings of the files it reads, such as ".urdf".
+        capabilities: what it can do, one short phrase each, for `crosscheck engines`.
+        preferred: the formats for which it comes before others that read them.
+        unstated: the step and gravity that it takes where neither a file nor its sidecar says.
+        stated_settings: those that a new sidecar states, though it has a default for each.
+        bare_link: the mass that it takes for a URDF's resting link without one; empty: none.
+        ignores: numbers of its formats that it reads over, such as "dynamics@friction".
+        compiles: the formats that `compiled` takes apart.
+        usual_mistakes: those that its users make and no format is to blame for.
+    """
+
+    name: str
+    title: str
+    formats: tuple[str, ...]
+    capabilities: tuple[str, ...] = ()
+    preferred: tuple[str, ...] = ()
+    unstated: str = ""
+    stated_settings: Mapping[str, object] = MappingProxyType({})
+    bare_link: str = ""
+    ignores: frozenset[str] = frozenset()
+    compiles: tuple[str, ...] = ()
+    usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
+
+    @abstractmethod
     def version(self) -> str | None:
         """Version of the engine, or None where it is not installed."""
 
+    @abstractmethod
     def load(self, spec: ModelSpec) -> Model:
         """Load a model file.
 
         Raises:
             EngineError: naming file, place and remedy.
         """
+
+    def settings_for(self, suffix: str) -> Mapping[str, object]:
+        """What files of a format can't say and must run with, at ordinary values."""
+        return {}
+
+    def caveats(self, path: Path) -> tuple[str, ...]:
+        """What the engine is known to lose of a file's digits, a sentence each."""
+        return ()
+
+    def compiled(self, path: Path) -> CompiledTree:
+        """A file of the formats in `compiles` as the numbers that the engine makes of it.
+
+        Raises:
+            EngineError: naming file and reason.
+        """
+        raise EngineError(f"{path}: {self.title} compiles no {path.suffix} files")
+
+    def samples(self) -> tuple[Sample, ...]:
+        """Mechanisms that the conformance suite runs, one a format or integrator at least."""
+        return ()

@@ -22,6 +22,8 @@ def engines() -> dict[str, Engine]:
     for point in entry_points(group="crosscheck.engines"):
         try:
             engine: Engine = point.load()()
+            if not isinstance(engine, Engine):
+                raise TypeError("it is no subclass of harness.engines.protocol.Engine")
         except Exception as error:
             warnings.warn(
                 f"the engine {point.name!r} of {point.value} can't be loaded: {error}", stacklevel=2
@@ -29,3 +31,9 @@ def engines() -> dict[str, Engine]:
             continue
         known.setdefault(engine.name, engine)
     return known
+
+
+def readers(suffix: str) -> tuple[Engine, ...]:
+    """The engines that read a format, first those that are preferred for it."""
+    found = [engine for engine in engines().values() if suffix in engine.formats]
+    return tuple(sorted(found, key=lambda engine: suffix not in engine.preferred))

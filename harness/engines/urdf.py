@@ -1,15 +1,21 @@
-"""What the adapters read from a URDF themselves: Gazebo's joint springs, and mimic joints."""
+"""What a URDF means to engines: Gazebo's joint springs, mimic joints, and what is read over."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 import defusedxml.ElementTree
 from defusedxml import DefusedXmlException
 
-from harness.engines.protocol import EngineError
+from harness.engines.protocol import Array, EngineError, Sample
+from harness.engines.remark import Remark, limit_remarks
+
+SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
+"""What a URDF without a sidecar runs with: it can say neither."""
 
 
 @dataclass(frozen=True)
@@ -87,3 +93,103 @@ def _number(text: str | None, place: str) -> float:
         return float(text or "")
     except ValueError:
         raise EngineError(f"{place} is {text!r}, where a number belongs") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class UrdfReader:
+    """How an engine reads a URDF.
+
+    Attributes:
+        name: the engine's, as in sidecars.
+        no_inertial: what it takes for a link that moves and has none.
+        equal_bounds: whether a joint whose bounds are equal is held there, not free.
+        no_friction: its title, if it reads over the friction of joints.
+    """
+
+    name: str
+    no_inertial: str
+    equal_bounds: bool = False
+    no_friction: str = ""
+
+
+def urdf_remarks(
+    reader: UrdfReader, file: Path, joints: Sequence[str], z: Array, w: Array
+) -> Iterator[Remark]:
+    """What is to be said of a URDF in an engine along the states (z, w) of its joints."""
+    robot = read_urdf(file.read_text(encoding="utf-8"), file)
+    moved = {
+        child.get("link")
+        for joint in robot.findall("joint")
+        if joint.get("type") != "fixed" and (child := joint.find("child")) is not None
+    }
+    for link in robot.findall("link"):
+        name = link.get("name", "")
+        if name in moved and link.find("inertial") is None:
+            yield Remark(
+                message=f"link {name} moves and has no <inertial>: {reader.name} takes"
+                f" {reader.no_inertial}",
+                fault=True,
+                address=f"robot/link[{name}]",
+            )
+    for joint in robot.findall("joint"):
+        name = joint.get("name", "")
+        if name in joints:
+            i = joints.index(name)
+            yield from _limits(reader, joint, z[:, i], w[:, i])
+            yield from _friction(reader, joint)
+
+
+def _limits(reader: UrdfReader, joint: ET.Element, z: Array, w: Array) -> Iterator[Remark]:
+    limit, name = joint.find("limit"), joint.get("name", "")
+    if limit is None or joint.get("type") not in ("revolute", "prismatic"):
+        return
+    # Without bounds no engine holds it, though each takes others for them.
+    lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
+    stated = "lower" in limit.attrib and "upper" in limit.attrib
+    if stated and (lower < upper or (reader.equal_bounds and lower == upper)):
+        yield from limit_remarks(
+            name,
+            bounds=(lower, upper),
+            reached=(float(z.min()), float(z.max())),
+            address=f"robot/joint[{name}]",
+        )
+    velocity, quick = float(limit.get("velocity", "inf")), float(abs(w).max())
+    if quick >= velocity:
+        yield Remark(
+            message=f"<limit velocity> of {name} is {velocity:g} and the motions reach {quick:.4g};"
+            f" {reader.name} does not hold it to that here",
+            address=f"robot/joint[{name}]",
+            value=velocity,
+        )
+
+
+def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
+    dynamics, name = joint.find("dynamics"), joint.get("name", "")
+    friction = float(dynamics.get("friction", "0")) if dynamics is not None else 0.0
+    if friction and reader.no_friction:
+        yield Remark(
+            message=f"<dynamics friction> of {name} is {friction:g}; {reader.no_friction} ignores"
+            " it",
+            fault=True,
+            address=f"robot/joint[{name}]",
+            value=friction,
+        )
+
+
+_SAMPLE = """<robot name="sample">
+<link name="ground"><inertial><mass value="1"/>{inertia}</inertial></link>
+<link name="a"><inertial><mass value="2"/>{inertia}</inertial></link>
+<link name="b"><inertial><origin xyz="0 0 -0.5"/><mass value="0.7"/>{inertia}</inertial></link>
+<joint name="q1" type="prismatic"><parent link="ground"/><child link="a"/><axis xyz="1 0 0"/>
+<limit lower="-1e6" upper="1e6" effort="0" velocity="0"/><dynamics damping="1.5"/></joint>
+<joint name="q2" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 -1 0"/>
+<dynamics damping="0.1"/></joint>
+<gazebo reference="q1"><springStiffness>50</springStiffness></gazebo></robot>
+"""
+
+
+def sample_urdf() -> Sample:
+    """A pendulum on a sprung and damped slide."""
+    inertia = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+    settings = {**SETTINGS, "step": 0.004}
+    return Sample(file="sample.urdf", text=_SAMPLE.format(inertia=inertia), settings=settings)

@@ -71,7 +71,7 @@ def read_sidecar(path: Path) -> Sidecar:
         raise SidecarError(f"{path}: there is no model file {model.name} beside it")
     engines = data.get("engines")
     if not isinstance(engines, list) or not engines or not all(isinstance(e, str) for e in engines):
-        raise SidecarError(f'{path}: engines must list engine names, such as ["mujoco"]')
+        raise SidecarError(f'{path}: engines must list engine names, as in engines = ["NAME"]')
     settings = _table(data, "settings", path)
     own = {name: value for name, value in settings.items() if isinstance(value, dict)}
     shared = {name: value for name, value in settings.items() if name not in own}

@@ -1,6 +1,6 @@
 """What rounding does to an engine's motion, seen in runs from starts close by.
 
-The last digit of a position is a force too, where a constraint is held by a spring: MuJoCo's soft
+The last digit of a position is a force too, where a constraint is held by a spring: a soft
 equality, as stiff as the step allows, makes a velocity of it by dividing it by h, so that the
 finest rungs have the most. No rule that knows only the motion foresees that; other runs show it.
 

@@ -1,6 +1,6 @@
 """Tests of a system folder: one for each model file, engine and scenario, and one for each audit.
 
-Their ids are `system.py::drum_pendulum/mujoco.xml/free`, after the folder's path. All tests of a
+Their ids are `system.py::drum_pendulum/robot.urdf/free`, after the folder's path. All tests of a
 folder belong to one file, so that xdist's `--dist loadfile` (or `loadscope`) prepares it once.
 """
 

@@ -19,7 +19,7 @@ from harness.pytest_plugin.summary import summarize
 
 ABOUT = (
     "crosscheck(system, model, engine, scenario): a case or an audit of --crosscheck; select with"
-    " -m 'crosscheck(engine=\"mujoco\")', or by the names of its engine and system: -m mujoco"
+    " -m 'crosscheck(engine=\"NAME\")', or by the names of its engine and system: -m NAME"
 )
 
 
@@ -48,7 +48,7 @@ class CrosscheckSession:
     def pytest_collect_file(
         self, file_path: Path, parent: pytest.Collector
     ) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
-        """Collect a declaration as the tests of its folder; pymunk's files are no test modules."""
+        """Collect a declaration as the tests of its folder; its model files are no test modules."""
         found = yield
         if file_path.parent.resolve() not in self._folders:
             return found

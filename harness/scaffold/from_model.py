@@ -6,7 +6,7 @@ import types
 from dataclasses import replace
 from pathlib import Path
 
-from harness.engines.registry import engines
+from harness.engines.registry import readers
 from harness.run import Options, audits
 from harness.scaffold.assets import neighbours
 from harness.scaffold.constants import Ledger, Row
@@ -19,8 +19,9 @@ from harness.scaffold.urdf import read_urdf
 from reference.declaration import DeclarationError
 from reference.system import System
 
-_ENGINES = {".urdf": ("pybullet", "mujoco"), ".xml": ("mujoco",)}
+_FORMATS = (".urdf", ".xml")
 GRAVITY = 9.81
+STEP = 0.002
 
 
 def from_model(model: Path, target: Path) -> tuple[str, ...]:
@@ -31,7 +32,7 @@ def from_model(model: Path, target: Path) -> tuple[str, ...]:
     Raises:
         NewError: naming file, line and what can't be read.
     """
-    if model.suffix not in _ENGINES:
+    if model.suffix not in _FORMATS:
         raise NewError(f"{model}: a model file is a .urdf, or an MJCF ending with .xml")
     try:
         data = model.read_bytes()
@@ -54,18 +55,18 @@ def from_model(model: Path, target: Path) -> tuple[str, ...]:
     remarks = list(mechanism.remarks)
 
     def sidecar_bytes() -> bytes:
-        meant = [e for e in _ENGINES[model.suffix] if e not in left_out]
+        meant = [engine for engine in readers(model.suffix) if engine.name not in left_out]
         return sidecar_text(
             model.name,
             meant,
             mechanism.joints,
             ledger.bindings,
             left_out,
-            model.suffix == ".urdf",
+            _settings(model.suffix),
         ).encode()
 
     def check(made: Path) -> None:
-        disagree = _checked(made, target, left_out)
+        disagree = _checked(made, target, model.suffix, left_out)
         (made / sidecar).write_bytes(sidecar_bytes())
         remarks.extend(disagree)
 
@@ -89,6 +90,22 @@ def _read(model: Path, data: bytes, ledger: Ledger) -> Mechanism:
     )
     ledger.bindings["sidecar:settings.gravity[2]"] = f"-{g}"
     return replace(mechanism, gravity=("0", "0", f"-{g}"))
+
+
+def _settings(suffix: str) -> list[str]:
+    """Lines of a sidecar's settings, for a format that states none."""
+    if suffix != ".urdf":
+        return []
+    taken = [f"{e.title} would take {e.unstated}" for e in readers(suffix) if e.unstated]
+    first, *others = [*taken, ""]
+    rest = "".join(f", {words.replace(' would take', '')}" for words in others if words)
+    return [
+        f"# A URDF carries neither; {first}{rest}.",
+        "[settings]",
+        f"step = {STEP}",
+        f"gravity = [0, 0, -{GRAVITY}]",
+        "",
+    ]
 
 
 def _with_symbols(mechanism: Mechanism, ledger: Ledger) -> Mechanism:
@@ -117,15 +134,13 @@ def _declared(text: str, model: Path) -> System:
     return system
 
 
-def _checked(made: Path, target: Path, left_out: dict[str, str]) -> list[str]:
+def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) -> list[str]:
     """What engines that run the file have to say against it; `left_out` gets those that can't.
 
     Raises:
         NewError: where no installed engine agrees with what was read.
     """
-    known = engines()
-    meant = [e for e in ("pybullet", "mujoco") if e in known]
-    installed = tuple(e for e in meant if known[e].version() is not None)
+    installed = tuple(e.name for e in readers(suffix) if e.version() is not None)
     if not installed:
         return ["no engine that runs it is installed: what was read is not checked"]
     against: list[str] = []

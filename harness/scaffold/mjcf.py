@@ -1,18 +1,20 @@
-"""An MJCF as a mechanism: MuJoCo compiles it, the file's text says where the numbers stand.
+"""An MJCF as a mechanism: an engine compiles it, the file's text says where the numbers stand.
 
-What MuJoCo makes of defaults, frames, units and shapes need not be guessed so. A compiled number
-that stands in the file as it is gets bound to its place there; one that is computed (the inertia of
-a shape, say) is a constant without a place.
+A compiled number that stands in the file as it is gets bound to its place there; one that is
+computed (the inertia of a shape, say) is a constant without a place.
 """
 
 from __future__ import annotations
 
-import importlib.util
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from harness.engines.compiled import CompiledBody, CompiledJoint
+from harness.engines.protocol import Engine, EngineError
+from harness.engines.registry import readers
 from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import RawElement, read_elements
 from harness.scaffold.constants import Ledger
@@ -36,32 +38,36 @@ def read_mjcf(path: Path, data: bytes, ledger: Ledger) -> Mechanism:
     Raises:
         NewError: naming file, line and what can't be read.
     """
-    if importlib.util.find_spec("mujoco") is None:
-        raise NewError(f"{path}: an MJCF is read with MuJoCo, which is not installed")
-    return _Reader(path, data, ledger).mechanism()
+    able = [engine for engine in readers(path.suffix) if path.suffix in engine.compiles]
+    there = [engine for engine in able if engine.version() is not None]
+    if not there:
+        titles = " or ".join(engine.title for engine in able)
+        raise NewError(f"{path}: an MJCF is read with {titles}, which is not installed")
+    return _Reader(path, data, ledger, there[0]).mechanism()
 
 
 class _Reader:
-    def __init__(self, path: Path, data: bytes, ledger: Ledger) -> None:
-        import mujoco
-
+    def __init__(self, path: Path, data: bytes, ledger: Ledger, engine: Engine) -> None:
         self.source, self.ledger, self.path = Source(path, data), ledger, path
+        self.title = engine.title
         try:
             self.elements = read_elements(self.source)
         except LocationError as error:
             raise NewError(str(error)) from None
         self._refuse_foreign()
         try:
-            self.m: Any = mujoco.MjSpec.from_file(str(path)).compile()
-        except (ValueError, mujoco.FatalError) as error:
-            reason = " ".join(str(error).split())
-            raise NewError(f"{path}: MuJoCo can't load it: {reason}") from None
+            self.tree = engine.compiled(path)
+        except EngineError as error:
+            raise NewError(str(error)) from None
         world = [e for e in self.elements if e.tag == "worldbody"]
         self.bodies = [e for top in world for e in _below(top, "body")]
         self.joints = [e for body in self.bodies for e in _own(body, "joint")]
         self.remarks: list[str] = []
-        if len(self.bodies) + 1 != self.m.nbody or len(self.joints) != self.m.njnt:
-            raise NewError(f"{path}: MuJoCo makes other bodies or joints of it than stand in it")
+        count = sum(len(body.joints) for body in self.tree.bodies)
+        if len(self.bodies) != len(self.tree.bodies) or len(self.joints) != count:
+            raise NewError(
+                f"{path}: {self.title} makes other bodies or joints of it than stand in it"
+            )
 
     def refuse(self, element: RawElement, sentence: str) -> NewError:
         return NewError(f"{self.path}:{self.source.line(element.start)}: {sentence}")
@@ -74,47 +80,52 @@ class _Reader:
                 )
 
     def mechanism(self) -> Mechanism:
-        m = self.m
-        if m.opt.wind.any() or m.opt.density or m.opt.viscosity:
+        g = self.tree.gravity
+        if self.tree.medium:
             raise NewError(f"{self.path}: a medium (wind, density or viscosity) can't be read")
         gravity = [
             self.ledger.number(
                 float(value),
-                ("g",) if np.count_nonzero(m.opt.gravity) == 1 else (f"g_{axis}",),
+                ("g",) if np.count_nonzero(g) == 1 else (f"g_{axis}",),
                 "m/s^2",
                 "gravity",
                 f"option@gravity[{i}]",
             )
-            for i, (axis, value) in enumerate(zip("xyz", m.opt.gravity, strict=True))
+            for i, (axis, value) in enumerate(zip("xyz", g, strict=True))
         ]
         frames = {0: "ground"}
         bodies = []
-        for i, element in enumerate(self.bodies, start=1):
-            if m.body_mocapid[i] >= 0 or m.body_gravcomp[i]:
+        for i, (body, element) in enumerate(
+            zip(self.tree.bodies, self.bodies, strict=True), start=1
+        ):
+            if not body.ordinary:
                 raise self.refuse(element, "mocap bodies and gravity compensation can't be read")
-            bodies.append(self._body(i, element, frames))
+            bodies.append(self._body(i, body, element, frames))
         return Mechanism(tuple(bodies), (gravity[0], gravity[1], gravity[2]), tuple(self.remarks))
 
-    def _body(self, i: int, element: RawElement, frames: dict[int, str]) -> Body:
-        m = self.m
+    def _body(
+        self, i: int, body: CompiledBody, element: RawElement, frames: dict[int, str]
+    ) -> Body:
         name = element.attributes.get("name") or f"body_{i}"
         address = self._address(element)
         at = self._triple(
-            m.body_pos[i],
+            body.at,
             (name,),
             "m",
             f"{name} in its parent's frame",
             address and f"{address}@pos",
         )
-        turns = self._turns(m.body_quat[i], element, address, name)
-        first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
-        joints = tuple(self._joint(j) for j in range(first, first + count))
+        turns = self._turns(body.turn, element, address, name)
+        first = sum(len(before.joints) for before in self.tree.bodies[: i - 1])
+        joints = tuple(
+            self._joint(joint, self.joints[first + j]) for j, joint in enumerate(body.joints)
+        )
         frames[i] = self.ledger.name(name, "frame")
-        mass, centre, principal, moments, products = self._inertial(i, element, address, name)
+        mass, centre, principal, moments, products = self._inertial(body, element, address, name)
         return Body(
             name,
             frames[i],
-            frames[int(m.body_parentid[i])],
+            frames[body.parent],
             at,
             turns,
             joints,
@@ -126,12 +137,11 @@ class _Reader:
         )
 
     def _inertial(
-        self, i: int, element: RawElement, address: str | None, name: str
+        self, body: CompiledBody, element: RawElement, address: str | None, name: str
     ) -> tuple[str, Triple, tuple[Turn, ...], Triple, Triple]:
-        m = self.m
         none: Triple = ("0", "0", "0")
         own = _own(element, "inertial")
-        if not own and m.body_mass[i]:
+        if not own and body.mass:
             for geom in _own(element, "geom"):
                 kind = "mesh" if "mesh" in geom.attributes else geom.attributes.get("type", "")
                 if kind in _MASSLESS and geom.attributes.get("mass") != "0":
@@ -139,19 +149,19 @@ class _Reader:
                         geom, f"{_MASSLESS[kind]} can't be read; give body {name!r} an <inertial>"
                     )
             self.remarks.append(
-                f"body {name!r} has no <inertial>: its mass and moments are those that MuJoCo"
+                f"body {name!r} has no <inertial>: its mass and moments are those that {self.title}"
                 " computes from its geoms, and have no place in the file"
             )
         within = f"{address}/inertial" if own and address else None
         mass = self.ledger.number(
-            float(m.body_mass[i]),
+            body.mass,
             (name, "mass"),
             "kg",
             f"mass of {name}",
             within and f"{within}@mass",
         )
         centre = self._triple(
-            m.body_ipos[i],
+            body.centre,
             (name, "centre"),
             "m",
             f"centre of mass of {name}",
@@ -159,7 +169,7 @@ class _Reader:
         )
         full = own[0].attributes.get("fullinertia", "").split() if own else []
         if full:
-            # MuJoCo turns these into principal moments; in the file they stand in body axes.
+            # The engine turns these into principal moments; in the file they stand in body axes.
             six = [
                 self.ledger.number(
                     float(value),
@@ -181,28 +191,23 @@ class _Reader:
                 f"I{axis}{axis} of {name} about its centre",
                 within and f"{within}@diaginertia[{k}]",
             )
-            for k, (axis, value) in enumerate(zip("xyz", m.body_inertia[i], strict=True))
+            for k, (axis, value) in enumerate(zip("xyz", body.moments, strict=True))
         )
-        inner = self._turns(m.body_iquat[i], own[0] if own else None, within, f"{name}_inertia")
+        inner = self._turns(body.principal, own[0] if own else None, within, f"{name}_inertia")
         return mass, centre, inner, (moments[0], moments[1], moments[2]), none
 
-    def _joint(self, j: int) -> Joint:
-        import mujoco
-
-        m, element = self.m, self.joints[j]
-        name = m.joint(j).name
-        kind = mujoco.mjtJoint(m.jnt_type[j])
-        if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-            what = kind.name[6:].lower()
+    def _joint(self, joint: CompiledJoint, element: RawElement) -> Joint:
+        name = joint.name
+        if joint.kind not in ("hinge", "slide"):
             raise self.refuse(
                 element,
-                f"joint {name!r} is a {what} joint; only slides and hinges are supported so far",
+                f"joint {name!r} is a {joint.kind} joint; only slides and hinges are supported so"
+                " far",
             )
         if not name:
             raise self.refuse(element, "this joint has no name; its coordinate needs one")
-        hinge = kind == mujoco.mjtJoint.mjJNT_HINGE
-        d = int(m.jnt_dofadr[j])
-        if m.dof_frictionloss[d]:
+        hinge = joint.kind == "hinge"
+        if joint.friction:
             raise self.refuse(
                 element,
                 f"joint {name!r} has frictionloss, which is not smooth: no"
@@ -210,45 +215,37 @@ class _Reader:
             )
         unit, force = ("rad", "N*m") if hinge else ("m", "N")
         inertia = "kg*m^2" if hinge else "kg"
-        damping = self._first(m.dof_damping[d], m, "dof_dampingpoly", d, element, "damping")
-        stiffness = self._first(m.jnt_stiffness[j], m, "jnt_stiffnesspoly", j, element, "stiffness")
+        damping = self._first(joint.damping, element, "damping")
+        stiffness = self._first(joint.stiffness, element, "stiffness")
         symbol = self.ledger.name(name)
         number = self._of_joint(element, name)
-        limits = (float(m.jnt_range[j][0]), float(m.jnt_range[j][1])) if m.jnt_limited[j] else None
-        x, y, z = map(float, m.jnt_axis[j])
-        rest = float(m.qpos_spring[m.jnt_qposadr[j]])
+        x, y, z = joint.axis
         return Joint(
             name,
             symbol,
             hinge,
             (x, y, z),
             self._triple(
-                m.jnt_pos[j],
+                joint.at,
                 (name,),
                 "m",
                 f"axis of {name} in its body",
                 self._attribute(element, "pos"),
             ),
-            number(float(m.qpos0[m.jnt_qposadr[j]]), "ref", unit, hinge),
+            number(joint.zero, "ref", unit, hinge),
             number(damping, "damping", f"{force}*s/{unit}", False),
             number(stiffness, "stiffness", f"{force}/{unit}", False),
-            number(rest, "springref", unit, hinge) if stiffness else "0",
-            number(float(m.dof_armature[d]), "armature", inertia, False),
-            limits,
+            number(joint.rest, "springref", unit, hinge) if stiffness else "0",
+            number(joint.armature, "armature", inertia, False),
+            joint.limits,
             f"{self.path.name}:{self.source.line(element.start)}",
         )
 
-    def _first(
-        self, value: Any, m: Any, higher: str, index: int, element: RawElement, what: str
-    ) -> float:
-        """A stiffness or damping; MuJoCo 4 has polynomials, whose higher terms are refused."""
-        terms = [
-            *np.ravel(value),
-            *np.ravel(getattr(m, higher)[index] if hasattr(m, higher) else 0),
-        ]
+    def _first(self, terms: Sequence[float], element: RawElement, what: str) -> float:
+        """A stiffness or damping; of polynomials, higher terms are refused."""
         if any(terms[1:]):
             raise self.refuse(element, f"its {what} is a polynomial; only the first term is read")
-        return float(terms[0])
+        return terms[0]
 
     def _of_joint(self, element: RawElement, name: str) -> Any:
         degrees = not self._radians()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import textwrap
 from collections.abc import Iterable, Sequence
 
+from harness.engines.protocol import Engine
 from harness.scaffold.constants import Row
 from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 from harness.scaffold.scenarios import Plan
@@ -73,27 +75,21 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
 
 def sidecar_text(
     file: str,
-    engines: Sequence[str],
+    engines: Sequence[Engine],
     joints: Sequence[Joint],
     bindings: dict[str, str],
     left_out: dict[str, str],
-    settings: bool,
+    settings: Sequence[str],
 ) -> str:
     """The sidecar: engines, what the format has no word for, and where each number comes from."""
     lines = [f"# The sidecar of {file}: what the file itself can't say."]
     lines += [f"# Left out: {name}: {why}" for name, why in left_out.items()]
-    lines += [f"engines = [{', '.join(map(_quoted, engines))}]", ""]
-    if settings:
-        lines += [
-            "# A URDF carries neither; PyBullet would take 1/240 s and no gravity, MuJoCo 2 ms and"
-            " -9.81.",
-            "[settings]",
-            "step = 0.002",
-            "gravity = [0, 0, -9.81]",
-            "",
-        ]
-        if "mujoco" in engines:
-            lines += ["[settings.mujoco]", 'integrator = "Euler"', ""]
+    lines += [f"engines = [{', '.join(_quoted(e.name) for e in engines)}]", ""]
+    lines += settings
+    for engine in engines if settings else ():
+        if engine.stated_settings:
+            own = [f"{key} = {_literal(value)}" for key, value in engine.stated_settings.items()]
+            lines += [f"[settings.{engine.name}]", *own, ""]
     renamed = [joint for joint in joints if joint.name != joint.symbol]
     if renamed:
         lines += ["# Joints whose names no formula could hold.", "[coordinates]"]
@@ -227,6 +223,11 @@ def _tuple(names: Iterable[str]) -> str:
 
 def _comment(text: str) -> list[str]:
     return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), _WIDTH - 2)]
+
+
+def _literal(value: object) -> str:
+    """A setting as TOML has it."""
+    return _quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
 def _quoted(text: str) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+from harness.engines.registry import readers
 from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import RawElement, read_elements
 from harness.scaffold.constants import Ledger, quarter
@@ -40,20 +42,7 @@ class _Reader:
 
     def mechanism(self) -> Mechanism:
         links = self._named("link")
-        joints = self._named("joint")
-        above: dict[str, RawElement] = {}
-        for joint in joints.values():
-            for end in ("parent", "child"):
-                element = _child(joint, end)
-                link = "" if element is None else element.attributes.get("link", "")
-                if link not in links:
-                    raise self.refuse(joint, f"its <{end}> is {link!r}, which is no link")
-                if end == "child":
-                    if link in above:
-                        raise self.refuse(
-                            joint, f"link {link!r} has two parents: closed loops are not supported"
-                        )
-                    above[link] = joint
+        above = self._above(links)
         roots = [name for name in links if name not in above]
         if len(roots) != 1:
             raise NewError(
@@ -73,6 +62,23 @@ class _Reader:
                 f"{self.source.file}: some links hang on themselves, not on {roots[0]!r}"
             )
         return Mechanism(tuple(bodies), _ZERO, tuple(self.remarks))
+
+    def _above(self, links: Mapping[str, RawElement]) -> dict[str, RawElement]:
+        """The joint that each link hangs on, by the link's name."""
+        above: dict[str, RawElement] = {}
+        for joint in self._named("joint").values():
+            for end in ("parent", "child"):
+                element = _child(joint, end)
+                link = "" if element is None else element.attributes.get("link", "")
+                if link not in links:
+                    raise self.refuse(joint, f"its <{end}> is {link!r}, which is no link")
+                if end == "child":
+                    if link in above:
+                        raise self.refuse(
+                            joint, f"link {link!r} has two parents: closed loops are not supported"
+                        )
+                    above[link] = joint
+        return above
 
     def _named(self, tag: str) -> dict[str, RawElement]:
         found: dict[str, RawElement] = {}
@@ -99,9 +105,11 @@ class _Reader:
                     f"link {name!r} moves and has no <inertial>; engines differ"
                     " in what they take for it: write one",
                 )
+            others = [
+                f"; {e.title} takes {e.bare_link} for it" for e in readers(".urdf") if e.bare_link
+            ]
             self.remarks.append(
-                f"link {name!r} has no <inertial> and is taken to weigh nothing; PyBullet takes"
-                " 1 kg for it"
+                f"link {name!r} has no <inertial> and is taken to weigh nothing{''.join(others)}"
             )
         else:
             within = f"link[{name}]/inertial"

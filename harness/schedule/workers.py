@@ -127,8 +127,8 @@ class Workers:
 def _safe_path() -> Iterator[None]:
     """Processes started meanwhile don't look for modules in the working folder first.
 
-    A user's `types.py` or `mujoco.py` there would be taken for the real one. Not where this is the
-    folder that our own packages are in.
+    A user's `types.py` there, or a file called like an engine, would be taken for the real one. Not
+    where this is the folder that our own packages are in.
     """
     if Path.cwd() == physics_crosscheck.BESIDE or "PYTHONSAFEPATH" in os.environ:
         yield

@@ -1,61 +1,26 @@
 """The audit finds what is wrong in a model without a motion, and nothing in the built-in ones."""
 
 import json
-import shutil
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harness.audit.remarks import Remark, remarks
 from harness.audit.run import audit, run_audit
 from harness.audit.task import audit_task
 from harness.audit.terms import Compiled
-from harness.cases.prepare import prepare
+from harness.engines.protocol import Model
 from harness.files.bindings import bindings, with_literals
 from harness.files.sidecar import read_sidecar
 from harness.numerics.coordinates import coordinate_map
 from harness.text.findings import audit_lines
-
-MODELS = Path(__file__).parents[2] / "models"
+from tests.audit.models import MODELS, grave, prepared, said
 
 BUILT_IN = [
     (sidecar.parent.name, sidecar.name.removesuffix(".toml"), engine)
     for sidecar in sorted(MODELS.glob("*/*.toml"))
     for engine in read_sidecar(sidecar).engines
 ]
-
-
-@cache
-def prepared(system):
-    return prepare(MODELS / system)
-
-
-@pytest.fixture
-def look(tmp_path):
-    """Audit a copy of a built-in model after (old, new) changes of its text, or its sidecar's."""
-
-    def run(system, name, engine, *changes):
-        for file in (name, f"{name}.toml"):
-            shutil.copy(MODELS / system / file, tmp_path / file)
-        for old, new in changes:
-            files = [tmp_path / name, tmp_path / f"{name}.toml"]
-            file = next(f for f in files if old in f.read_text())
-            file.write_text(file.read_text().replace(old, new, 1))
-        return audit(prepared(system), read_sidecar(tmp_path / f"{name}.toml"), engine)
-
-    return run
-
-
-def said(found, kind, severity="finding"):
-    """The messages of one kind, as one text."""
-    return "\n".join(f.message for f in found if f.kind == kind and f.severity == severity)
-
-
-def grave(found):
-    return [f for f in found if f.severity == "finding"]
 
 
 @pytest.mark.parametrize(("system", "name", "engine"), BUILT_IN)
@@ -255,7 +220,7 @@ def test_a_joint_with_pymunks_own_error_bias(look):
 def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path):
     """A spring that is stiff far out alone, which no linearization has."""
 
-    class Stiffening:
+    class Stiffening(Model):
         coordinates, step, integrator = ("theta",), 0.002, "euler"
 
         def exponents(self, varying_input):
@@ -282,14 +247,6 @@ def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path):
     assert [f.kind for f in grave(found)] == ["acceleration"]
 
 
-def test_a_third_party_may_remark_on_itself():
-    class Talkative:
-        def remarks(self, z, w):
-            yield Remark("a word", False)
-
-    assert [r.message for r in remarks(None, Talkative(), None, None)] == ["a word"]
-
-
 def test_records_are_json_and_lines_are_read(look, tmp_path):
     look("torsional_disc", "robot.urdf", "mujoco", ('damping="', 'damping="1'))
     sidecar = read_sidecar(tmp_path / "robot.urdf.toml")
@@ -314,7 +271,7 @@ def test_a_model_far_stiffer_than_meant_is_measured_with_shorter_steps(look):
 def test_what_has_no_limit_is_said_to_be_unresolved():
     """An engine whose accelerations depend on the step."""
 
-    class Stepwise:
+    class Stepwise(Model):
         coordinates, step, integrator = ("theta",), 0.002, "euler"
 
         def exponents(self, varying_input):

@@ -1,12 +1,18 @@
 """Small mechanisms, each written for every pairing of adapter and format."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from harness.engines.protocol import ModelSpec, Spring
+from harness.engines.protocol import Array, Model, ModelSpec, Spring
 from harness.engines.registry import engines
+
+Values = Array | Sequence[object]
+"""Numbers as an array, or as nested lists."""
 
 STEP = 0.004
 """The step that every file here ships with."""
@@ -25,10 +31,14 @@ class Pairing:
     format: str
     integrator: str | None = None
 
-    def __str__(self):
+    def __str__(self) -> str:
         return " ".join(filter(None, (self.engine, self.format, self.integrator)))
 
-    def load(self, mechanism, folder):
+    def spec(self, mechanism: str, folder: Path) -> ModelSpec:
+        """Write the mechanism's file."""
+        return _WRITERS[self.format](self, mechanism, folder)[0]
+
+    def load(self, mechanism: str, folder: Path) -> Loaded:
         """Write the mechanism's file and load it; returns a `Loaded`."""
         spec, places = _WRITERS[self.format](self, mechanism, folder)
         return Loaded(engines()[self.engine].load(spec), np.array(places))
@@ -38,14 +48,14 @@ class Pairing:
 class Loaded:
     """A model with the places of the mechanism's coordinates among the engine's."""
 
-    model: object
-    places: np.ndarray
+    model: Model
+    places: Array
 
     @property
-    def size(self):
+    def size(self) -> int:
         return len(self.model.coordinates)
 
-    def lift(self, values, origin=True):
+    def lift(self, values: Values, origin: bool = True) -> Array:
         """Values of the mechanism's coordinates, (..., n), as the engine's, (..., nz)."""
         values = np.asarray(values, dtype=float)
         full = np.zeros((*values.shape[:-1], self.size))
@@ -55,7 +65,15 @@ class Loaded:
             full[..., self.places] += GAP * np.arange(len(self.places))
         return full
 
-    def run(self, q, v, h, n, force=None, every=None):
+    def run(
+        self,
+        q: Values,
+        v: Values,
+        h: float,
+        n: int,
+        force: Values | None = None,
+        every: int | None = None,
+    ) -> tuple[Array, Array]:
         """A rollout in the mechanism's coordinates, samples (B, S, n)."""
         held = None if force is None else self.lift(force, origin=False)
         q, v = self.lift(q), self.lift(v, origin=False)
@@ -75,7 +93,7 @@ MECHANISMS = {
 }
 
 
-def matrices(mechanism):
+def matrices(mechanism: str) -> tuple[Array, Array, Array]:
     """M, C and K of a mechanism."""
     m, k, c, pair = MECHANISMS[mechanism]
     join = np.array([[1.0, -1.0], [-1.0, 1.0]]) if pair else np.zeros((len(m), len(m)))
@@ -83,7 +101,7 @@ def matrices(mechanism):
     return np.diag(m), np.diag(c) + damping * join, np.diag(k) + stiffness * join
 
 
-def _mjcf(pairing, mechanism, folder):
+def _mjcf(pairing: Pairing, mechanism: str, folder: Path) -> tuple[ModelSpec, list[int]]:
     path = folder / "model.xml"
     option = f'<option timestep="{STEP}" integrator="{pairing.integrator}" jacobian="dense"/>'
     if mechanism == "pendulum":
@@ -113,7 +131,7 @@ INERTIA = '<inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/>'
 GROUND = f'<link name="ground"><inertial><mass value="1"/>{INERTIA}</inertial></link>'
 
 
-def link(name, mass, down=0.0):
+def link(name: str, mass: float, down: float = 0.0) -> str:
     """A URDF link whose mass hangs `down` metres below its joint."""
     return (
         f'<link name="{name}"><inertial><origin xyz="0 0 {-down}"/><mass value="{mass}"/>{INERTIA}'
@@ -121,7 +139,15 @@ def link(name, mass, down=0.0):
     )
 
 
-def joint(name, kind, child, parent="ground", axis="1 0 0", damping=0.0, extra=""):
+def joint(
+    name: str,
+    kind: str,
+    child: str,
+    parent: str = "ground",
+    axis: str = "1 0 0",
+    damping: float = 0.0,
+    extra: str = "",
+) -> str:
     """A URDF joint."""
     limit = '<limit lower="-1e6" upper="1e6" effort="0" velocity="0"/>'
     return (
@@ -130,15 +156,15 @@ def joint(name, kind, child, parent="ground", axis="1 0 0", damping=0.0, extra="
     )
 
 
-def urdf_settings(pairing):
+def urdf_settings(pairing: Pairing) -> dict[str, object]:
     """Step and gravity, which a URDF can't say; MuJoCo's integrator."""
     settings = {"step": STEP, "gravity": [0, 0, -GRAVITY]}
     return settings | ({"integrator": pairing.integrator} if pairing.integrator else {})
 
 
-def _urdf(pairing, mechanism, folder):
+def _urdf(pairing: Pairing, mechanism: str, folder: Path) -> tuple[ModelSpec, list[int]]:
     path = folder / "model.urdf"
-    springs = ()
+    springs: tuple[Spring, ...] = ()
     if mechanism == "pendulum":
         parts = [link("rod", MASS, LENGTH), joint("q1", "continuous", "rod", axis="0 -1 0")]
         size = 1
@@ -157,7 +183,7 @@ def _urdf(pairing, mechanism, folder):
     return ModelSpec(path, springs, urdf_settings(pairing)), list(range(size))
 
 
-def _python(pairing, mechanism, folder):
+def _python(pairing: Pairing, mechanism: str, folder: Path) -> tuple[ModelSpec, list[int]]:
     m, k, c, pair = MECHANISMS[mechanism]
     path = folder / "space.py"
     lines = ["import pymunk", "def build():", "    s = pymunk.Space()", "    g = s.static_body"]
@@ -180,7 +206,7 @@ def _python(pairing, mechanism, folder):
     return ModelSpec(path, (), {"step": STEP}), [3 * i for i in range(len(m))]
 
 
-def _known(pairing, mechanism, folder):
+def _known(pairing: Pairing, mechanism: str, folder: Path) -> tuple[ModelSpec, list[int]]:
     path = folder / "model.known"
     if mechanism == "pendulum":
         inertia = [[MASS * LENGTH**2]]
@@ -196,7 +222,12 @@ def _known(pairing, mechanism, folder):
     return ModelSpec(Path(path)), list(range(len(M)))
 
 
-_WRITERS = {"mjcf": _mjcf, "urdf": _urdf, "python": _python, "known": _known}
+_WRITERS: dict[str, Callable[[Pairing, str, Path], tuple[ModelSpec, list[int]]]] = {
+    "mjcf": _mjcf,
+    "urdf": _urdf,
+    "python": _python,
+    "known": _known,
+}
 
 PAIRINGS = (
     *(Pairing("mujoco", "mjcf", i) for i in ("Euler", "implicit", "implicitfast", "RK4")),

@@ -5,6 +5,7 @@ Run as a script for more of them: `python tests/engines/random_linear.py --count
 
 import argparse
 import tempfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
@@ -41,26 +42,26 @@ class Drawn:
     integrator: str
     regime: str
     signal: str
-    m: tuple
-    k: tuple
-    c: tuple
+    m: tuple[float, ...]
+    k: tuple[float, ...]
+    c: tuple[float, ...]
     kc: float
     cc: float
     system: System
 
     @property
-    def label(self):
+    def label(self) -> str:
         """What a person needs to find this one again."""
         kind = "free pair" if not any(self.k) else f"{len(self.m)} masses"
         return f"{self.pairing} {self.integrator}, {kind}, {self.regime}, {self.signal}"
 
 
-def draw(rng, pairing):
+def draw(rng: np.random.Generator, pairing: str) -> Drawn:
     """Draw a mechanism with its scenario: three of its slowest periods, or six of its fastest."""
     size = int(rng.integers(1, 3))
     regime, signal = str(rng.choice(REGIMES)), str(rng.choice(SIGNALS))
 
-    def number(low, high):
+    def number(low: float, high: float) -> float:
         return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.4g}")
 
     m = tuple(number(0.3, 3) for _ in range(size))
@@ -75,7 +76,7 @@ def draw(rng, pairing):
         "overdamped": (1.2, 3.0),
     }[regime]
 
-    def damper(stiffness, mass):
+    def damper(stiffness: float, mass: float) -> float:
         zeta = rng.uniform(*share)
         return float(f"{2 * zeta * np.sqrt(stiffness * mass):.4g}") if stiffness else 0.0
 
@@ -98,11 +99,21 @@ def draw(rng, pairing):
     return Drawn(pairing, integrator, regime, signal, m, k, c, kc, cc, system)
 
 
-def _system(rng, m, k, c, kc, cc, signal, slow, duration):
+def _system(
+    rng: np.random.Generator,
+    m: tuple[float, ...],
+    k: tuple[float, ...],
+    c: tuple[float, ...],
+    kc: float,
+    cc: float,
+    signal: str,
+    slow: float,
+    duration: float,
+) -> System:
     size = len(m)
     x = [Coordinate(f"x{i + 1}", "m", "displacement") for i in range(size)]
 
-    def constant(name, value, unit):
+    def constant(name: str, value: float, unit: str) -> Constant:
         return Constant(name, value, unit, name, "drawn at random")
 
     ms = [constant(f"m{i + 1}", m[i], "kg") for i in range(size)]
@@ -153,7 +164,7 @@ def _system(rng, m, k, c, kc, cc, signal, slow, duration):
     )
 
 
-def write(drawn, folder):
+def write(drawn: Drawn, folder: Path) -> Path:
     """Write model file and sidecar; returns the sidecar's path."""
     writer = {"mjcf": _mjcf, "urdf": _urdf, "python": _python}[drawn.pairing.split()[1]]
     name, model, sidecar = writer(drawn)
@@ -163,7 +174,7 @@ def write(drawn, folder):
     return path
 
 
-def _mjcf(d):
+def _mjcf(d: Drawn) -> tuple[str, str, str]:
     bodies = "".join(
         f'<body><joint name="x{i + 1}" type="slide" axis="1 0 0" stiffness="{k!r}"'
         f' damping="{c!r}"/><inertial pos="0 0 0" mass="{m!r}" diaginertia="1 1 1"/></body>'
@@ -182,7 +193,7 @@ def _mjcf(d):
     return "mujoco.xml", model, 'engines = ["mujoco"]\n'
 
 
-def _urdf(d):
+def _urdf(d: Drawn) -> tuple[str, str, str]:
     inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
     parts = [f'<link name="ground"><inertial><mass value="1"/>{inertia}</inertial></link>']
     for i, (m, k, c) in enumerate(zip(d.m, d.k, d.c, strict=True), start=1):
@@ -205,7 +216,7 @@ def _urdf(d):
     return "robot.urdf", f'<robot name="drawn">{"".join(parts)}</robot>', sidecar
 
 
-def _python(d):
+def _python(d: Drawn) -> tuple[str, str, str]:
     wall = f"(-{GAP}, 0)", f"({GAP * len(d.m)}, 0)"
     lines = ["import pymunk", "def build():", "    s = pymunk.Space()", "    g = s.static_body"]
     for i, (m, k, c) in enumerate(zip(d.m, d.k, d.c, strict=True)):
@@ -244,14 +255,14 @@ class Found:
     ratio: float
     reason: str
 
-    def __str__(self):
+    def __str__(self) -> str:
         return (
             f"{self.outcome:<10} E {self.discrepancy:.1e} U {self.uncertainty:.1e} order"
             f" {self.order:.2f} misses {self.misses}/{self.values} {self.label}: {self.reason}"
         )
 
 
-def judge_drawn(drawn, folder, resolution=1e-9):
+def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> Found:
     """Run one system through the segments and judge it against its closed form.
 
     Twenty segments a period, as ever, but not 200 at least: time goes into more systems instead.
@@ -287,7 +298,7 @@ def judge_drawn(drawn, folder, resolution=1e-9):
     )
 
 
-def sweep(seed, count, pairing):
+def sweep(seed: int, count: int, pairing: str) -> Iterator[Found]:
     """Judge `count` systems of one pairing."""
     rng = np.random.default_rng([seed, PAIRINGS.index(pairing)])
     with tempfile.TemporaryDirectory() as folder:
@@ -298,7 +309,7 @@ def sweep(seed, count, pairing):
             yield judge_drawn(draw(rng, pairing), place)
 
 
-def summary(found):
+def summary(found: Sequence[Found]) -> str:
     """One line on many systems."""
     values, misses = sum(f.values for f in found), sum(f.misses for f in found)
     unresolved = sum(f.outcome == "UNRESOLVED" for f in found)
@@ -314,7 +325,7 @@ def summary(found):
     )
 
 
-def main():
+def main() -> None:
     """Sweep from the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=400)

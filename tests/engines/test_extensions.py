@@ -1,16 +1,33 @@
 """What a format can't say and the adapters add: springs in a URDF, mimic joints."""
 
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
-from harness.engines.protocol import ModelSpec, Spring
+from harness.engines.protocol import Array, Model, ModelSpec, Spring
 from harness.engines.registry import engines
-from tests.engines.protocol_models import GROUND, PAIRINGS, joint, link, urdf_settings
+from tests.engines.protocol_models import (
+    GROUND,
+    PAIRINGS,
+    Pairing,
+    joint,
+    link,
+    urdf_settings,
+)
 
 ON_URDF = [p for p in PAIRINGS if p.format == "urdf"]
 
 
-def load(pairing, tmp_path, parts, springs=(), **settings):
+def load(
+    pairing: Pairing,
+    tmp_path: Path,
+    parts: Sequence[str],
+    springs: tuple[Spring, ...] = (),
+    **settings: object,
+) -> Model:
     pytest.importorskip(pairing.engine)
     path = tmp_path / "model.urdf"
     path.write_text(f'<robot name="r">{GROUND}{"".join(parts)}</robot>')
@@ -18,18 +35,23 @@ def load(pairing, tmp_path, parts, springs=(), **settings):
     return engines()[pairing.engine].load(spec)
 
 
-def pull(model, q, v=None, h=1e-6):
+def pull(
+    model: Model, q: Sequence[float], v: Sequence[float] | None = None, h: float = 1e-6
+) -> Array:
     """Accelerations, from one tiny step."""
-    q = np.array([q], dtype=float)
-    v = np.zeros_like(q) if v is None else np.array([v], dtype=float)
-    return (model.rollout(q, v, h, 1, None, 1)[1][0, 0] - v[0]) / h
+    z = np.array([q], dtype=float)
+    w = np.zeros_like(z) if v is None else np.array([v], dtype=float)
+    found: Array = (model.rollout(z, w, h, 1, None, 1)[1][0, 0] - w[0]) / h
+    return found
 
 
 TWO = [link("a", 2.0), joint("q1", "prismatic", "a"), link("b", 0.5), joint("q2", "prismatic", "b")]
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_gazebos_joint_spring_pulls_towards_its_rest_position(pairing, tmp_path):
+def test_gazebos_joint_spring_pulls_towards_its_rest_position(
+    pairing: Pairing, tmp_path: Path
+) -> None:
     spring = (
         '<gazebo reference="q2"><springStiffness>30</springStiffness>'
         "<springReference>0.2</springReference></gazebo>"
@@ -40,7 +62,9 @@ def test_gazebos_joint_spring_pulls_towards_its_rest_position(pairing, tmp_path)
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_a_sidecars_spring_and_damper_act_on_a_combination_of_joints(pairing, tmp_path):
+def test_a_sidecars_spring_and_damper_act_on_a_combination_of_joints(
+    pairing: Pairing, tmp_path: Path
+) -> None:
     spring = Spring({"q1": -2.0, "q2": 1.0}, 30.0, 4.0, 0.1)
     model = load(pairing, tmp_path, TWO, (spring,))
     q, v = [0.1, 0.5], [0.3, -0.2]
@@ -50,14 +74,16 @@ def test_a_sidecars_spring_and_damper_act_on_a_combination_of_joints(pairing, tm
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_two_springs_on_one_joint_add_up(pairing, tmp_path):
+def test_two_springs_on_one_joint_add_up(pairing: Pairing, tmp_path: Path) -> None:
     springs = (Spring({"q1": 1.0}, 10.0, 0.0, 0.0), Spring({"q1": 1.0}, 20.0, 0.0, 0.1))
     model = load(pairing, tmp_path, TWO, springs)
     assert pull(model, [0.4, 0.0])[0] == pytest.approx(-(10 * 0.4 + 20 * 0.3) / 2.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("pairing", [p for p in ON_URDF if p.integrator != "RK4"], ids=str)
-def test_a_mimic_joint_follows_its_leader_and_brings_its_inertia(pairing, tmp_path):
+def test_a_mimic_joint_follows_its_leader_and_brings_its_inertia(
+    pairing: Pairing, tmp_path: Path
+) -> None:
     mimic = '<mimic joint="q1" multiplier="3"/>'
     parts = [
         link("a", 2.0),
@@ -66,7 +92,7 @@ def test_a_mimic_joint_follows_its_leader_and_brings_its_inertia(pairing, tmp_pa
         joint("q2", "prismatic", "b", extra=mimic),
         '<gazebo reference="q1"><springStiffness>30</springStiffness></gazebo>',
     ]
-    hard = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
+    hard: Any = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
     model = load(pairing, tmp_path, parts, **(hard if pairing.engine == "mujoco" else {}))
     h, n = 1e-4, 4000
     zs, ws = model.rollout(np.array([[0.2, 0.6]]), np.zeros((1, 2)), h, n, None, 100)

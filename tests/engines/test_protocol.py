@@ -1,21 +1,35 @@
 """The protocol's conformance suite: every adapter on every format, and the known-answer engine."""
 
 import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg
 
-from harness.engines.protocol import StateForce
+from harness.engines.protocol import Array, StateForce
 from harness.engines.registry import engines
 from harness.numerics.ladder import RUNGS, limits, observed_order
-from tests.engines.protocol_models import GRAVITY, LENGTH, MASS, PAIRINGS, STEP, matrices
+from tests.engines.protocol_models import (
+    GRAVITY,
+    LENGTH,
+    MASS,
+    PAIRINGS,
+    STEP,
+    Loaded,
+    Pairing,
+    Values,
+    matrices,
+)
+
+Motion = tuple[Array, Array]
 
 LINEAR = ("free mass", "oscillator", "pair")
 CAN_SWING = [p for p in PAIRINGS if p.format != "python"]
 
 
-def installed(pairing):
+def installed(pairing: Pairing) -> Pairing:
     """The pairing, or a skip that says what is missing."""
     if engines()[pairing.engine].version() is None:
         pytest.skip(f"{pairing.engine} is not installed")
@@ -23,18 +37,18 @@ def installed(pairing):
 
 
 @pytest.fixture(params=PAIRINGS, ids=str)
-def pairing(request):
+def pairing(request: pytest.FixtureRequest) -> Pairing:
     """Every pairing whose engine is installed."""
     return installed(request.param)
 
 
 @pytest.fixture
-def oscillator(pairing, tmp_path):
+def oscillator(pairing: Pairing, tmp_path: Path) -> Loaded:
     return pairing.load("oscillator", tmp_path)
 
 
 @pytest.fixture
-def pair(pairing, tmp_path):
+def pair(pairing: Pairing, tmp_path: Path) -> Loaded:
     return pairing.load("pair", tmp_path)
 
 
@@ -42,18 +56,18 @@ Q = np.array([[0.1, -0.2], [0.3, 0.05], [-0.15, 0.25]])
 V = np.array([[0.4, 0.1], [-0.3, 0.2], [0.0, -0.5]])
 
 
-def pushes(n, size=2):
+def pushes(n: int, size: int = 2) -> Array:
     """Forces of three runs that differ from step to step."""
     return np.random.default_rng(5).uniform(-3, 3, (3, n, size))
 
 
-def assert_same(first, second):
+def assert_same(first: Iterable[Array], second: Iterable[Array]) -> None:
     """Bitwise, positions and velocities."""
     for a, b in zip(first, second, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
-def test_coordinates_are_named_and_ordered_as_in_the_file(pairing, pair):
+def test_coordinates_are_named_and_ordered_as_in_the_file(pairing: Pairing, pair: Loaded) -> None:
     names = pair.model.coordinates
     if pairing.format == "python":
         assert names == ("b0.x", "b0.y", "b0.angle", "b1.x", "b1.y", "b1.angle")
@@ -65,27 +79,27 @@ def test_coordinates_are_named_and_ordered_as_in_the_file(pairing, pair):
     assert ws[0, 0] == pytest.approx([0.0, 0.3], abs=1e-2)
 
 
-def test_the_step_is_the_shipped_one_and_stays_so(oscillator):
+def test_the_step_is_the_shipped_one_and_stays_so(oscillator: Loaded) -> None:
     assert oscillator.model.step == STEP
     for h in (0.01, 0.0003):
         oscillator.run([[0.1]], [[0.0]], h, 3)
         assert oscillator.model.step == STEP
 
 
-def test_the_integrator_has_a_name(oscillator):
+def test_the_integrator_has_a_name(oscillator: Loaded) -> None:
     assert isinstance(oscillator.model.integrator, str)
     assert oscillator.model.integrator
 
 
 @pytest.mark.parametrize(("n", "every"), [(12, 4), (12, 12), (12, 1), (1, 1)])
-def test_samples_have_one_row_for_every_so_many_steps(pair, n, every):
+def test_samples_have_one_row_for_every_so_many_steps(pair: Loaded, n: int, every: int) -> None:
     zs, ws = pair.model.rollout(pair.lift(Q), pair.lift(V, origin=False), 0.002, n, None, every)
     assert zs.shape == ws.shape == (3, n // every, pair.size)
     assert zs.dtype == ws.dtype == np.float64
 
 
 @pytest.mark.parametrize("forced", [False, True])
-def test_sampling_gives_the_ends_of_shorter_rollouts(pair, forced):
+def test_sampling_gives_the_ends_of_shorter_rollouts(pair: Loaded, forced: bool) -> None:
     force = pushes(12) if forced else None
     zs, ws = pair.run(Q, V, 0.003, 12, force, every=4)
     for row, n in enumerate((4, 8, 12)):
@@ -93,7 +107,7 @@ def test_sampling_gives_the_ends_of_shorter_rollouts(pair, forced):
         assert_same(shorter, (zs[:, row : row + 1], ws[:, row : row + 1]))
 
 
-def test_what_is_returned_and_given_is_left_alone_by_later_calls(pair):
+def test_what_is_returned_and_given_is_left_alone_by_later_calls(pair: Loaded) -> None:
     q, v, force = Q.copy(), V.copy(), pushes(9)
     kept = force.copy()
     zs, ws = pair.run(q, v, 0.003, 9, force)
@@ -103,12 +117,12 @@ def test_what_is_returned_and_given_is_left_alone_by_later_calls(pair):
     assert_same((q, v, force), (Q, V, kept))
 
 
-def test_repeated_calls_give_bitwise_the_same(pair):
+def test_repeated_calls_give_bitwise_the_same(pair: Loaded) -> None:
     first = pair.run(Q, V, 0.003, 9, pushes(9))
     assert_same(pair.run(Q, V, 0.003, 9, pushes(9)), first)
 
 
-def test_a_batch_in_another_order_and_in_parts_gives_bitwise_the_same(pair):
+def test_a_batch_in_another_order_and_in_parts_gives_bitwise_the_same(pair: Loaded) -> None:
     force = pushes(9)
     zs, ws = pair.run(Q, V, 0.003, 9, force)
     order = [2, 0, 1]
@@ -118,31 +132,33 @@ def test_a_batch_in_another_order_and_in_parts_gives_bitwise_the_same(pair):
         assert_same(pair.run(Q[one], V[one], 0.003, 9, force[one]), (zs[one], ws[one]))
 
 
-def test_a_free_rollout_after_a_forced_one_has_no_force(pair):
+def test_a_free_rollout_after_a_forced_one_has_no_force(pair: Loaded) -> None:
     free = pair.run(Q, V, 0.003, 9)
     pair.run(Q, V, 0.003, 9, 100 + pushes(9))
     assert_same(pair.run(Q, V, 0.003, 9), free)
 
 
-def test_a_rollout_after_one_with_another_step_is_as_before(pair):
+def test_a_rollout_after_one_with_another_step_is_as_before(pair: Loaded) -> None:
     first = pair.run(Q, V, 0.003, 9)
     pair.run(Q, V, 0.05, 2)
     assert_same(pair.run(Q, V, 0.003, 9), first)
 
 
-def blow_up(loaded, h=1.0, n=400):
+def blow_up(loaded: Loaded, h: float = 1.0, n: int = 400) -> Motion:
     """A motion that overflows: the step is far too coarse for the spring."""
     return loaded.run([[0.1], [0.2]], [[0.0], [1.0]], h, n)
 
 
 @pytest.mark.parametrize(("h", "n"), [(1.0, 400), (0.005, 2000)])
-def test_a_motion_that_blows_up_returns_values_that_are_not_finite(pairing, tmp_path, h, n):
+def test_a_motion_that_blows_up_returns_values_that_are_not_finite(
+    pairing: Pairing, tmp_path: Path, h: float, n: int
+) -> None:
     zs, ws = blow_up(pairing.load("stiff", tmp_path), h, n)
     assert not np.isfinite(zs).all(axis=2).any()
     assert zs.shape == ws.shape == (2, 1, 1)
 
 
-def test_a_rollout_after_one_that_blew_up_is_as_before(pairing, tmp_path):
+def test_a_rollout_after_one_that_blew_up_is_as_before(pairing: Pairing, tmp_path: Path) -> None:
     loaded = pairing.load("stiff", tmp_path)
     start = [[0.1]], [[0.2]], 0.0001, 7
     before = loaded.run(*start)
@@ -151,7 +167,9 @@ def test_a_rollout_after_one_that_blew_up_is_as_before(pairing, tmp_path):
     assert np.isfinite(before[0]).all()
 
 
-def test_a_run_that_blows_up_does_not_spoil_those_beside_it(pairing, tmp_path):
+def test_a_run_that_blows_up_does_not_spoil_those_beside_it(
+    pairing: Pairing, tmp_path: Path
+) -> None:
     loaded = pairing.load("stiff", tmp_path)
     alone = loaded.run([[1e-3]], [[0.0]], 0.0005, 60)
     q, v = [[1e-3], [np.nan], [1e-3]], [[0.0], [0.0], [0.0]]
@@ -161,7 +179,7 @@ def test_a_run_that_blows_up_does_not_spoil_those_beside_it(pairing, tmp_path):
     assert not np.isfinite(zs[1]).any()
 
 
-def test_a_force_held_for_one_step_adds_its_impulse(pairing, tmp_path):
+def test_a_force_held_for_one_step_adds_its_impulse(pairing: Pairing, tmp_path: Path) -> None:
     loaded = pairing.load("free mass", tmp_path)
     for h in (0.01, 0.003):
         _, ws = loaded.run([[0.0]], [[0.5]], h, 1, np.full((1, 1, 1), 7.0))
@@ -169,7 +187,9 @@ def test_a_force_held_for_one_step_adds_its_impulse(pairing, tmp_path):
 
 
 @pytest.mark.parametrize("step", [0, 3, 5])
-def test_the_force_of_a_step_acts_in_that_step_alone(pairing, tmp_path, step):
+def test_the_force_of_a_step_acts_in_that_step_alone(
+    pairing: Pairing, tmp_path: Path, step: int
+) -> None:
     loaded = pairing.load("free mass", tmp_path)
     force = np.zeros((1, 6, 1))
     force[0, step] = 7.0
@@ -178,7 +198,7 @@ def test_the_force_of_a_step_acts_in_that_step_alone(pairing, tmp_path, step):
     assert ws[0, :, 0] == pytest.approx(expected, rel=1e-12, abs=1e-300)
 
 
-def test_a_force_on_one_coordinate_leaves_the_other_alone_at_first(pair):
+def test_a_force_on_one_coordinate_leaves_the_other_alone_at_first(pair: Loaded) -> None:
     force = np.zeros((1, 1, 2))
     force[0, 0, 1] = 2.0
     _, ws = pair.run([[0.0, 0.0]], [[0.0, 0.0]], 1e-5, 1, force)
@@ -186,12 +206,12 @@ def test_a_force_on_one_coordinate_leaves_the_other_alone_at_first(pair):
     assert ws[0, 0, 1] == pytest.approx(1e-5 * 2.0 / 0.7, rel=1e-3)
 
 
-def test_a_force_by_state_with_a_constant_map_is_the_plain_array(pair):
+def test_a_force_by_state_with_a_constant_map_is_the_plain_array(pair: Loaded) -> None:
     n = 9
     force = pushes(n)
     plain = pair.run(Q, V, 0.003, n, force, every=3)
 
-    def at(z, u):
+    def at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
         return tuple(pair.lift(np.asarray(u), origin=False))
 
     zs, ws = pair.model.rollout(
@@ -204,11 +224,13 @@ def test_a_force_by_state_with_a_constant_map_is_the_plain_array(pair):
     assert plain[0].shape == (3, 3, 2)
 
 
-def test_a_force_by_state_sees_the_state_at_the_start_of_its_step(pairing, tmp_path):
+def test_a_force_by_state_sees_the_state_at_the_start_of_its_step(
+    pairing: Pairing, tmp_path: Path
+) -> None:
     loaded = pairing.load("free mass", tmp_path)
     seen = []
 
-    def at(z, u):
+    def at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
         seen.append(list(z))
         return tuple(loaded.lift(np.asarray(u), origin=False))
 
@@ -220,7 +242,7 @@ def test_a_force_by_state_sees_the_state_at_the_start_of_its_step(pairing, tmp_p
     assert np.array(seen)[:, place] == pytest.approx(expected, abs=1e-15)
 
 
-def closed_form(mechanism, q, v, time, force):
+def closed_form(mechanism: str, q: Values, v: Values, time: float, force: Array) -> Array:
     """Where a linear mechanism ends under a constant force."""
     M, C, K = matrices(mechanism)
     n = len(M)
@@ -229,11 +251,14 @@ def closed_form(mechanism, q, v, time, force):
     full[n : 2 * n, :n] = -np.linalg.solve(M, K)
     full[n : 2 * n, n : 2 * n] = -np.linalg.solve(M, C)
     full[n : 2 * n, 2 * n] = np.linalg.solve(M, force)
-    return (scipy.linalg.expm(full * time) @ [*q, *v, 1.0])[: 2 * n]
+    end: Array = scipy.linalg.expm(full * time) @ [*q, *v, 1.0]
+    return end[: 2 * n]
 
 
 @pytest.mark.parametrize("mechanism", LINEAR)
-def test_the_limit_of_small_steps_is_the_closed_form(pairing, tmp_path, mechanism):
+def test_the_limit_of_small_steps_is_the_closed_form(
+    pairing: Pairing, tmp_path: Path, mechanism: str
+) -> None:
     loaded = pairing.load(mechanism, tmp_path)
     n = len(loaded.places)
     q, v, force = Q[0, :n], V[0, :n], np.array([1.5, -0.8])[:n]
@@ -252,7 +277,7 @@ def test_the_limit_of_small_steps_is_the_closed_form(pairing, tmp_path, mechanis
 
 
 @pytest.mark.parametrize("swinging", CAN_SWING, ids=str)
-def test_a_pendulum_falls_as_gravity_says(swinging, tmp_path):
+def test_a_pendulum_falls_as_gravity_says(swinging: Pairing, tmp_path: Path) -> None:
     loaded = installed(swinging).load("pendulum", tmp_path)
     h = 1e-5
     _, ws = loaded.run([[1.0]], [[0.0]], h, 1)
@@ -260,10 +285,10 @@ def test_a_pendulum_falls_as_gravity_says(swinging, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["none", "constant", "varying"])
-def test_the_claimed_order_is_the_observed_one(oscillator, kind):
+def test_the_claimed_order_is_the_observed_one(oscillator: Loaded, kind: str) -> None:
     time = 0.05
 
-    def force(rung):
+    def force(rung: int) -> Array | None:
         at = np.arange(rung) / rung
         value = {"none": 0 * at, "constant": 0 * at + 9.0, "varying": 40 * np.cos(3 * at)}[kind]
         return None if kind == "none" else value.reshape(1, rung, 1)
@@ -279,6 +304,8 @@ def test_the_claimed_order_is_the_observed_one(oscillator, kind):
     assert increment == 1
 
 
-def test_runge_kutta_claims_order_four_until_an_input_varies(pairing, oscillator):
+def test_runge_kutta_claims_order_four_until_an_input_varies(
+    pairing: Pairing, oscillator: Loaded
+) -> None:
     claims = [oscillator.model.exponents(varying)[0] for varying in (False, True)]
     assert claims == ([4, 1] if pairing.integrator == "RK4" else [1, 1])

@@ -11,7 +11,9 @@ SEED = 2025
 
 @pytest.mark.parametrize("chunk", range(4))
 @pytest.mark.parametrize("pairing", PAIRINGS)
-def test_the_true_error_of_random_linear_systems_is_within_the_uncertainty(pairing, chunk, capsys):
+def test_the_true_error_of_random_linear_systems_is_within_the_uncertainty(
+    pairing: str, chunk: int, capsys: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip(pairing.split()[0])
     found = list(sweep(SEED + chunk, CHUNK, pairing))
     with capsys.disabled():

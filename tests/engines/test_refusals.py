@@ -1,6 +1,8 @@
 """What an adapter can't do it refuses by name: the file, the place and the remedy."""
 
 import re
+from collections.abc import Mapping
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +13,7 @@ from tests.engines.protocol_models import (
     GROUND,
     PAIRINGS,
     STEP,
+    Pairing,
     joint,
     link,
     urdf_settings,
@@ -21,7 +24,12 @@ ON_URDF = [p for p in PAIRINGS if p.format == "urdf" and p.integrator != "RK4"]
 ENDINGS = [("mujoco", ".xml"), ("mujoco", ".urdf"), ("pybullet", ".urdf"), ("pymunk", ".py")]
 
 
-def refused(engine, path, settings=None, springs=()):
+def refused(
+    engine: str,
+    path: Path,
+    settings: Mapping[str, object] | None = None,
+    springs: tuple[Spring, ...] = (),
+) -> str:
     """The message of a refusal; it names the file."""
     if engine != "known":
         pytest.importorskip(engine)
@@ -32,13 +40,13 @@ def refused(engine, path, settings=None, springs=()):
     return message
 
 
-def file(tmp_path, name, text):
+def file(tmp_path: Path, name: str, text: str) -> Path:
     path = tmp_path / name
     path.write_text(text)
     return path
 
 
-def urdf(tmp_path, *parts, head=""):
+def urdf(tmp_path: Path, *parts: str, head: str = "") -> Path:
     return file(tmp_path, "model.urdf", f'{head}<robot name="r">{GROUND}{"".join(parts)}</robot>')
 
 
@@ -52,13 +60,13 @@ GOOD = {
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS)
-def test_a_missing_file_is_refused(tmp_path, engine, ending):
+def test_a_missing_file_is_refused(tmp_path: Path, engine: str, ending: str) -> None:
     settings = {"step": STEP} if ending == ".py" else SETTINGS
     refused(engine, tmp_path / f"nowhere{ending}", settings)
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS[:3])
-def test_broken_xml_is_refused_with_its_line(tmp_path, engine, ending):
+def test_broken_xml_is_refused_with_its_line(tmp_path: Path, engine: str, ending: str) -> None:
     root = "mujoco" if ending == ".xml" else "robot name='r'"
     path = file(tmp_path, f"model{ending}", f"<{root}>\n  <link>\n</{root.split()[0]}>\n")
     # MuJoCo names the line where the element opens, the others where it fails to close.
@@ -66,14 +74,14 @@ def test_broken_xml_is_refused_with_its_line(tmp_path, engine, ending):
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS)
-def test_bytes_that_are_no_text_are_refused(tmp_path, engine, ending):
+def test_bytes_that_are_no_text_are_refused(tmp_path: Path, engine: str, ending: str) -> None:
     path = tmp_path / f"model{ending}"
     path.write_bytes(b"\xff\xfe\x00broken")
     refused(engine, path, {"step": STEP} if ending == ".py" else SETTINGS)
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS)
-def test_an_unknown_setting_is_refused_by_name(tmp_path, engine, ending):
+def test_an_unknown_setting_is_refused_by_name(tmp_path: Path, engine: str, ending: str) -> None:
     path = file(tmp_path, f"model{ending}", GOOD[ending])
     known = {"step": STEP} if ending == ".py" else SETTINGS
     message = refused(engine, path, known | {"colour": 3})
@@ -82,25 +90,27 @@ def test_an_unknown_setting_is_refused_by_name(tmp_path, engine, ending):
 
 
 @pytest.mark.parametrize(("engine", "ending"), ENDINGS[2:])
-def test_a_step_that_the_format_leaves_open_must_be_stated(tmp_path, engine, ending):
+def test_a_step_that_the_format_leaves_open_must_be_stated(
+    tmp_path: Path, engine: str, ending: str
+) -> None:
     path = file(tmp_path, f"model{ending}", GOOD[ending])
     assert "must state step" in refused(
         engine, path, {"gravity": [0, 0, 0]} if ending == ".urdf" else {}
     )
 
 
-def test_gravity_that_a_urdf_leaves_open_must_be_stated_to_pybullet(tmp_path):
+def test_gravity_that_a_urdf_leaves_open_must_be_stated_to_pybullet(tmp_path: Path) -> None:
     path = file(tmp_path, "model.urdf", GOOD[".urdf"])
     assert "must state gravity" in refused("pybullet", path, {"step": STEP})
 
 
-def test_an_unknown_integrator_is_refused_by_name(tmp_path):
+def test_an_unknown_integrator_is_refused_by_name(tmp_path: Path) -> None:
     path = file(tmp_path, "model.xml", GOOD[".xml"])
     assert "'leapfrog'" in refused("mujoco", path, {"integrator": "leapfrog"})
 
 
 @pytest.mark.parametrize("kind", ["ball", "free"])
-def test_mujoco_refuses_ball_and_free_joints_by_name(tmp_path, kind):
+def test_mujoco_refuses_ball_and_free_joints_by_name(tmp_path: Path, kind: str) -> None:
     text = GOOD[".xml"].replace('name="q1" type="slide"', f'name="loose" type="{kind}"')
     message = refused("mujoco", file(tmp_path, "model.xml", text))
     assert f"joint 'loose' is a {kind} joint" in message
@@ -112,19 +122,21 @@ def test_mujoco_refuses_ball_and_free_joints_by_name(tmp_path, kind):
     [("mujoco", "floating"), ("mujoco", "spherical"), ("pybullet", "floating"),
      ("pybullet", "planar"), ("pybullet", "spherical")],
 )  # fmt: skip
-def test_joints_of_a_urdf_that_are_no_slides_or_hinges_are_refused(tmp_path, engine, kind):
+def test_joints_of_a_urdf_that_are_no_slides_or_hinges_are_refused(
+    tmp_path: Path, engine: str, kind: str
+) -> None:
     path = urdf(tmp_path, link("b", 1), joint("loose", kind, "b"))
     refused(engine, path, SETTINGS)
 
 
-def test_mujoco_makes_two_slides_and_a_hinge_of_a_planar_joint(tmp_path):
+def test_mujoco_makes_two_slides_and_a_hinge_of_a_planar_joint(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     path = urdf(tmp_path, link("b", 1), joint("flat", "planar", "b"))
     model = engines()["mujoco"].load(ModelSpec(path, (), SETTINGS))
     assert model.coordinates == ("flat_TX", "flat_TY", "flat_RZ")
 
 
-def test_actuators_are_refused_since_inputs_act_on_joints(tmp_path):
+def test_actuators_are_refused_since_inputs_act_on_joints(tmp_path: Path) -> None:
     text = GOOD[".xml"].replace(
         "</worldbody>", '</worldbody><actuator><motor joint="q1"/></actuator>'
     )
@@ -132,7 +144,7 @@ def test_actuators_are_refused_since_inputs_act_on_joints(tmp_path):
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_a_urdf_without_moving_joints_is_refused(tmp_path, pairing):
+def test_a_urdf_without_moving_joints_is_refused(tmp_path: Path, pairing: Pairing) -> None:
     path = urdf(tmp_path, link("b", 1), joint("stuck", "fixed", "b"))
     assert "no moving joint" in refused(pairing.engine, path, urdf_settings(pairing))
 
@@ -143,20 +155,24 @@ def test_a_urdf_without_moving_joints_is_refused(tmp_path, pairing):
     ['<!DOCTYPE robot [<!ENTITY a "b">]>', '<!DOCTYPE robot SYSTEM "http://localhost/x.dtd">',
      '<!DOCTYPE robot [<!ENTITY f SYSTEM "file:///etc/hostname">]>'],
 )  # fmt: skip
-def test_a_urdf_with_a_dtd_or_entities_is_refused(tmp_path, pairing, head):
+def test_a_urdf_with_a_dtd_or_entities_is_refused(
+    tmp_path: Path, pairing: Pairing, head: str
+) -> None:
     path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"), head=head)
     assert "entities or a DTD" in refused(pairing.engine, path, urdf_settings(pairing))
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_a_file_that_is_xml_but_no_urdf_is_refused(tmp_path, pairing):
+def test_a_file_that_is_xml_but_no_urdf_is_refused(tmp_path: Path, pairing: Pairing) -> None:
     path = file(tmp_path, "model.urdf", "<sdf><model/></sdf>")
     message = refused(pairing.engine, path, urdf_settings(pairing))
     assert "no URDF" in message or "'sdf'" in message
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_a_spring_stiffness_that_is_no_number_is_refused_by_joint(tmp_path, pairing):
+def test_a_spring_stiffness_that_is_no_number_is_refused_by_joint(
+    tmp_path: Path, pairing: Pairing
+) -> None:
     extra = '<gazebo reference="q1"><springStiffness>stiff</springStiffness></gazebo>'
     path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"), extra)
     message = refused(pairing.engine, path, urdf_settings(pairing))
@@ -165,7 +181,7 @@ def test_a_spring_stiffness_that_is_no_number_is_refused_by_joint(tmp_path, pair
 
 
 @pytest.mark.parametrize("pairing", ON_URDF, ids=str)
-def test_springs_on_joints_that_are_not_there_are_refused(tmp_path, pairing):
+def test_springs_on_joints_that_are_not_there_are_refused(tmp_path: Path, pairing: Pairing) -> None:
     extra = '<gazebo reference="gone"><springStiffness>3</springStiffness></gazebo>'
     path = urdf(tmp_path, link("b", 1), joint("q1", "prismatic", "b"), extra)
     assert "'gone'" in refused(pairing.engine, path, urdf_settings(pairing))
@@ -174,7 +190,7 @@ def test_springs_on_joints_that_are_not_there_are_refused(tmp_path, pairing):
     assert "away" in refused(pairing.engine, path, urdf_settings(pairing), (spring,))
 
 
-def test_pybullet_refuses_a_mimic_with_an_offset(tmp_path):
+def test_pybullet_refuses_a_mimic_with_an_offset(tmp_path: Path) -> None:
     mimic = '<mimic joint="q1" multiplier="2" offset="0.1"/>'
     path = urdf(
         tmp_path,
@@ -199,7 +215,9 @@ def test_pybullet_refuses_a_mimic_with_an_offset(tmp_path):
          "    s.add(b)\n    return s, {'b': b}\n", "mass"),
     ],
 )  # fmt: skip
-def test_a_space_that_cannot_be_built_is_refused_with_its_line(tmp_path, text, wanted):
+def test_a_space_that_cannot_be_built_is_refused_with_its_line(
+    tmp_path: Path, text: str, wanted: str
+) -> None:
     assert wanted in refused("pymunk", file(tmp_path, "space.py", text), {"step": STEP}).replace(
         "Mass", "mass"
     )

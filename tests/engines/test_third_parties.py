@@ -1,11 +1,13 @@
 """Engines of other distributions come through the entry point `crosscheck.engines`."""
 
+from pathlib import Path
+
 import pytest
 
 from harness.engines.registry import engines
 
 
-def distribution(place, name, module, text):
+def distribution(place: Path, name: str, module: str, text: str) -> None:
     """A distribution with one module and one engine."""
     (place / f"{module}.py").write_text(text)
     info = place / f"{name}-1.0.dist-info"
@@ -14,20 +16,36 @@ def distribution(place, name, module, text):
     (info / "entry_points.txt").write_text(f"[crosscheck.engines]\n{name} = {module}:Engine\n")
 
 
-def test_an_installed_engine_is_known_by_its_name():
+def test_an_installed_engine_is_known_by_its_name() -> None:
     found = engines()["known"]
     assert found.version() == "1.0"
     assert found.formats == (".known",)
     assert list(engines())[:3] == ["mujoco", "pybullet", "pymunk"]
 
 
-def test_no_entry_point_takes_the_name_of_a_built_in_engine(tmp_path, monkeypatch):
-    distribution(tmp_path, "usurper", "usurper_engine", "class Engine:\n    name = 'mujoco'\n")
+def test_no_entry_point_takes_the_name_of_a_built_in_engine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "from harness.engines.known_answer import KnownEngine\n\n\n"
+    text += "class Engine(KnownEngine):\n    name = 'mujoco'\n"
+    distribution(tmp_path, "usurper", "usurper_engine", text)
     monkeypatch.syspath_prepend(tmp_path)
     assert type(engines()["mujoco"]).__name__ == "MujocoEngine"
 
 
-def test_an_entry_point_that_cannot_be_loaded_is_told_by_name(tmp_path, monkeypatch):
+def test_an_entry_point_that_is_no_engine_is_told_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distribution(tmp_path, "duck", "duck_engine", "class Engine:\n    name = 'duck'\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.warns(UserWarning, match="'duck'.*no subclass of harness.engines.protocol.Engine"):
+        found = engines()
+    assert "duck" not in found
+
+
+def test_an_entry_point_that_cannot_be_loaded_is_told_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     distribution(tmp_path, "broken", "broken_engine", "import no_such_module_at_all\n")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.warns(UserWarning, match="broken.*no_such_module_at_all"):

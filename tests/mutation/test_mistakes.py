@@ -5,6 +5,7 @@ import shutil
 from dataclasses import replace
 
 import pytest
+from harness.mutation.mistakes.soft import soft
 
 from harness.engines.registry import engines
 from harness.files.bindings import with_literals
@@ -17,7 +18,6 @@ from harness.mutation.mistakes.exchanges import exchanges
 from harness.mutation.mistakes.gravity import gravity
 from harness.mutation.mistakes.left_in import left_in
 from harness.mutation.mistakes.rests import rests
-from harness.mutation.mistakes.soft import soft
 from harness.mutation.mistakes.steps import steps
 from harness.mutation.mutate import FAULTS, MutationError, MutationTask, mutate, mutated, survey
 from harness.run import Options

@@ -123,10 +123,9 @@ def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Candidate]:
 
 def _gravity(model: Model) -> Iterator[Candidate]:
     """Each component of the engine's gravity, for models that tell it: its size and direction."""
-    gravity = getattr(model, "gravity", None)
-    if gravity is None:
+    if not model.gravity:
         return
-    vector = [float(component) for component in gravity]
+    vector = [float(component) for component in model.gravity]
     size = float(np.linalg.norm(vector)) or 9.81
     for axis, value in enumerate(vector):
         # A component that the model has may be wrong; one that it lacks is seldom meant.
@@ -141,7 +140,7 @@ def _gravity(model: Model) -> Iterator[Candidate]:
 
 def _defaults(model: Model) -> Iterator[Candidate]:
     """What an engine does on its own unless told, each undone as the model's `remedies` say."""
-    for cause, settings in getattr(model, "remedies", {}).items():
+    for cause, settings in model.remedies.items():
         yield _switch(cause, "default", Perturbation(settings=settings))
 
 

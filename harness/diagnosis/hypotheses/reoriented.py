@@ -3,34 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from harness.engines.protocol import Force, Model, StateForce
 from reference.numeric import Array
 
 
-@dataclass(frozen=True)
-class ReorientedModel:
+class ReorientedModel(Model):
     """A model whose coordinates read sign * (its own - offset), (nz,) each."""
 
-    model: Model
-    sign: Array
-    offset: Array
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Its coordinates' names."""
-        return self.model.coordinates
-
-    @property
-    def step(self) -> float:
-        """Its step, seconds."""
-        return self.model.step
-
-    @property
-    def integrator(self) -> str:
-        """Its integrator."""
-        return self.model.integrator
+    def __init__(self, model: Model, sign: Array, offset: Array) -> None:
+        self.model, self.sign, self.offset = model, sign, offset
+        self.coordinates, self.step = model.coordinates, model.step
+        self.integrator, self.gravity, self.epsilon = model.integrator, model.gravity, model.epsilon
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Its exponents."""

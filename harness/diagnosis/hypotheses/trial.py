@@ -194,7 +194,7 @@ class TrialModel:
                 return None
             sidecar = with_literals(sidecar, moved, self.folder)
         if repair.gravity.any():
-            own = [*getattr(self.model, "gravity", ()), 0.0][:3]  # a planar engine has two
+            own = [*self.model.gravity, 0.0][:3]  # a planar engine has two
             settings = {**settings, "gravity": [float(g) for g in np.array(own) + repair.gravity]}
         if settings:
             sidecar = at(sidecar, self.engine.name, **settings)

@@ -9,6 +9,9 @@ Addresses by the file's format:
 - Python: the name of a number at the top level, `MASS`.
 - TOML: `settings.gravity[2]`, `spring[0].stiffness`.
 
+`line_of` takes more: an element without `@`, of several the first; a key of TOML with all that is
+in it; in Python a call, `PinJoint()`, and an attribute of what it makes, `Space().damping`.
+
 An address means one number. Files are read through their parsers: comments and look-alikes don't
 count, and what the parser makes of a number must be what its bytes say.
 """
@@ -20,11 +23,11 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from harness.files.locations.location import Location, LocationError, Resolve, Source
-from harness.files.locations.python import python_names, python_numbers
-from harness.files.locations.toml import toml_keys
-from harness.files.locations.xml import xml_numbers, xml_paths
+from harness.files.locations.python import python_names, python_numbers, python_offset
+from harness.files.locations.toml import toml_keys, toml_offset
+from harness.files.locations.xml import xml_numbers, xml_offset, xml_paths
 
-__all__ = ["Location", "LocationError", "find", "find_in", "numbers"]
+__all__ = ["Location", "LocationError", "find", "find_in", "line_of", "numbers"]
 
 _SEARCHES: dict[str, Callable[[Source], Resolve]] = {
     ".xml": xml_paths, ".urdf": xml_paths, ".py": python_names, ".toml": toml_keys,
@@ -33,6 +36,26 @@ _SEARCHES: dict[str, Callable[[Source], Resolve]] = {
 _LISTS: dict[str, Callable[[Source, re.Pattern[str]], Iterator[str]]] = {
     ".xml": xml_numbers, ".urdf": xml_numbers, ".py": python_numbers,
 }  # fmt: skip
+
+_OFFSETS: dict[str, Callable[[Source, str], int | None]] = {
+    ".xml": xml_offset, ".urdf": xml_offset, ".py": python_offset, ".toml": toml_offset,
+}  # fmt: skip
+
+
+def line_of(file: Path, address: str) -> int | None:
+    """Line of the first number, element or statement that an address means, counted from 1.
+
+    None where nothing in the file is so called, or the file can't be read.
+    """
+    offset = _OFFSETS.get(file.suffix)
+    if offset is None:
+        return None
+    try:
+        source = _decoded(_read(file), file)
+        found = offset(source, address)
+    except LocationError:
+        return None
+    return None if found is None else source.line(found)
 
 
 def numbers(file: Path, kinds: str) -> tuple[str, ...]:

@@ -14,17 +14,7 @@ from harness.files.locations.location import LocationError, Resolve, Source, Spa
 
 def python_names(source: Source) -> Resolve:
     """Numbers that a name is bound to once, at the top level."""
-    try:
-        encoding, _ = tokenize.detect_encoding(BytesIO(source.data).readline)
-        if encoding not in ("utf-8", "utf-8-sig"):
-            raise LocationError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
-        tree = ast.parse(source.data, filename=str(source.file))
-    except SyntaxError as error:
-        raise LocationError(f"{source.file}:{error.lineno or 1}: no Python: {error.msg}") from None
-    mark = 3 if source.data.startswith(b"\xef\xbb\xbf") else 0
-    starts = [mark]
-    for line in source.data[mark:].splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
+    tree, starts = _parsed(source)
     simple: dict[str, ast.expr] = {}
     for statement in tree.body:
         match statement:
@@ -69,6 +59,52 @@ def python_names(source: Source) -> Resolve:
     return resolve
 
 
+_CALL = re.compile(r"(\w+)\(\)(?:\.(\w+))?")
+
+
+def python_offset(source: Source, address: str) -> int | None:
+    """First byte of the statement or call that an address means, the first of several.
+
+    Args:
+        address: a name of the top level, `MASS`; a call, `PinJoint()`; or what is assigned to an
+            attribute of what a call has made, `Space().damping`.
+    """
+    tree, starts = _parsed(source)
+    match = _CALL.fullmatch(address)
+    if match is None:
+        lines = _bound_names(tree).get(address)
+        return starts[lines[0] - 1] if lines else None
+    found = _calls(tree, match[1]) if match[2] is None else _assigned(tree, match[1], match[2])
+    return min((starts[node.lineno - 1] + node.col_offset for node in found), default=None)
+
+
+def _called(node: ast.expr | None) -> str | None:
+    """The last name of what is called: `PinJoint` in `module.PinJoint(...)`."""
+    match node:
+        case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)):
+            return name
+    return None
+
+
+def _calls(tree: ast.Module, kind: str) -> list[ast.expr]:
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Call) and _called(node) == kind]
+
+
+def _assigned(tree: ast.Module, kind: str, attribute: str) -> list[ast.expr]:
+    """Attributes of names that such a call is bound to, or else of names that none is bound to."""
+    made: dict[str, set[str | None]] = {}
+    targets: list[ast.Attribute] = []
+    for node in ast.walk(tree):
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Call() as call):
+                made.setdefault(name, set()).add(_called(call))
+            case ast.Attribute(attr=name, ctx=ast.Store()) if name == attribute:
+                targets.append(node)
+    known = {id(t): made.get(t.value.id) for t in targets if isinstance(t.value, ast.Name)}
+    own: list[ast.expr] = [t for t in targets if kind in (known.get(id(t)) or ())]
+    return own or [t for t in targets if known.get(id(t)) is None]
+
+
 def python_numbers(source: Source, _kinds: re.Pattern[str]) -> Iterator[str]:
     """Names of numbers at the top level: of any kind, since a name says nothing."""
     resolve = python_names(source)
@@ -78,6 +114,22 @@ def python_numbers(source: Source, _kinds: re.Pattern[str]) -> Iterator[str]:
                 with suppress(LocationError):
                     resolve(name)
                     yield name
+
+
+def _parsed(source: Source) -> tuple[ast.Module, list[int]]:
+    """The module, and the first byte of each line."""
+    try:
+        encoding, _ = tokenize.detect_encoding(BytesIO(source.data).readline)
+        if encoding not in ("utf-8", "utf-8-sig"):
+            raise LocationError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
+        tree = ast.parse(source.data, filename=str(source.file))
+    except SyntaxError as error:
+        raise LocationError(f"{source.file}:{error.lineno or 1}: no Python: {error.msg}") from None
+    mark = 3 if source.data.startswith(b"\xef\xbb\xbf") else 0
+    starts = [mark]
+    for line in source.data[mark:].splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    return tree, starts
 
 
 def _literal(node: ast.expr) -> float | None:

@@ -23,11 +23,7 @@ _Key = tuple[str | int, ...]
 
 def toml_keys(source: Source) -> Resolve:
     """Numbers by their keys; tomllib reads them, a scan of what it has read finds their bytes."""
-    text = source.data.decode("utf-8")
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise LocationError(f"{source.file}: no TOML: {error}") from None
+    text, data = _read(source)
     values = _toml_values(text)
     numbers = {key: span for key, span in values.items() if _is_number(_at(data, key))}
 
@@ -49,6 +45,24 @@ def toml_keys(source: Source) -> Resolve:
         return (offset(start), offset(end)), float(_at(data, key))
 
     return resolve
+
+
+def toml_offset(source: Source, address: str) -> int | None:
+    """First byte of the value of a key, or of the first in it; None where there is none."""
+    text, _ = _read(source)
+    key = _toml_key(address)
+    if key is None:
+        return None
+    spans = [span for k, span in _toml_values(text).items() if k[: len(key)] == key]
+    return len(text[: min(spans)[0]].encode("utf-8")) if spans else None
+
+
+def _read(source: Source) -> tuple[str, dict[str, Any]]:
+    text = source.data.decode("utf-8")
+    try:
+        return text, tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise LocationError(f"{source.file}: no TOML: {error}") from None
 
 
 def _toml_values(text: str) -> dict[_Key, Span]:

@@ -94,6 +94,34 @@ def xml_paths(source: Source) -> Resolve:
     return resolve
 
 
+def xml_offset(source: Source, address: str) -> int | None:
+    """First byte of the first element, or attribute of one, that an address means.
+
+    Where no such element has the attribute, the element: its number is a default's, or computed.
+    """
+    match = _ADDRESS.fullmatch(address)
+    if match is None:
+        return None
+    steps = [(tag, name or None) for tag, name in _STEP.findall(match["steps"])]
+    pool, found = iter(read_elements(source)), list[RawElement]()
+    for tag, name in steps:
+        found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
+        pool = (child for e in found for child in _within(e))
+    attribute = match["attribute"]
+    for element in found:
+        if attribute in element.attributes:
+            return _attribute_span(element, attribute, source)[0]
+    return found[0].start if found else None
+
+
+def _within(element: RawElement) -> Iterator[RawElement]:
+    """Children; MJCF's <frame> is no more than a bracket around them."""
+    for child in element.children:
+        yield child
+        if child.tag == "frame":
+            yield from _within(child)
+
+
 def xml_numbers(source: Source, kinds: re.Pattern[str]) -> Iterator[str]:
     """Addresses of the numbers whose element and attribute, as in `joint@damping`, are of `kinds`.
 
@@ -186,21 +214,24 @@ def _walk(
     return found
 
 
-def _attribute_words(
-    element: RawElement, attribute: str, source: Source, address: str
-) -> tuple[list[Span], list[str]]:
-    """Where the words of an attribute's value are, and what the parser reads there."""
+def _attribute_span(element: RawElement, attribute: str, source: Source) -> Span:
+    """Where the value of an attribute is that the element has."""
     tag = TAG.match(source.data, element.start)
     assert tag is not None  # the parser has found an element here
     at = tag.end()
     while match := ATTRIBUTE.match(source.data, at):
         if match[1].decode("utf-8") == attribute:
-            group = 2 if match[2] is not None else 3
-            return find_words(source, match.start(group), match.end(group), address), (
-                element.attributes[attribute].split()
-            )
+            return match.span(2 if match[2] is not None else 3)
         at = match.end()
     raise AssertionError(f"{source.file}: the parser has found {attribute}, the scan has not")
+
+
+def _attribute_words(
+    element: RawElement, attribute: str, source: Source, address: str
+) -> tuple[list[Span], list[str]]:
+    """Where the words of an attribute's value are, and what the parser reads there."""
+    spans = find_words(source, *_attribute_span(element, attribute, source), address)
+    return spans, element.attributes[attribute].split()
 
 
 def _text_words(element: RawElement, source: Source, address: str) -> tuple[list[Span], list[str]]:

@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from harness.diagnosis.task import DiagnosisTask
-from harness.engines.protocol import Model
+from harness.engines.protocol import Engine, Model
+from harness.engines.registry import engines
 from harness.files.bindings import Binding
 from harness.files.locations import LocationError, find, numbers
 from harness.files.locations.attributes import elements
@@ -39,6 +40,11 @@ class Subject:
     def suffix(self) -> str:
         """The model file's ending: what its format is."""
         return self.task.sidecar.model.suffix
+
+    @cached_property
+    def engine(self) -> Engine:
+        """What runs it."""
+        return engines()[self.task.engine]
 
     @cached_property
     def elements(self) -> tuple[RawElement, ...]:

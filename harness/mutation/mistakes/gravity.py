@@ -18,8 +18,8 @@ ACCELERATION = ("m/s^2", "m/s**2", "m*s^-2", "N/kg")
 
 def gravity(subject: Subject) -> Iterator[Mistake]:
     """Changes of a gravity that the model has; of its size where the equations have one too."""
-    own = getattr(subject.model, "gravity", None)
-    if own is None or not np.any(own):
+    own = subject.model.gravity
+    if not any(own):
         return
     vector = [*map(float, own), 0.0][:3]
     size = float(np.linalg.norm(vector))

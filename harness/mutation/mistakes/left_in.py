@@ -28,8 +28,8 @@ def left_in(subject: Subject) -> Iterator[Mistake]:
             if owner is None:
                 continue
         for what, attribute, kind in terms:
-            if attribute == "friction" and subject.task.engine != "mujoco":
-                continue  # PyBullet reads no friction of joints
+            if f"{owner.tag}@{attribute}" in subject.engine.ignores:
+                continue
             if float(owner.attributes.get(attribute, "0").split()[0]):
                 continue  # it is there, and is mutated if it stands for a constant
             value = rounded(SHARE * subject.size(name, kind))

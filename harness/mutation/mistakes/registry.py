@@ -11,13 +11,13 @@ from harness.mutation.mistakes.degrees import degrees
 from harness.mutation.mistakes.exchanges import exchanges
 from harness.mutation.mistakes.gravity import gravity
 from harness.mutation.mistakes.left_in import left_in
+from harness.mutation.mistakes.left_out import left_out
 from harness.mutation.mistakes.mistake import Mistake
 from harness.mutation.mistakes.rests import rests
-from harness.mutation.mistakes.soft import soft
 from harness.mutation.mistakes.steps import steps
 
 FAMILIES: tuple[Callable[[Subject], Iterator[Mistake]], ...] = (
-    axes, gravity, exchanges, rests, degrees, left_in, soft, defaults, steps,
+    axes, gravity, exchanges, rests, degrees, left_in, left_out, defaults, steps,
 )  # fmt: skip
 
 

@@ -9,14 +9,9 @@ from harness.mutation.mistakes.mistake import Edit, Mistake
 
 
 def steps(subject: Subject) -> Iterator[Mistake]:
-    """Twice the step; in MuJoCo another integrator.
-
-    Not with equalities: their limits are resolved with Euler alone.
-    """
+    """Twice the step, and every other integrator that is as sound for the model."""
     step = 2 * subject.model.step
     edit = Edit(settings={"step": step})
     yield Mistake("another time step", f"step {step:g} s", edit, sound=True)
-    if subject.task.engine == "mujoco" and not getattr(subject.model, "remedies", {}):
-        other = "Euler" if subject.model.integrator == "rk4" else "RK4"
-        edit = Edit(settings={"integrator": other})
-        yield Mistake("another integrator", other, edit, sound=True)
+    for name, settings in subject.model.integrators.items():
+        yield Mistake("another integrator", name, Edit(settings=settings), sound=True)

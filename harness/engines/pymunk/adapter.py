@@ -9,26 +9,55 @@ import math
 import sys
 import traceback
 import types
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from harness.engines.protocol import Array, EngineError, Force, ModelSpec, StateForce
+from harness.engines.mistake import DefaultLeftOn
+from harness.engines.protocol import (
+    Array,
+    Engine,
+    EngineError,
+    Force,
+    Model,
+    ModelSpec,
+    Sample,
+    StateForce,
+)
+from harness.engines.pymunk.remarks import space_remarks
+from harness.engines.remark import Remark
 
 _KINDS = ("x", "y", "angle")
 
 
-@dataclass(frozen=True)
-class PymunkEngine:
+_SAMPLE = """import pymunk
+
+def build():
+    space = pymunk.Space()
+    ground = space.static_body
+    body = pymunk.Body(2.0, 0.1)
+    space.add(body, pymunk.DampedSpring(ground, body, (-3, 0), (0, 0), 3, 50, 1.5))
+    space.add(pymunk.DampedRotarySpring(ground, body, 0, 4, 0.05))
+    return space, {"body": body}
+"""
+
+
+class PymunkEngine(Engine):
     """Adapter of pymunk (Blomqvist), a Python library on Munk2D, formerly Chipmunk (Lembcke)."""
 
-    name: str = "pymunk"
-    formats: tuple[str, ...] = (".py",)
-    capabilities: tuple[str, ...] = (
+    name = "pymunk"
+    title = "pymunk"
+    formats = (".py",)
+    capabilities = (
         "Python files with `build() -> (Space, {name: Body})`", "planar bodies and constraints",
         "springs and dampers",
     )  # fmt: skip
+    usual_mistakes = (
+        DefaultLeftOn(
+            name="Space.damping left in", setting="damping", value=0.9, cause="Space.damping"
+        ),
+    )
 
     def version(self) -> str | None:
         """Version of the installed package, or None."""
@@ -57,14 +86,22 @@ class PymunkEngine:
             )
         return PymunkModel(spec)
 
+    def settings_for(self, suffix: str) -> Mapping[str, object]:
+        """A step."""
+        return {"step": 0.002}
 
-class PymunkModel:
+    def samples(self) -> tuple[Sample, ...]:
+        """A body on springs."""
+        return (Sample(file="sample.py", text=_SAMPLE, settings={"step": 0.004}),)
+
+
+class PymunkModel(Model):
     """The bodies that `build` returns; coordinates are `name.x`, `name.y` and `name.angle`."""
 
     integrator = "semi-implicit euler, positions first"
 
     def __init__(self, spec: ModelSpec) -> None:
-        self.path = str(spec.path)
+        self._spec, self.path = spec, str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
         # Overrides that of the file, [gx, gy, 0]; by default the file's counts.
         self._gravity: Any = spec.settings.get("gravity")
@@ -100,6 +137,11 @@ class PymunkModel:
         """What the Space adds beside its bodies and constraints, with what undoes it."""
         return {} if self._space.damping == 1 else {"Space.damping": {"damping": 1.0}}
 
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What a Space as the file builds it, moved by nothing, adds on its own."""
+        space, _ = self._module.build()
+        return space_remarks(space, self._spec.settings)
+
     def _build(self) -> None:
         import pymunk
 
@@ -120,7 +162,7 @@ class PymunkModel:
             space.gravity = tuple(self._gravity[:2])
         if self._damping is not None:
             space.damping = float(self._damping)
-        self.gravity: tuple[float, ...] = tuple(space.gravity)
+        self.gravity = tuple(map(float, space.gravity))
         self._space, self._bodies = space, bodies
         # The C structs: calls beneath pymunk's own methods take a third of their time.
         self._handles = [body._body for body in bodies.values()]

@@ -4,22 +4,35 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from harness.engines.mistake import DefaultLeftOn
 from harness.engines.protocol import (
     Array,
+    Engine,
     EngineError,
     Force,
+    Model,
     ModelSpec,
+    Sample,
     Spring,
     StateForce,
     within,
 )
-from harness.engines.urdf import Mimic, joint_springs, mimics, read_urdf
+from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
+from harness.engines.remark import Remark
+from harness.engines.urdf import (
+    SETTINGS,
+    Mimic,
+    joint_springs,
+    mimics,
+    read_urdf,
+    sample_urdf,
+)
 
 _REQUIRED = ("step", "gravity")
 _DEFAULTS: Mapping[str, float | bool] = {
@@ -30,24 +43,41 @@ _DEFAULTS: Mapping[str, float | bool] = {
     # Whether inertias are those of the file, not of its collision shapes; PyBullet's own is false.
     "inertia_from_file": True,
 }
-_NAMES = {
-    "link_damping": "damping of links", "motors": "motors",
-    "inertia_from_file": "inertias of collision shapes",
-}  # fmt: skip
 _client: int | None = None
 _loaded: object = None
 
 
-@dataclass(frozen=True)
-class PybulletEngine:
+class PybulletEngine(Engine):
     """Adapter of PyBullet (Coumans and Bai)."""
 
-    name: str = "pybullet"
-    formats: tuple[str, ...] = (".urdf",)
-    capabilities: tuple[str, ...] = (
+    name = "pybullet"
+    title = "PyBullet"
+    formats = (".urdf",)
+    capabilities = (
         "URDF", "slides and hinges", "joint dampers", "springs as torques at every step",
         "springs on joint combinations", "URDF mimic as JOINT_GEAR",
     )  # fmt: skip
+    preferred = (".urdf",)
+    unstated = "1/240 s and no gravity"
+    bare_link = "1 kg"
+    ignores = frozenset({"dynamics@friction"})
+    usual_mistakes = (
+        DefaultLeftOn(
+            name="PyBullet's damping left on",
+            setting="link_damping",
+            value=0.04,
+            cause=CAUSES["link_damping"],
+        ),
+        DefaultLeftOn(
+            name="PyBullet's motors left on", setting="motors", value=True, cause=CAUSES["motors"]
+        ),
+        DefaultLeftOn(
+            name="PyBullet's inertia flag forgotten",
+            setting="inertia_from_file",
+            value=False,
+            cause=CAUSES["inertia_from_file"],
+        ),
+    )
 
     def version(self) -> str | None:
         """Version of the installed package, or None."""
@@ -67,13 +97,25 @@ class PybulletEngine:
             if key not in spec.settings:
                 raise EngineError(
                     f"{spec.path}.toml: [settings] must state {key}: a URDF has none, and"
-                    " PyBullet's own are 1/240 s and no gravity"
+                    f" PyBullet's own are {self.unstated}"
                 )
         springs = [
             Spring({joint: 1.0}, stiffness, 0.0, rest)
             for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
         ]
         return PybulletModel(spec, [*springs, *spec.springs], mimics(robot, spec.path))
+
+    def settings_for(self, suffix: str) -> Mapping[str, object]:
+        """Step and gravity."""
+        return SETTINGS
+
+    def caveats(self, path: Path) -> tuple[str, ...]:
+        """A word on products of inertia."""
+        return products_caveat(path)
+
+    def samples(self) -> tuple[Sample, ...]:
+        """A URDF."""
+        return (sample_urdf(),)
 
 
 def _read(spec: ModelSpec) -> str:
@@ -92,7 +134,7 @@ def _check_types(spec: ModelSpec) -> None:
             raise EngineError(f"{spec.path}.toml: [settings] {key} is {value!r}, where {kind}")
 
 
-class PybulletModel:
+class PybulletModel(Model):
     """A fixed-base multibody of slides and hinges, stepped by semi-implicit Euler."""
 
     integrator = "semi-implicit euler"
@@ -118,7 +160,7 @@ class PybulletModel:
         p.setPhysicsEngineParameter(
             enableFileCaching=0, numSubSteps=0, numSolverIterations=200, solverResidualThreshold=0.0
         )
-        self.gravity: tuple[float, ...] = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
+        self.gravity = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
         try:
             # Without the flag the inertia in the file is replaced by one of the collision shapes.
@@ -141,11 +183,16 @@ class PybulletModel:
     @property
     def remedies(self) -> dict[str, dict[str, object]]:
         """What PyBullet adds on its own and the settings let stand, with what undoes it."""
-        return {
-            f"PyBullet's own {_NAMES[key]}": {key: default}
-            for key, default in _DEFAULTS.items()
-            if self._setting(key) != default
-        }
+        return {CAUSES[key]: {key: _DEFAULTS[key]} for key in self._left_on()}
+
+    def _left_on(self) -> list[str]:
+        return [key for key, default in _DEFAULTS.items() if self._setting(key) != default]
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What the URDF says in vain, and what is switched off, or is not."""
+        return model_remarks(
+            Path(self.path), self.coordinates, {k: self._setting(k) for k in self._left_on()}, z, w
+        )
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""

@@ -5,29 +5,70 @@ from __future__ import annotations
 import contextlib
 import importlib.metadata
 import importlib.util
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from harness.engines.protocol import Array, EngineError, Force, ModelSpec, StateForce, within
-from harness.engines.urdf import joint_springs, read_urdf
+from harness.engines.compiled import CompiledTree
+from harness.engines.mistake import LeftOut
+from harness.engines.mujoco.remarks import model_remarks
+from harness.engines.mujoco.tree import compiled_tree
+from harness.engines.protocol import (
+    Array,
+    Engine,
+    EngineError,
+    Force,
+    Model,
+    ModelSpec,
+    Sample,
+    StateForce,
+    within,
+)
+from harness.engines.remark import Remark
+from harness.engines.urdf import SETTINGS, joint_springs, read_urdf, sample_urdf
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 
 
-@dataclass(frozen=True)
-class MujocoEngine:
+_SOFT = "soft equality (solref, solimp)"
+_OWN: Mapping[str, object] = {"solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]}
+_STIFF: Mapping[str, object] = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
+"""Equalities as soft as MuJoCo makes them, and as stiff as a step allows, settled after one."""
+
+_SAMPLE = """<mujoco><option timestep="0.004" integrator="{}" jacobian="dense"/>
+<compiler angle="radian"/><worldbody>
+<body><joint name="q1" type="slide" axis="1 0 0" stiffness="50" damping="1.5"/>
+<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
+<body><joint name="q2" type="hinge" axis="0 -1 0" damping="0.1"/>
+<inertial pos="0 0 -0.5" mass="0.7" diaginertia="0.01 0.01 0.01"/></body>
+</worldbody><tendon><fixed stiffness="30" damping="0.4" springlength="0">
+<joint joint="q1" coef="-1"/><joint joint="q2" coef="1"/></fixed></tendon></mujoco>
+"""
+
+
+class MujocoEngine(Engine):
     """Adapter of MuJoCo (Todorov, Erez and Tassa 2012)."""
 
-    name: str = "mujoco"
-    formats: tuple[str, ...] = (".xml", ".urdf")
-    capabilities: tuple[str, ...] = (
+    name = "mujoco"
+    title = "MuJoCo"
+    formats = (".xml", ".urdf")
+    capabilities = (
         "MJCF and URDF", "slides and hinges", "joint springs and dampers",
         "springs on joint combinations", "armature", "joint equalities (soft), URDF mimic",
         "batched rollouts in C",
     )  # fmt: skip
+    unstated = "2 ms and -9.81"
+    stated_settings = MappingProxyType({"integrator": "Euler"})
+    compiles = (".xml",)
+    usual_mistakes = (
+        LeftOut(
+            name="soft equality, solref left out", within="equality", defaults=_OWN, cause=_SOFT
+        ),
+    )
 
     def version(self) -> str | None:
         """Version of the installed package, or None."""
@@ -62,8 +103,21 @@ class MujocoEngine:
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
         # rung would agree with itself.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        # The step is read now: every rollout sets another.
-        return MujocoModel(model, str(spec.path), float(model.opt.timestep))
+        return MujocoModel(model, spec)
+
+    def settings_for(self, suffix: str) -> Mapping[str, object]:
+        """Of a URDF, step and gravity; MuJoCo's own are the same."""
+        return SETTINGS if suffix == ".urdf" else {}
+
+    def compiled(self, path: Path) -> CompiledTree:
+        """An MJCF as MuJoCo compiles it."""
+        return compiled_tree(path)
+
+    def samples(self) -> tuple[Sample, ...]:
+        """Every order and treatment of damping, in MJCF; the first in a URDF too."""
+        names = ("Euler", "implicit", "implicitfast", "RK4")
+        mjcf = (Sample(file=f"{name}.xml", text=_SAMPLE.format(name)) for name in names)
+        return (*mjcf, sample_urdf())
 
 
 def _complete_urdf(tree: Any, spec: ModelSpec, text: str) -> None:
@@ -116,18 +170,20 @@ def _apply_settings(tree: Any, spec: ModelSpec) -> None:
         raise EngineError(f"{spec.path}.toml: MuJoCo has no setting {names}")
 
 
-@dataclass(frozen=True)
-class MujocoModel:
+class MujocoModel(Model):
     """A compiled model of slides and hinges, whose state is (qpos, qvel)."""
 
-    model: Any
-    path: str
-    step: float
+    def __init__(self, model: Any, spec: ModelSpec) -> None:
+        import mujoco
 
-    @cached_property
-    def coordinates(self) -> tuple[str, ...]:
-        """Joint names, in the order of qpos."""
-        return tuple(self.model.joint(i).name for i in range(self.model.njnt))
+        self.model, self._spec = model, spec
+        # In the order of qpos.
+        self.coordinates = tuple(model.joint(i).name for i in range(model.njnt))
+        # The step is read now: every rollout sets another.
+        self.step = float(model.opt.timestep)
+        name: str = mujoco.mjtIntegrator(model.opt.integrator).name
+        self.integrator = name.removeprefix("mjINT_").lower()
+        self.gravity = tuple(float(component) for component in model.opt.gravity)
 
     @property
     def home(self) -> Array:
@@ -146,25 +202,19 @@ class MujocoModel:
         return within(free, np.where(limited[:, None], self.model.jnt_range, free))
 
     @property
-    def gravity(self) -> tuple[float, ...]:
-        """Gravity of the model, m/s^2."""
-        return tuple(float(component) for component in self.model.opt.gravity)
+    def remedies(self) -> dict[str, Mapping[str, object]]:
+        """What stiffens equalities."""
+        return {_SOFT: dict(_STIFF)} if self.model.neq else {}
 
     @property
-    def remedies(self) -> dict[str, dict[str, object]]:
-        """What stiffens equalities: as much as the step allows, and settled after one."""
-        if not self.model.neq:
-            return {}
-        stiff = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
-        return {"soft equality (solref, solimp)": {**stiff}}
+    def integrators(self) -> dict[str, dict[str, object]]:
+        """Not with equalities: their limits are resolved with Euler alone."""
+        other = "Euler" if self.integrator == "rk4" else "RK4"
+        return {} if self.model.neq else {other: {"integrator": other}}
 
-    @cached_property
-    def integrator(self) -> str:
-        """Name of the integrator, without its prefix."""
-        import mujoco
-
-        name: str = mujoco.mjtIntegrator(self.model.opt.integrator).name
-        return name.removeprefix("mjINT_").lower()
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What MuJoCo and its formats add or drop."""
+        return model_remarks(self.model, self._spec, z, w)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """RK4 keeps order 4 until an input is held over the step; the others have order 1."""

@@ -1,0 +1,90 @@
+"""Whether an adapter keeps the protocol: a named check for each thing that it asks.
+
+    for check in conform(MyEngine(), ModelSpec(Path("arm.sdf"), settings={"step": 0.002})):
+        print(check)
+
+Every check loads the model anew and asks one thing alone, so that one mistake in an adapter fails
+one check. None knows the model's equations: that its motions are right is for `crosscheck run`. The
+model should have coordinates that are free of one another near its `home`, and be smooth there.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.engines.conformance import described, forces, rollouts
+from harness.engines.conformance.asked import Asked, BrokenError
+from harness.engines.protocol import Engine, ModelSpec
+
+CHECKS: tuple[Callable[[Asked], None], ...] = (
+    described.engine_is_described,
+    described.model_is_described,
+    described.hooks_have_their_shapes,
+    described.the_step_stays_the_shipped_one,
+    rollouts.rollouts_have_their_shape,
+    rollouts.every_gives_the_ends_of_shorter_rollouts,
+    rollouts.arguments_are_left_alone,
+    rollouts.results_are_the_callers,
+    rollouts.a_rollout_repeats_bitwise,
+    rollouts.an_earlier_step_leaves_no_trace,
+    rollouts.an_earlier_force_leaves_no_trace,
+    rollouts.a_batch_is_its_rows_one_by_one,
+    forces.a_force_acts_in_its_own_step,
+    forces.impulses_are_in_proportion,
+    forces.a_force_by_state_is_the_same_force,
+    forces.a_force_by_state_sees_the_start_of_its_step,
+    rollouts.what_is_not_finite_is_returned_so,
+    rollouts.what_is_not_finite_spoils_nothing,
+    forces.orders_are_as_claimed,
+    described.errors_name_the_file,
+    described.an_unknown_setting_is_refused,
+)
+"""In the order in which they are told."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing asked of an adapter.
+
+    Attributes:
+        name: what it was.
+        passed: whether it holds.
+        sentence: what is wrong, and what the protocol asks; of a passed one, what was asked.
+    """
+
+    name: str
+    passed: bool
+    sentence: str
+
+    def __str__(self) -> str:
+        return f"{'passed' if self.passed else 'FAILED'}  {self.name}: {self.sentence}"
+
+
+def conform(engine: Engine, spec: ModelSpec) -> tuple[Check, ...]:
+    """Hold an adapter against the protocol, on one model that it is to load."""
+    return tuple(_checked(check, engine, spec) for check in CHECKS)
+
+
+def conform_samples(engine: Engine) -> dict[str, tuple[Check, ...]]:
+    """The same on each mechanism that the adapter offers, by the name of its file."""
+    found = {}
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        for sample in engine.samples():
+            path = Path(folder) / sample.file
+            path.write_text(sample.text, encoding="utf-8")
+            found[sample.file] = conform(engine, ModelSpec(path, sample.springs, sample.settings))
+    return found
+
+
+def _checked(check: Callable[[Asked], None], engine: Engine, spec: ModelSpec) -> Check:
+    name = check.__name__.replace("_", " ")
+    try:
+        check(Asked(engine, spec))
+    except BrokenError as broken:
+        return Check(name, False, str(broken))
+    except Exception as error:
+        return Check(name, False, f"it ended in {type(error).__name__}: {error}")
+    return Check(name, True, " ".join((check.__doc__ or "").split()))

@@ -1,0 +1,105 @@
+"""What an adapter and its models say of themselves, and what they refuse."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.engines.conformance.asked import Asked, BrokenError, ask
+from harness.engines.protocol import Engine, EngineError, ModelSpec
+from harness.engines.remark import Remark
+
+
+def engine_is_described(asked: Asked) -> None:
+    """Name, title, formats, capabilities and version say what the adapter is."""
+    engine = asked.engine
+    named = all(isinstance(word, str) and word for word in (engine.name, engine.title))
+    ask(named, "name and title must be words")
+    ask(re.fullmatch(r"[\w-]+", engine.name) is not None, f"the name {engine.name!r} is no word")
+    good = all(re.fullmatch(r"\.\w+", suffix) for suffix in engine.formats)
+    ask(bool(engine.formats) and good, 'formats must list endings of files, such as (".urdf",)')
+    ask(all(isinstance(word, str) for word in engine.capabilities), "capabilities are phrases")
+    version = engine.version()
+    ask(version is None or isinstance(version, str), "version() must be text, or None")
+    for extra in (*engine.preferred, *engine.compiles):
+        ask(extra in engine.formats, f"{extra} is not among its formats {engine.formats}")
+
+
+def model_is_described(asked: Asked) -> None:
+    """Coordinates have names of their own; step, integrator, exponents and epsilon are there."""
+    model = asked.load().model
+    names = model.coordinates
+    good = isinstance(names, tuple) and all(isinstance(name, str) and name for name in names)
+    ask(good and bool(names), "coordinates must be a tuple of names, at least one")
+    ask(len(set(names)) == len(names), f"coordinates must have names of their own: {names}")
+    ask(0 < model.step < np.inf, f"the step is {model.step!r}, where seconds belong")
+    named = isinstance(model.integrator, str) and bool(model.integrator)
+    ask(named, f"the integrator's name is {model.integrator!r}")
+    for varying in (False, True):
+        order, increment = model.exponents(varying)
+        whole = isinstance(order, int) and isinstance(increment, int)
+        ask(whole and order > 0 and increment > 0, "exponents() must give two whole numbers")
+    ask(0 < model.epsilon < 1e-2, f"epsilon is {model.epsilon!r}, a relative rounding belongs")
+
+
+def hooks_have_their_shapes(asked: Asked) -> None:
+    """home, reach, gravity, remedies, integrators and remarks have the shapes of the protocol."""
+    model = asked.load().model
+    size = len(model.coordinates)
+    good = model.home.shape == (size,) and bool(np.isfinite(model.home).all())
+    ask(good, f"home must be finite, of shape ({size},)")
+    reach = model.reach
+    good = reach.shape == (size, 2) and bool(np.all(reach[:, 0] < reach[:, 1]))
+    ask(good and bool(np.isfinite(reach).all()), f"reach must be lower < upper, ({size}, 2)")
+    gravity = model.gravity
+    good = isinstance(gravity, tuple) and len(gravity) in (0, 2, 3)
+    ask(good and bool(np.isfinite(gravity).all()), "gravity must be a tuple of 0, 2 or 3 numbers")
+    for hook, given in (("remedies", model.remedies), ("integrators", model.integrators)):
+        for key, settings in given.items():
+            ask(isinstance(key, str) and bool(dict(settings)), f"{hook} must map names to settings")
+    z = model.home[None]
+    for remark in model.remarks(z, 0 * z):
+        ask(isinstance(remark, Remark), f"remarks() must give Remarks, not {remark!r}")
+
+
+def the_step_stays_the_shipped_one(asked: Asked) -> None:
+    """`step` is what the file ships with, whatever step a rollout was asked for."""
+    loaded = asked.load()
+    loaded.free(h=loaded.h / 3)
+    found = loaded.model.step
+    ask(found == loaded.h, f"step was {loaded.h:g} s, and is {found:g} s after a rollout")
+
+
+def errors_name_the_file(asked: Asked) -> None:
+    """A file that is missing, or makes no model, is an EngineError that names it."""
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        path = Path(folder) / f"broken{asked.spec.path.suffix}"
+        for text in (None, "<no model"):
+            if text is not None:
+                path.write_text(text, encoding="utf-8")
+            what = "missing file" if text is None else "file that makes no model"
+            _refused(asked.engine, replace(asked.spec, path=path), path.name, what)
+
+
+def an_unknown_setting_is_refused(asked: Asked) -> None:
+    """A setting that the adapter doesn't know is an EngineError that names it."""
+    settings = {**asked.spec.settings, "no_such_setting": 1}
+    spec = replace(asked.spec, settings=settings)
+    _refused(asked.engine, spec, "no_such_setting", "setting that it doesn't know")
+
+
+def _refused(engine: Engine, spec: ModelSpec, name: str, what: str) -> None:
+    try:
+        engine.load(spec)
+    except EngineError as error:
+        ask(name in str(error), f"the error on a {what} doesn't name {name}: {error}")
+    except Exception as error:
+        raise BrokenError(
+            f"a {what} ends in {type(error).__name__}, not in an EngineError"
+        ) from None
+    else:
+        raise BrokenError(f"a {what} is taken without a word")

@@ -1,0 +1,105 @@
+"""Rollouts: their shapes, and that nothing but their arguments matters to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.engines.conformance.asked import BATCH, EVERY, STEPS, Asked, Motion, alike, ask
+
+
+def rollouts_have_their_shape(asked: Asked) -> None:
+    """Positions and velocities come as (B, n // every, nz) each, in double precision."""
+    loaded = asked.load()
+    for n, every in ((STEPS, EVERY), (STEPS, STEPS), (STEPS, 1), (1, 1)):
+        for values in loaded.free(n, every):
+            wanted = BATCH, n // every, loaded.size
+            ask(values.shape == wanted, f"a rollout is {values.shape}, where {wanted} belongs")
+            ask(values.dtype == np.float64, f"its numbers are {values.dtype}, not float64")
+
+
+def every_gives_the_ends_of_shorter_rollouts(asked: Asked) -> None:
+    """What `every` samples on the way is bitwise where a shorter rollout ends."""
+    loaded = asked.load()
+    sampled = loaded.free(STEPS, EVERY)
+    for row, n in enumerate(range(EVERY, STEPS + 1, EVERY)):
+        part = sampled[0][:, row : row + 1], sampled[1][:, row : row + 1]
+        ask(alike(loaded.free(n), part), f"the sample after {n} steps is no end of {n} steps")
+
+
+def arguments_are_left_alone(asked: Asked) -> None:
+    """A rollout writes into none of the arrays that it is given."""
+    loaded = asked.load()
+    (q, v), force = loaded.states(), loaded.pushes(STEPS)
+    kept = q.copy(), v.copy(), force.copy()
+    loaded.model.rollout(q, v, loaded.h, STEPS, force, STEPS)
+    for name, old, new in zip(("q", "v", "force"), kept, (q, v, force), strict=True):
+        ask(np.array_equal(old, new), f"a rollout has changed the {name} that it was given")
+
+
+def results_are_the_callers(asked: Asked) -> None:
+    """What a rollout has returned is not changed by a later one."""
+    loaded = asked.load()
+    first = loaded.model.rollout(*loaded.states(), loaded.h, STEPS, None, STEPS)
+    kept = first[0].copy(), first[1].copy()
+    loaded.free(h=loaded.h / 3)
+    ask(alike(first, kept), "a later rollout has changed what an earlier one returned")
+
+
+def a_rollout_repeats_bitwise(asked: Asked) -> None:
+    """The same call gives the same bits, at once and after others."""
+    loaded = asked.load()
+    first = loaded.pushed()
+    ask(alike(loaded.pushed(), first), "the same call a second time gives another motion")
+
+
+def an_earlier_step_leaves_no_trace(asked: Asked) -> None:
+    """A rollout after one with another step is as it was before it."""
+    loaded = asked.load()
+    first = loaded.free()
+    loaded.free(n=2, h=7 * loaded.h)
+    ask(alike(loaded.free(), first), "a rollout with another step has changed the next one")
+
+
+def an_earlier_force_leaves_no_trace(asked: Asked) -> None:
+    """A free rollout after a pushed one is free."""
+    loaded = asked.load()
+    first = loaded.free()
+    loaded.pushed()
+    ask(alike(loaded.free(), first), "a force of an earlier rollout acts in a free one")
+
+
+def a_batch_is_its_rows_one_by_one(asked: Asked) -> None:
+    """A state's motion doesn't depend on those beside it, nor on its place among them."""
+    loaded = asked.load()
+    (q, v), force = loaded.states(), loaded.pushes(STEPS)
+
+    def run(rows: list[int]) -> Motion:
+        return loaded.run((q[rows], v[rows]), STEPS, force[rows], EVERY)
+
+    whole = run([0, 1, 2])
+    for rows in ([2, 0, 1], [0], [1], [2]):
+        part = whole[0][rows], whole[1][rows]
+        ask(alike(run(rows), part), f"rows {rows} of a batch move otherwise by themselves")
+
+
+def what_is_not_finite_is_returned_so(asked: Asked) -> None:
+    """From a state that is no number, none comes out; no reset, no error."""
+    loaded = asked.load()
+    q, v = loaded.states()
+    q[1] = np.nan
+    z, w = loaded.run((q, v), STEPS, None, STEPS)
+    finite = np.isfinite(z[1]).all() and np.isfinite(w[1]).all()
+    ask(not finite, "a motion from a state that is no number comes back as numbers")
+
+
+def what_is_not_finite_spoils_nothing(asked: Asked) -> None:
+    """Neither the motions beside one that is no number, nor those after it."""
+    loaded = asked.load()
+    first = loaded.free()
+    q, v = loaded.states()
+    q[1] = np.nan
+    z, w = loaded.run((q, v), STEPS, None, STEPS)
+    rows = [0, 2]
+    beside = alike((z[rows], w[rows]), (first[0][rows], first[1][rows]))
+    ask(beside, "a motion that is no number has changed those beside it")
+    ask(alike(loaded.free(), first), "a motion that was no number has changed the next ones")

@@ -1,0 +1,195 @@
+"""An engine whose answer is known, and which is wrong on demand: read it first to write an adapter.
+
+It is whole: a file format, a model with what `Model` asks of every one, an adapter. All else in the
+protocol has a default, and is declared where an engine has more to say: `home` and `reach` where
+its coordinates don't start at 0, `gravity` where it has some, `remedies` and `usual_mistakes` where
+it does things unless told, `remarks` where a file doesn't mean what it seems to. An adapter becomes
+known by an entry point of its distribution, in the group `crosscheck.engines`; this one is known
+only where a distribution says `known = "harness.engines.known_answer:KnownEngine"`, as that of the
+tests does.
+
+A `.known` file is TOML: names, M, C, K and the weights W of M a = F - C v - K q - W sin q, the
+step, the method and the order it claims, and under [fault] what is to be wrong.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from harness.engines.protocol import (
+    Array,
+    Engine,
+    EngineError,
+    Force,
+    Model,
+    ModelSpec,
+    Sample,
+    StateForce,
+)
+
+_SAMPLE = """
+names = ["x", "theta"]
+M = [[1.3, 0.2], [0.2, 0.8]]
+C = [[0.9, 0.0], [0.0, 0.1]]
+K = [[47.0, -3.0], [-3.0, 3.0]]
+W = [0.0, 2.5]
+step = 0.005
+method = "{}"
+claims = {}
+"""
+
+
+class OddError(Exception):
+    """Can't be rebuilt from its arguments, nor sent: as third parties' errors may be."""
+
+    def __init__(self, first: str, second: str) -> None:
+        super().__init__(f"{first} {second}")
+        self.unsendable = lambda: None
+
+
+class KnownEngine(Engine):
+    """The adapter that an entry point names."""
+
+    name = "known"
+    title = "the known-answer engine"
+    formats = (".known",)
+    capabilities = ("answers that are known",)
+
+    def version(self) -> str | None:
+        """Always there."""
+        return "1.0"
+
+    def load(self, spec: ModelSpec) -> KnownModel:
+        """Read the file; whatever is wrong with it is told with its name and a remedy."""
+        if spec.settings:
+            raise EngineError(f"{spec.path}.toml: no setting {', '.join(spec.settings)} is known")
+        try:
+            return KnownModel(tomllib.loads(spec.path.read_text(encoding="utf-8")))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise EngineError(
+                f"{spec.path}: can't be read: {error}; see known_answer.py for what belongs there"
+            ) from None
+        except (KeyError, TypeError, ValueError) as error:
+            raise EngineError(
+                f"{spec.path}: it makes no model: {error!r}; see known_answer.py for its keys"
+            ) from None
+
+    def samples(self) -> tuple[Sample, ...]:
+        """Both methods."""
+        return tuple(
+            Sample(file=f"{method}.known", text=_SAMPLE.format(method, order))
+            for method, order in (("euler", 1), ("heun", 2))
+        )
+
+
+class KnownModel(Model):
+    """A linear system, or pendulums, stepped by semi-implicit Euler or by Heun's method."""
+
+    def __init__(self, file: Mapping[str, Any]) -> None:
+        self.coordinates = tuple(file["names"])
+        self.step, self.integrator = float(file["step"]), str(file["method"])
+        self._claims, self._fault = int(file["claims"]), _Fault(file.get("fault", {}))
+        parts = (np.array(file[name], dtype=float) for name in ("M", "C", "K", "W"))
+        self._mass, self._damper, self._spring, self._weight = parts
+        self._inverse = np.linalg.inv(self._mass)
+        self._spring = self._spring * (1 + self._fault.number("off", 0.0))
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """As the file claims; Heun's method has order 1 where an input is held while it varies."""
+        return (1 if varying_input and self.integrator == "heun" else self._claims), 1
+
+    @np.errstate(all="ignore")
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """All states at once, each step with the force held over it."""
+        self._fault.misbehave()
+        q, v = q + self._fault.remembered, v.copy()
+        qs: list[Array] = []
+        vs: list[Array] = []
+        for i in range(n):
+            held = self._held(force, q, i)
+            a = self._acceleration(q, v, held)
+            if self.integrator == "heun":
+                later = self._acceleration(q + h * v, v + h * a, held)
+                q, v = q + h * v + h * h * a / 2, v + h * (a + later) / 2
+            else:
+                v = v + h * a
+                q = q + h * v
+            q, v = self._fault.disturb(q, v, h, i + 1, self._mass)
+            if (i + 1) % every == 0:
+                qs.append(q)
+                vs.append(v)
+        return np.stack(qs, axis=1), np.stack(vs, axis=1)
+
+    def _acceleration(self, q: Array, v: Array, force: Array) -> Array:
+        pull = force - _times(self._damper, v) - _times(self._spring, q) - np.sin(q) * self._weight
+        return _times(self._inverse, pull)
+
+    def _held(self, force: Force, q: Array, i: int) -> Array:
+        """The force of a step, (B, nz): given, or asked for at the state at its start."""
+        if force is None:
+            return np.zeros_like(q)
+        if isinstance(force, StateForce):
+            rows = zip(q.tolist(), force.inputs[:, i].tolist(), strict=True)
+            return np.array([force.at(z, u) for z, u in rows], dtype=float)
+        return force[:, i]
+
+
+def _times(matrix: Array, rows: Array) -> Array:
+    """Matrix times each row, in the same order of sums for one row as for many."""
+    product: Array = (matrix * rows[:, None, :]).sum(axis=-1)
+    return product
+
+
+class _Fault:
+    """What is wrong on demand; no part of an adapter."""
+
+    def __init__(self, wanted: Mapping[str, Any]) -> None:
+        self._wanted, self._calls = wanted, 0
+
+    def number(self, name: str, default: float) -> float:
+        """What the file says of a fault."""
+        return float(self._wanted.get(name, default))
+
+    def misbehave(self) -> None:
+        """What ends a process, or a call."""
+        self._calls += 1
+        if "hang" in self._wanted:
+            time.sleep(self._wanted["hang"])
+        if "segfault" in self._wanted:
+            os.kill(os.getpid(), signal.SIGSEGV)
+        if "exits" in self._wanted:
+            sys.exit(self._wanted["exits"])
+        if "odd" in self._wanted:
+            raise OddError("two", "arguments")
+        if "raises" in self._wanted:
+            raise RuntimeError(self._wanted["raises"])
+
+    @property
+    def remembered(self) -> float:
+        """By how much positions are off, from call to call."""
+        return self.number("remembers", 0.0) * self._calls
+
+    def disturb(self, q: Array, v: Array, h: float, steps: int, mass: Array) -> tuple[Array, Array]:
+        """What a step does beside the equations."""
+        if steps > self.number("drags_after_steps", np.inf):
+            v = v * (1 - self.number("drag", 0.05) * h)
+        if "limit" in self._wanted:
+            limit = self.number("limit", np.inf)
+            v = np.where(np.abs(q) > limit, 0.0, v)
+            q = np.clip(q, -limit, limit)
+        if "friction" in self._wanted:
+            lost = h * self.number("friction", 0.0) / np.diag(mass)
+            v = np.sign(v) * np.maximum(np.abs(v) - lost, 0.0)
+        if steps * h > self.number("nan_after_seconds", np.inf):
+            v = v * np.nan
+        return q, v

@@ -1,0 +1,5 @@
+"""pymunk (Munk2D), on Python files that build a Space."""
+
+from harness.engines.pymunk.adapter import PymunkEngine, PymunkModel
+
+__all__ = ["PymunkEngine", "PymunkModel"]

@@ -1,0 +1,85 @@
+"""What a Space adds to its bodies and joints on its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from harness.engines.remark import PULL, Remark
+
+
+def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:
+    """All there is to say of a Space as its file builds it, under the adapter's settings."""
+    damping: Any = settings.get("damping", space.damping)
+    if damping != 1:
+        value = float(damping)
+        yield Remark(
+            message=f"Space.damping is {value:g}: every velocity loses {1 - value:.3g} of itself a"
+            " second",
+            fault=True,
+            address=_address("damping", settings),
+            value=value,
+        )
+    given: Any = settings.get("gravity", space.gravity)
+    gravity = (float(given[0]), float(given[1]))
+    if gravity[0] and gravity[1]:
+        yield Remark(
+            message=f"gravity is tilted: {gravity} is along no axis",
+            address=_address("gravity", settings),
+            shows_in=PULL,
+        )
+    yield from _joint_remarks(space.constraints)
+    yield from _spring_remarks(space.constraints)
+    shapes = [s for s in space.shapes if not s.sensor and s.filter.mask != 0]
+    if len(shapes) > 1:
+        yield Remark(
+            message=f"{len(shapes)} shapes can collide: their filters let them", address=""
+        )
+
+
+def _address(name: str, settings: Mapping[str, object]) -> str:
+    return f"sidecar:settings.{name}" if name in settings else f"Space().{name}"
+
+
+def _joint_remarks(constraints: Iterable[Any]) -> Iterator[Remark]:
+    import pymunk
+
+    plain = pymunk.PivotJoint(pymunk.Body(1, 1), pymunk.Body(1, 1), (0, 0)).error_bias
+    for constraint in constraints:
+        kind = type(constraint).__name__
+        if isinstance(constraint, (pymunk.DampedSpring, pymunk.DampedRotarySpring)):
+            continue  # forces, which have no error to correct
+        if constraint.error_bias == plain:
+            yield Remark(
+                message=f"error_bias of a {kind} is pymunk's default, 0.9**60: at ordinary steps"
+                " the joint takes energy out of the motion",
+                address=f"{kind}()",
+                value=float(plain),
+            )
+        if constraint.max_force < float("inf") or constraint.max_bias < float("inf"):
+            yield Remark(
+                message=f"a {kind} has a largest force or correction: it lets go beyond",
+                address=f"{kind}()",
+            )
+
+
+def _spring_remarks(constraints: Iterable[Any]) -> Iterator[Remark]:
+    import pymunk
+
+    for spring in constraints:
+        if isinstance(spring, pymunk.DampedSpring) and spring.stiffness:
+            start = spring.a.local_to_world(spring.anchor_a)
+            end = spring.b.local_to_world(spring.anchor_b)
+            here, rest, what = (end - start).length, spring.rest_length, "length"
+        elif isinstance(spring, pymunk.DampedRotarySpring) and spring.stiffness:
+            here, rest, what = spring.a.angle - spring.b.angle, spring.rest_angle, "angle"
+        else:
+            continue
+        kind = type(spring).__name__
+        if abs(here - rest) > 1e-9 * max(1.0, abs(here)):
+            yield Remark(
+                message=f"a {kind} is built at the {what} {here:g} and rests at {rest:g}",
+                address=f"{kind}()",
+                value=float(rest),
+                shows_in=PULL,
+            )

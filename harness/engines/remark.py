@@ -1,0 +1,55 @@
+"""What an engine or a format does on its own, one thing at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Remark:
+    """Something an engine or a format adds to a model, or drops from it, on its own.
+
+    Attributes:
+        message: a sentence.
+        fault: whether it is wrong in itself.
+        address: the number or element that it is about, as `harness.files.locations` spells them:
+            `body/joint[x]@damping`, `option@gravity`, `robot/link[rod]`, in Python `MASS`,
+            `PinJoint()` for a call, `Space().damping` for an attribute of what it makes. With
+            `sidecar:settings.` before it, a setting of the sidecar. Where nothing in the file is
+            so called, the file is meant; empty: the file as a whole; None: nothing in it.
+        value: the number, where it is about one.
+        shows_in: kinds of compiled terms that it enters; where one of these differs from the
+            equations it is to blame, otherwise it is as it should be.
+    """
+
+    message: str
+    fault: bool = False
+    address: str | None = None
+    value: float | None = None
+    shows_in: tuple[str, ...] = ()
+
+
+PULL = ("rest", "stiffness")
+"""What a force that depends on positions alone shows in."""
+
+
+def limit_remarks(
+    name: str,
+    *,
+    bounds: tuple[float, float],
+    reached: tuple[float, float],
+    address: str,
+) -> tuple[Remark, ...]:
+    """A joint's limits that the motions reach; below, above."""
+    (lower, upper), (low, high) = bounds, reached
+    return tuple(
+        Remark(
+            message=f"{name} is limited to [{lower:g}, {upper:g}], and the motions reach"
+            f" {extreme:.4g}: the limit stops it",
+            fault=True,
+            address=address,
+            value=bound,
+        )
+        for bound, extreme, beyond in ((lower, low, low <= lower), (upper, high, high >= upper))
+        if beyond
+    )

@@ -1,0 +1,30 @@
+"""What must be stated lest the engine takes a value of its own, left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from harness.engines.mistake import LeftOut
+from harness.files.locations.attributes import Attribute
+from harness.mutation.mistakes.context import Subject
+from harness.mutation.mistakes.mistake import Edit, Mistake
+
+
+def left_out(subject: Subject) -> Iterator[Mistake]:
+    """Each of them that the file states, or the settings."""
+    for usual in subject.engine.usual_mistakes:
+        if isinstance(usual, LeftOut):
+            yield from _left_out(subject, usual)
+
+
+def _left_out(subject: Subject, usual: LeftOut) -> Iterator[Mistake]:
+    causes = frozenset({usual.cause})
+    for element in subject.elements:
+        stated = [key for key in usual.defaults if key in element.attributes]
+        if stated and element.parent is not None and element.parent.tag == usual.within:
+            edit = Edit(attributes=tuple(Attribute(element.start, key, None) for key in stated))
+            yield Mistake(usual.name, element.spelled(2), edit, causes)
+    settings = subject.task.sidecar.spec(subject.task.engine).settings
+    own = {key: value for key, value in usual.defaults.items() if key in settings}
+    if own:
+        yield Mistake(usual.name, f"settings.{next(iter(own))}", Edit(settings=own), causes)

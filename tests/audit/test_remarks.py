@@ -1,0 +1,169 @@
+"""What engines do on their own is told, with the line that it stands in."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.audit.remarks import where
+from harness.engines.mujoco import MujocoModel
+from harness.engines.protocol import Model
+from harness.engines.remark import Remark
+from harness.files.sidecar import read_sidecar
+from tests.audit.models import MODELS, said
+
+
+def test_what_a_model_remarks_on_itself_is_told_with_its_line(look, monkeypatch):
+    def remarks(self, z, w):
+        yield Remark(message="a word")
+        yield Remark(message="a number", address="body/joint[theta]@damping", value=2.0)
+        yield Remark(message="the file", address="")
+
+    monkeypatch.setattr(MujocoModel, "remarks", remarks)
+    found = [f for f in look("simple_pendulum", "mujoco.xml", "mujoco") if f.kind == "default"]
+    assert [f.message for f in found] == ["a word", "a number", "the file"]
+    assert [Path(f.where).name.partition(":")[0] for f in found] == ["", "mujoco.xml", "mujoco.xml"]
+    assert found[1].where.rpartition(":")[2].isdigit()
+    assert found[2].where.endswith("mujoco.xml")
+
+
+def test_a_model_that_has_nothing_to_say_of_itself_says_nothing():
+    assert tuple(Model.remarks(None, None, None)) == ()
+
+
+SWITCHED_ON = [
+    ("link_damping = 0.04", "damping of links", "link damping (0.04)", False),
+    ("motors = true", "motors", "joint motors", True),
+    ("inertia_from_file = false", "inertias of collision shapes", "inertia from", False),
+]
+
+
+@pytest.mark.parametrize(("setting", "called", "part", "fault"), SWITCHED_ON)
+def test_what_a_setting_leaves_on_in_pybullet_is_not_said_to_be_off(
+    look, setting, called, part, fault
+):
+    change = ("[settings]\n", f"[settings]\n{setting}\n")
+    found = look("simple_pendulum", "robot.urdf", "pybullet", change)
+    off = next(f for f in found if "are switched off by the adapter" in f.message)
+    for _, _, other, _ in SWITCHED_ON:
+        assert (other in off.message) == (other != part)
+    assert "speed limit" in off.message
+    on = next(f for f in found if "left on" in f.message)
+    assert on.message.startswith(f"PyBullet's own {called}, left on by the setting")
+    toml = Path(on.where.rpartition(":")[0])
+    assert toml.name == "robot.urdf.toml"
+    assert toml.read_text().splitlines()[int(on.where.rpartition(":")[2]) - 1] == setting
+    if fault:
+        assert on.severity == "finding"
+
+
+def test_nothing_is_said_to_be_left_on_where_all_is_off(look):
+    found = look("simple_pendulum", "robot.urdf", "pybullet")
+    off = next(f for f in found if "are switched off" in f.message)
+    assert off.message == (
+        "PyBullet's own link damping (0.04), joint motors, speed limit, inertia from collision"
+        " shapes and gravity are switched off by the adapter"
+    )
+    assert not any("left on" in f.message for f in found)
+
+
+def test_a_damping_that_the_sidecar_sets_is_told_with_its_line(look):
+    found = look(
+        "simple_pendulum", "space.py", "pymunk", ("[settings]\n", "[settings]\ndamping = 0.99\n")
+    )
+    damped = next(f for f in found if "Space.damping is 0.99" in f.message)
+    assert "space.py.toml:" in damped.where
+
+
+def line_with(file, text):
+    """The line, counted from 1, of the one line that has a text."""
+    (found,) = [i for i, line in enumerate(file.read_text().splitlines(), 1) if text in line]
+    return found
+
+
+def test_a_comment_or_a_look_alike_before_a_joint_is_not_taken_for_it(look, tmp_path):
+    armed = '<joint name="theta" type="hinge" armature="0.001"'
+    found = look(
+        "simple_pendulum",
+        "mujoco.xml",
+        "mujoco",
+        (
+            "<worldbody>",
+            """<!-- <joint name="theta" armature="1"/> -->
+  <custom><numeric name="theta" data="1"/></custom>
+  <equality><joint name="theta" joint1="theta" active="false"/></equality>
+  <worldbody>""",
+        ),
+        ('<joint name="theta" type="hinge"', armed),
+    )
+    where = next(f.where for f in found if f.message.startswith("armature of theta"))
+    file = tmp_path / "mujoco.xml"
+    assert where == f"{file}:{line_with(file, armed)}"
+
+
+def test_a_transmission_before_a_joint_of_a_urdf_is_not_taken_for_it(look, tmp_path):
+    found = look(
+        "mass_spring_damper",
+        "robot.urdf",
+        "pybullet",
+        (
+            '<link name="mass"',
+            '<!-- <joint name="x"> -->\n  <transmission name="t"><joint name="x"/></transmission>\n'
+            '  <link name="mass"',
+        ),
+        ('friction="0"', 'friction="0.4"'),
+    )
+    where = next(f.where for f in found if "ignores it" in f.message)
+    file = tmp_path / "robot.urdf"
+    line = line_with(file, '<joint name="x" type')
+    assert where == f"{file}:{line}"
+
+
+def test_a_comment_is_no_statement_of_gravity(look):
+    changes = (('gravity="0 0 -9.81"', ""), ("<worldbody>", '<!-- gravity="0" -->\n<worldbody>'))
+    found = look("simple_pendulum", "mujoco.xml", "mujoco", *changes)
+    assert "no gravity is stated" in said(found, "default", "note")
+
+
+def test_a_gravity_that_an_included_file_states_is_stated(look, tmp_path):
+    (tmp_path / "own.xml").write_text('<mujoco><option gravity="0 0 -9.81"/></mujoco>')
+    changes = (
+        ('gravity="0 0 -9.81"', ""),
+        ("<worldbody>", '<include file="own.xml"/>\n<worldbody>'),
+    )
+    found = look("simple_pendulum", "mujoco.xml", "mujoco", *changes)
+    assert "no gravity is stated" not in said(found, "default", "note")
+
+
+def test_a_comment_or_a_look_alike_in_python_is_not_taken_for_the_damping_of_a_space(
+    look, tmp_path
+):
+    text = """    # space.damping = 0.5
+    spring = pymunk.DampedRotarySpring(space.static_body, pymunk.Body(1, 1), 0, 0, 0)
+    spring.damping = 0.0
+    note = "space.damping = 0.7"
+    space.damping = 0.99
+"""
+    built = "    space = pymunk.Space()\n"
+    found = look("simple_pendulum", "space.py", "pymunk", (built, built + text))
+    where = next(f.where for f in found if "Space.damping is 0.99" in f.message)
+    file = tmp_path / "space.py"
+    assert where == f"{file}:{line_with(file, 'space.damping = 0.99')}"
+
+
+def test_a_comment_is_not_taken_for_a_joint_in_python(look, tmp_path):
+    change = ("rod.error_bias = 1e-10", "pass")
+    built = "    space = pymunk.Space()\n"
+    comment = built + "    # pymunk.PinJoint( is what holds the bob\n"
+    found = look("simple_pendulum", "space.py", "pymunk", change, (built, comment))
+    where = next(f.where for f in found if "error_bias of a PinJoint" in f.message)
+    file = tmp_path / "space.py"
+    assert where == f"{file}:{line_with(file, '= pymunk.PinJoint(')}"
+
+
+def test_a_setting_of_one_engine_is_found_in_its_own_table():
+    sidecar = read_sidecar(MODELS / "drum_pendulum" / "mujoco.xml.toml")
+    shared = replace(sidecar, settings={"step": 1.0}, engine_settings={"mujoco": {"step": 2.0}})
+    assert where(Remark(message="", address=None), shared, "mujoco") == ""
+    missing = Remark(message="", address="sidecar:settings.step")
+    assert where(missing, shared, "mujoco") == f"{sidecar.model}.toml"

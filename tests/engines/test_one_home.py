@@ -1,0 +1,61 @@
+"""All that is known of an engine is in `harness/engines/`: nothing else calls one by its name."""
+
+import re
+from pathlib import Path
+
+from harness.engines.protocol import Engine, Model
+from harness.engines.registry import engines, readers
+
+ROOT = Path(__file__).parents[2]
+SEARCHED = ("harness", "reference", "physics_crosscheck", "pytest_crosscheck.py")
+HOME = ROOT / "harness" / "engines"
+NAMES = re.compile("mujoco|pybullet|pymunk|known_answer", re.IGNORECASE)
+
+
+def texts() -> list[Path]:
+    """Every file of the packages, in code, comments, pages and schemas alike."""
+    found = [ROOT / name for name in SEARCHED if (ROOT / name).is_file()]
+    for name in SEARCHED:
+        found += [path for path in (ROOT / name).rglob("*") if path.is_file()]
+    return [path for path in found if "__pycache__" not in path.parts and HOME not in path.parents]
+
+
+def test_no_engine_is_named_outside_its_home() -> None:
+    files = texts()
+    assert len(files) > 100
+    named = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in files
+        for number, line in enumerate(path.read_text("utf-8", errors="replace").splitlines(), 1)
+        if NAMES.search(line)
+    ]
+    assert named == []
+
+
+def test_hooks_are_declared_and_never_looked_for_by_their_names() -> None:
+    hooks = {
+        name
+        for base in (Engine, Model)
+        for name in (*vars(base), *base.__annotations__)
+        if not name.startswith("_")
+    }
+    assert {"home", "reach", "gravity", "remedies", "remarks", "epsilon"} <= hooks
+    looked = re.compile(rf"(?:getattr|hasattr)\([^()]*,\s*\"(?:{'|'.join(sorted(hooks))})\"")
+    found = [path for path in texts() if looked.search(path.read_text("utf-8", errors="replace"))]
+    assert found == []
+
+
+def test_the_known_answer_engine_is_known_only_where_it_is_asked_for() -> None:
+    built_in = (HOME / "registry.py").read_text()
+    assert "known_answer" not in built_in
+
+
+def test_readers_of_a_format_come_with_the_preferred_one_first() -> None:
+    assert [engine.name for engine in readers(".urdf")] == ["pybullet", "mujoco"]
+    assert [engine.name for engine in readers(".xml")] == ["mujoco"]
+    assert readers(".sdf") == ()
+
+
+def test_every_format_of_an_adapter_has_a_sample() -> None:
+    for engine in engines().values():
+        assert {Path(sample.file).suffix for sample in engine.samples()} == set(engine.formats)

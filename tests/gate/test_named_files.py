@@ -1,0 +1,51 @@
+"""Which files a case depends on: those that its model file names, and nothing that it doesn't."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from harness.baseline.fingerprint import folder_files
+
+MODELS = Path(__file__).parents[2] / "models"
+
+
+@pytest.fixture
+def named(tmp_path):
+    """The files outside its folder that a model file depends on, once a text stands in it."""
+    folder = tmp_path / "arm"
+    folder.mkdir()
+    for name in ("system.py", "mujoco.xml", "mujoco.xml.toml"):
+        shutil.copy(MODELS / "simple_pendulum" / name, folder / name)
+    (tmp_path / "assets").mkdir()
+    for name in ("a.stl", "b.stl"):
+        (tmp_path / "assets" / name).write_text(name)
+
+    def of(text):
+        model = folder / "mujoco.xml"
+        model.write_text(model.read_text().replace("</mujoco>", f"{text}</mujoco>"))
+        (found,) = folder_files(folder).models
+        return sorted(name for name in found.hashes if name.startswith("../"))
+
+    return of
+
+
+def test_a_mesh_is_named_by_its_attribute(named):
+    assert named('<asset><mesh name="a" file="../assets/a.stl"/></asset>') == ["../assets/a.stl"]
+
+
+def test_a_folder_of_meshes_is_looked_in(named):
+    text = '<compiler meshdir="../assets"/><asset><mesh file="b.stl"/></asset>'
+    assert named(text) == ["../assets/b.stl"]
+
+
+def test_a_comment_names_no_file_nor_does_a_look_alike(named):
+    text = (
+        '<!-- <mesh file="../assets/a.stl"/> --><compiler/>'
+        """<custom><text name="t" data="file='../assets/b.stl'"/></custom>"""
+    )
+    assert named(text) == []
+
+
+def test_what_is_no_xml_here_may_name_a_file_in_any_word(named):
+    assert named('<mesh file="../assets/a.stl"> & </mujoco>') == ["../assets/a.stl"]
