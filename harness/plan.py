@@ -140,7 +140,9 @@ class Plan:
         self._found.systems.append(prepared.record)
         files = list(model_files(prepared.folder))
         unread = [one for one in files if isinstance(one, UnreadModel)]
-        chosen = [(s, e) for s in files if isinstance(s, Sidecar) for e in self._chosen(prepared, s)]
+        chosen = [
+            (s, e) for s in files if isinstance(s, Sidecar) for e in self._chosen(prepared, s)
+        ]
         self._found.expect(len(unread) + len(chosen) * len(prepared.system.scenarios))
         for model in unread:
             one = CaseId(system=prepared.system.name, model=model.model, scenario="-", engine="-")

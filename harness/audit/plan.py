@@ -46,9 +46,7 @@ def audits(
     return tuple(one for models in found for one in models.values())
 
 
-def _folder(
-    folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit]
-) -> Job[Prepared]:
+def _folder(folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit]) -> Job[Prepared]:
     def failed(failure: Failure) -> Iterable[Job[Any]]:
         one = ModelId(system=folder.name, model="system.py", engine="-")
         found[one] = ModelAudit(one, failure=failure.reason)

@@ -59,7 +59,9 @@ def summary(results: Results) -> str:
     accepted = f"; {known} accepted as known differences" if known else ""
     worst = max(_known(largest(case) for case in agreeing), default=None)
     told = agreement(worst)
-    return f"{len(results.cases)} cases: {', '.join(parts)}{accepted}{told}; {results.seconds:.1f} s"
+    return (
+        f"{len(results.cases)} cases: {', '.join(parts)}{accepted}{told}; {results.seconds:.1f} s"
+    )
 
 
 def largest(case: Case) -> Number:

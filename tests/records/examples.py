@@ -22,7 +22,7 @@ def example(record: type[Record]) -> Any:
 def _of(wanted: inspect.Type) -> Any:
     match wanted:
         case inspect.StructType(fields=fields):
-            return {field.encode_name: _of(field.type) for field in fields}
+            return {field.encode_name: _named(field) for field in fields}
         case inspect.UnionType(types=types):
             return _of(next(one for one in types if not isinstance(one, inspect.NoneType)))
         case inspect.VarTupleType(item_type=item) | inspect.ListType(item_type=item):
@@ -42,6 +42,28 @@ def _of(wanted: inspect.Type) -> Any:
         case inspect.BoolType():
             return True
     raise AssertionError(f"no example of {wanted}")
+
+
+def _named(field: inspect.Field) -> Any:
+    # A point of a sketch is a pair of trees, which the types don't say.
+    return [0.5, 0.5] if field.encode_name == "at" else _of(field.type)
+
+
+def required(wanted: inspect.Type, here: Path = ()) -> Iterator[Path]:
+    """Where every key is that must be there, in the example of a type."""
+    match wanted:
+        case inspect.StructType(fields=fields):
+            for field in fields:
+                if field.required:
+                    yield (*here, field.encode_name)
+                yield from required(field.type, (*here, field.encode_name))
+        case inspect.UnionType(types=types):
+            kinds = (one for one in types if not isinstance(one, inspect.NoneType))
+            yield from required(next(kinds), here)
+        case inspect.VarTupleType(item_type=item):
+            yield from required(item, (*here, 0))
+        case inspect.DictType(value_type=value):
+            yield from required(value, (*here, "a"))
 
 
 def paths(value: Any, here: Path = ()) -> Iterator[Path]:
