@@ -11,7 +11,7 @@ import harness.cases.case
 from harness.cases.case import CaseTask, run_case
 from harness.cases.prepare import prepare
 from harness.engines.registry import engines
-from harness.run import model_files
+from harness.files.model_files import model_files
 
 ROOT = Path(__file__).parents[2]
 ADAPTERS = sorted((ROOT / "harness" / "engines").glob("*.py"))
