@@ -7,7 +7,13 @@ by itself, since a project may well have a package `harness` of its own.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 import pytest
+
+if TYPE_CHECKING:
+    from harness.records.case import Case
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -61,12 +67,12 @@ class CrosscheckHooks:
     """What a project's conftest.py may implement."""
 
     @pytest.hookspec
-    def pytest_crosscheck_case(self, record: object) -> object:
-        """Demand more of a case than that it agrees, such as a raw error below one per cent.
+    def pytest_crosscheck_case(self, record: Case) -> str | Iterable[str] | None:
+        """Demand more of a case than that it agrees, such as a global error below one per cent.
 
-        Called with the record of each case that agrees, a mapping as in results.json; the case
-        fails with the sentences that are returned, one or a list. A conftest.py is asked for the
-        system folders below it.
+        Called with the record of each case that agrees, as in results.json; the case fails with
+        the sentences that are returned, one or a list. A conftest.py is asked for the system
+        folders below it.
         """
 
 

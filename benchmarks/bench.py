@@ -18,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 from rich.console import Console
 from rich.table import Table
 
@@ -25,11 +26,13 @@ from harness.cases.case import load
 from harness.cases.prepare import prepare
 from harness.engines.registry import engines
 from harness.files.folders import builtin, system_folders
+from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
 from harness.numerics.full_run import full_run
 from harness.numerics.segments import extrapolate
+from harness.records.results import Results
 from harness.report import write_report
-from harness.run import Options, model_files, run
+from harness.run import Options, run
 from tests.report.chromium import CHROMIUM, running
 
 REPEATS = 5
@@ -216,19 +219,19 @@ def certification(console: Console) -> None:
     console.print(table)
 
 
-def multiplied(found: dict, times: int) -> dict:
+def multiplied(found: Results, times: int) -> Results:
     """The same results with each system several times, under other names."""
-    made = {**found, "systems": [], "models": [], "cases": []}
+    systems, models, cases = [], [], []
     for i in range(times):
-        for kind in ("systems", "models", "cases"):
-            for one in found[kind]:
-                copied = {**one, "folder": f"{one['folder']}_{i}"}
-                name = "name" if kind == "systems" else "system"
-                made[kind].append({**copied, name: f"{one[name]}_{i}"})
-    return made
+        for one in found.systems:
+            systems.append(replace(one, folder=f"{one.folder}_{i}", name=f"{one.name}_{i}"))
+        for some, made in ((found.models, models), (found.cases, cases)):
+            for one in some:
+                made.append(replace(one, folder=f"{one.folder}_{i}", system=f"{one.system}_{i}"))
+    return replace(found, systems=tuple(systems), models=tuple(models), cases=tuple(cases))
 
 
-def report(console: Console, found: dict) -> None:
+def report(console: Console, found: Results) -> None:
     table = Table(
         "cases",
         "HTML",
@@ -238,7 +241,7 @@ def report(console: Console, found: dict) -> None:
         "filtered in",
         title="Report",
     )
-    for times in (1, math.ceil(2000 / len(found["cases"]))):
+    for times in (1, math.ceil(2000 / len(found.cases))):
         results = multiplied(found, times)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "index.html"
@@ -247,7 +250,7 @@ def report(console: Console, found: dict) -> None:
             drawn_up = time.perf_counter() - began
             size = f"{path.stat().st_size / 1e6:.1f} MB"
             seen = looked_at(path) if CHROMIUM else ("no browser",) * 3
-        table.add_row(str(len(results["cases"])), size, f"{drawn_up:.1f} s", *seen)
+        table.add_row(str(len(results.cases)), size, f"{drawn_up:.1f} s", *seen)
     console.print(table)
 
 
@@ -281,24 +284,24 @@ def looked_at(path: Path) -> tuple[str, ...]:
     return tuple(f"{statistics.median(times):.2f} s" for times in (usable, opened, filtered))
 
 
-def matrix(console: Console) -> dict:
+def matrix(console: Console) -> Results:
     folders = system_folders([])
     times = {}
     for jobs in (1, 2):
         began = time.perf_counter()
-        found = run(folders, Options(jobs=jobs), lambda *_: None)
+        found = run(folders, Options(jobs=jobs), lambda *_: None).results
         times[jobs] = time.perf_counter() - began
-    worked = {"derive, linearize, solve": sum(s["seconds"] for s in found["systems"])}
-    worked["run and judge cases"] = sum(case["seconds"] for case in found["cases"])
+    worked = {"derive, linearize, solve": sum(system.seconds for system in found.systems)}
+    worked["run and judge cases"] = sum(case.seconds for case in found.cases)
     console.print(
-        f"whole matrix, {len(found['cases'])} cases: one worker {times[1]:.1f} s, two"
+        f"whole matrix, {len(found.cases)} cases: one worker {times[1]:.1f} s, two"
         f" {times[2]:.1f} s, ratio {times[2] / times[1]:.2f}"
     )
     for what, seconds in worked.items():
         console.print(f"  {what}: {seconds:.1f} s of worker time")
     by_engine: dict[str, float] = {}
-    for case in found["cases"]:
-        by_engine[case["engine"]] = by_engine.get(case["engine"], 0.0) + case["seconds"]
+    for case in found.cases:
+        by_engine[case.engine] = by_engine.get(case.engine, 0.0) + case.seconds
     for engine, seconds in sorted(by_engine.items()):
         console.print(f"    {engine}: {seconds:.1f} s")
     return found

@@ -17,10 +17,10 @@ from harness.cases.case import load
 from harness.cases.verdict import component_scale, judge
 from harness.files.bindings import at_constants, with_constants
 from harness.files.folders import system_folders
+from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
 from harness.numerics.segments import extrapolate
 from harness.records.outcome import Outcome
-from harness.run import model_files
 from reference.derive import derive
 from reference.load import load_system
 from reference.solve import solve

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Literal
+
+from harness.files.locations import Location
+from harness.records.base import SourceLine, number
+from harness.records.finding import AuditFinding
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing that the audit has to say.
+def finding(
+    kind: str,
+    message: str,
+    *,
+    where: SourceLine | None = None,
+    expected: float | None = None,
+    found: float | None = None,
+    severity: Literal["finding", "note"] = "finding",
+) -> AuditFinding:
+    """A finding, or a note, of which most stand in no line or are about no two numbers."""
+    return AuditFinding(
+        kind=kind,
+        message=message,
+        where=where,
+        expected=number(expected),
+        found=number(found),
+        severity=severity,
+    )
 
-    Attributes:
-        kind: "literal", "inertia", "damping", "friction", "stiffness", "rest", "acceleration",
-            "unresolved" or "default".
-        message: a sentence.
-        where: file:line, or empty.
-        expected, found: numbers, where it is about two.
-        severity: "finding", or "note" for what is no fault in itself.
-    """
 
-    kind: str
-    message: str
-    where: str = ""
-    expected: float | None = None
-    found: float | None = None
-    severity: str = "finding"
-
-    def record(self) -> dict[str, Any]:
-        """As results.json has it."""
-        return asdict(self)
+def source_line(location: Location) -> SourceLine:
+    """The line that a number stands in."""
+    return SourceLine(file=str(location.file), line=location.line)

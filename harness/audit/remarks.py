@@ -8,17 +8,17 @@ from harness.engines.remark import Remark
 from harness.files.bindings import SIDECAR
 from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar
+from harness.records.base import SourceLine
 
 
-def where(remark: Remark, sidecar: Sidecar, engine: str) -> str:
-    """file:line of what a remark is about, the file alone, or nothing."""
+def where(remark: Remark, sidecar: Sidecar, engine: str) -> SourceLine | None:
+    """The line that a remark is about, the file alone, or nothing."""
     if remark.address is None:
-        return ""
+        return None
     file, address = sidecar.model, remark.address
     if address.startswith(SIDECAR):
         file, address = Path(f"{file}.toml"), address.removeprefix(SIDECAR)
         key = address.removeprefix("settings.")
         if key in sidecar.engine_settings.get(engine, {}):
             address = f"settings.{engine}.{key}"
-    line = line_of(file, address)
-    return str(file) if line is None else f"{file}:{line}"
+    return SourceLine(file=str(file), line=line_of(file, address))

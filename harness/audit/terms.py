@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from harness.audit.finding import Finding
+from harness.audit.finding import finding
 from harness.audit.task import AuditTask
 from harness.cases.prepare import Equilibrium
 from harness.engines.protocol import Model
 from harness.numerics.accelerations import RESOLVED, Estimate, Probe
 from harness.numerics.coordinates import CoordinateMap
+from harness.records.finding import AuditFinding
 from reference.derive import derive
 from reference.numeric import Array, NumericFunction
 
@@ -56,15 +57,15 @@ class Compiled:
         inertia = np.abs(np.diagonal(task.equilibria[0].matrices["M"]))
         return Compiled(task, probe, equations.compile(entries), names, inertia)
 
-    def findings(self) -> Iterator[Finding]:
+    def findings(self) -> Iterator[AuditFinding]:
         """What differs about each equilibrium, each term once, and accelerations anywhere."""
         terms = []
         for equilibrium in self.task.equilibria:
             terms += list(self._about(equilibrium))
         # The same term is often wrong about every equilibrium: said once.
-        seen: dict[tuple[str, str], Finding] = {}
-        for about, finding in terms:
-            seen.setdefault((finding.kind, about), finding)
+        seen: dict[tuple[str, str], AuditFinding] = {}
+        for about, one in terms:
+            seen.setdefault((one.kind, about), one)
         yield from seen.values()
         yield from self._anywhere(any(f.severity == "finding" for f in seen.values()))
 
@@ -74,7 +75,7 @@ class Compiled:
         both = self.equations(states[:, :n], states[:, n:], inputs, np.zeros((len(states), 1)))
         return both[:, : n * n].reshape(-1, n, n), both[:, n * n :]
 
-    def _about(self, equilibrium: Equilibrium) -> Iterator[tuple[str, Finding]]:
+    def _about(self, equilibrium: Equilibrium) -> Iterator[tuple[str, AuditFinding]]:
         """Terms about an equilibrium, each with what it is about."""
         n = len(self.names)
         step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
@@ -118,19 +119,18 @@ class Compiled:
                 sticky = True
                 yield (
                     name,
-                    Finding(
+                    finding(
                         "friction",
                         f"a friction of {left[i]:.6g} acts on {name}, whatever its speed;"
                         " the equations have none",
-                        "",
-                        0.0,
-                        float(left[i]),
+                        expected=0.0,
+                        found=float(left[i]),
                     ),
                 )
         if sticky:
             yield (
                 "all",
-                Finding(
+                finding(
                     "unresolved",
                     "stiffness and rest forces can't be told from friction, which holds"
                     " what is at rest",
@@ -146,13 +146,12 @@ class Compiled:
             if abs(miss[0, i]) > miss_error[0, i]:
                 yield (
                     name,
-                    Finding(
+                    finding(
                         "rest",
                         f"at rest in equilibrium {equilibrium.name!r} {name} is pulled with"
                         f" {pull.value[0, i]:.6g}; the equations have no force there",
-                        "",
-                        float(wanted[0, i]),
-                        float(pull.value[0, i]),
+                        expected=float(wanted[0, i]),
+                        found=float(pull.value[0, i]),
                     ),
                 )
         expected = equilibrium.matrices["K"]
@@ -176,7 +175,7 @@ class Compiled:
 
     def _entries(
         self, kind: str, equilibrium: str, expected: Array, found: Array, error: Array
-    ) -> Iterator[tuple[str, Finding]]:
+    ) -> Iterator[tuple[str, AuditFinding]]:
         """Each entry of a matrix that differs, and one note for those without a limit."""
         error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
         # What an entry is small or large beside: the inertia, by the fastest rate.
@@ -194,20 +193,20 @@ class Compiled:
                     message = _sentence(kind, about, i == j, here, there, float(error[i, j]))
                     if len(self.task.equilibria) > 1:
                         message += f" (about {equilibrium!r})"
-                    yield about, Finding(kind, message, "", there, here)
+                    yield about, finding(kind, message, expected=there, found=here)
                 elif not resolved[i, j]:
                     unresolved.append(about)
         if unresolved:
             yield (
                 kind,
-                Finding(
+                finding(
                     "unresolved",
                     f"{kind} of {', '.join(unresolved)} is not resolved without motion",
                     severity="note",
                 ),
             )
 
-    def _anywhere(self, known: bool) -> Iterator[Finding]:
+    def _anywhere(self, known: bool) -> Iterator[AuditFinding]:
         """Accelerations at random states and inputs, of the size of the system's motions."""
         n = len(self.names)
         random = np.random.default_rng(SEED)
@@ -220,7 +219,7 @@ class Compiled:
         wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
         found = self.probe.accelerations(states, inputs, np.zeros((DRAWS, n)))
         if not np.isfinite(found.value).all():
-            yield Finding("acceleration", "accelerations at random states are not finite")
+            yield finding("acceleration", "accelerations at random states are not finite")
             return
         scale = np.max(np.abs(wanted), axis=0)
         error = found.uncertainty + 16 * EPSILON * scale
@@ -229,7 +228,7 @@ class Compiled:
         natural = np.maximum(scale, self.probe.speed * self.probe.fastest)
         lost = (error > RESOLVED * natural).any(axis=1) & ~differing.any(axis=1)
         if lost.any():
-            yield Finding(
+            yield finding(
                 "unresolved",
                 f"accelerations at {int(lost.sum())} of {DRAWS} random states are not"
                 " resolved without motion",
@@ -247,15 +246,14 @@ class Compiled:
         )
         here, there = float(found.value[row, i]), float(wanted[row, i])
         shown = _apart(here, there)
-        yield Finding(
+        yield finding(
             "acceleration",
             f"{self.names[i]} accelerates with {shown[0]} in the model, {shown[1]}"
             f" in the equations, at {at} (one of {int(differing.any(axis=1).sum())} of {DRAWS}"
             " random states)",
-            "",
-            there,
-            here,
-            "note" if known else "finding",
+            expected=there,
+            found=here,
+            severity="note" if known else "finding",
         )
 
 

@@ -2,39 +2,42 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from harness.cases.case_record import (
+    full_run_record,
+    linearization_record,
+    series_record,
+    verdict_record,
+)
 from harness.cases.prepare import Equilibrium, Prepared
 from harness.cases.verdict import Verdict, judge
 from harness.engines.protocol import Model
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
-from harness.numerics.full_run import TARGETS, Cost, cost
-from harness.numerics.linearization import EngineLinearization, twin
-from harness.numerics.segments import Extrapolated, extrapolate
+from harness.numerics.full_run import Cost, cost
+from harness.numerics.linearization import twin
+from harness.numerics.segments import extrapolate
+from harness.records.case import Case, CaseId
+from harness.records.model import EngineLinearization
 from harness.records.outcome import FLOOR, Outcome
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 from reference.system import System
 
-SERIES = 240
-"""Samples of a series in results.json: as many as a plot of ordinary width can show."""
-
 BLOWN_UP = 1e6
 """Raw errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CaseTask:
-    """Everything a worker needs for one case."""
+    """Everything a worker needs for one case; `folder` is the system's."""
 
+    folder: str
     system: System
     sidecar: Sidecar
     engine: str
@@ -46,8 +49,18 @@ class CaseTask:
     components: tuple[str, ...]
     resolution: float
 
+    @property
+    def id(self) -> CaseId:
+        """The case's name."""
+        return CaseId(
+            system=self.system.name,
+            model=self.sidecar.model.name,
+            scenario=self.scenario,
+            engine=self.engine,
+        )
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class LinearizationTask:
     """Everything a worker needs for the linearizations of one model in one engine."""
 
@@ -64,16 +77,29 @@ def case_task(
 ) -> CaseTask:
     """Gather what one case needs of its prepared system."""
     return CaseTask(
-        prepared.system,
-        sidecar,
-        engine,
-        scenario,
-        prepared.motions[scenario],
-        prepared.scales[scenario],
-        prepared.amplitude,
-        prepared.power,
-        prepared.components,
-        resolution,
+        folder=str(prepared.folder),
+        system=prepared.system,
+        sidecar=sidecar,
+        engine=engine,
+        scenario=scenario,
+        motion=prepared.motions[scenario],
+        scale=prepared.scales[scenario],
+        amplitude=prepared.amplitude,
+        power=prepared.power,
+        components=prepared.components,
+        resolution=resolution,
+    )
+
+
+def linearization_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> LinearizationTask:
+    """Gather what the linearizations of one model in one engine need."""
+    return LinearizationTask(
+        system=prepared.system,
+        sidecar=sidecar,
+        engine=engine,
+        equilibria=prepared.equilibria,
+        amplitude=prepared.amplitude,
+        push=prepared.push,
     )
 
 
@@ -87,8 +113,8 @@ def load(system: System, sidecar: Sidecar, engine: str) -> tuple[Model, Coordina
     return model, coordinate_map(system, sidecar, model.coordinates)
 
 
-def run_case(task: CaseTask) -> dict[str, Any]:
-    """Run and judge one case; returns the fields of its record that a run determines.
+def run_case(task: CaseTask) -> Case:
+    """Run and judge one case.
 
     Raises:
         EngineError, SidecarError, BlownUpError: the case is FAILED with that message.
@@ -102,30 +128,30 @@ def run_case(task: CaseTask) -> dict[str, Any]:
     verdict = judge(found.limit, motion, task.scale, task.components, claimed, task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
     lived = cost(model, coordinates, motion, task.power, amplitude, claimed)
-    outcome, reason = _with_plain_runs(verdict, lived, claimed)
-    return {
-        "outcome": str(outcome),
-        "discrepancy": verdict.discrepancy,
-        "uncertainty": verdict.uncertainty,
-        "component": verdict.component,
-        "time": verdict.time,
-        "order": verdict.order,
-        "claimed_order": claimed,
-        "integrator": model.integrator,
-        "shipped_step": model.step,
-        "raw_error": lived.raw_error,
-        "raw_order": lived.order,
-        "raw_residual": lived.residual,
-        "reason": reason,
-        "steps": found.steps,
-        "rungs": list(found.rungs),
-        **_cost_record(lived),
-        "series": _series(task, found, lived, amplitude),
-        "seconds": time.perf_counter() - began,
-    }
+    outcome, reason = _with_full_runs(verdict, lived, claimed)
+    return Case(
+        system=task.system.name,
+        model=task.sidecar.model.name,
+        scenario=task.scenario,
+        engine=task.engine,
+        folder=task.folder,
+        outcome=outcome,
+        reason=reason,
+        verdict=verdict_record(verdict, found, claimed),
+        full_run=full_run_record(lived, model.step, model.integrator),
+        series=series_record(
+            motion,
+            found,
+            lived,
+            scale=task.scale,
+            amplitude=amplitude,
+            components=task.components,
+        ),
+        seconds=time.perf_counter() - began,
+    )
 
 
-def _with_plain_runs(verdict: Verdict, lived: Cost, claimed: int) -> tuple[Outcome, str]:
+def _with_full_runs(verdict: Verdict, lived: Cost, claimed: int) -> tuple[Outcome, str]:
     if not lived.shipped.finite:
         bad = lived.shipped.t[~np.isfinite(lived.shipped.states).all(axis=1)][0]
         return Outcome.FAILED, (
@@ -147,116 +173,12 @@ def _with_plain_runs(verdict: Verdict, lived: Cost, claimed: int) -> tuple[Outco
     return verdict.outcome, verdict.reason
 
 
-def _cost_record(lived: Cost) -> dict[str, Any]:
-    apart = lived.apart
-    shipped = lived.shipped
-    return {
-        "apart": None
-        if apart is None
-        else {
-            "amplitude": apart.amplitude,
-            "phase": apart.phase,
-            "frequency": apart.frequency,
-            "damping": apart.damping,
-            "explained": apart.explained,
-        },
-        "steps_for": [
-            {"target": target, "step": step}
-            for target, step in zip(TARGETS, lived.steps_for, strict=True)
-        ],
-        "checked_step": None
-        if lived.checked is None
-        else dict(zip(("target", "step", "measured"), lived.checked, strict=True)),
-        "energy_error": shipped.energy,
-        "constraint_drift": shipped.drift,
-    }
-
-
-def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) -> dict[str, Any]:
-    motion, shipped = task.motion, lived.shipped
-    picked = np.unique(np.linspace(0, len(shipped.t) - 1, SERIES).astype(int))
-    t = shipped.t[picked]
-    segments = np.unique(np.linspace(0, len(motion.t) - 1, SERIES).astype(int))
-    defect = (found.limit.value - motion.end) / task.scale
-    uncertainty = (found.limit.uncertainty + motion.bound) / task.scale
-    raw = np.sqrt(np.mean(((found.raw - motion.end) / task.scale) ** 2, axis=1))
-    runs = (shipped, *lived.finer)
-    balance = shipped.balance
-    n = len(amplitude) // 2
-    return {
-        "t": _tidy(t, 7),
-        "components": list(task.components),
-        "reference": _tidy(motion.at(t).T, 6),
-        "engine": _tidy(shipped.states[picked].T, 6),
-        "error": _tidy(shipped.error[picked].T, 4),
-        "segment_t": _tidy(motion.t[segments], 6),
-        "defect": _tidy(defect[segments].T, 3),
-        "defect_uncertainty": _tidy(uncertainty[segments].T, 3),
-        "convergence": {
-            "rungs": list(found.rungs),
-            "h": _tidy(float(np.mean(motion.lengths)) / np.array(found.rungs), 6),
-            "raw": _tidy(np.max(raw, axis=1), 4),
-            "draws": _tidy(found.limit.draws, 4),
-        },
-        "plain": {
-            "h": [run.h for run in runs],
-            "error": [
-                _round(float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])), 5) for run in runs
-            ],
-            "seconds": [_round(run.seconds, 3) for run in runs],
-        },
-        "energy": {
-            "held": _tidy(balance.held[picked] - balance.held[0], 5),
-            "supplied": _tidy(balance.supplied[picked], 5),
-            "dissipated": _tidy(balance.dissipated[picked], 5),
-        },
-    }
-
-
-def run_linearizations(task: LinearizationTask) -> list[dict[str, Any]]:
+def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ...]:
     """The engine's linearization about every equilibrium, beside Taylor's."""
     model, coordinates = load(task.system, task.sidecar, task.engine)
-    return [
-        _linearization_record(
+    return tuple(
+        linearization_record(
             twin(model, coordinates, e.name, e.position, e.matrices, task.amplitude, task.push)
         )
         for e in task.equilibria
-    ]
-
-
-def _linearization_record(found: EngineLinearization) -> dict[str, Any]:
-    return {
-        "equilibrium": found.equilibrium,
-        "A": found.a.tolist(),
-        "B": found.b.tolist(),
-        "A_error": found.a_error,
-        "B_error": found.b_error,
-        "poles": [_pole(p) for p in found.poles],
-        "taylor_poles": [_pole(p) for p in found.taylor_poles],
-        "transfer_error": found.transfer_error,
-        "shapes": found.shapes,
-        "frequencies": _tidy(found.frequencies, 5),
-        "response": _tidy(found.response, 5),
-        "taylor_response": _tidy(found.taylor_response, 5),
-    }
-
-
-def _pole(value: complex) -> Mapping[str, float]:
-    size = abs(value)
-    return {
-        "real": value.real,
-        "imaginary": value.imag,
-        "frequency": size,
-        "damping": -value.real / size if size else math.nan,
-    }
-
-
-def _round(value: float, digits: int) -> float:
-    return float(f"{value:.{digits}g}")
-
-
-def _tidy(values: Array, digits: int) -> Any:
-    """Nested lists of floats with so many significant digits: what a plot can show."""
-    if values.ndim > 1:
-        return [_tidy(row, digits) for row in values]
-    return [_round(value, digits) for value in values.tolist()]
+    )

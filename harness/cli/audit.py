@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 
+from harness.audit.plan import audits
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.files.folders import check_engines, system_folders
-from harness.run import Options, audits
 from harness.text.findings import audit_lines
 
 
@@ -22,14 +22,14 @@ def main(options: argparse.Namespace) -> int:
     check_engines(options.engine)
     folders = system_folders(options.folders)
     code = AGREE
-    for model in audits(folders, Options(tuple(options.engine))):
-        print(f"{model['system']}/{model['model']} [{model['engine']}]")
-        if model["failed"]:
-            print(f"  failed   {model['failed']}")
+    for model in audits(folders, engines=tuple(options.engine)):
+        print(model.id)
+        if model.failure:
+            print(f"  failed   {model.failure}")
             code = FAIL
             continue
-        for text in audit_lines(model["audit"]):
+        for text in audit_lines(model.findings):
             print(f"  {text}")
-        if any(record["severity"] == "finding" for record in model["audit"]):
+        if any(finding.severity == "finding" for finding in model.findings):
             code = max(code, DIFFER)
     return code

@@ -8,10 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from harness.baseline.store import BaselineError
 from harness.cli.exit_codes import FAIL, USAGE
-from harness.files.folders import FolderError
-from harness.records.read import ResultsError
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",
@@ -32,6 +29,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else list(arguments)
     options = _parser(given).parse_args(given)
     try:
+        return _run(options)
+    except OSError as error:
+        print(f"crosscheck: {error.filename or ''}: {error.strerror}", file=sys.stderr)
+        return FAIL
+    except KeyboardInterrupt:
+        print("crosscheck: stopped; nothing was written", file=sys.stderr)
+        return FAIL
+
+
+def _run(options: argparse.Namespace) -> int:
+    # Imported here: help alone needs no records, and they cost more than all the rest of it.
+    from harness.baseline.store import BaselineError
+    from harness.files.folders import FolderError
+    from harness.records.read import ResultsError
+
+    try:
         code: int = _module(options.command).main(options)
         return code
     except (FolderError, ResultsError) as error:
@@ -39,12 +52,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return USAGE
     except BaselineError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
-        return FAIL
-    except OSError as error:
-        print(f"crosscheck: {error.filename or ''}: {error.strerror}", file=sys.stderr)
-        return FAIL
-    except KeyboardInterrupt:
-        print("crosscheck: stopped; nothing was written", file=sys.stderr)
         return FAIL
 
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from harness.cli.exit_codes import AGREE
-from harness.records.results import read_results
+from harness.records.read import read_results
 from harness.report import write_report
 
 
@@ -24,8 +24,8 @@ def add(command: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Write index.html."""
-    found = read_results(options.results)
+    results = read_results(options.results)
     out = (options.out or options.results.parent) / "index.html"
-    write_report(out, found)
+    write_report(out, results)
     print(out)
     return AGREE

@@ -12,11 +12,11 @@ from rich.console import Console
 from harness.cli import arguments
 from harness.cli.exit_codes import exit_code
 from harness.files.folders import check_engines, system_folders
-from harness.records.results import write_results
+from harness.records.write import encoded, write_whole
 from harness.report import write_report
 from harness.run import Options, run
 from harness.text.github import case_notes, commands
-from harness.text.progress import Watcher
+from harness.text.progress import Progress
 from harness.text.table import print_results
 
 
@@ -44,19 +44,19 @@ def main(options: argparse.Namespace) -> int:
     check_engines(options.engine)
     folders = system_folders(options.folders)
     wanted = Options(
-        tuple(options.engine),
-        options.resolution,
-        options.jobs,
-        options.time_limit,
-        options.baseline,
+        engines=tuple(options.engine),
+        resolution=options.resolution,
+        jobs=options.jobs,
+        limit=options.time_limit,
+        baseline=options.baseline,
     )
-    with Watcher() as watcher:
-        found = run(folders, wanted, watcher)
-    write_results(options.out / "results.json", found)
-    write_report(options.out / "index.html", found)
+    with Progress() as progress:
+        results = run(folders, wanted, progress).results
+    write_whole(options.out / "results.json", encoded(results))
+    write_report(options.out / "index.html", results)
     console = Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160)
-    print_results(console, found)
+    print_results(console, results)
     print(f"{options.out / 'results.json'}  {options.out / 'index.html'}")
-    for line in commands(case_notes(found), os.environ):
+    for line in commands(case_notes(results), os.environ):
         print(line)
-    return exit_code(found, options.require_engines)
+    return exit_code(results, options.require_engines)

@@ -14,12 +14,19 @@ from typing import Any
 
 import pytest
 
+from harness.cases.not_run import barred_case, failed_case
+from harness.files.model_files import UnreadModel, model_files
 from harness.files.sidecar import Sidecar
-from harness.pytest_plugin.keys import LABORATORY
+from harness.pytest_plugin.keys import RUNNER
+from harness.records.base import SourceLine
+from harness.records.case import Case, CaseId
+from harness.records.finding import Diagnosis
+from harness.records.model import Model
 from harness.records.outcome import Outcome
-from harness.run import Record, model_files
-from harness.text.failure import diagnosis_lines, figures, in_brief, told
-from harness.text.status import TestStatus, decide
+from harness.schedule.workers import Failure
+from harness.text.failure import diagnosis_lines, failure_message, figures, in_brief
+from harness.text.status import Decision, TestStatus, status_of
+from harness.text.table import largest
 from reference.declaration import DeclarationError
 from reference.load import load_system
 from reference.system import System
@@ -48,9 +55,9 @@ class SystemFile(pytest.File):
         scenarios = [scenario.name for scenario in system.scenarios]
         audit = "audit" if "audit" not in scenarios else "audit of the model"
         for one in found:
-            if not isinstance(one, Sidecar):
-                name = one["model"] if one["model"] != "-" else "no model file"
-                yield self._unread(system.name, name, one["reason"])
+            if isinstance(one, UnreadModel):
+                name = one.model if one.model != "-" else "no model file"
+                yield self._unread(system.name, name, one.reason)
                 continue
             for engine in one.engines:
                 tail = f"[{engine}]" if len(one.engines) > 1 else ""
@@ -98,7 +105,8 @@ class CrosscheckItem(pytest.Item):
     ) -> None:
         super().__init__(**rest)
         self.system, self.sidecar, self.engine, self.scenario = system, sidecar, engine, scenario
-        self._brief = self._where = ""
+        self._brief = ""
+        self._where: SourceLine | None = None
         kind = {"model": sidecar.model.name} if sidecar else {}
         self.add_marker(
             pytest.mark.crosscheck(
@@ -110,64 +118,85 @@ class CrosscheckItem(pytest.Item):
 
     def setup(self) -> None:
         """Prepare the folder, so that its time is not counted as the first case's."""
-        laboratory = self.config.stash[LABORATORY]
-        if self.sidecar and laboratory.hurdle(self.sidecar, self.engine) is None:
-            laboratory.prepared(self.path.parent)
+        runner = self.config.stash[RUNNER]
+        if self.sidecar and runner.hurdle(self.sidecar, self.engine) is None:
+            runner.prepared(self.path.parent)
 
     def runtest(self) -> None:
-        """Run, and end as `decide` says."""
+        """Run, and end as `status_of` says."""
         record = self.record()
-        demands: list[str] = []
-        if record.get("outcome") == Outcome.AGREES:
-            for sentences in self.ihook.pytest_crosscheck_case(record=record):
-                demands += [sentences] if isinstance(sentences, str) else sentences or ()
         required = self.config.getoption("crosscheck_require_engines")
-        decision = decide(record, require_engines=required, demands=demands)
-        self.user_properties += figures(record).items()
-        if record.get("accepted"):
-            self.user_properties.append(("accepted", record["accepted"]))
-        if decision.ending is TestStatus.SKIP:
+        decision = status_of(record, require_engines=required, demands=self._demands(record))
+        if isinstance(record, Case):
+            self.user_properties += properties(record).items()
+        if record.accepted:
+            self.user_properties.append(("accepted", record.accepted))
+        if decision.status is TestStatus.SKIP:
             skipped = pytest.skip.Exception(decision.reason)
             # Told as a skip of the model file, not of this line.
             skipped._use_item_location = True
             raise skipped
-        if decision.ending is TestStatus.FAIL:
-            diagnosis = None
-            if record.get("outcome") == Outcome.DIFFERS and self.sidecar:
-                diagnosis = self.config.stash[LABORATORY].diagnosis(
-                    self.path.parent, self.sidecar, self.engine
-                )
-                self.user_properties.append(("cause", "; ".join(diagnosis_lines(diagnosis))))
-            self._brief, self._where = in_brief(record, decision, diagnosis)
-            pytest.fail(told(record, decision, diagnosis), pytrace=False)
+        if decision.status is TestStatus.FAIL:
+            self._fail(record, decision)
+
+    def _demands(self, record: Case | Model) -> list[str]:
+        """What the project asks beyond agreement, and this case does not meet."""
+        demands: list[str] = []
+        if isinstance(record, Case) and record.outcome is Outcome.AGREES:
+            for sentences in self.ihook.pytest_crosscheck_case(record=record):
+                demands += [sentences] if isinstance(sentences, str) else sentences or ()
+        return demands
+
+    def _fail(self, record: Case | Model, decision: Decision) -> None:
+        """End as a failure that names the cause."""
+        diagnosis: Diagnosis | None = None
+        if isinstance(record, Case) and record.outcome is Outcome.DIFFERS and self.sidecar:
+            diagnosis = self.config.stash[RUNNER].diagnosis(
+                self.path.parent, self.sidecar, self.engine
+            )
+            self.user_properties.append(("cause", "; ".join(diagnosis_lines(diagnosis))))
+        self._brief, self._where = in_brief(record, decision, diagnosis)
+        pytest.fail(failure_message(record, decision, diagnosis), pytrace=False)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """What is printed: `told` and no traceback; and in one line, with the literal's place."""
+        """What is printed: the failure, no traceback; and in one line, with the literal's place."""
         shown = super().repr_failure(excinfo, style)
         crash = getattr(shown, "reprcrash", None)
         if crash is not None and isinstance(excinfo.value, pytest.fail.Exception):
-            path, place = self.reportinfo()[0], re.fullmatch(r"(.+):(\d+)", self._where)
+            path = self.reportinfo()[0]
             crash.path, crash.lineno = str(path), 1
-            if place:
-                crash.path, crash.lineno = str(path.parent / place[1]), int(place[2])
+            if self._where and self._where.line:
+                crash.path, crash.lineno = str(path.parent / self._where.file), self._where.line
             crash.message = self._brief
         return shown
 
-    def record(self) -> Record:
-        """Run the case or the audit; returns its record, as in results.json."""
+    def record(self) -> Case | Model:
+        """Run the case or the audit; an audit that can't be had is a case that failed."""
         assert self.sidecar is not None
-        laboratory, folder = self.config.stash[LABORATORY], self.path.parent
-        record = {
-            "system": self.system,
-            "folder": str(folder),
-            "model": self.sidecar.model.name,
-            "engine": self.engine,
-        }
-        hurdle = laboratory.hurdle(self.sidecar, self.engine)
-        if self.scenario is None:
-            return record | (hurdle or laboratory.audit(folder, self.sidecar, self.engine))
-        record["scenario"] = self.scenario
-        return record | hurdle if hurdle else laboratory.case(record, folder, self.sidecar)
+        runner, folder = self.config.stash[RUNNER], self.path.parent
+        one = CaseId(
+            system=self.system,
+            model=self.sidecar.model.name,
+            scenario=self.scenario or "-",
+            engine=self.engine,
+        )
+        why = runner.hurdle(self.sidecar, self.engine)
+        if why is not None:
+            return barred_case(one, str(folder), why)
+        if self.scenario is not None:
+            return runner.case(one, folder, self.sidecar)
+        found = runner.audit(folder, self.sidecar, self.engine)
+        if isinstance(found, Failure):
+            return failed_case(one, str(folder), found)
+        return Model(
+            system=one.system,
+            model=one.model,
+            engine=one.engine,
+            folder=str(folder),
+            text="",
+            sidecar="",
+            audit=found,
+        )
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Where it is: the model file; and its name as `crosscheck run` has it."""
@@ -185,9 +214,21 @@ class UnreadItem(CrosscheckItem):
         super().__init__(sidecar=None, engine="-", scenario=None, **rest)
         self._reason = reason
 
-    def record(self) -> Record:
-        """The record of a case that could not be run."""
-        return {"system": self.system, "outcome": str(Outcome.FAILED), "reason": self._reason}
+    def record(self) -> Case:
+        """What stands for its cases."""
+        one = CaseId(system=self.system, model=self.path.name, scenario="-", engine="-")
+        return failed_case(one, str(self.path.parent), Failure(self._reason, ""))
+
+
+def properties(case: Case) -> dict[str, str]:
+    """What a report has of a case by name: its outcome, and its numbers.
+
+    The largest numbers too, which `figures` has not: those of the component that decides are told.
+    """
+    found = {"outcome": str(case.outcome), **figures(case)}
+    if (worst := largest(case)) is not None:
+        found["largest"] = f"{worst:.3e}"
+    return found
 
 
 def _mark(item: pytest.Item, name: str) -> None:

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from harness.pytest_plugin.runner import Laboratory
+from harness.pytest_plugin.runner import CaseRunner
 
-LABORATORY = pytest.StashKey[Laboratory]()
+RUNNER = pytest.StashKey[CaseRunner]()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
@@ -15,17 +15,22 @@ from harness.baseline.known import Accepted, accepted, mark_known
 from harness.baseline.measure import measure, measure_task
 from harness.baseline.store import read_baseline
 from harness.cases.case import case_task, run_case
+from harness.cases.not_run import Hurdle, failed_case, hurdle
 from harness.cases.prepare import Prepared, prepare
 from harness.diagnosis.task import diagnose_model, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
-from harness.run import Record, failed, hurdle
+from harness.records.case import Case, CaseId
+from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.outcome import Outcome
 from harness.schedule.main_module import without_main
 from harness.schedule.workers import Failure, Workers
-from harness.text.table import case_id
+
+Argument = TypeVar("Argument")
+Value = TypeVar("Value")
 
 
-class Laboratory:
+class CaseRunner:
     """Runs one case or audit at a time, apart from pytest: a crash there is an outcome here."""
 
     def __init__(self, resolution: float, limit: float, baseline: Path | None) -> None:
@@ -36,10 +41,10 @@ class Laboratory:
         self._workers: Workers | None = None
         self._engines = engines()
         self._prepared: dict[Path, Prepared | Failure] = {}
-        self._diagnoses: dict[tuple[Path, str], Record] = {}
+        self._diagnoses: dict[tuple[Path, str], Diagnosis] = {}
 
-    def hurdle(self, sidecar: Sidecar, engine: str) -> Record | None:
-        """Why a model can't be run at all, as fields of a record; None where it can."""
+    def hurdle(self, sidecar: Sidecar, engine: str) -> Hurdle | None:
+        """Why a model can't be run at all; None where it can."""
         return hurdle(self._engines, engine, sidecar)
 
     def prepared(self, folder: Path) -> Prepared | Failure:
@@ -48,48 +53,48 @@ class Laboratory:
             self._prepared[folder] = self._run(prepare, folder)
         return self._prepared[folder]
 
-    def case(self, named: Record, folder: Path, sidecar: Sidecar) -> Record:
-        """Run the case that a record names; returns the whole record.
-
-        A difference that the baseline knows has `accepted`, the reason it was accepted with.
-        """
+    def case(self, one: CaseId, folder: Path, sidecar: Sidecar) -> Case:
+        """Run a case; one that the baseline knows has the reason that it was accepted with."""
         found = self.prepared(folder)
         if isinstance(found, Failure):
-            return named | failed(found)
-        engine, scenario = named["engine"], named["scenario"]
-        task = case_task(found, sidecar, engine, scenario, self._resolution)
-        value = self._run(run_case, task)
-        if isinstance(value, Failure):
-            return named | failed(value)
-        record: Record = named | value
+            return failed_case(one, str(folder), found)
+        task = case_task(found, sidecar, one.engine, one.scenario, self._resolution)
+        case = self._run(run_case, task)
+        if isinstance(case, Failure):
+            return failed_case(one, str(folder), case)
+        if case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
+            return case
         if folder not in self._accepted:
             self._accepted[folder] = accepted(self._baseline, (folder,), self._resolution)
         before = self._accepted[folder]
-        if before is not None and case_id(record) in before.known:
-            measuring = measure_task(task, found.variants, before.tracks[case_id(record)])
-            seen = self._run(measure, measuring)
-            record["measured"] = {"failed": seen.reason} if isinstance(seen, Failure) else seen
-            mark_known([record], before)
-        return record
+        if before is None or case.id not in before.snapshots:
+            return case
+        measuring = measure_task(task, found.variants, before.snapshots[case.id])
+        measured = self._run(measure, measuring)
+        (case,) = mark_known((case,), {(case.folder, case.id): measured}, before)
+        return case
 
-    def audit(self, folder: Path, sidecar: Sidecar, engine: str) -> Record:
-        """Audit a model; returns `audit`, its findings and notes, or why there is none."""
+    def audit(
+        self, folder: Path, sidecar: Sidecar, engine: str
+    ) -> tuple[AuditFinding, ...] | Failure:
+        """Audit a model: its findings and notes, or why there is none."""
         found = self.prepared(folder)
         if isinstance(found, Failure):
-            return failed(found)
-        value = self._run(run_audit, audit_task(found, sidecar, engine))
-        return failed(value) if isinstance(value, Failure) else {"audit": value}
+            return found
+        return self._run(run_audit, audit_task(found, sidecar, engine))
 
-    def diagnosis(self, folder: Path, sidecar: Sidecar, engine: str) -> Record:
+    def diagnosis(self, folder: Path, sidecar: Sidecar, engine: str) -> Diagnosis:
         """Name the cause of what a model does wrong, from its motions in every scenario; once."""
         key = sidecar.model, engine
         if key not in self._diagnoses:
             found = self.prepared(folder)
-            value: Any = found
-            if not isinstance(found, Failure):
-                value = self._run(diagnose_model, diagnosis_task(found, sidecar, engine))
+            value: Diagnosis | Failure = (
+                found
+                if isinstance(found, Failure)
+                else self._run(diagnose_model, diagnosis_task(found, sidecar, engine))
+            )
             if isinstance(value, Failure):
-                value = {"reason": value.reason}
+                value = Diagnosis(failure=value.reason)
             self._diagnoses[key] = value
         return self._diagnoses[key]
 
@@ -100,8 +105,9 @@ class Laboratory:
                 self._workers.__exit__(KeyboardInterrupt if at_once else None, None, None)
             self._workers = None
 
-    def _run(self, function: Callable[[Any], Any], argument: Any) -> Any:
+    def _run(self, function: Callable[[Argument], Value], argument: Argument) -> Value | Failure:
         with without_main():
             if self._workers is None:
                 self._workers = Workers(1, self._limit).__enter__()
-            return self._workers.outcome(self._workers.submit(function, argument))
+            value: Value | Failure = self._workers.outcome(self._workers.submit(function, argument))
+            return value

@@ -1,4 +1,4 @@
-"""What a pytest session with something to check has: collection, one laboratory, a summary."""
+"""What a pytest session with something to check has: collection, one runner, a summary."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import pytest
 from harness.baseline.store import BaselineError
 from harness.cli import arguments as limits
 from harness.pytest_plugin.collect import SystemFile
-from harness.pytest_plugin.keys import LABORATORY
+from harness.pytest_plugin.keys import RUNNER
 from harness.pytest_plugin.paths import DECLARATION, arguments, meant
-from harness.pytest_plugin.runner import Laboratory
+from harness.pytest_plugin.runner import CaseRunner
 from harness.pytest_plugin.summary import summarize
 
 ABOUT = (
@@ -38,10 +38,10 @@ class CrosscheckSession:
         self._folders = {f.resolve() for found in folders.values() for f in found}
         try:
             baseline = config.rootpath / config.getoption("crosscheck_baseline")
-            self._laboratory = Laboratory(resolution, limit, baseline)
+            self._runner = CaseRunner(resolution, limit, baseline)
         except BaselineError as error:
             raise pytest.UsageError(f"--crosscheck: {error}") from None
-        config.stash[LABORATORY] = self._laboratory
+        config.stash[RUNNER] = self._runner
         config.addinivalue_line("markers", ABOUT)
 
     @pytest.hookimpl(wrapper=True)
@@ -58,7 +58,7 @@ class CrosscheckSession:
 
     def pytest_sessionfinish(self, exitstatus: int | pytest.ExitCode) -> None:
         """End the worker process."""
-        self._laboratory.close(at_once=exitstatus == pytest.ExitCode.INTERRUPTED)
+        self._runner.close(at_once=exitstatus == pytest.ExitCode.INTERRUPTED)
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         """Tell how the cases came out, what was accepted, and what was not run."""

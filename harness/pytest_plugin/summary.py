@@ -6,6 +6,7 @@ from collections import Counter
 from typing import Any
 
 from harness.records.outcome import Outcome
+from harness.text.table import agreement
 
 
 def summarize(reporter: Any) -> None:
@@ -26,16 +27,9 @@ def summarize(reporter: Any) -> None:
     known = [(report, dict(report.user_properties)) for report in reports]
     counts = Counter(facts["outcome"] for _, facts in known if "outcome" in facts)
     parts = [f"{counts[o]} {o}" for o in Outcome if counts[o]]
-    worst = max(
-        (
-            max(float(facts["discrepancy"]), float(facts["uncertainty"]))
-            for _, facts in known
-            if facts.get("outcome") == Outcome.AGREES
-        ),
-        default=None,
-    )
-    tail = f"; all that agree do so to {worst:.1e}" if worst is not None else ""
-    reporter.write_line(", ".join(parts) + tail)
+    agreeing = [facts for _, facts in known if facts.get("outcome") == Outcome.AGREES]
+    worst = max((float(facts["largest"]) for facts in agreeing if "largest" in facts), default=None)
+    reporter.write_line(", ".join(parts) + agreement(worst))
     for report, facts in known:
         if report.passed and "accepted" in facts:
             outcome = facts.get("outcome", "audit")

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sized
+from typing import Annotated
 
 import msgspec
 
 Number = float | None
 """A number as files hold it: None where it has no finite value."""
+
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+"""A whole number that every reader of JSON holds exactly."""
 
 Numbers = tuple[Number, ...]
 Rows = tuple[Numbers, ...]
@@ -31,7 +35,7 @@ class SourceLine(Record, frozen=True, kw_only=True):
     """
 
     file: str
-    line: int | None = None
+    line: Count | None = None
 
     def __str__(self) -> str:
         return self.file if self.line is None else f"{self.file}:{self.line}"
@@ -50,3 +54,13 @@ def numbers(values: Iterable[float | None]) -> Numbers:
 def rows(values: Iterable[Iterable[float | None]]) -> Rows:
     """Rows of them, such as those of a matrix."""
     return tuple(numbers(row) for row in values)
+
+
+def one_length(what: str, *columns: Sized) -> None:
+    """Refuse columns of one table that are not equally long.
+
+    Raises:
+        ValueError: naming the table.
+    """
+    if len({len(column) for column in columns}) > 1:
+        raise ValueError(f"{what} has columns of different lengths")

@@ -148,6 +148,7 @@ class GateChange(Record, frozen=True, kw_only=True):
     """A case against what was accepted of it.
 
     Attributes:
+        system, model, scenario, engine: the case.
         status: what the gate says of it.
         kinds: what changed, such as `model`, `numbers`, `engine`, `equations`.
         messages: sentences, the most telling first.
@@ -167,7 +168,12 @@ class GateChange(Record, frozen=True, kw_only=True):
 
 
 class GateLine(Record, frozen=True, kw_only=True):
-    """A changed line of a file."""
+    """A changed line of a file.
+
+    Attributes:
+        line: counted from 1.
+        message: what changed in it.
+    """
 
     line: int
     message: str
@@ -177,7 +183,10 @@ class GateFile(Record, frozen=True, kw_only=True):
     """What changed in a file.
 
     Attributes:
+        system: that it belongs to.
+        file: its path.
         models: those that it belongs to, or depends on it.
+        changes: its lines.
     """
 
     system: str
@@ -187,7 +196,14 @@ class GateFile(Record, frozen=True, kw_only=True):
 
 
 class Gate(Record, frozen=True, kw_only=True):
-    """What a gate found, as gate.json: cases worst first."""
+    """What a gate found, as gate.json.
+
+    Attributes:
+        passes: whether every case does, and there is one.
+        seconds: that it took.
+        cases: worst first.
+        files: what changed in them.
+    """
 
     passes: bool
     seconds: float

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harness.records.base import Number, Numbers, Record, Rows
+from harness.records.base import Count, Number, Numbers, Record, Rows, one_length
 from harness.records.outcome import Outcome
 
 
@@ -70,9 +70,9 @@ class Verdict(Record, frozen=True, kw_only=True):
     largest_discrepancy: Number
     largest_uncertainty: Number
     order: Number
-    claimed_order: int
-    rungs: tuple[int, ...]
-    steps: int
+    claimed_order: Count
+    rungs: tuple[Count, ...]
+    steps: Count
 
 
 class ErrorDecomposition(Record, frozen=True, kw_only=True):
@@ -157,10 +157,13 @@ class Convergence(Record, frozen=True, kw_only=True):
         increments: largest change of the limit by each further rung, relative.
     """
 
-    rungs: tuple[int, ...]
+    rungs: tuple[Count, ...]
     h: Numbers
     defect: Numbers
     increments: Numbers
+
+    def __post_init__(self) -> None:
+        one_length("the convergence", self.rungs, self.h, self.defect)
 
 
 class StepErrors(Record, frozen=True, kw_only=True):
@@ -175,6 +178,9 @@ class StepErrors(Record, frozen=True, kw_only=True):
     h: Numbers
     error: Numbers
     seconds: Numbers
+
+    def __post_init__(self) -> None:
+        one_length("the errors by step", self.h, self.error, self.seconds)
 
 
 class EnergySeries(Record, frozen=True, kw_only=True):
@@ -202,6 +208,9 @@ class Series(Record, frozen=True, kw_only=True):
         segment_t: starts of the segments that are shown, seconds.
         defect: extrapolated, signed, relative to the component's movement.
         defect_uncertainty: of each.
+        convergence: of the segments.
+        full_runs: errors by step.
+        energy: of the full run at the shipped step.
     """
 
     t: Numbers
@@ -216,12 +225,22 @@ class Series(Record, frozen=True, kw_only=True):
     full_runs: StepErrors
     energy: EnergySeries
 
+    def __post_init__(self) -> None:
+        energy = self.energy.held, self.energy.supplied, self.energy.dissipated
+        motions = self.reference, self.engine, self.error
+        defects = self.defect, self.defect_uncertainty
+        one_length("the series", self.components, *motions, *defects)
+        one_length("the motion", self.t, *energy, *(row for rows in motions for row in rows))
+        one_length("the defects", self.segment_t, *(row for rows in defects for row in rows))
+
 
 class Case(Record, frozen=True, kw_only=True):
     """One case, whatever became of it.
 
     Attributes:
+        system, model, scenario, engine: its name, as in `CaseId`.
         folder: of the system.
+        outcome: what became of it.
         reason: a sentence for whatever is not AGREES.
         accepted: the reason for which a known difference is accepted; empty where none is.
         stdout: what a failed case printed.

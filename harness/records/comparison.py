@@ -10,8 +10,14 @@ class ComparedModel(Record, frozen=True, kw_only=True):
     """One of the two.
 
     Attributes:
-        coordinates ... gravity: None where it could not be loaded; step in seconds, gravity in
-            m/s^2, empty where the engine tells none.
+        model: its file.
+        engine, version: that ran it; None: not installed.
+        notes: what the engine does to it on its own.
+        coordinates: names of its joints.
+        integrator: name of the time-stepping method.
+        step: seconds.
+        gravity: m/s^2, empty where the engine tells none. This and the three before it are None
+            where the model could not be loaded.
     """
 
     model: str
@@ -28,6 +34,7 @@ class ComparedRuns(Record, frozen=True, kw_only=True):
     """The runs that the comparison stands on.
 
     Attributes:
+        count: how many.
         length: of each, seconds.
         driven: how many of them under known forces.
         lost: states that could not be used.
@@ -43,6 +50,9 @@ class ComparedTerm(Record, frozen=True, kw_only=True):
     """A term of the equations that differs.
 
     Attributes:
+        kind: such as `inertia`.
+        joints: that it is about.
+        message: one sentence.
         a, b: its values.
         uncertainty: of their difference.
         effect: the difference, as a share of the forces of the motions compared.
@@ -58,7 +68,13 @@ class ComparedTerm(Record, frozen=True, kw_only=True):
 
 
 class FileEdit(Record, frozen=True, kw_only=True):
-    """A place where the files differ: what stands there in A and in B."""
+    """A place where the files differ.
+
+    Attributes:
+        what: the literal, or the setting.
+        a, b: what stands there in A and in B.
+        where_a, where_b: their lines; None where there is none.
+    """
 
     what: str
     a: str
@@ -71,6 +87,7 @@ class FileDifference(Record, frozen=True, kw_only=True):
     """Differences of the files that were tried together, or one alone.
 
     Attributes:
+        edits: what was made of A as it is in B.
         moved: by how much they move the motions, relative.
         explained: share of the discrepancy that they explain.
         not_tried: why they were not; empty where they were.
@@ -91,6 +108,12 @@ class Compared(Record, frozen=True, kw_only=True):
         map: how joints were paired, a sentence each.
         left_out: joints without a partner that follow from others or stay put.
         states_of: the model that the states were taken from.
+        joints: that were paired.
+        runs: that it stands on.
+        terms: of the equations of motion, that differ.
+        differences: of the files.
+        notes: what is to be known of the comparison.
+        seconds: that it took.
         turned: joints that turn the other way in B.
         left_when_turned: what is left of the discrepancy then; None where none does.
         untried: how many differences of the files were not tried alone.
@@ -120,9 +143,12 @@ class Comparison(Record, frozen=True, kw_only=True):
     Attributes:
         created: UTC, ISO 8601.
         resolution: relative discrepancy that was to be resolved.
+        models: A and B.
+        outcome: DIFFERS where they move differently.
         reason: a sentence for whatever is not AGREES.
         stdout: what was printed, where the comparison could not be run.
         found: None where it could not.
+        schema: version of this format.
     """
 
     created: str

@@ -65,6 +65,7 @@ class CorrectedMotion(Record, frozen=True, kw_only=True):
     Attributes:
         causes: those put in.
         put_into: the `equations`, solved again; or the `file`, run again at its step.
+        scenarios: each with its motion.
     """
 
     causes: tuple[Cause, ...]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harness.records.base import Number, Numbers, Record, Rows
+from harness.records.base import Number, Numbers, Record, Rows, one_length
 from harness.records.case import ModelId
 from harness.records.finding import AuditFinding, Diagnosis
 
@@ -48,6 +48,9 @@ class EngineLinearization(Record, frozen=True, kw_only=True):
     frequencies: Numbers
     response: tuple[Rows, ...]
     taylor_response: tuple[Rows, ...]
+
+    def __post_init__(self) -> None:
+        one_length("the response", self.frequencies, self.response, self.taylor_response)
 
 
 class Model(Record, frozen=True, kw_only=True):

@@ -34,8 +34,11 @@ class Mutation(Record, frozen=True, kw_only=True):
     """One fault in one model in one engine.
 
     Attributes:
+        system, model, engine: what was made wrong.
+        kind: what was done to it.
         name: by how much a literal was changed, otherwise what the user did.
         location: the literal's address, the joint or the setting.
+        verdict: what became of it.
         discrepancy: largest defect, relative.
         message: the first cause of the diagnosis, the engine's refusal, or the global errors before
             and after.
@@ -60,7 +63,13 @@ class Mutation(Record, frozen=True, kw_only=True):
 
 
 class Mutations(Record, frozen=True, kw_only=True):
-    """All of them, and one line that sums up."""
+    """All that was made wrong.
+
+    Attributes:
+        summary: one line.
+        rows: a fault each.
+        schema: version of this format.
+    """
 
     summary: str
     rows: tuple[Mutation, ...]

@@ -19,6 +19,20 @@ class Outcome(StrEnum):
     FAILED = "FAILED"
 
     @property
+    def meaning(self) -> str:
+        """What it says of a case, in a few words."""
+        return _MEANINGS[self]
+
+    @property
     def severity(self) -> int:
         """Rank among the outcomes, 0 is best."""
         return list(Outcome).index(self)
+
+
+_MEANINGS = {
+    Outcome.AGREES: "no difference beyond the uncertainty, and that is below the resolution",
+    Outcome.ABSENT: "the engine is not installed; nothing was tested",
+    Outcome.UNRESOLVED: "no difference that could be told from the uncertainty, which is too large",
+    Outcome.DIFFERS: "a difference larger than its uncertainty: the model is another one",
+    Outcome.FAILED: "it could not be run to its end",
+}

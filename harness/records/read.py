@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -28,11 +29,21 @@ def decoded(data: bytes, wanted: type[R]) -> R:
         DecodeError: where the text is no JSON, or has another shape.
     """
     try:
-        return msgspec.json.decode(data, type=wanted)
+        record = msgspec.json.decode(data, type=wanted)
+        json.loads(data, object_pairs_hook=_once)
+        return record
     except msgspec.ValidationError as error:
         raise DecodeError(f"of another shape: {_said(error)}") from None
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
         raise DecodeError(f"no JSON: {_said(error)}") from None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> None:
+    """Refuse an object that has a key twice: of two values, one would be lost."""
+    keys = [key for key, _ in pairs]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise DecodeError(f"of another shape: Object has the key `{key}` twice")
 
 
 def _said(error: Exception) -> str:
@@ -58,10 +69,13 @@ def read_results(path: Path) -> Results:
         raise ResultsError(f"{path}: {reason}") from None
     again = "run `crosscheck run` again"
     try:
-        if msgspec.json.decode(data, type=_Head).schema != SCHEMA:
-            raise ResultsError(f"{path}: not results of schema {SCHEMA}; {again}")
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
-        pass  # told below, in the same words as any other shape
+        schema = msgspec.json.decode(data, type=_Head).schema
+    except msgspec.ValidationError:
+        schema = None
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):
+        schema = SCHEMA  # no JSON at all: told below
+    if schema != SCHEMA:
+        raise ResultsError(f"{path}: not results of schema {SCHEMA}; {again}")
     try:
         return decoded(data, Results)
     except DecodeError as error:

@@ -17,6 +17,8 @@ class BaselineChange(Record, frozen=True, kw_only=True):
     """What became of a case since it was accepted.
 
     Attributes:
+        system, model, scenario, engine: the case.
+        kind: what it is to who reads it; `missing` has no such case now.
         message: one sentence.
     """
 
@@ -55,7 +57,11 @@ class Results(Record, frozen=True, kw_only=True):
         versions: of this package, Python and each engine; null: not installed.
         resolution: relative discrepancy that was to be resolved.
         seconds: that the run took, of wall-clock time.
+        systems: those that could be prepared.
+        models: those that were run, in each engine.
+        cases: all, also those that could not be run.
         baseline: null where there is none to compare with.
+        schema: version of this format.
     """
 
     created: str

@@ -6,8 +6,8 @@ import types
 from dataclasses import replace
 from pathlib import Path
 
+from harness.audit.plan import audits
 from harness.engines.registry import readers
-from harness.run import Options, audits
 from harness.scaffold.assets import neighbours
 from harness.scaffold.constants import Ledger, Row
 from harness.scaffold.folder import NewError, write_folder
@@ -145,15 +145,16 @@ def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) ->
         return ["no engine that runs it is installed: what was read is not checked"]
     against: list[str] = []
     agrees = False
-    for record in audits([made], Options(engines=installed)):
-        wrong = [f["message"] for f in record["audit"] if f["severity"] == "finding"]
-        if record["failed"] and record["engine"] == "-":
-            raise NewError(_plain(record["failed"], made, target))
-        if record["failed"]:
-            left_out[record["engine"]] = _plain(record["failed"], made, target)
-            against.append(f"{record['engine']} is left out: {left_out[record['engine']]}")
+    for model in audits([made], engines=installed):
+        engine = model.id.engine
+        wrong = [one.message for one in model.findings if one.severity == "finding"]
+        if model.failure and engine == "-":
+            raise NewError(_plain(model.failure, made, target))
+        if model.failure:
+            left_out[engine] = _plain(model.failure, made, target)
+            against.append(f"{engine} is left out: {left_out[engine]}")
         elif wrong:
-            against += [f"{record['engine']}: {_plain(m, made, target)}" for m in wrong]
+            against += [f"{engine}: {_plain(m, made, target)}" for m in wrong]
         else:
             agrees = True
     if not agrees:

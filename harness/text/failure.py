@@ -2,67 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from harness.records.base import Number, SourceLine
+from harness.records.case import Case
+from harness.records.finding import Diagnosis
+from harness.records.model import Model
+from harness.records.outcome import Outcome
 from harness.text.causes import cause_sentences
 from harness.text.findings import audit_lines
 from harness.text.status import Decision
-from harness.text.table import audit_findings
 
 
-def told(record: Mapping[str, Any], decision: Decision, diagnosis: Mapping[str, Any] | None) -> str:
+def failure_message(
+    record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
+) -> str:
     """What a failing test prints: the verdict, its numbers, the cause, what the engine printed."""
-    head = "audit" if "audit" in record else record["outcome"]
-    but = ", but" if head == "AGREES" else ":"  # to a project's demands
-    lines = [f"{head}{but} {decision.reason}"]
-    if "audit" in record:
-        lines += [f"  {text}" for text in audit_lines(record["audit"], notes=False)]
-    numbers = {name: text for name, text in figures(record).items() if name != "outcome"}
+    if isinstance(record, Model):
+        findings = audit_lines(record.audit or (), notes=False)
+        return "\n".join([f"audit: {decision.reason}", *(f"  {text}" for text in findings)])
+    agrees = record.outcome is Outcome.AGREES
+    # What agrees may fail a project's demands.
+    lines = [f"{record.outcome}{', but' if agrees else ':'} {decision.reason}"]
+    numbers = figures(record)
     if numbers:
         lines.append("  " + ", ".join(f"{name} {text}" for name, text in numbers.items()))
     if diagnosis is not None:
         cause, *more = diagnosis_lines(diagnosis)
         lines += [cause, *(f"  {text}" for text in more)]
-    lines += [f"  | {text}" for text in (record.get("printed") or "").splitlines()]
+    lines += [f"  | {text}" for text in record.stdout.splitlines()]
     return "\n".join(lines)
 
 
-def diagnosis_lines(diagnosis: Mapping[str, Any]) -> list[str]:
-    """A diagnosis in words: its first finding, or why there is none."""
-    if not diagnosis.get("findings"):
-        return [f"no cause found: {diagnosis.get('reason') or 'nothing tried explains it'}"]
-    sentences = cause_sentences(diagnosis["findings"][0])
-    if diagnosis["explained"]:
+def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
+    """A diagnosis in words: its first explanation, or why there is none."""
+    if not diagnosis.explanations:
+        return [f"no cause found: {diagnosis.failure or 'nothing tried explains it'}"]
+    sentences = cause_sentences(diagnosis.explanations[0])
+    if diagnosis.explained:
         return [f"cause: {sentences[0]}", *sentences[1:]]
     return ["no cause explains it; what leaves least is", *sentences]
 
 
 def in_brief(
-    record: Mapping[str, Any], decision: Decision, diagnosis: Mapping[str, Any] | None
-) -> tuple[str, str]:
-    """A failure in one line, for pytest's short summary, and where it lies: file:line or empty."""
-    lines = told(record, decision, diagnosis).splitlines()
-    if diagnosis is not None and diagnosis.get("explained"):
-        where = [place for place in diagnosis["findings"][0]["where"] if place]
-        return f"{record['outcome']}: {diagnosis_lines(diagnosis)[0]}", where[0] if where else ""
-    places = [finding["where"] for finding in audit_findings(record) if finding["where"]]
-    return lines[0], places[0] if places else ""
+    record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
+) -> tuple[str, SourceLine | None]:
+    """A failure in one line, for pytest's short summary, and where it lies, if in any line."""
+    if isinstance(record, Case) and diagnosis is not None and diagnosis.explained:
+        lines = [line for cause in diagnosis.explanations[0].causes for line in cause.where]
+        brief = f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}"
+        return brief, lines[0] if lines else None
+    places = []
+    if isinstance(record, Model):
+        places = [finding.where for finding in record.findings if finding.where]
+    brief = failure_message(record, decision, diagnosis).splitlines()[0]
+    return brief, places[0] if places else None
 
 
-def figures(record: Mapping[str, Any]) -> dict[str, str]:
+def figures(case: Case) -> dict[str, str]:
     """The numbers of a case by name, as a person reads them; those that it has."""
-    forms = {
-        "outcome": "{}",
-        "discrepancy": "{:.3e}",
-        "uncertainty": "{:.3e}",
-        "component": "{}",
-        "order": "{:.3f}",
-        "raw_error": "{:.3e}",
-        "shipped_step": "{:g}",
-    }
-    return {
-        name: form.format(record[name])
-        for name, form in forms.items()
-        if record.get(name) not in (None, "") and record[name] == record[name]
-    }
+    found: dict[str, str] = {}
+    if case.verdict is not None:
+        component = case.verdict.component
+        found |= _figure("discrepancy", case.verdict.discrepancy, "{:.3e}")
+        found |= _figure("uncertainty", case.verdict.uncertainty, "{:.3e}")
+        found |= {"component": component} if component else {}
+        found |= _figure("order", case.verdict.order, "{:.3f}")
+    if case.full_run is not None:
+        found |= _figure("raw_error", case.full_run.global_error, "{:.3e}")
+        found |= _figure("shipped_step", case.full_run.shipped_step, "{:g}")
+    return found
+
+
+def _figure(name: str, value: Number, form: str) -> dict[str, str]:
+    return {} if value is None else {name: form.format(value)}

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable
+
+from harness.records.finding import AuditFinding
 
 
-def audit_lines(findings: Iterable[Mapping[str, Any]], notes: bool = True) -> list[str]:
-    """A line for each record: findings first, notes after them, each with its file and line."""
-    records = list(findings)
+def audit_lines(findings: Iterable[AuditFinding], notes: bool = True) -> list[str]:
+    """A line for each: findings first, notes after them, each with its file and line."""
+    known = list(findings)
     lines = []
     for severity in ("finding", "note") if notes else ("finding",):
-        for record in records:
-            if record["severity"] == severity:
-                where = f"{record['where']}: " if record["where"] else ""
-                lines.append(f"{severity:<8} {record['kind']:<12} {where}{record['message']}")
+        for one in known:
+            if one.severity == severity:
+                where = f"{one.where}: " if one.where else ""
+                lines.append(f"{severity:<8} {one.kind:<12} {where}{one.message}")
     return lines or ["nothing to say: literals and compiled terms are those of the equations"]

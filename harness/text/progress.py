@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
 
-from harness.text.table import line
+from harness.records.case import Case
+from harness.text.table import case_line
 
 
-class Watcher:
-    """Progress: a bar at a terminal, a line a case elsewhere."""
+class Progress:
+    """Progress of cases: a bar at a terminal, a line a case elsewhere."""
 
-    def __enter__(self) -> Watcher:
+    def __enter__(self) -> Progress:
         self._bar = _bar("cases")
         return self
 
-    def __call__(self, done: int, total: int, case: dict[str, Any] | None) -> None:
+    def __call__(self, done: int, total: int, case: Case | None) -> None:
         """Tell that a case is done."""
         if self._bar is not None:
             self._bar.update(self._bar.task_ids[0], completed=done, total=total)
         elif case is not None:
-            print(line(done, total, case), file=sys.stderr, flush=True)
+            print(case_line(done, total, case), file=sys.stderr, flush=True)
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
@@ -56,11 +57,11 @@ class Counter:
             self._bar.stop()
 
 
-def _bar(things: str) -> Progress | None:
+def _bar(things: str) -> Bar | None:
     """A running bar, or None where there is no terminal to show it."""
     if not sys.stderr.isatty() or os.environ.get("CI"):
         return None
-    bar = Progress(
+    bar = Bar(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),

@@ -1,18 +1,18 @@
-"""Whether a record passes, fails or is skipped, in pytest and in the function API."""
+"""Whether a case or an audit passes, fails or is skipped, in pytest and in the function API."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
+from harness.records.case import Case
+from harness.records.model import Model
 from harness.records.outcome import Outcome
-from harness.text.table import audit_findings
 
 
 class TestStatus(StrEnum):
-    """How the test of a record ends."""
+    """How the test of a case or an audit ends."""
 
     __test__ = False  # its name makes pytest take it for tests
 
@@ -25,36 +25,31 @@ class TestStatus(StrEnum):
 class Decision:
     """How a test ends, and the sentence that says why; empty for a pass."""
 
-    ending: TestStatus
+    status: TestStatus
     reason: str
 
 
-def decide(
-    record: Mapping[str, Any], *, require_engines: bool, demands: Sequence[str] = ()
+def status_of(
+    record: Case | Model, *, require_engines: bool, demands: Sequence[str] = ()
 ) -> Decision:
-    """Decide a test from the record of a case, or of an audit (which has `audit`).
+    """Decide the test of a case, or of a model's audit.
 
-    A record with `accepted`, the reason given for it, passes whatever was found, a crash apart.
+    What was accepted passes whatever was found, a crash apart.
 
     Args:
+        record: the case, or the model with its audit.
         require_engines: whether an engine that is not installed is a failure.
         demands: what the project asks beyond agreement, and this case does not meet.
     """
-    outcome = record.get("outcome")
-    if outcome == Outcome.ABSENT:
-        ending = TestStatus.FAIL if require_engines else TestStatus.SKIP
-        return Decision(ending, record["reason"])
-    if outcome == Outcome.FAILED:
-        return Decision(TestStatus.FAIL, record["reason"])
-    if record.get("accepted"):
-        return Decision(TestStatus.PASS, "")
-    if "audit" in record:
-        findings = audit_findings(record)
-        if findings:
-            return Decision(TestStatus.FAIL, counted(len(findings), "finding"))
-    elif outcome != Outcome.AGREES:
-        return Decision(TestStatus.FAIL, record["reason"])
-    elif demands:
+    if isinstance(record, Model):
+        if record.passes:
+            return Decision(TestStatus.PASS, "")
+        return Decision(TestStatus.FAIL, counted(len(record.findings), "finding"))
+    if record.outcome is Outcome.ABSENT and not require_engines:
+        return Decision(TestStatus.SKIP, record.reason)
+    if not record.passes:
+        return Decision(TestStatus.FAIL, record.reason)
+    if demands and not record.accepted:
         return Decision(TestStatus.FAIL, "; ".join(demands))
     return Decision(TestStatus.PASS, "")
 

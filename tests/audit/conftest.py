@@ -1,23 +1,28 @@
+from __future__ import annotations
+
 import shutil
+from pathlib import Path
 
 import pytest
 
-from harness.audit.run import audit
 from harness.files.sidecar import read_sidecar
-from tests.audit.models import MODELS, prepared
+from harness.records.finding import AuditFinding
+from tests.audit.models import MODELS, Look, audit, prepared
 
 
 @pytest.fixture
-def look(tmp_path):
+def look(tmp_path: Path) -> Look:
     """Audit a copy of a built-in model after (old, new) changes of its text, or its sidecar's."""
 
-    def run(system, name, engine, *changes):
+    def run(
+        system: str, name: str, engine: str, *changes: tuple[str, str]
+    ) -> tuple[AuditFinding, ...]:
         for file in (name, f"{name}.toml"):
             shutil.copy(MODELS / system / file, tmp_path / file)
         for old, new in changes:
             files = [tmp_path / name, tmp_path / f"{name}.toml"]
-            file = next(f for f in files if old in f.read_text())
-            file.write_text(file.read_text().replace(old, new, 1))
+            path = next(f for f in files if old in f.read_text())
+            path.write_text(path.read_text().replace(old, new, 1))
         return audit(prepared(system), read_sidecar(tmp_path / f"{name}.toml"), engine)
 
     return run

@@ -1,22 +1,35 @@
 """Built-in systems, prepared once, and what an audit of a model says."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
-from harness.cases.prepare import prepare
+from harness.audit.run import run_audit
+from harness.audit.task import audit_task
+from harness.cases.prepare import Prepared, prepare
+from harness.files.sidecar import Sidecar
+from harness.records.finding import AuditFinding
 
 MODELS = Path(__file__).parents[2] / "models"
 
+Look = Callable[..., tuple[AuditFinding, ...]]
+
 
 @cache
-def prepared(system):
+def prepared(system: str) -> Prepared:
     return prepare(MODELS / system)
 
 
-def said(found, kind, severity="finding"):
+def audit(prepared: Prepared, sidecar: Sidecar, engine: str) -> tuple[AuditFinding, ...]:
+    return run_audit(audit_task(prepared, sidecar, engine))
+
+
+def said(found: Iterable[AuditFinding], kind: str, severity: str = "finding") -> str:
     """The messages of one kind, as one text."""
     return "\n".join(f.message for f in found if f.kind == kind and f.severity == severity)
 
 
-def grave(found):
+def grave(found: Iterable[AuditFinding]) -> list[AuditFinding]:
     return [f for f in found if f.severity == "finding"]

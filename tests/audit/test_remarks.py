@@ -10,10 +10,13 @@ from harness.engines.mujoco import MujocoModel
 from harness.engines.protocol import Model
 from harness.engines.remark import Remark
 from harness.files.sidecar import read_sidecar
-from tests.audit.models import MODELS, said
+from harness.records.base import SourceLine
+from tests.audit.models import MODELS, Look, said
 
 
-def test_what_a_model_remarks_on_itself_is_told_with_its_line(look, monkeypatch):
+def test_what_a_model_remarks_on_itself_is_told_with_its_line(
+    look: Look, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     def remarks(self, z, w):
         yield Remark(message="a word")
         yield Remark(message="a number", address="body/joint[theta]@damping", value=2.0)
@@ -22,12 +25,14 @@ def test_what_a_model_remarks_on_itself_is_told_with_its_line(look, monkeypatch)
     monkeypatch.setattr(MujocoModel, "remarks", remarks)
     found = [f for f in look("simple_pendulum", "mujoco.xml", "mujoco") if f.kind == "default"]
     assert [f.message for f in found] == ["a word", "a number", "the file"]
-    assert [Path(f.where).name.partition(":")[0] for f in found] == ["", "mujoco.xml", "mujoco.xml"]
-    assert found[1].where.rpartition(":")[2].isdigit()
-    assert found[2].where.endswith("mujoco.xml")
+    assert found[0].where is None
+    assert [f.where and Path(f.where.file).name for f in found[1:]] == ["mujoco.xml"] * 2
+    assert found[1].where is not None
+    assert found[1].where.line is not None
+    assert found[2].where == SourceLine(file=str(tmp_path / "mujoco.xml"))
 
 
-def test_a_model_that_has_nothing_to_say_of_itself_says_nothing():
+def test_a_model_that_has_nothing_to_say_of_itself_says_nothing() -> None:
     assert tuple(Model.remarks(None, None, None)) == ()
 
 
@@ -40,8 +45,8 @@ SWITCHED_ON = [
 
 @pytest.mark.parametrize(("setting", "called", "part", "fault"), SWITCHED_ON)
 def test_what_a_setting_leaves_on_in_pybullet_is_not_said_to_be_off(
-    look, setting, called, part, fault
-):
+    look: Look, setting: str, called: str, part: str, fault: bool
+) -> None:
     change = ("[settings]\n", f"[settings]\n{setting}\n")
     found = look("simple_pendulum", "robot.urdf", "pybullet", change)
     off = next(f for f in found if "are switched off by the adapter" in f.message)
@@ -50,14 +55,15 @@ def test_what_a_setting_leaves_on_in_pybullet_is_not_said_to_be_off(
     assert "speed limit" in off.message
     on = next(f for f in found if "left on" in f.message)
     assert on.message.startswith(f"PyBullet's own {called}, left on by the setting")
-    toml = Path(on.where.rpartition(":")[0])
+    assert on.where is not None
+    toml = Path(on.where.file)
     assert toml.name == "robot.urdf.toml"
-    assert toml.read_text().splitlines()[int(on.where.rpartition(":")[2]) - 1] == setting
+    assert toml.read_text().splitlines()[(on.where.line or 0) - 1] == setting
     if fault:
         assert on.severity == "finding"
 
 
-def test_nothing_is_said_to_be_left_on_where_all_is_off(look):
+def test_nothing_is_said_to_be_left_on_where_all_is_off(look: Look) -> None:
     found = look("simple_pendulum", "robot.urdf", "pybullet")
     off = next(f for f in found if "are switched off" in f.message)
     assert off.message == (
@@ -67,12 +73,12 @@ def test_nothing_is_said_to_be_left_on_where_all_is_off(look):
     assert not any("left on" in f.message for f in found)
 
 
-def test_a_damping_that_the_sidecar_sets_is_told_with_its_line(look):
+def test_a_damping_that_the_sidecar_sets_is_told_with_its_line(look: Look) -> None:
     found = look(
         "simple_pendulum", "space.py", "pymunk", ("[settings]\n", "[settings]\ndamping = 0.99\n")
     )
     damped = next(f for f in found if "Space.damping is 0.99" in f.message)
-    assert "space.py.toml:" in damped.where
+    assert "space.py.toml:" in str(damped.where)
 
 
 def line_with(file, text):
@@ -81,7 +87,9 @@ def line_with(file, text):
     return found
 
 
-def test_a_comment_or_a_look_alike_before_a_joint_is_not_taken_for_it(look, tmp_path):
+def test_a_comment_or_a_look_alike_before_a_joint_is_not_taken_for_it(
+    look: Look, tmp_path: Path
+) -> None:
     armed = '<joint name="theta" type="hinge" armature="0.001"'
     found = look(
         "simple_pendulum",
@@ -98,10 +106,12 @@ def test_a_comment_or_a_look_alike_before_a_joint_is_not_taken_for_it(look, tmp_
     )
     where = next(f.where for f in found if f.message.startswith("armature of theta"))
     file = tmp_path / "mujoco.xml"
-    assert where == f"{file}:{line_with(file, armed)}"
+    assert where == SourceLine(file=str(file), line=line_with(file, armed))
 
 
-def test_a_transmission_before_a_joint_of_a_urdf_is_not_taken_for_it(look, tmp_path):
+def test_a_transmission_before_a_joint_of_a_urdf_is_not_taken_for_it(
+    look: Look, tmp_path: Path
+) -> None:
     found = look(
         "mass_spring_damper",
         "robot.urdf",
@@ -116,16 +126,16 @@ def test_a_transmission_before_a_joint_of_a_urdf_is_not_taken_for_it(look, tmp_p
     where = next(f.where for f in found if "ignores it" in f.message)
     file = tmp_path / "robot.urdf"
     line = line_with(file, '<joint name="x" type')
-    assert where == f"{file}:{line}"
+    assert where == SourceLine(file=str(file), line=line)
 
 
-def test_a_comment_is_no_statement_of_gravity(look):
+def test_a_comment_is_no_statement_of_gravity(look: Look) -> None:
     changes = (('gravity="0 0 -9.81"', ""), ("<worldbody>", '<!-- gravity="0" -->\n<worldbody>'))
     found = look("simple_pendulum", "mujoco.xml", "mujoco", *changes)
     assert "no gravity is stated" in said(found, "default", "note")
 
 
-def test_a_gravity_that_an_included_file_states_is_stated(look, tmp_path):
+def test_a_gravity_that_an_included_file_states_is_stated(look: Look, tmp_path: Path) -> None:
     (tmp_path / "own.xml").write_text('<mujoco><option gravity="0 0 -9.81"/></mujoco>')
     changes = (
         ('gravity="0 0 -9.81"', ""),
@@ -136,8 +146,8 @@ def test_a_gravity_that_an_included_file_states_is_stated(look, tmp_path):
 
 
 def test_a_comment_or_a_look_alike_in_python_is_not_taken_for_the_damping_of_a_space(
-    look, tmp_path
-):
+    look, tmp_path: Path
+) -> None:
     text = """    # space.damping = 0.5
     spring = pymunk.DampedRotarySpring(space.static_body, pymunk.Body(1, 1), 0, 0, 0)
     spring.damping = 0.0
@@ -151,7 +161,7 @@ def test_a_comment_or_a_look_alike_in_python_is_not_taken_for_the_damping_of_a_s
     assert where == f"{file}:{line_with(file, 'space.damping = 0.99')}"
 
 
-def test_a_comment_is_not_taken_for_a_joint_in_python(look, tmp_path):
+def test_a_comment_is_not_taken_for_a_joint_in_python(look: Look, tmp_path: Path) -> None:
     change = ("rod.error_bias = 1e-10", "pass")
     built = "    space = pymunk.Space()\n"
     comment = built + "    # pymunk.PinJoint( is what holds the bob\n"
@@ -161,9 +171,9 @@ def test_a_comment_is_not_taken_for_a_joint_in_python(look, tmp_path):
     assert where == f"{file}:{line_with(file, '= pymunk.PinJoint(')}"
 
 
-def test_a_setting_of_one_engine_is_found_in_its_own_table():
+def test_a_setting_of_one_engine_is_found_in_its_own_table() -> None:
     sidecar = read_sidecar(MODELS / "drum_pendulum" / "mujoco.xml.toml")
     shared = replace(sidecar, settings={"step": 1.0}, engine_settings={"mujoco": {"step": 2.0}})
-    assert where(Remark(message="", address=None), shared, "mujoco") == ""
+    assert where(Remark(message="", address=None), shared, "mujoco") is None
     missing = Remark(message="", address="sidecar:settings.step")
-    assert where(missing, shared, "mujoco") == f"{sidecar.model}.toml"
+    assert where(missing, shared, "mujoco") == SourceLine(file=f"{sidecar.model}.toml")

@@ -1,77 +1,86 @@
 """The built-in models, beside their verdicts: those are `pytest --crosscheck models`."""
 
+from __future__ import annotations
+
 import itertools
 from pathlib import Path
 
 import pytest
 
-from harness.cases.case import LinearizationTask, run_linearizations
+from harness.cases.case import linearization_task, run_linearizations
 from harness.cases.prepare import prepare
 from harness.engines.registry import engines
 from harness.files.folders import builtin
-from harness.run import model_files
+from harness.files.model_files import model_files
+from harness.files.sidecar import Sidecar
+from harness.records.case import Case, CheckedStep
+from tests.records.made import case, full_run, verdict
 
 FOLDERS = sorted(path.parent for path in builtin().glob("*/system.py"))
 
 
-def test_all_six_systems_run_in_all_four_pairings():
+def sidecars(folder: Path) -> list[Sidecar]:
+    found = list(model_files(folder))
+    return [one for one in found if isinstance(one, Sidecar)]
+
+
+def test_all_six_systems_run_in_all_four_pairings() -> None:
     pairings = {("mujoco", ".xml"), ("mujoco", ".urdf"), ("pybullet", ".urdf"), ("pymunk", ".py")}
     seen = {
         (folder.name, engine, sidecar.model.suffix)
         for folder in FOLDERS
-        for sidecar in model_files(folder)
+        for sidecar in sidecars(folder)
         for engine in sidecar.engines
     }
     assert len(FOLDERS) == 6
     assert seen == {(f.name, *pairing) for f, pairing in itertools.product(FOLDERS, pairings)}
 
 
-def test_make_test_runs_them_as_tests():
+def test_make_test_runs_them_as_tests() -> None:
     lines = (Path(__file__).parents[2] / "Makefile").read_text().splitlines()
     assert any("--crosscheck models" in line and "--require-engines" in line for line in lines)
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
-def test_the_engines_linearizations_are_taylors(folder):
+def test_the_engines_linearizations_are_taylors(folder: Path) -> None:
     physics = prepare(folder)
     known = engines()
-    for sidecar in model_files(folder):
+    for sidecar in sidecars(folder):
         for engine in sidecar.engines:
             if known[engine].version() is None:
                 pytest.skip(f"{engine} is not installed")
-            twins = run_linearizations(
-                LinearizationTask(
-                    physics.system,
-                    sidecar,
-                    engine,
-                    physics.equilibria,
-                    physics.amplitude,
-                    physics.push,
-                )
-            )
-            assert len(twins) == len(physics.equilibria)
-            for twin in twins:
-                assert twin["A_error"] <= 1e-8
-                assert twin["B_error"] <= 1e-8
-                assert twin["transfer_error"] <= 1e-6
-                assert twin["shapes"] > 1 - 1e-9
+            found = run_linearizations(linearization_task(physics, sidecar, engine))
+            assert len(found) == len(physics.equilibria)
+            for one in found:
+                assert one.a_error is not None
+                assert one.a_error <= 1e-8
+                assert one.b_error is not None
+                assert one.b_error <= 1e-8
+                assert one.transfer_error is not None
+                assert one.transfer_error <= 1e-6
+                assert one.mode_similarity is not None
+                assert one.mode_similarity > 1 - 1e-9
 
 
-SOUND = {
-    "system": "torsional_disc", "model": "mujoco.xml", "engine": "mujoco", "scenario": "free",
-    "discrepancy": 1e-13, "uncertainty": 1e-12, "claimed_order": 1, "order": 1.0, "raw_order": 1.0,
-    "checked_step": {"target": 0.001, "step": 1e-4, "measured": 0.001}, "energy_error": 0.01,
-    "constraint_drift": 0.0,
-}  # fmt: skip
+TOO_LARGE = CheckedStep(target=0.001, step=1e-4, measured=0.002)
 
 
 @pytest.mark.parametrize(("fault", "count"), [
-    ({}, 0), ({"discrepancy": 2e-10}, 1), ({"uncertainty": 2e-10}, 1), ({"order": 1.4}, 1),
-    ({"order": float("nan")}, 1), ({"raw_order": 0.6}, 1), ({"checked_step": None}, 1),
-    ({"checked_step": {"target": 0.001, "step": 1e-4, "measured": 0.002}}, 1),
-    ({"energy_error": 0.3}, 1), ({"constraint_drift": 0.1}, 1),
-    ({"system": "drum_pendulum", "model": "mujoco_rolling.xml"}, 1),
+    (case(), 0),
+    (case(verdict=verdict(discrepancy=2e-10)), 1),
+    (case(verdict=verdict(uncertainty=2e-10)), 1),
+    (case(verdict=verdict(order=1.4)), 1),
+    (case(verdict=verdict(order=None)), 1),
+    (case(full_run=full_run(order=0.6)), 1),
+    (case(full_run=full_run(order=None)), 1),
+    (case(full_run=full_run(checked_step=None)), 1),
+    (case(full_run=full_run(checked_step=TOO_LARGE)), 1),
+    (case(full_run=full_run(energy_error=0.3)), 1),
+    (case(full_run=full_run(constraint_drift=0.1)), 1),
+    (case(system="drum_pendulum", model="mujoco_rolling.xml"), 1),
 ])  # fmt: skip
-def test_more_than_agreement_is_demanded_of_them(pytestconfig, fault, count):
-    (demands,) = pytestconfig.hook.pytest_crosscheck_case(record=SOUND | fault)
+def test_more_than_agreement_is_demanded_of_them(
+    pytestconfig: pytest.Config, fault: Case, count: int
+) -> None:
+    (demands,) = pytestconfig.hook.pytest_crosscheck_case(record=fault)
     assert len(demands) == count

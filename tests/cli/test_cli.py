@@ -1,5 +1,7 @@
 """The command line as a person uses it: exit codes, messages, files."""
 
+from __future__ import annotations
+
 import json
 import os
 import re
@@ -13,12 +15,19 @@ import pytest
 
 from harness.cli.exit_codes import exit_code
 from harness.files.folders import builtin
-from harness.records.results import schema
+from harness.records.case import Case
+from harness.records.finding import AuditFinding
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+from harness.records.schema import schema
+from tests.records.made import case, finding, model, results
 
 ROOT = Path(__file__).parents[2]
 
 
-def crosscheck(*arguments, cwd, **environment):
+def crosscheck(
+    *arguments: str | Path, cwd: Path, **environment: str
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "harness", *map(str, arguments)],
         cwd=cwd,
@@ -31,30 +40,32 @@ def crosscheck(*arguments, cwd, **environment):
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Path:
     """A copy of a built-in folder, with a user's name for it."""
     shutil.copytree(builtin() / "mass_spring_damper", tmp_path / "my mass")
     return tmp_path / "my mass"
 
 
-def edit(path, old, new):
+def edit(path: Path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new))
 
 
-def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(folder, tmp_path):
+def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(
+    folder: Path, tmp_path: Path
+) -> None:
     done = crosscheck("run", folder, "--engine", "mujoco", "--out", "out dir", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "6 cases: 6 AGREES" in done.stdout
     found = json.loads((tmp_path / "out dir" / "results.json").read_text())
-    jsonschema.validate(found, schema())
+    jsonschema.validate(found, schema(Results))
     assert {case["engine"] for case in found["cases"]} == {"mujoco"}
     assert (tmp_path / "out dir" / "index.html").stat().st_size > 10_000
     assert len(re.findall(r"^\[\d/6\] AGREES", done.stderr, re.MULTILINE)) == 6
 
 
-def test_a_wrong_literal_exits_1_and_is_told(folder, tmp_path):
+def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> None:
     edit(folder / "mujoco.xml", 'stiffness="47.0"', 'stiffness="47.000047"')
     done = crosscheck("run", folder, "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 1
@@ -70,7 +81,9 @@ def test_a_wrong_literal_exits_1_and_is_told(folder, tmp_path):
     ("system.py", "k * x.q**2 / 2", "k * y.q**2 / 2", r"system.py:\d+: NameError: name 'y'"),
     ("system.py", "k * x.q**2 / 2", "k * x.q / 2", r"V has the unit kg\*m\*s\^-2, where"),
 ])  # fmt: skip
-def test_a_bad_file_exits_3_and_is_named_with_its_place(folder, tmp_path, name, old, new, sentence):
+def test_a_bad_file_exits_3_and_is_named_with_its_place(
+    folder: Path, tmp_path: Path, name: str, old: str, new: str, sentence: str
+) -> None:
     edit(folder / name, old, new)
     done = crosscheck("run", folder, cwd=tmp_path)
     assert done.returncode == 3
@@ -78,13 +91,13 @@ def test_a_bad_file_exits_3_and_is_named_with_its_place(folder, tmp_path, name, 
     assert "Traceback" not in done.stdout + done.stderr
 
 
-def test_a_bad_file_does_not_cost_the_models_beside_it(folder, tmp_path):
+def test_a_bad_file_does_not_cost_the_models_beside_it(folder: Path, tmp_path: Path) -> None:
     edit(folder / "mujoco.xml", "<worldbody>", "<worldbody")
     done = crosscheck("run", folder, cwd=tmp_path)
     assert "9 AGREES, 3 FAILED" in done.stdout
 
 
-def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder, tmp_path):
+def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path: Path) -> None:
     (folder / "mujoco.xml.toml").unlink()
     done = crosscheck("run", folder, "--engine", "pymunk", cwd=tmp_path)
     assert done.returncode == 3
@@ -100,14 +113,16 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder, tmp_path):
     (["frobnicate"], "invalid choice"),
     ([], "required"),
 ])  # fmt: skip
-def test_wrong_usage_exits_2_with_a_sentence(tmp_path, arguments, sentence):
+def test_wrong_usage_exits_2_with_a_sentence(
+    tmp_path: Path, arguments: list[str], sentence: str
+) -> None:
     done = crosscheck(*arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert sentence in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_report_draws_from_results_without_running_anything(folder, tmp_path):
+def test_report_draws_from_results_without_running_anything(folder: Path, tmp_path: Path) -> None:
     crosscheck("run", folder, "--engine", "pymunk", "--out", "out", cwd=tmp_path)
     (tmp_path / "out" / "index.html").unlink()
     shutil.rmtree(folder)
@@ -116,14 +131,14 @@ def test_report_draws_from_results_without_running_anything(folder, tmp_path):
     assert (tmp_path / "out" / "index.html").stat().st_size > 10_000
 
 
-def test_engines_are_listed_with_their_versions(tmp_path):
+def test_engines_are_listed_with_their_versions(tmp_path: Path) -> None:
     done = crosscheck("engines", cwd=tmp_path)
     assert done.returncode == 0
     for name in ("mujoco", "pybullet", "pymunk"):
         assert re.search(rf"^{name} +\d+\.\d+", done.stdout, re.MULTILINE)
 
 
-def test_derive_shows_the_computed_errata(tmp_path):
+def test_derive_shows_the_computed_errata(tmp_path: Path) -> None:
     done = crosscheck("derive", "free_pair", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert re.search(r"2\.25.*differs", done.stdout)
@@ -131,10 +146,43 @@ def test_derive_shows_the_computed_errata(tmp_path):
     assert r"\ddot" in latex.stdout
 
 
-@pytest.mark.parametrize(("outcomes", "required", "code"), [
-    (["AGREES", "AGREES"], False, 0), (["AGREES", "DIFFERS"], False, 1),
-    (["AGREES", "UNRESOLVED"], False, 1), (["DIFFERS", "FAILED"], False, 3),
-    (["AGREES", "ABSENT"], False, 0), (["AGREES", "ABSENT"], True, 3), ([], False, 3),
+AGREES, DIFFERS, FAILED = (case(o) for o in (Outcome.AGREES, Outcome.DIFFERS, Outcome.FAILED))
+UNRESOLVED, ABSENT = case(Outcome.UNRESOLVED), case(Outcome.ABSENT)
+KNOWN = case(Outcome.DIFFERS, accepted="a soft joint")
+
+
+@pytest.mark.parametrize(("cases", "required", "code"), [
+    ([AGREES, AGREES], False, 0), ([AGREES, DIFFERS], False, 1),
+    ([AGREES, UNRESOLVED], False, 1), ([DIFFERS, FAILED], False, 3),
+    ([AGREES, ABSENT], False, 0), ([AGREES, ABSENT], True, 3), ([], False, 3),
+    ([AGREES, KNOWN], False, 0),
 ])  # fmt: skip
-def test_exit_codes_gate(outcomes, required, code):
-    assert exit_code({"cases": [{"outcome": outcome} for outcome in outcomes]}, required) == code
+def test_exit_codes_gate(cases: list[Case], required: bool, code: int) -> None:
+    assert exit_code(results(*cases), required) == code
+
+
+@pytest.mark.parametrize(("findings", "cases", "code"), [
+    ([finding()], [AGREES], 1), ([finding(severity="note")], [AGREES], 0),
+    ([finding()], [KNOWN], 0),  # what is accepted of the motion is what the audit finds
+])  # fmt: skip
+def test_an_audits_finding_is_a_difference_unless_it_is_accepted(
+    findings: list[AuditFinding], cases: list[Case], code: int
+) -> None:
+    assert exit_code(results(*cases, models=(model(*findings),)), False) == code
+
+
+def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
+    script = "import sys\nfrom harness.cli.main import main\n"
+    script += "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+    script += "print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'sympy', 'msgspec',"
+    script += " 'rich', 'bokeh', 'pebble', 'jinja2'}), file=sys.stderr)"
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert "every model of the folders" in done.stdout
+    assert done.stderr == "[]\n"

@@ -11,9 +11,9 @@ import pytest
 from harness.cases.prepare import prepare
 from harness.diagnosis.task import DiagnosisTask
 from harness.files.folders import builtin
+from harness.files.model_files import model_files
 from harness.mutation.mutate import SIZES, MutationTask, mutated, survey
 from harness.mutation.text import mutation_lines
-from harness.run import model_files
 
 
 def crosscheck(*arguments, cwd):

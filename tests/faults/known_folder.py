@@ -1,11 +1,18 @@
 """Folders with faults, and the command line run on them: its own process, real workers."""
 
-import json
+from __future__ import annotations
+
+import math
 import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+
+from harness.records.case import Case
+from harness.records.read import read_results
+from harness.records.results import Results
 
 ROOT = Path(__file__).parents[2]
 KNOWN_ANSWER = ROOT / "tests" / "known_answer"
@@ -47,7 +54,7 @@ claims = 1
 """
 
 
-def known_folder(place, files):
+def known_folder(place: Path, files: Mapping[str, str]) -> Path:
     """Write a folder with the oscillator and `.known` files: name -> text added to a good one."""
     place.mkdir(parents=True, exist_ok=True)
     (place / "system.py").write_text(SYSTEM)
@@ -60,21 +67,24 @@ def known_folder(place, files):
 SCRIPT = """
 import sys
 from pathlib import Path
-from harness.records.results import write_results
+from harness.records.write import encoded, write_whole
 from harness.run import Options, run
 out, limit, *folders = sys.argv[1:]
 options = Options(jobs=2, limit=float(limit))
-write_results(Path(out), run([Path(f) for f in folders], options, lambda *_: None))
+found = run([Path(f) for f in folders], options, lambda *_: None)
+write_whole(Path(out), encoded(found.results))
 """
 
 
-def environment(*first):
+def environment(*first: Path | str) -> dict[str, str]:
     """What a process needs to find the checkout, and the known-answer engine by its entry point."""
     paths = [*map(str, first), str(ROOT), str(KNOWN_ANSWER)]
     return os.environ | {"PYTHONPATH": os.pathsep.join(paths), "CI": "1"}
 
 
-def run_folders(*folders, out, limit=60.0, first_on_path=()):
+def run_folders(
+    *folders: Path, out: Path, limit: float = 60.0, first_on_path: Iterable[Path] = ()
+) -> Results:
     """Run every case of the folders in a process of its own with two workers; its results."""
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, str(out), str(limit), *map(str, folders)],
@@ -84,15 +94,28 @@ def run_folders(*folders, out, limit=60.0, first_on_path=()):
         env=environment(*first_on_path),
     )
     assert done.returncode == 0, done.stderr
-    return json.loads(out.read_text())
+    return read_results(out)
 
 
-def by_case(results):
+def by_case(results: Results) -> dict[tuple[str, str, str], Case]:
     """Cases by (model file, engine, scenario)."""
-    return {(c["model"], c["engine"], c["scenario"]): c for c in results["cases"]}
+    return {(c.model, c.engine, c.scenario): c for c in results.cases}
 
 
-def one_scenario(system, place, scenario):
+def discrepancy(case: Case) -> float:
+    """E of a case that was judged."""
+    assert case.verdict is not None
+    assert case.verdict.discrepancy is not None
+    return case.verdict.discrepancy
+
+
+def uncertainty(case: Case) -> float:
+    """U of a case that was judged."""
+    assert case.verdict is not None
+    return math.inf if case.verdict.uncertainty is None else case.verdict.uncertainty
+
+
+def one_scenario(system: str, place: Path, scenario: str) -> Path:
     """A built-in system's folder with one scenario and no model files yet."""
     place.mkdir(parents=True, exist_ok=True)
     text = (ROOT / "models" / system / "system.py").read_text()
@@ -103,7 +126,14 @@ def one_scenario(system, place, scenario):
     return place
 
 
-def variant(place, system, source, name, *changes, engine=None):
+def variant(
+    place: Path,
+    system: str,
+    source: str,
+    name: str,
+    *changes: tuple[str, str],
+    engine: str | None = None,
+) -> None:
     """Copy a built-in model file under another name, with (old, new) changes.
 
     A change goes to the model file, or where that hasn't the old text, to the sidecar. `engine`
@@ -128,7 +158,7 @@ def variant(place, system, source, name, *changes, engine=None):
     Path(f"{file}.toml").write_text(texts[1])
 
 
-def off(place_of_number, share=1e-6):
+def off(place_of_number: str, share: float = 1e-6) -> tuple[str, str]:
     """A change: the last number in a piece of text, off by a share."""
     found = list(re.finditer(r"-?\d+(\.\d+)?(e-?\d+)?", place_of_number))[-1]
     value = repr(float(found.group()) * (1 + share))

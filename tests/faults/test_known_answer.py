@@ -1,21 +1,35 @@
 """Each known fault of an engine gets the outcome that it must: in real workers, all at once."""
 
+from __future__ import annotations
+
+import json
 import math
 import subprocess
 import sys
 import time
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from harness.records.case import Case
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+from harness.records.write import encoded
 from tests.faults.known_folder import (
     KNOWN,
     ROOT,
     SYSTEM,
     by_case,
+    discrepancy,
     environment,
     known_folder,
     run_folders,
+    uncertainty,
 )
+
+Ran = tuple[Results, float]
+"""Results, and the seconds that they took."""
 
 pytestmark = pytest.mark.xdist_group("known answer")
 
@@ -49,7 +63,7 @@ REPLACED = {
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory):
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     """Run every fault in one folder, with a broken folder beside it."""
     place = tmp_path_factory.mktemp("known")
     folder = known_folder(place / "oscillator", FAULTS)
@@ -66,147 +80,150 @@ def ran(tmp_path_factory):
     return results, time.monotonic() - began
 
 
-def cases(ran, name):
+def cases(ran: Ran, name: str) -> list[Case]:
     """Both cases, free and driven, of a model file."""
     found = by_case(ran[0])
     return [found[f"{name}.known", "known", s] for s in ("free", "driven")]
 
 
-def outcomes(ran, name):
-    return [case["outcome"] for case in cases(ran, name)]
+def outcomes(ran: Ran, name: str) -> list[Outcome]:
+    return [case.outcome for case in cases(ran, name)]
 
 
-def test_a_right_model_agrees_to_a_thousandth_of_the_resolution(ran):
+def test_a_right_model_agrees_to_a_thousandth_of_the_resolution(ran: Ran) -> None:
     for case in cases(ran, "good"):
-        assert case["outcome"] == "AGREES"
-        assert case["discrepancy"] < case["uncertainty"] < 1e-11
-        assert case["reason"] == ""
+        assert case.outcome == "AGREES"
+        assert discrepancy(case) < uncertainty(case) < 1e-11
+        assert case.reason == ""
 
 
-def test_a_stiffness_off_by_a_millionth_differs_by_a_millionth(ran):
+def test_a_stiffness_off_by_a_millionth_differs_by_a_millionth(ran: Ran) -> None:
     for case in cases(ran, "off"):
-        assert case["outcome"] == "DIFFERS"
-        assert 0.3e-6 < case["discrepancy"] < 3e-6
-        assert case["uncertainty"] < 1e-10
-        assert "off" in case["reason"]
+        assert case.outcome == "DIFFERS"
+        assert 0.3e-6 < discrepancy(case) < 3e-6
+        assert uncertainty(case) < 1e-10
+        assert "off" in case.reason
 
 
-def test_a_method_of_order_two_that_claims_one_is_refused_for_its_exponents(ran):
+def test_a_method_of_order_two_that_claims_one_is_refused_for_its_exponents(ran: Ran) -> None:
     free, driven = cases(ran, "order_2_says_1")
-    assert free["outcome"] == "UNRESOLVED"
-    assert "exponents don't hold" in free["reason"]
-    assert "order 2.00" in free["reason"]
+    assert free.outcome == "UNRESOLVED"
+    assert "exponents don't hold" in free.reason
+    assert "order 2.00" in free.reason
     # A varying input held over each step makes it a method of order 1: there the claim is true.
-    assert driven["outcome"] == "AGREES"
+    assert driven.outcome == "AGREES"
 
 
-def test_a_method_of_order_one_that_claims_two_is_refused_for_its_exponents(ran):
+def test_a_method_of_order_one_that_claims_two_is_refused_for_its_exponents(ran: Ran) -> None:
     for case in cases(ran, "order_1_says_2"):
-        assert case["outcome"] == "UNRESOLVED"
-        assert "exponents don't hold" in case["reason"]
-        assert case["order"] == pytest.approx(1, abs=0.1)
+        assert case.outcome == "UNRESOLVED"
+        assert "exponents don't hold" in case.reason
+        assert case.verdict is not None
+        assert case.verdict.order == pytest.approx(1, abs=0.1)
 
 
-def test_memory_from_step_to_step_shows_in_plain_runs_where_segments_agree(ran):
+def test_memory_from_step_to_step_shows_in_plain_runs_where_segments_agree(ran: Ran) -> None:
     for case in cases(ran, "drags"):
-        assert case["outcome"] == "UNRESOLVED"
-        assert "carried from step to step" in case["reason"]
-        assert case["discrepancy"] < 1e-11, "the segments are too short for this memory"
-        assert case["raw_error"] > 1e-3
+        assert case.outcome == "UNRESOLVED"
+        assert "carried from step to step" in case.reason
+        assert discrepancy(case) < 1e-11, "the segments are too short for this memory"
+        assert case.full_run is not None
+        assert case.full_run.global_error is not None
+        assert case.full_run.global_error > 1e-3
 
 
-def test_memory_from_call_to_call_never_agrees(ran):
+def test_memory_from_call_to_call_never_agrees(ran: Ran) -> None:
     for case in cases(ran, "remembers"):
-        assert case["outcome"] in {"DIFFERS", "UNRESOLVED"}
-        assert case["uncertainty"] is None or case["uncertainty"] > 1e-9
+        assert case.outcome in {"DIFFERS", "UNRESOLVED"}
+        assert uncertainty(case) > 1e-9
 
 
-def test_a_joint_limit_differs(ran):
+def test_a_joint_limit_differs(ran: Ran) -> None:
     assert outcomes(ran, "limit") == ["DIFFERS", "DIFFERS"]
 
 
 @pytest.mark.parametrize("exponent", [1, 2, 3, 4])
-def test_coulomb_friction_differs_by_its_share_of_the_force(ran, exponent):
+def test_coulomb_friction_differs_by_its_share_of_the_force(ran: Ran, exponent: int) -> None:
     for case in cases(ran, f"friction_{exponent}"):
-        assert case["outcome"] == "DIFFERS"
-        assert 0.2 < case["discrepancy"] * 10**exponent < 5
+        assert case.outcome == "DIFFERS"
+        assert 0.2 < discrepancy(case) * 10**exponent < 5
 
 
-def test_values_that_are_not_numbers_fail_whenever_they_come(ran):
+def test_values_that_are_not_numbers_fail_whenever_they_come(ran: Ran) -> None:
     for case in cases(ran, "nan"):
-        assert case["outcome"] == "FAILED"
-        assert "not finite" in case["reason"]
+        assert case.outcome == "FAILED"
+        assert "not finite" in case.reason
     for case in cases(ran, "late_nan"):
-        assert case["outcome"] == "FAILED"
-        assert "no longer finite at t = 2" in case["reason"]
+        assert case.outcome == "FAILED"
+        assert "no longer finite at t = 2" in case.reason
 
 
-def test_a_hang_fails_after_the_time_limit_and_the_run_ends_soon(ran):
+def test_a_hang_fails_after_the_time_limit_and_the_run_ends_soon(ran: Ran) -> None:
     for case in cases(ran, "hangs"):
-        assert case["outcome"] == "FAILED"
-        assert f"more than the {LIMIT:g} s allowed" in case["reason"]
+        assert case.outcome == "FAILED"
+        assert f"more than the {LIMIT:g} s allowed" in case.reason
     # Two cases and the linearization wait for the limit, on two workers; the rest takes seconds.
     assert ran[1] < 3 * LIMIT + 60
 
 
-def test_a_segfault_fails_its_own_cases_alone(ran):
+def test_a_segfault_fails_its_own_cases_alone(ran: Ran) -> None:
     for case in cases(ran, "dies"):
-        assert case["outcome"] == "FAILED"
-        assert "SIGSEGV" in case["reason"]
+        assert case.outcome == "FAILED"
+        assert "SIGSEGV" in case.reason
     assert outcomes(ran, "good") == ["AGREES", "AGREES"]
     assert outcomes(ran, "also_good") == ["AGREES", "AGREES"]
 
 
-def test_what_an_engine_raises_is_told_as_it_stands(ran):
+def test_what_an_engine_raises_is_told_as_it_stands(ran: Ran) -> None:
     for case in cases(ran, "raises"):
-        assert case["outcome"] == "FAILED"
-        assert "<b>no & such</b>" in case["reason"]
+        assert case.outcome == "FAILED"
+        assert "<b>no & such</b>" in case.reason
 
 
-def test_a_model_that_ends_the_program_fails_its_own_cases_alone(ran):
+def test_a_model_that_ends_the_program_fails_its_own_cases_alone(ran: Ran) -> None:
     for case in cases(ran, "exits"):
-        assert case["outcome"] == "FAILED"
-        assert case["reason"] == "SystemExit: 3"
+        assert case.outcome == "FAILED"
+        assert case.reason == "SystemExit: 3"
 
 
-def test_an_exception_that_cannot_be_sent_between_processes_is_told(ran):
+def test_an_exception_that_cannot_be_sent_between_processes_is_told(ran: Ran) -> None:
     for case in cases(ran, "odd"):
-        assert case["outcome"] == "FAILED"
-        assert case["reason"] == "OddError: two arguments"
+        assert case.outcome == "FAILED"
+        assert case.reason == "OddError: two arguments"
 
 
-def test_a_broken_model_file_fails_by_name_and_line(ran):
+def test_a_broken_model_file_fails_by_name_and_line(ran: Ran) -> None:
     for case in cases(ran, "broken"):
-        assert case["outcome"] == "FAILED"
-        assert "broken.known" in case["reason"]
-        assert "line" in case["reason"]
+        assert case.outcome == "FAILED"
+        assert "broken.known" in case.reason
+        assert "line" in case.reason
 
 
-def test_a_broken_sidecar_fails_by_name_and_line(ran):
-    (case,) = (c for c in ran[0]["cases"] if c["model"] == "bad_sidecar.known")
-    assert case["outcome"] == "FAILED"
-    assert "bad_sidecar.known.toml" in case["reason"]
-    assert "line 1" in case["reason"] or "end of document" in case["reason"]
+def test_a_broken_sidecar_fails_by_name_and_line(ran: Ran) -> None:
+    (case,) = (c for c in ran[0].cases if c.model == "bad_sidecar.known")
+    assert case.outcome == "FAILED"
+    assert "bad_sidecar.known.toml" in case.reason
+    assert "line 1" in case.reason or "end of document" in case.reason
 
 
-def test_a_broken_system_fails_by_file_and_line_and_leaves_other_folders_alone(ran):
-    (case,) = (c for c in ran[0]["cases"] if c["folder"].endswith("broken"))
-    assert case["outcome"] == "FAILED"
+def test_a_broken_system_fails_by_file_and_line_and_leaves_other_folders_alone(ran: Ran) -> None:
+    (case,) = (c for c in ran[0].cases if c.folder.endswith("broken"))
+    assert case.outcome == "FAILED"
     line = len(SYSTEM.splitlines()) + 2
-    assert f"system.py:{line}: NameError" in case["reason"]
+    assert f"system.py:{line}: NameError" in case.reason
 
 
-def test_an_engine_that_nobody_registered_fails_and_names_those_known(ran):
-    found = [c for c in ran[0]["cases"] if c["model"] == "absent.known"]
+def test_an_engine_that_nobody_registered_fails_and_names_those_known(ran: Ran) -> None:
+    found = [c for c in ran[0].cases if c.model == "absent.known"]
     assert found
     for case in found:
-        assert case["outcome"] == "FAILED"
-        assert "'missing'" in case["reason"]
-        assert "known, mujoco" in case["reason"]
+        assert case.outcome == "FAILED"
+        assert "'missing'" in case.reason
+        assert "known, mujoco" in case.reason
 
 
-def test_every_number_of_the_results_is_finite_or_null(ran):
-    def walk(value):
+def test_every_number_of_the_results_is_finite_or_null(ran: Ran) -> None:
+    def walk(value: Any) -> None:
         if isinstance(value, dict):
             for item in value.values():
                 walk(item)
@@ -216,10 +233,10 @@ def test_every_number_of_the_results_is_finite_or_null(ran):
         elif isinstance(value, float):
             assert math.isfinite(value)
 
-    walk(ran[0])
+    walk(json.loads(encoded(ran[0])))
 
 
-def test_an_engine_that_is_not_installed_is_absent(tmp_path):
+def test_an_engine_that_is_not_installed_is_absent(tmp_path: Path) -> None:
     folder = known_folder(tmp_path / "oscillator", {"good": ""})
     (folder / "space.py").write_text("")
     (folder / "space.py.toml").write_text('engines = ["pymunk"]\n[settings]\nstep = 0.01\n')
@@ -232,13 +249,13 @@ def test_an_engine_that_is_not_installed_is_absent(tmp_path):
     found = by_case(results)
     for scenario in ("free", "driven"):
         case = found["space.py", "pymunk", scenario]
-        assert case["outcome"] == "ABSENT"
-        assert case["reason"] == "pymunk is not installed"
-        assert found["good.known", "known", scenario]["outcome"] == "AGREES"
-    assert results["versions"]["pymunk"] is None
+        assert case.outcome == "ABSENT"
+        assert case.reason == "pymunk is not installed"
+        assert found["good.known", "known", scenario].outcome == "AGREES"
+    assert results.versions["pymunk"] is None
 
 
-def test_the_command_line_finds_a_third_party_engine_by_its_entry_point():
+def test_the_command_line_finds_a_third_party_engine_by_its_entry_point() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "harness", "engines"],
         capture_output=True,

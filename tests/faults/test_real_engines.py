@@ -1,8 +1,24 @@
 """The same faults in real engines, in copies of the built-in model files."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
 import pytest
 
-from tests.faults.known_folder import off, one_scenario, run_folders, variant
+from harness.records.case import Case
+from tests.faults.known_folder import (
+    discrepancy,
+    off,
+    one_scenario,
+    run_folders,
+    uncertainty,
+    variant,
+)
+
+Ran = dict[tuple[str, str, str], list[Case]]
+"""Cases by system, file and name of the variant."""
 
 pytestmark = pytest.mark.xdist_group("real engines")
 
@@ -10,7 +26,7 @@ for engine in ("mujoco", "pybullet", "pymunk"):
     pytest.importorskip(engine)
 
 # Literals off by a millionth, by system and file: name -> text whose last number is moved.
-LITERALS = {
+LITERALS: dict[tuple[str, str], dict[str, str]] = {
     ("mass_spring_damper", "mujoco.xml"): {
         "stiffness": 'stiffness="47.0', "damping": 'damping="0.9', "mass": 'mass="1.3',
     },
@@ -51,7 +67,7 @@ FRICTION = {
 HARD = 'solref="1e-6 0.5" solimp="0.9999 0.9999 0.001 0.5 2"'
 BOUNDS = '<limit lower="-0.8" upper="0.8" effort="1000" velocity="100"/>'
 HINGE = '<axis xyz="0 -1 0"/>'
-OTHERS = {
+OTHERS: dict[tuple[str, str], dict[str, list[tuple[str, str]]]] = {
     ("mass_spring_damper", "mujoco.xml"): FRICTION | {
         "good": [],
         "range": [('springref="0"', 'springref="0" limited="true" range="-0.2 0.2"')],
@@ -101,10 +117,10 @@ SCENARIO = {
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory):
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     """Run every variant; cases by system, file, name of the variant and engine."""
     place = tmp_path_factory.mktemp("real")
-    folders = {}
+    folders: dict[str | tuple[str, str], Path] = {}
     for system, scenario in SCENARIO.items():
         folders[system] = one_scenario(system, place / system, scenario)
         # A pendulum meets its limit in the scenario that swings far enough.
@@ -113,99 +129,109 @@ def ran(tmp_path_factory):
         for name, text in names.items():
             file = f"{source.split('.')[0]}-literal_{name}"
             variant(folders[system], system, source, file, off(text))
-    for (system, source), names in OTHERS.items():
-        for name, changes in names.items():
+    for (system, source), faults in OTHERS.items():
+        for name, changes in faults.items():
             far = system == "simple_pendulum" and name in {"range", "limit"}
             folder = folders["far", system] if far else folders[system]
             variant(folder, system, source, f"{source.split('.')[0]}-{name}", *changes)
     used = [f for f in folders.values() if any(f.glob("*.toml"))]
     results = run_folders(*used, out=place / "results.json", limit=60.0)
-    found = {}
-    for case in results["cases"]:
-        stem, suffix = case["model"].split(".")
+    found: Ran = {}
+    for case in results.cases:
+        stem, suffix = case.model.split(".")
         source, name = stem.split("-")
-        found.setdefault((case["system"], f"{source}.{suffix}", name), []).append(case)
+        found.setdefault((case.system, f"{source}.{suffix}", name), []).append(case)
     return found
 
 
-def pairs(table, *wanted):
+def pairs(
+    table: Mapping[tuple[str, str], Mapping[str, object]], *wanted: str
+) -> list[tuple[str, str, str]]:
     """(system, file, name) of every variant, or of those wanted."""
     everything = [(*key, name) for key, entry in table.items() for name in entry]
     return [p for p in everything if not wanted or p[-1] in wanted]
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "good", "far_range"))
-def test_the_file_as_it_is_agrees(ran, system, source, name):
+def test_the_file_as_it_is_agrees(ran: Ran, system: str, source: str, name: str) -> None:
     for case in ran[system, source, name]:
-        assert case["outcome"] == "AGREES", case["reason"]
-        assert case["uncertainty"] < 1e-10
+        assert case.outcome == "AGREES", case.reason
+        assert uncertainty(case) < 1e-10
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(LITERALS))
-def test_a_literal_off_by_a_millionth_differs(ran, system, source, name):
+def test_a_literal_off_by_a_millionth_differs(
+    ran: Ran, system: str, source: str, name: str
+) -> None:
     for case in ran[system, source, f"literal_{name}"]:
-        assert case["outcome"] == "DIFFERS", case["reason"]
+        assert case.outcome == "DIFFERS", case.reason
         # A number counts by its share of the forces, and a pendulum's length more than once.
-        assert 5e-8 < case["discrepancy"] < 1e-5
-        assert case["uncertainty"] < case["discrepancy"] / 1000
+        assert 5e-8 < discrepancy(case) < 1e-5
+        assert uncertainty(case) < discrepancy(case) / 1000
 
 
 @pytest.mark.parametrize("exponent", [1, 2, 3, 4])
-def test_friction_in_a_joint_differs_by_its_share_of_the_force(ran, exponent):
+def test_friction_in_a_joint_differs_by_its_share_of_the_force(ran: Ran, exponent: int) -> None:
     (case,) = ran["mass_spring_damper", "mujoco.xml", f"friction_{exponent}"]
-    assert case["outcome"] == "DIFFERS", case["reason"]
-    assert 0.2 < case["discrepancy"] * 10**exponent < 5
+    assert case.outcome == "DIFFERS", case.reason
+    assert 0.2 < discrepancy(case) * 10**exponent < 5
 
 
-def test_friction_in_a_pendulums_hinge_differs(ran):
+def test_friction_in_a_pendulums_hinge_differs(ran: Ran) -> None:
     (case,) = ran["simple_pendulum", "mujoco.xml", "friction"]
-    assert case["outcome"] == "DIFFERS", case["reason"]
+    assert case.outcome == "DIFFERS", case.reason
 
 
-def test_friction_in_a_urdf_differs_where_the_engine_applies_it(ran):
-    by_engine = {c["engine"]: c for c in ran["mass_spring_damper", "robot.urdf", "friction"]}
-    assert by_engine["mujoco"]["outcome"] == "DIFFERS"
-    assert 2e-3 < by_engine["mujoco"]["discrepancy"] < 5e-2
+def test_friction_in_a_urdf_differs_where_the_engine_applies_it(ran: Ran) -> None:
+    by_engine = {c.engine: c for c in ran["mass_spring_damper", "robot.urdf", "friction"]}
+    assert by_engine["mujoco"].outcome == "DIFFERS"
+    assert 2e-3 < discrepancy(by_engine["mujoco"]) < 5e-2
     # PyBullet's joint friction is its default motor, which is off here: the motion has none.
-    assert by_engine["pybullet"]["outcome"] == "AGREES"
+    assert by_engine["pybullet"].outcome == "AGREES"
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "range", "limit"))
-def test_a_joint_limit_in_the_way_never_agrees(ran, system, source, name):
+def test_a_joint_limit_in_the_way_never_agrees(
+    ran: Ran, system: str, source: str, name: str
+) -> None:
     for case in ran[system, source, name]:
-        assert case["outcome"] in {"DIFFERS", "UNRESOLVED"}
-        assert case["discrepancy"] > 0.01
-        if case["outcome"] == "UNRESOLVED":
-            assert "not smooth" in case["reason"]
+        assert case.outcome in {"DIFFERS", "UNRESOLVED"}
+        assert discrepancy(case) > 0.01
+        if case.outcome == "UNRESOLVED":
+            assert "not smooth" in case.reason
 
 
-def test_drag_in_the_space_differs(ran):
+def test_drag_in_the_space_differs(ran: Ran) -> None:
     (case,) = ran["mass_spring_damper", "space.py", "drag"]
-    assert case["outcome"] == "DIFFERS"
+    assert case.outcome == "DIFFERS"
 
 
-def test_a_rest_position_off_by_a_micrometre_differs(ran):
+def test_a_rest_position_off_by_a_micrometre_differs(ran: Ran) -> None:
     (case,) = ran["drum_pendulum", "mujoco.xml", "springref"]
-    assert case["outcome"] == "DIFFERS"
+    assert case.outcome == "DIFFERS"
 
 
-def test_rolling_held_by_a_soft_equality_differs(ran):
+def test_rolling_held_by_a_soft_equality_differs(ran: Ran) -> None:
     (case,) = ran["drum_pendulum", "mujoco_rolling.xml", "soft"]
-    assert case["outcome"] == "DIFFERS", case["reason"]
-    assert case["discrepancy"] > 1e-4
+    assert case.outcome == "DIFFERS", case.reason
+    assert discrepancy(case) > 1e-4
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "coarse"))
-def test_a_step_at_which_the_motion_blows_up_fails_with_a_sentence(ran, system, source, name):
+def test_a_step_at_which_the_motion_blows_up_fails_with_a_sentence(
+    ran: Ran, system: str, source: str, name: str
+) -> None:
     for case in ran[system, source, name]:
-        assert case["outcome"] == "FAILED"
-        assert "at the shipped step of 0.5 s the motion" in case["reason"]
+        assert case.outcome == "FAILED"
+        assert "at the shipped step of 0.5 s the motion" in case.reason
 
 
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "broken"))
-def test_a_broken_file_fails_by_name_and_line(ran, system, source, name):
+def test_a_broken_file_fails_by_name_and_line(
+    ran: Ran, system: str, source: str, name: str
+) -> None:
     suffix = source.split(".")[1]
     for case in ran[system, source, name]:
-        assert case["outcome"] == "FAILED"
-        assert f"-broken.{suffix}:" in case["reason"]
-        assert any(character.isdigit() for character in case["reason"].split(f".{suffix}:")[1])
+        assert case.outcome == "FAILED"
+        assert f"-broken.{suffix}:" in case.reason
+        assert any(character.isdigit() for character in case.reason.split(f".{suffix}:")[1])

@@ -7,8 +7,8 @@ import pytest
 
 from harness.files.bindings import bindings, mismatches, with_literals
 from harness.files.folders import builtin, system_folders
+from harness.files.model_files import model_files
 from harness.files.sidecar import read_sidecar
-from harness.run import model_files
 from reference.load import load_system
 from tests.files.literals import unaccounted
 

@@ -11,9 +11,9 @@ from harness.cases.verdict import component_scale, judge
 from harness.engines.registry import engines
 from harness.files.bindings import at_constants, bindings, with_constants, with_literals
 from harness.files.folders import system_folders
+from harness.files.model_files import model_files
 from harness.numerics.segments import extrapolate
 from harness.records.outcome import Outcome
-from harness.run import model_files
 from reference.derive import derive
 from reference.load import load_system
 from reference.solve import solve

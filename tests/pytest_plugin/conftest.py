@@ -1,63 +1,83 @@
 """A user's project with system folders, and answers to give instead of running an engine."""
 
+from __future__ import annotations
+
 import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 # Imported here: pytester forgets, after each run in this process, what that run imported first.
 import harness.pytest_plugin.session
 from harness.files.folders import builtin
-from harness.pytest_plugin.runner import Laboratory
-
-RECORD = {
-    "outcome": "AGREES", "discrepancy": 1e-13, "uncertainty": 2e-12, "component": "x",
-    "order": 0.99, "raw_error": 0.005, "shipped_step": 0.002, "reason": "", "printed": "",
-}  # fmt: skip
+from harness.pytest_plugin.runner import CaseRunner
+from harness.records.case import Case, CaseId
+from harness.records.finding import AuditFinding, Diagnosis
+from tests.records.made import case
 
 
 class Project:
     """Builds system folders below `models/`, and runs pytest in the project."""
 
-    def __init__(self, pytester):
+    def __init__(self, pytester: pytest.Pytester) -> None:
         self._pytester = pytester
         self.path = pytester.path
 
-    def add(self, name="msd", files=("mujoco.xml",), under="models", source="mass_spring_damper"):
+    def add(
+        self,
+        name: str = "msd",
+        files: Sequence[str] = ("mujoco.xml",),
+        under: str = "models",
+        source: str = "mass_spring_damper",
+    ) -> Path:
         folder = self.path / under / name
         folder.mkdir(parents=True)
         for file in ("system.py", *(g for f in files for g in (f, f"{f}.toml"))):
             shutil.copy(builtin() / source / file, folder / file)
         return folder
 
-    def edit(self, path, old, new):
+    def edit(self, path: Path, old: str, new: str) -> None:
         text = path.read_text()
         assert old in text
         path.write_text(text.replace(old, new))
 
-    def run(self, *arguments):
+    def run(self, *arguments: str) -> pytest.RunResult:
         return self._pytester.runpytest_inprocess("-p", "pytest_crosscheck", *arguments)
 
-    def collected(self, *arguments):
+    def collected(self, *arguments: str) -> list[str]:
         """Ids of the tests that would be run."""
         done = self.run("--collect-only", "-q", *arguments)
         return [line for line in done.outlines if "::" in line and " " not in line]
 
 
 @pytest.fixture
-def project(pytester):
+def project(pytester: pytest.Pytester) -> Project:
     return Project(pytester)
 
 
+@dataclass
+class Answers:
+    """What is given instead of running anything: cases by scenario; what is not told agrees."""
+
+    cases: dict[str, dict[str, Any]] = field(default_factory=dict)
+    audit: tuple[AuditFinding, ...] = ()
+
+    def case(self, _: CaseRunner, one: CaseId, *rest: object) -> Case:
+        told: dict[str, Any] = {name: getattr(one, name) for name in one.__struct_fields__}
+        return case(**told | self.cases.get(one.scenario, {}))
+
+
 @pytest.fixture
-def answers(monkeypatch):
-    """Records by scenario, given instead of running anything; what is not told agrees."""
-    told = {}
-    monkeypatch.setattr(Laboratory, "prepared", lambda *_: None)
-    monkeypatch.setattr(Laboratory, "audit", lambda *_: {"audit": told.get("audit", [])})
-    monkeypatch.setattr(
-        Laboratory, "case", lambda _, named, *rest: named | RECORD | told.get(named["scenario"], {})
-    )
-    monkeypatch.setattr(Laboratory, "diagnosis", lambda *_: {"findings": [], "reason": "untold"})
+def answers(monkeypatch: pytest.MonkeyPatch) -> Answers:
+    told = Answers()
+    monkeypatch.setattr(CaseRunner, "prepared", lambda *_: None)
+    monkeypatch.setattr(CaseRunner, "audit", lambda *_: told.audit)
+    # Bound to the answers, so that the runner comes as the next argument.
+    monkeypatch.setattr(CaseRunner, "case", lambda *given: told.case(*given))
+    monkeypatch.setattr(CaseRunner, "diagnosis", lambda *_: Diagnosis(failure="untold"))
     return told
 
 

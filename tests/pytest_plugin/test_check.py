@@ -1,5 +1,8 @@
 """`check`, the function for people who write their own tests."""
 
+from __future__ import annotations
+
+import json
 import shutil
 import subprocess
 import sys
@@ -12,13 +15,17 @@ from harness import check
 from harness.engines.pymunk import PymunkEngine
 from harness.files.folders import FolderError, builtin
 from harness.records.outcome import Outcome
-from harness.records.results import schema
+from harness.records.results import Results
+from harness.records.schema import schema
+from harness.records.write import encoded
+from harness.text.failure import diagnosis_lines
+from harness.text.findings import audit_lines
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path: Path) -> Path:
     """A model with a wrong stiffness beside a sound one."""
     folder = tmp_path / "mine"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
@@ -27,31 +34,36 @@ def folder(tmp_path):
     return folder
 
 
-def test_results_agree_have_numbers_and_follow_the_schema():
+def test_results_agree_have_numbers_and_follow_the_schema() -> None:
     result = check("free_pair", engines=["pymunk"])
     assert result
     assert result.agree
     assert {case.engine for case in result.cases} == {"pymunk"}
     case = result.case(result.cases[0].scenario)
     assert case.outcome is Outcome.AGREES
-    assert 0 < case.discrepancy < case.uncertainty < 1e-9
-    assert 0 < case.raw_error < 1
+    assert case.verdict is not None
+    assert case.full_run is not None
+    known = case.verdict.discrepancy, case.verdict.uncertainty, case.full_run.global_error
+    e, u, error = (-1.0 if value is None else value for value in known)
+    assert 0 < e < u < 1e-9
+    assert 0 < error < 1
     assert "AGREES; all that agree do so to" in str(result)
-    jsonschema.validate(result.results, schema())
+    jsonschema.validate(json.loads(encoded(result)), schema(Results))
 
 
-def test_a_wrong_model_does_not_agree_and_the_text_says_why(folder):
+def test_a_wrong_model_does_not_agree_and_the_text_says_why(folder: Path) -> None:
     result = check(folder, engines=["mujoco"])
     assert not result
     assert not result.agree
     case = result.case("free", model="mujoco.xml")
     assert case.outcome is Outcome.DIFFERS
-    assert not case.agrees
-    assert result.case("free", model="robot.urdf").agrees
+    assert not case.passes
+    assert result.case("free", model="robot.urdf").passes
     wrong = next(model for model in result.models if model.model == "mujoco.xml")
-    assert not wrong.agrees
-    assert "joint[x]@stiffness (mujoco.xml:" in wrong.cause[0]
-    assert "joint[x]@stiffness is 47.000047" in wrong.findings[0]
+    assert not wrong.passes
+    assert wrong.diagnosis is not None
+    assert "joint[x]@stiffness (mujoco.xml:" in diagnosis_lines(wrong.diagnosis)[0]
+    assert "joint[x]@stiffness is 47.000047" in audit_lines(wrong.findings)[0]
     text = str(result)
     assert text == repr(result)
     assert "mass_spring_damper/mujoco.xml/free [mujoco]\nDIFFERS: x_dot ends" in text
@@ -62,7 +74,7 @@ def test_a_wrong_model_does_not_agree_and_the_text_says_why(folder):
             result.case(**wanted)
 
 
-def test_an_engine_that_is_not_installed_never_agrees(monkeypatch):
+def test_an_engine_that_is_not_installed_never_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
     result = check("torsional_disc", engines=["pymunk"])
     assert {case.outcome for case in result.cases} == {Outcome.ABSENT}
@@ -70,7 +82,7 @@ def test_an_engine_that_is_not_installed_never_agrees(monkeypatch):
     assert "pymunk is not installed" in str(result)
 
 
-def test_wrong_arguments_are_refused_by_name():
+def test_wrong_arguments_are_refused_by_name() -> None:
     with pytest.raises(FolderError, match="nowhere: no such folder"):
         check("nowhere")
     with pytest.raises(FolderError, match="no engine 'havok' is known"):
@@ -79,7 +91,7 @@ def test_wrong_arguments_are_refused_by_name():
         check("torsional_disc", resolution=0)
 
 
-def test_a_script_without_a_guard_may_call_it():
+def test_a_script_without_a_guard_may_call_it() -> None:
     script = "from harness import check\n"
     script += "print(check('torsional_disc', engines=['pymunk'], jobs=1).agree)\n"
     done = subprocess.run(
@@ -88,7 +100,7 @@ def test_a_script_without_a_guard_may_call_it():
     assert done.stdout == "True\n", done.stderr
 
 
-def test_the_package_imports_nothing_before_it_is_asked_to():
+def test_the_package_imports_nothing_before_it_is_asked_to() -> None:
     told = "import sys, harness; print([m for m in sys.modules if m.startswith('harness')])"
     done = subprocess.run(
         [sys.executable, "-c", told], cwd=ROOT, capture_output=True, text=True, check=True

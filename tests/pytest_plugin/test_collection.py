@@ -1,5 +1,7 @@
 """Which tests there are, what they are called, and how they are selected."""
 
+from __future__ import annotations
+
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from harness.engines.mujoco import MujocoEngine
-from harness.pytest_plugin.runner import Laboratory
+from harness.pytest_plugin.runner import CaseRunner
+from tests.pytest_plugin.conftest import Answers, Project
 
 pytest_plugins = ["pytester"]
 
@@ -17,14 +20,14 @@ SCENARIOS = ("free", "step", "resonance", "audit")
 
 
 @pytest.fixture(autouse=True)
-def nothing_runs(monkeypatch):
-    def run(*_):
+def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(*_: object) -> None:
         raise AssertionError("something was run")
 
-    monkeypatch.setattr(Laboratory, "_run", run)
+    monkeypatch.setattr(CaseRunner, "_run", run)
 
 
-def test_every_model_engine_and_scenario_is_a_test_with_a_readable_id(project):
+def test_every_model_engine_and_scenario_is_a_test_with_a_readable_id(project: Project) -> None:
     project.add(files=("mujoco.xml", "robot.urdf"))
     assert project.collected("--crosscheck", "models") == [
         *(f"{MSD}/mujoco.xml/{name}" for name in SCENARIOS),
@@ -33,7 +36,7 @@ def test_every_model_engine_and_scenario_is_a_test_with_a_readable_id(project):
     ]
 
 
-def test_folders_are_found_at_any_depth_and_under_several_paths(project):
+def test_folders_are_found_at_any_depth_and_under_several_paths(project: Project) -> None:
     project.add("a", under="models/arms/left")
     project.add("b", under="others")
     project.add("hidden", under="models/.cache")
@@ -52,12 +55,14 @@ def test_folders_are_found_at_any_depth_and_under_several_paths(project):
     ([f"{MSD}/robot.urdf/free[pybullet]"], 1), ([f"{MSD}/robot.urdf/free"], 2),
     (["models/msd"], 12),
 ])  # fmt: skip
-def test_tests_are_selected_by_name_marker_and_id(project, selection, count):
+def test_tests_are_selected_by_name_marker_and_id(
+    project: Project, selection: list[str], count: int
+) -> None:
     project.add(files=("mujoco.xml", "robot.urdf"))
     assert len(project.collected("--crosscheck", "models", *selection)) == count
 
 
-def test_a_projects_own_tests_are_run_where_they_are_named(project):
+def test_a_projects_own_tests_are_run_where_they_are_named(project: Project) -> None:
     project.add()
     (project.path / "tests").mkdir()
     (project.path / "tests" / "test_own.py").write_text("def test_own(): pass\n")
@@ -69,7 +74,7 @@ def test_a_projects_own_tests_are_run_where_they_are_named(project):
     assert sorted(project.collected("--crosscheck", "models", ".")) == sorted(own + cases)
 
 
-def test_the_ini_files_paths_are_added_to_a_plain_run_and_to_no_other(project):
+def test_the_ini_files_paths_are_added_to_a_plain_run_and_to_no_other(project: Project) -> None:
     project.add()
     (project.path / "tests").mkdir()
     (project.path / "tests" / "test_own.py").write_text("def test_own(): pass\n")
@@ -81,7 +86,7 @@ def test_the_ini_files_paths_are_added_to_a_plain_run_and_to_no_other(project):
     assert len(project.collected("models/msd")) == 4
 
 
-def test_python_files_of_a_model_are_no_test_modules(project):
+def test_python_files_of_a_model_are_no_test_modules(project: Project) -> None:
     project.add(files=("space.py",))
     (project.path / "pytest.ini").write_text("[pytest]\npython_files = s*.py\n")
     assert project.collected("--crosscheck", "models") == [
@@ -90,7 +95,7 @@ def test_python_files_of_a_model_are_no_test_modules(project):
     assert len(project.collected("--crosscheck", "models", ".", "--doctest-modules")) == 4
 
 
-def test_without_the_option_nothing_happens(project):
+def test_without_the_option_nothing_happens(project: Project) -> None:
     project.add()
     (project.path / "test_own.py").write_text("def test_own(request):\n    pass\n")
     done = project.run("-q", "--strict-markers", "--strict-config")
@@ -98,7 +103,7 @@ def test_without_the_option_nothing_happens(project):
     done.stdout.no_fnmatch_line("*crosscheck*")
 
 
-def test_the_plugin_imports_nothing_but_pytest():
+def test_the_plugin_imports_nothing_but_pytest() -> None:
     told = "import sys, pytest; before = set(sys.modules); import pytest_crosscheck;"
     told += "print(sorted(set(sys.modules) - before))"
     done = subprocess.run(
@@ -113,7 +118,9 @@ def test_the_plugin_imports_nothing_but_pytest():
     (["--crosscheck", "models", "--crosscheck-resolution", "0"], "0 is not between"),
     (["--crosscheck", "models", "--crosscheck-time-limit", "-1"], "-1 is no time in seconds"),
 ])  # fmt: skip
-def test_wrong_usage_is_a_sentence_and_no_run(project, arguments, sentence):
+def test_wrong_usage_is_a_sentence_and_no_run(
+    project: Project, arguments: list[str], sentence: str
+) -> None:
     project.add()
     (project.path / "empty").mkdir()
     done = project.run(*arguments)
@@ -122,7 +129,7 @@ def test_wrong_usage_is_a_sentence_and_no_run(project, arguments, sentence):
     assert "Traceback" not in done.stderr.str()
 
 
-def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project):
+def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project: Project) -> None:
     broken = project.add("broken")
     project.edit(broken / "system.py", "k * x.q**2 / 2", "k * y.q**2 / 2")
     project.edit(project.add("ends") / "system.py", "from sympy", "raise SystemExit(3)\nfrom sympy")
@@ -144,7 +151,9 @@ def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project):
     assert "Traceback" not in done.stdout.str()
 
 
-def test_scenarios_with_names_that_mean_something_to_pytest_have_ids_all_the_same(project):
+def test_scenarios_with_names_that_mean_something_to_pytest_have_ids_all_the_same(
+    project: Project,
+) -> None:
     folder = project.add()
     project.edit(folder / "system.py", 'Scenario("free"', 'Scenario("audit"')
     project.edit(folder / "system.py", 'Scenario("step"', 'Scenario("a::b[c]"')
@@ -153,7 +162,9 @@ def test_scenarios_with_names_that_mean_something_to_pytest_have_ids_all_the_sam
         assert f"{MSD}/mujoco.xml/{name}" in done.outlines
 
 
-def test_a_system_named_like_a_marker_is_not_marked_with_it(project, answers):
+def test_a_system_named_like_a_marker_is_not_marked_with_it(
+    project: Project, answers: Answers
+) -> None:
     folder = project.add()
     project.edit(folder / "system.py", 'name="mass_spring_damper"', 'name="skip"')
     (project.path / "pytest.ini").write_text("[pytest]\nmarkers =\n    mujoco: needs a licence\n")
@@ -163,7 +174,9 @@ def test_a_system_named_like_a_marker_is_not_marked_with_it(project, answers):
     assert len(project.collected(*arguments, "-m", 'crosscheck(engine="mujoco")')) == 4
 
 
-def test_a_missing_engine_skips_in_sight_and_fails_where_it_is_required(project, monkeypatch):
+def test_a_missing_engine_skips_in_sight_and_fails_where_it_is_required(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(MujocoEngine, "version", lambda _: None)
     project.add()
     done = project.run("--crosscheck", "models")

@@ -1,21 +1,43 @@
 """What a test says of what it ran: real engines, and answers in their place."""
 
+from __future__ import annotations
+
 import re
 import xml.etree.ElementTree as ET
+from typing import Any
 
 import pytest
 
 from harness.cli.main import main
 from harness.diagnosis.task import diagnose_model
-from harness.pytest_plugin.runner import Laboratory
-from harness.text.status import TestStatus, decide
+from harness.pytest_plugin.runner import CaseRunner
+from harness.records.case import Case
+from harness.records.model import Model
+from harness.records.outcome import Outcome
+from harness.text import status
+from harness.text.status import TestStatus
+from tests.pytest_plugin.conftest import Answers, Project
+from tests.records.made import case, finding, model
 
 pytest_plugins = ["pytester"]
 
 MSD = "models/msd/system.py::mass_spring_damper"
 
 
-def test_a_sound_model_passes_under_strict_settings_and_leaves_its_numbers(project):
+def junit(project: Project, tag: str) -> ET.Element:
+    """The first element of a tag in j.xml."""
+    found = ET.parse(project.path / "j.xml").find(f".//{tag}")
+    assert found is not None
+    return found
+
+
+def properties(element: ET.Element) -> dict[str, str]:
+    return {p.get("name", ""): p.get("value", "") for p in element.iter("property")}
+
+
+def test_a_sound_model_passes_under_strict_settings_and_leaves_its_numbers(
+    project: Project,
+) -> None:
     project.add()
     (project.path / "pytest.ini").write_text(
         "[pytest]\naddopts = --strict-markers --strict-config\nfilterwarnings = error\n"
@@ -25,22 +47,27 @@ def test_a_sound_model_passes_under_strict_settings_and_leaves_its_numbers(proje
     done.stdout.fnmatch_lines(
         [f"{MSD}/mujoco.xml/free PASSED*", "1 AGREES; all that agree do so to *"]
     )
-    case = ET.parse(project.path / "j.xml").find(".//testcase")
-    assert case.get("classname") == "models.msd.system"
-    assert case.get("name") == "mass_spring_damper/mujoco.xml/free"
-    told = {p.get("name"): p.get("value") for p in case.iter("property")}
+    ran = junit(project, "testcase")
+    assert ran.get("classname") == "models.msd.system"
+    assert ran.get("name") == "mass_spring_damper/mujoco.xml/free"
+    told = properties(ran)
     assert told["outcome"] == "AGREES"
     assert 0 < float(told["discrepancy"]) < float(told["uncertainty"]) < 1e-9
     assert 0 < float(told["raw_error"]) < 0.1
     assert float(told["order"]) == pytest.approx(1, abs=0.05)
 
 
-def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(project, monkeypatch):
-    asked = []
-    run = Laboratory._run
-    monkeypatch.setattr(
-        Laboratory, "_run", lambda self, f, task: asked.append(f) or run(self, f, task)
-    )
+def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[object] = []
+    run = CaseRunner._run
+
+    def counted(self: CaseRunner, function: Any, argument: Any) -> Any:
+        asked.append(function)
+        return run(self, function, argument)
+
+    monkeypatch.setattr(CaseRunner, "_run", counted)
     path = project.add() / "mujoco.xml"
     project.edit(path, 'stiffness="47.0"', 'stiffness="47.000047"')
     line = path.read_text()[: path.read_text().index("47.000047")].count("\n") + 1
@@ -62,17 +89,18 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(project, monke
     )
     shown = done.stdout.str()
     assert "Traceback" not in shown
-    assert not re.search(r"collect\.py|laboratory\.py|Error\b", shown)
+    assert not re.search(r"collect\.py|runner\.py|Error\b", shown)
     assert asked.count(diagnose_model) == 1
-    failure = ET.parse(project.path / "j.xml").find(".//failure")
-    assert "joint[x]@stiffness" in failure.get("message")
+    failure = junit(project, "failure")
+    assert "joint[x]@stiffness" in failure.get("message", "")
+    assert failure.text is not None
     assert "DIFFERS: x_dot" in failure.text
     assert f"mujoco.xml:{line}" in failure.text
 
 
-def test_what_failed_is_run_again_by_lf_and_by_its_id(project, answers):
+def test_what_failed_is_run_again_by_lf_and_by_its_id(project: Project, answers: Answers) -> None:
     project.add()
-    answers["step"] = {"outcome": "DIFFERS", "reason": "x is off"}
+    answers.cases["step"] = {"outcome": Outcome.DIFFERS, "reason": "x is off"}
     project.run("--crosscheck", "models").assert_outcomes(passed=3, failed=1)
     project.run("--crosscheck", "models", "--lf").assert_outcomes(failed=1)
     done = project.run("--crosscheck", "models", f"{MSD}/mujoco.xml/step")
@@ -80,7 +108,7 @@ def test_what_failed_is_run_again_by_lf_and_by_its_id(project, answers):
     done.stdout.fnmatch_lines(["DIFFERS: x is off", "no cause found: untold"])
 
 
-def test_a_crash_is_one_failed_test_with_what_was_printed(project):
+def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> None:
     folder = project.add(files=("space.py", "mujoco.xml"))
     project.edit(
         folder / "space.py",
@@ -95,7 +123,7 @@ def test_a_crash_is_one_failed_test_with_what_was_printed(project):
     )
 
 
-def test_a_model_that_hangs_is_stopped_at_the_time_limit(project):
+def test_a_model_that_hangs_is_stopped_at_the_time_limit(project: Project) -> None:
     folder = project.add(files=("space.py",))
     project.edit(folder / "space.py", "def build():", "def build():\n    while True: pass\n")
     done = project.run("--crosscheck", "models", "-k", "audit", "--crosscheck-time-limit", "2")
@@ -103,7 +131,9 @@ def test_a_model_that_hangs_is_stopped_at_the_time_limit(project):
     done.stdout.fnmatch_lines(["FAILED: it took more than the 2 s allowed and was stopped"])
 
 
-def test_all_tests_of_a_system_are_one_xdist_workers(project, pytester):
+def test_all_tests_of_a_system_are_one_xdist_workers(
+    project: Project, pytester: pytest.Pytester
+) -> None:
     pytest.importorskip("xdist")
     project.add("a")
     project.add("b", source="torsional_disc")
@@ -134,19 +164,20 @@ def test_all_tests_of_a_system_are_one_xdist_workers(project, pytester):
     assert len(ET.parse(project.path / "j.xml").findall(".//failure")) == 1
 
 
-def test_a_known_difference_passes_and_is_shown(project, answers):
+def test_a_known_difference_passes_and_is_shown(project: Project, answers: Answers) -> None:
     project.add()
-    answers["free"] = {"outcome": "DIFFERS", "reason": "x is off", "accepted": "a soft joint"}
+    known = {"outcome": Outcome.DIFFERS, "reason": "x is off", "accepted": "a soft joint"}
+    answers.cases["free"] = known
     done = project.run("--crosscheck", "models", "--junitxml=j.xml")
     done.assert_outcomes(passed=4)
     done.stdout.fnmatch_lines([f"accepted: DIFFERS {MSD}/mujoco.xml/free: a soft joint"])
-    told = {
-        p.get("name"): p.get("value") for p in ET.parse(project.path / "j.xml").iter("property")
-    }
+    told = properties(junit(project, "testsuite"))
     assert told["accepted"] == "a soft joint"
 
 
-def test_what_was_accepted_passes_until_it_changes(project, monkeypatch):
+def test_what_was_accepted_passes_until_it_changes(
+    project: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(project.path)
     # What no person sits at may not accept.
     for name in ("CI", "GITHUB_ACTIONS"):
@@ -168,13 +199,16 @@ def test_what_was_accepted_passes_until_it_changes(project, monkeypatch):
     assert project.run(*arguments).ret == pytest.ExitCode.USAGE_ERROR
 
 
-def test_a_projects_conftest_may_demand_more_of_the_models_below_it(project, answers):
+def test_a_projects_conftest_may_demand_more_of_the_models_below_it(
+    project: Project, answers: Answers
+) -> None:
     project.add()
     project.add("b", under="others")
     (project.path / "models" / "conftest.py").write_text(
         "def pytest_crosscheck_case(record):\n"
-        "    if record['raw_error'] > 0.001 and record['scenario'] == 'free':\n"
-        "        return f\"its raw error is {record['raw_error']:.1%}\"\n"
+        "    error = record.full_run.global_error\n"
+        "    if error > 0.001 and record.scenario == 'free':\n"
+        "        return f'its raw error is {error:.1%}'\n"
     )
     done = project.run("--crosscheck", "models", "--crosscheck", "others")
     done.assert_outcomes(passed=7, failed=1)
@@ -183,33 +217,27 @@ def test_a_projects_conftest_may_demand_more_of_the_models_below_it(project, ans
     )
 
 
-FINDING = {"severity": "finding", "kind": "literal", "where": "", "message": "is wrong"}
+@pytest.mark.parametrize(("record", "ending"), [
+    (case(), TestStatus.PASS),
+    (case(Outcome.DIFFERS, reason="r"), TestStatus.FAIL),
+    (case(Outcome.UNRESOLVED, reason="r"), TestStatus.FAIL),
+    (case(Outcome.FAILED, reason="r"), TestStatus.FAIL),
+    (case(Outcome.ABSENT, reason="r"), TestStatus.SKIP),
+    (case(Outcome.DIFFERS, reason="r", accepted="known"), TestStatus.PASS),
+    (case(Outcome.UNRESOLVED, reason="r", accepted="known"), TestStatus.PASS),
+    (case(Outcome.FAILED, reason="r", accepted="known"), TestStatus.FAIL),
+    (case(Outcome.ABSENT, reason="r", accepted="known"), TestStatus.SKIP),
+    (model(), TestStatus.PASS),
+    (model(finding(severity="note")), TestStatus.PASS),
+    (model(finding()), TestStatus.FAIL),
+    (model(finding(), accepted="known"), TestStatus.PASS),
+])  # fmt: skip
+def test_what_passes_fails_and_is_skipped(record: Case | Model, ending: TestStatus) -> None:
+    assert status.status_of(record, require_engines=False).status is ending
 
 
-@pytest.mark.parametrize(
-    ("record", "ending"),
-    [
-        ({"outcome": "AGREES"}, TestStatus.PASS),
-        ({"outcome": "DIFFERS", "reason": "r"}, TestStatus.FAIL),
-        ({"outcome": "UNRESOLVED", "reason": "r"}, TestStatus.FAIL),
-        ({"outcome": "FAILED", "reason": "r"}, TestStatus.FAIL),
-        ({"outcome": "ABSENT", "reason": "r"}, TestStatus.SKIP),
-        ({"outcome": "DIFFERS", "reason": "r", "accepted": "known"}, TestStatus.PASS),
-        ({"outcome": "UNRESOLVED", "reason": "r", "accepted": "known"}, TestStatus.PASS),
-        ({"outcome": "FAILED", "reason": "r", "accepted": "known"}, TestStatus.FAIL),
-        ({"outcome": "ABSENT", "reason": "r", "accepted": "known"}, TestStatus.SKIP),
-        ({"audit": []}, TestStatus.PASS),
-        ({"audit": [FINDING | {"severity": "note"}]}, TestStatus.PASS),
-        ({"audit": [FINDING]}, TestStatus.FAIL),
-        ({"audit": [FINDING], "accepted": "known"}, TestStatus.PASS),
-    ],
-)
-def test_what_passes_fails_and_is_skipped(record, ending):
-    assert decide(record, require_engines=False).ending is ending
-
-
-def test_an_engine_that_is_required_and_a_demand_that_is_not_met_fail():
-    absent = {"outcome": "ABSENT", "reason": "r"}
-    assert decide(absent, require_engines=True).ending is TestStatus.FAIL
-    agrees = {"outcome": "AGREES"}
-    assert decide(agrees, require_engines=False, demands=["no"]).ending is TestStatus.FAIL
+def test_an_engine_that_is_required_and_a_demand_that_is_not_met_fail() -> None:
+    absent = status.status_of(case(Outcome.ABSENT, reason="r"), require_engines=True)
+    assert absent.status is TestStatus.FAIL
+    unmet = status.status_of(case(), require_engines=False, demands=["no"])
+    assert unmet.status is TestStatus.FAIL

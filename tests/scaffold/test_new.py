@@ -10,8 +10,9 @@ import pytest
 from harness.cli.main import main
 from harness.files.bindings import bindings, mismatches
 from harness.files.folders import template
+from harness.files.model_files import model_files
 from harness.files.sidecar import read_sidecar
-from harness.run import Options, model_files, run
+from harness.run import Options, run
 from harness.scaffold.folder import NewError, check_name, example, write_folder
 from harness.scaffold.from_model import from_model
 from reference.derive import derive
@@ -26,11 +27,11 @@ def test_the_example_agrees_at_once_in_every_engine(tmp_path, capsys, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert main(["new", "my_arm"]) == 0
     assert "next: crosscheck run my_arm" in capsys.readouterr().out
-    found = run([tmp_path / "my_arm"], Options(jobs=2), lambda *_: None)
-    assert {case["outcome"] for case in found["cases"]} == {"AGREES"}
-    assert {case["engine"] for case in found["cases"]} == {"mujoco", "pybullet", "pymunk"}
-    assert not any(f["severity"] == "finding" for m in found["models"] for f in m["audit"])
-    assert found["systems"][0]["name"] == "my_arm"
+    found = run([tmp_path / "my_arm"], Options(jobs=2), lambda *_: None).results
+    assert {case.outcome for case in found.cases} == {"AGREES"}
+    assert {case.engine for case in found.cases} == {"mujoco", "pybullet", "pymunk"}
+    assert not any(model.findings for model in found.models)
+    assert found.systems[0].name == "my_arm"
 
 
 def test_every_number_of_the_example_that_matters_is_bound():

@@ -1,8 +1,11 @@
 """Worker processes: a task that crashes, hangs or prints costs nothing but itself."""
 
+from __future__ import annotations
+
 import ctypes
 import os
 import time
+from collections.abc import Iterator
 
 import pytest
 
@@ -10,66 +13,70 @@ from harness.engines.protocol import EngineError
 from harness.schedule.workers import Failure, Workers
 
 
-def square(x):
+def square(x: int) -> int:
     return x * x
 
 
-def crash(_):
+def crash(_: object) -> None:
     os.write(2, b"about to fall\n")
     ctypes.string_at(0)
 
 
-def hang(_):
+def hang(_: object) -> None:
     print("still here", flush=True)
     time.sleep(3600)
 
 
-def leave(_):
+def leave(_: object) -> None:
     os._exit(7)
 
 
-def refuse(_):
+def refuse(_: object) -> None:
     raise EngineError("m.xml: no such joint; name it")
 
 
-def stumble(_):
+def stumble(_: object) -> None:
     raise ZeroDivisionError("by zero")
 
 
-def chatter(_):
+def chatter(_: object) -> str:
     os.write(1, b"from C\n")
     return "done"
 
 
 @pytest.fixture(scope="module")
-def workers():
+def workers() -> Iterator[Workers]:
     with Workers(2, limit=3.0) as pool:
         yield pool
 
 
-def test_every_task_beside_a_crash_a_hang_and_an_exit_is_finished(workers):
+def test_every_task_beside_a_crash_a_hang_and_an_exit_is_finished(workers: Workers) -> None:
     good = [workers.submit(square, i) for i in range(12)]
     bad = [workers.submit(f, 0) for f in (crash, leave, hang)]
     good += [workers.submit(square, i) for i in range(12, 24)]
     assert [workers.outcome(f) for f in good] == [i * i for i in range(24)]
     crashed, left, hung = (workers.outcome(f) for f in bad)
     assert "SIGSEGV" in crashed.reason
-    assert crashed.printed.startswith("about to fall")
+    assert crashed.stdout.startswith("about to fall")
     assert "exit code 7" in left.reason
     assert "more than the 3 s allowed" in hung.reason
-    assert hung.printed == "still here"
+    assert hung.stdout == "still here"
 
 
-def test_an_error_of_ours_is_its_sentence_and_any_other_is_told_with_its_kind(workers):
+def test_an_error_of_ours_is_its_sentence_and_any_other_is_told_with_its_kind(
+    workers: Workers,
+) -> None:
     assert workers.outcome(workers.submit(refuse, 0)).reason == "m.xml: no such joint; name it"
     assert workers.outcome(workers.submit(stumble, 0)).reason == "ZeroDivisionError: by zero"
 
 
-def test_what_a_good_task_prints_is_kept_off_the_terminal(workers, capfd):
+def test_what_a_good_task_prints_is_kept_off_the_terminal(
+    workers: Workers, capfd: pytest.CaptureFixture[str]
+) -> None:
     assert workers.outcome(workers.submit(chatter, 0)) == "done"
     assert "from C" not in "".join(capfd.readouterr())
 
 
-def test_a_value_is_not_mistaken_for_a_failure(workers):
+def test_a_value_is_not_mistaken_for_a_failure(workers: Workers) -> None:
     value = workers.outcome(workers.submit(square, 3))
     assert not isinstance(value, Failure)

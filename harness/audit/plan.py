@@ -1,0 +1,85 @@
+"""Audits of every model of some folders, without running a motion."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from harness.audit.run import run_audit
+from harness.audit.task import audit_task
+from harness.cases.prepare import Prepared, prepare
+from harness.files.model_files import UnreadModel, chosen_engines, model_files
+from harness.files.sidecar import Sidecar
+from harness.records.case import ModelId
+from harness.records.finding import AuditFinding
+from harness.schedule.jobs import Job, Task, work
+from harness.schedule.workers import LIMIT, Failure, Workers
+
+
+@dataclass(frozen=True)
+class ModelAudit:
+    """What the audit of a model in an engine has to say.
+
+    Attributes:
+        id: the model; `-` for its engine where it can't be read.
+        findings: and notes.
+        failure: why there are none; empty otherwise.
+    """
+
+    id: ModelId
+    findings: tuple[AuditFinding, ...] = ()
+    failure: str = ""
+
+
+def audits(
+    folders: Sequence[Path], *, engines: Sequence[str] = (), jobs: int = 0, limit: float = LIMIT
+) -> tuple[ModelAudit, ...]:
+    """Audit every model of the folders; `engines` and the limits are those of a run."""
+    found: list[dict[ModelId, ModelAudit]] = [{} for _ in folders]
+    with Workers(jobs or os.cpu_count() or 1, limit) as workers:
+        plans = zip(folders, found, strict=True)
+        work((_folder(folder, engines, into) for folder, into in plans), workers)
+    return tuple(one for models in found for one in models.values())
+
+
+def _folder(folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit]) -> Job[Prepared]:
+    def failed(failure: Failure) -> Iterable[Job[Any]]:
+        one = ModelId(system=folder.name, model="system.py", engine="-")
+        found[one] = ModelAudit(one, failure=failure.reason)
+        return ()
+
+    return Job(task=Task(prepare, folder), done=partial(_models, only, found), failed=failed)
+
+
+def _models(
+    only: Sequence[str], found: dict[ModelId, ModelAudit], prepared: Prepared
+) -> Iterator[Job[tuple[AuditFinding, ...]]]:
+    system = prepared.system.name
+    for file in model_files(prepared.folder):
+        if isinstance(file, UnreadModel):
+            one = ModelId(system=system, model=file.model, engine="-")
+            found[one] = ModelAudit(one, failure=file.reason)
+            continue
+        for engine in chosen_engines(file, only):
+            one = ModelId(system=system, model=file.model.name, engine=engine)
+            found[one] = ModelAudit(one)  # keeps its place
+            yield _audit(one, prepared, file, found)
+
+
+def _audit(
+    one: ModelId, prepared: Prepared, sidecar: Sidecar, found: dict[ModelId, ModelAudit]
+) -> Job[tuple[AuditFinding, ...]]:
+    def done(findings: tuple[AuditFinding, ...]) -> Iterable[Job[Any]]:
+        found[one] = ModelAudit(one, findings)
+        return ()
+
+    def failed(failure: Failure) -> Iterable[Job[Any]]:
+        found[one] = ModelAudit(one, failure=failure.reason)
+        return ()
+
+    task = Task(run_audit, audit_task(prepared, sidecar, one.engine))
+    return Job(task=task, done=done, failed=failed)

@@ -1,0 +1,184 @@
+"""What a case and a linearization leave in results.json: numbers that a plot or a table shows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.cases.verdict import Verdict as Judgement
+from harness.numerics.full_run import TARGETS, Cost
+from harness.numerics.linearization import EngineLinearization as Found
+from harness.numerics.segments import Extrapolated
+from harness.records.base import Number, Numbers, Rows, number, numbers, rows
+from harness.records.case import (
+    CheckedStep,
+    Convergence,
+    EnergySeries,
+    ErrorDecomposition,
+    FullRun,
+    Series,
+    StepErrors,
+    TargetStep,
+    Verdict,
+)
+from harness.records.model import EngineLinearization, EnginePole
+from reference.motion import Motion
+from reference.numeric import Array
+
+SERIES = 240
+"""Samples of a series in results.json: as many as a plot of ordinary width can show."""
+
+
+def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verdict:
+    """The numbers of a verdict."""
+    return Verdict(
+        discrepancy=number(judged.discrepancy),
+        uncertainty=number(judged.uncertainty),
+        component=judged.component,
+        time=number(judged.time),
+        # Of the deciding component, until the judgement has those of all.
+        largest_discrepancy=number(judged.discrepancy),
+        largest_uncertainty=number(judged.uncertainty),
+        order=number(judged.order),
+        claimed_order=claimed,
+        rungs=tuple(found.rungs),
+        steps=int(found.steps),
+    )
+
+
+def full_run_record(cost: Cost, shipped_step: float, integrator: str) -> FullRun:
+    """What a user lives with."""
+    return FullRun(
+        shipped_step=number(shipped_step),
+        integrator=integrator,
+        global_error=number(cost.raw_error),
+        order=number(cost.order),
+        residual=number(cost.residual),
+        decomposition=_decomposition(cost),
+        steps_for=tuple(
+            TargetStep(target=target, step=number(step))
+            for target, step in zip(TARGETS, cost.steps_for, strict=True)
+        ),
+        checked_step=_checked_step(cost),
+        energy_error=number(cost.shipped.energy),
+        constraint_drift=number(cost.shipped.drift),
+    )
+
+
+def _decomposition(cost: Cost) -> ErrorDecomposition | None:
+    if cost.apart is None:
+        return None
+    return ErrorDecomposition(
+        amplitude=number(cost.apart.amplitude),
+        phase=number(cost.apart.phase),
+        frequency=number(cost.apart.frequency),
+        damping=number(cost.apart.damping),
+        explained=number(cost.apart.explained),
+    )
+
+
+def _checked_step(cost: Cost) -> CheckedStep | None:
+    if cost.checked is None:
+        return None
+    target, step, measured = cost.checked
+    return CheckedStep(target=float(target), step=float(step), measured=number(measured))
+
+
+def series_record(
+    motion: Motion,
+    found: Extrapolated,
+    cost: Cost,
+    *,
+    scale: Array,
+    amplitude: Array,
+    components: tuple[str, ...],
+) -> Series:
+    """What a plot of a case shows.
+
+    Args:
+        motion: of the equations.
+        found: the extrapolated segments.
+        cost: the full runs.
+        scale: what defects are relative to, (2n,).
+        amplitude: what global errors are relative to, (2n,).
+        components: names of the state's components.
+    """
+    shipped, balance = cost.shipped, cost.shipped.balance
+    picked = np.unique(np.linspace(0, len(shipped.t) - 1, SERIES).astype(int))
+    t = shipped.t[picked]
+    segments = np.unique(np.linspace(0, len(motion.t) - 1, SERIES).astype(int))
+    defect = (found.limit.value - motion.end) / scale
+    uncertainty = (found.limit.uncertainty + motion.bound) / scale
+    raw = np.sqrt(np.mean(((found.raw - motion.end) / scale) ** 2, axis=1))
+    return Series(
+        t=_row(t, 7),
+        components=components,
+        reference=_rows(motion.at(t).T, 6),
+        engine=_rows(shipped.states[picked].T, 6),
+        error=_rows(shipped.error[picked].T, 4),
+        segment_t=_row(motion.t[segments], 6),
+        defect=_rows(defect[segments].T, 3),
+        defect_uncertainty=_rows(uncertainty[segments].T, 3),
+        convergence=Convergence(
+            rungs=tuple(found.rungs),
+            h=_row(float(np.mean(motion.lengths)) / np.array(found.rungs), 6),
+            defect=_row(np.max(raw, axis=1), 4),
+            increments=_row(found.limit.draws, 4),
+        ),
+        full_runs=_step_errors(cost, amplitude),
+        energy=EnergySeries(
+            held=_row(balance.held[picked] - balance.held[0], 5),
+            supplied=_row(balance.supplied[picked], 5),
+            dissipated=_row(balance.dissipated[picked], 5),
+        ),
+    )
+
+
+def _step_errors(cost: Cost, amplitude: Array) -> StepErrors:
+    runs, n = (cost.shipped, *cost.finer), len(amplitude) // 2
+    errors = [float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])) for run in runs]
+    return StepErrors(
+        h=numbers(run.h for run in runs),
+        error=tuple(_digits(error, 5) for error in errors),
+        seconds=tuple(_digits(run.seconds, 3) for run in runs),
+    )
+
+
+def linearization_record(found: Found) -> EngineLinearization:
+    """An engine's linearization, beside Taylor's."""
+    return EngineLinearization(
+        equilibrium=found.equilibrium,
+        a=rows(found.a.tolist()),
+        b=rows(found.b.tolist()),
+        a_error=number(found.a_error),
+        b_error=number(found.b_error),
+        poles=tuple(_pole(pole) for pole in found.poles),
+        taylor_poles=tuple(_pole(pole) for pole in found.taylor_poles),
+        transfer_error=number(found.transfer_error),
+        mode_similarity=number(found.shapes),
+        frequencies=_row(found.frequencies, 5),
+        response=tuple(_rows(matrix, 5) for matrix in found.response),
+        taylor_response=tuple(_rows(matrix, 5) for matrix in found.taylor_response),
+    )
+
+
+def _pole(value: complex) -> EnginePole:
+    size = abs(value)
+    return EnginePole(
+        real=number(value.real),
+        imaginary=number(value.imag),
+        frequency=number(size),
+        damping=number(-value.real / size) if size else None,
+    )
+
+
+def _digits(value: float, digits: int) -> Number:
+    """So many significant digits: what a plot can show."""
+    return number(float(f"{value:.{digits}g}"))
+
+
+def _row(values: Array, digits: int) -> Numbers:
+    return tuple(_digits(value, digits) for value in values.tolist())
+
+
+def _rows(values: Array, digits: int) -> Rows:
+    return tuple(_row(row, digits) for row in values)

@@ -1,0 +1,59 @@
+"""Cases that could not be run: why, and their records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from harness.engines.protocol import Engine
+from harness.files.sidecar import Sidecar
+from harness.records.case import Case, CaseId
+from harness.records.outcome import Outcome
+from harness.schedule.workers import Failure
+
+
+@dataclass(frozen=True)
+class Hurdle:
+    """Why a model can't be run in an engine at all: ABSENT, or FAILED with a sentence."""
+
+    outcome: Outcome
+    reason: str
+
+
+def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle | None:
+    """Why a model can't be run in an engine; None where it can."""
+    engine = known.get(name)
+    if engine is None:
+        names = ", ".join(sorted(known))
+        return Hurdle(
+            Outcome.FAILED, f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}"
+        )
+    if engine.version() is None:
+        return Hurdle(Outcome.ABSENT, f"{name} is not installed")
+    if sidecar.model.suffix not in engine.formats:
+        reads = ", ".join(engine.formats)
+        return Hurdle(Outcome.FAILED, f"{sidecar.model}: {name} reads {reads} files alone")
+    return None
+
+
+def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
+    """A case that was not begun."""
+    return _case(one, folder, why.outcome, why.reason, "")
+
+
+def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
+    """A case, or what stands for the cases of a model or a folder, that could not be run."""
+    return _case(one, folder, Outcome.FAILED, failure.reason, failure.stdout)
+
+
+def _case(one: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) -> Case:
+    return Case(
+        system=one.system,
+        model=one.model,
+        scenario=one.scenario,
+        engine=one.engine,
+        folder=folder,
+        outcome=outcome,
+        reason=reason,
+        stdout=stdout,
+    )

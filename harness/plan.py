@@ -1,0 +1,266 @@
+"""The jobs of a run, what follows from each, and what they bring together.
+
+A folder brings the jobs of its models; a model's last case brings its diagnosis, if one differs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from msgspec.structs import replace
+
+from harness.audit.run import run_audit
+from harness.audit.task import audit_task
+from harness.baseline.measure import measure, measure_task
+from harness.baseline.snapshot import Snapshot
+from harness.cases.case import (
+    CaseTask,
+    case_task,
+    linearization_task,
+    run_case,
+    run_linearizations,
+)
+from harness.cases.not_run import barred_case, failed_case, hurdle
+from harness.cases.prepare import Prepared, prepare
+from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
+from harness.engines.registry import engines
+from harness.files.model_files import UnreadModel, chosen_engines, model_files
+from harness.files.sidecar import Sidecar
+from harness.records.baseline import Measurement
+from harness.records.case import Case, CaseId
+from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.model import EngineLinearization, Model
+from harness.records.outcome import Outcome
+from harness.records.system import System
+from harness.schedule.jobs import Job, Task
+from harness.schedule.workers import LIMIT, Failure
+
+Jobs = Iterable[Job[Any]]
+
+ModelKey = tuple[str, str, str]
+"""Folder, model file and engine."""
+
+Progress = Callable[[int, int, Case | None], None]
+"""Called with (cases done, cases known, the case just done or None)."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What a gate wants of a run: some models, verdicts alone, and what each case's model does.
+
+    Attributes:
+        models: those to run.
+        snapshots: accepted ones, by case.
+        diagnose: whether models that differ are diagnosed.
+    """
+
+    models: frozenset[ModelKey]
+    snapshots: Mapping[CaseId, Snapshot] = field(default_factory=dict)
+    diagnose: bool = False
+
+
+@dataclass(frozen=True)
+class Options:
+    """What `crosscheck run` may be told; `baseline` is where known differences are looked up."""
+
+    engines: tuple[str, ...] = ()
+    resolution: float = 1e-9
+    jobs: int = 0
+    limit: float = LIMIT
+    baseline: Path | None = None
+    selection: Selection | None = None
+
+
+class Collected:
+    """What the jobs of a run have brought so far, in the order in which they ended.
+
+    Attributes:
+        systems: prepared.
+        models: those that are run.
+        cases: done, or not to be run.
+        measured: what models do, or why it is not known, by folder and case.
+    """
+
+    def __init__(self, progress: Progress) -> None:
+        self.systems: list[System] = []
+        self.models: dict[ModelKey, Model] = {}
+        self.cases: list[Case] = []
+        self.measured: dict[tuple[str, CaseId], Measurement | Failure] = {}
+        self._progress = progress
+        self._expected = 0
+
+    def expect(self, cases: int) -> None:
+        """So many more cases are known of."""
+        self._expected += cases
+
+    def add(self, case: Case) -> None:
+        """A case is done."""
+        self.cases.append(case)
+        self._progress(len(self.cases), self._expected, case)
+
+    def amend(self, key: ModelKey, **fields: Any) -> None:
+        """Put what was found of a model into its record."""
+        self.models[key] = replace(self.models[key], **fields)
+
+
+class Plan:
+    """What is to be done for a run; values go to `found`.
+
+    Args:
+        options: of the run.
+        snapshots: accepted ones of the cases that are to be measured, where no selection says it.
+        found: what the jobs bring.
+    """
+
+    def __init__(
+        self, options: Options, snapshots: Mapping[CaseId, Snapshot], found: Collected
+    ) -> None:
+        self._options, self._snapshots, self._found = options, snapshots, found
+        self._engines = engines()
+        self._diagnoses: dict[ModelKey, DiagnosisTask] = {}
+
+    def folder(self, folder: Path) -> Job[Prepared]:
+        """Prepare a folder, then run its models."""
+        preparing = partial(prepare, described=self._options.selection is None)
+        unprepared = partial(self._unprepared, folder)
+        return Job(task=Task(preparing, folder), done=self._models, failed=unprepared)
+
+    def _unprepared(self, folder: Path, failure: Failure) -> Jobs:
+        one = CaseId(system=folder.name, model="system.py", scenario="-", engine="-")
+        self._found.expect(1)
+        self._found.add(failed_case(one, str(folder), failure))
+        return ()
+
+    def _models(self, prepared: Prepared) -> Iterator[Job[Any]]:
+        """Every model of a folder in every engine; those that can't be run are told at once."""
+        self._found.systems.append(prepared.record)
+        files = list(model_files(prepared.folder))
+        unread = [one for one in files if isinstance(one, UnreadModel)]
+        chosen = [
+            (s, e) for s in files if isinstance(s, Sidecar) for e in self._chosen(prepared, s)
+        ]
+        self._found.expect(len(unread) + len(chosen) * len(prepared.system.scenarios))
+        for model in unread:
+            one = CaseId(system=prepared.system.name, model=model.model, scenario="-", engine="-")
+            self._found.add(failed_case(one, str(prepared.folder), Failure(model.reason, "")))
+        for sidecar, engine in chosen:
+            yield from self._model(prepared, sidecar, engine)
+
+    def _chosen(self, prepared: Prepared, sidecar: Sidecar) -> list[str]:
+        """The engines in which a model is to be run."""
+        selection = self._options.selection
+        return [
+            engine
+            for engine in chosen_engines(sidecar, self._options.engines)
+            if selection is None
+            or (str(prepared.folder), sidecar.model.name, engine) in selection.models
+        ]
+
+    def _model(self, prepared: Prepared, sidecar: Sidecar, engine: str) -> Iterator[Job[Any]]:
+        """A model in an engine: its cases, and what is found of it beside them."""
+        why = hurdle(self._engines, engine, sidecar)
+        names = [scenario.name for scenario in prepared.system.scenarios]
+        tasks = [
+            case_task(prepared, sidecar, engine, name, self._options.resolution) for name in names
+        ]
+        if why is not None:
+            for task in tasks:
+                self._found.add(barred_case(task.id, task.folder, why))
+            return
+        key = str(prepared.folder), sidecar.model.name, engine
+        self._found.models[key] = model_record(prepared, sidecar, engine)
+        selection = self._options.selection
+        if selection is None or selection.diagnose:
+            self._diagnoses[key] = diagnosis_task(prepared, sidecar, engine)
+        for task in tasks:
+            yield self._case(key, task)
+            yield from self._measurement(prepared, task)
+        if selection is None:
+            yield self._linearizations(key, prepared, sidecar)
+            yield self._audit(key, prepared, sidecar)
+
+    def _case(self, key: ModelKey, task: CaseTask) -> Job[Case]:
+        def done(case: Case) -> Jobs:
+            self._found.add(case)
+            return self._diagnosis(key)
+
+        def failed(failure: Failure) -> Jobs:
+            return done(failed_case(task.id, task.folder, failure))
+
+        return Job(task=Task(run_case, task), done=done, failed=failed)
+
+    def _measurement(self, prepared: Prepared, task: CaseTask) -> Iterator[Job[Measurement]]:
+        """What a case's model does, where a snapshot was accepted, or may be."""
+        selection = self._options.selection
+        if selection is None and task.id not in self._snapshots:
+            return
+        snapshots = self._snapshots if selection is None else selection.snapshots
+
+        def done(value: Measurement | Failure) -> Jobs:
+            self._found.measured[task.folder, task.id] = value
+            return ()
+
+        measuring = measure_task(task, prepared.variants, snapshots.get(task.id))
+        yield Job(task=Task(measure, measuring), done=done, failed=done)
+
+    def _linearizations(
+        self, key: ModelKey, prepared: Prepared, sidecar: Sidecar
+    ) -> Job[tuple[EngineLinearization, ...]]:
+        def done(value: tuple[EngineLinearization, ...]) -> Jobs:
+            self._found.amend(key, linearizations=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            self._found.amend(key, linearization_failure=failure.reason)
+            return ()
+
+        task = linearization_task(prepared, sidecar, key[-1])
+        return Job(task=Task(run_linearizations, task), done=done, failed=failed)
+
+    def _audit(
+        self, key: ModelKey, prepared: Prepared, sidecar: Sidecar
+    ) -> Job[tuple[AuditFinding, ...]]:
+        def done(value: tuple[AuditFinding, ...]) -> Jobs:
+            self._found.amend(key, audit=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            self._found.amend(key, audit_failure=failure.reason)
+            return ()
+
+        task = audit_task(prepared, sidecar, key[-1])
+        return Job(task=Task(run_audit, task), done=done, failed=failed)
+
+    def _diagnosis(self, key: ModelKey) -> Iterator[Job[Diagnosis]]:
+        """The diagnosis of a model, once its last case is in and one of them differs."""
+        task = self._diagnoses.get(key)
+        mine = [c for c in self._found.cases if (c.folder, c.model, c.engine) == key]
+        differs = any(case.outcome is Outcome.DIFFERS for case in mine)
+        if task is None or not differs or len(mine) < len(task.system.scenarios):
+            return
+
+        def done(value: Diagnosis) -> Jobs:
+            self._found.amend(key, diagnosis=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Diagnosis(failure=failure.reason))
+
+        yield Job(task=Task(diagnose_model, task), done=done, failed=failed)
+
+
+def model_record(prepared: Prepared, sidecar: Sidecar, engine: str) -> Model:
+    """A model file and its sidecar, as they are run; nothing is found of it yet."""
+    beside = sidecar.model.with_name(f"{sidecar.model.name}.toml")
+    return Model(
+        system=prepared.system.name,
+        model=sidecar.model.name,
+        engine=engine,
+        folder=str(prepared.folder),
+        text=sidecar.model.read_text("utf-8", errors="replace"),
+        sidecar=beside.read_text("utf-8", errors="replace"),
+    )

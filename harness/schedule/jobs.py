@@ -1,0 +1,57 @@
+"""One job graph: jobs for the workers, each of which brings the jobs that follow from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from harness.schedule.workers import Failure, Workers
+
+Argument = TypeVar("Argument")
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True)
+class Task(Generic[Argument, Value]):
+    """A function of a module, and what it is called with, in a worker process."""
+
+    function: Callable[[Argument], Value]
+    argument: Argument
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job(Generic[Value]):
+    """A task, and what follows from it.
+
+    Attributes:
+        task: what a worker does.
+        done: called with its value, in this process; returns the jobs that follow.
+        failed: called with why there is none; returns the jobs that follow.
+    """
+
+    task: Task[Any, Value]
+    done: Callable[[Value], Iterable[Job[Any]]]
+    failed: Callable[[Failure], Iterable[Job[Any]]]
+
+
+def work(jobs: Iterable[Job[Any]], workers: Workers) -> None:
+    """Do all jobs, and those that they bring; returns when none is left.
+
+    `done` and `failed` are called one at a time. What they raise is a mistake of the plan, not of a
+    task: it ends the work.
+    """
+    waiting: dict[Future[Any], Job[Any]] = {}
+
+    def start(some: Iterable[Job[Any]]) -> None:
+        for job in some:
+            waiting[workers.submit(job.task.function, job.task.argument)] = job
+
+    start(jobs)
+    while waiting:
+        ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
+        # In the order in which they were started, not in a set's.
+        for future in [one for one in waiting if one in ended]:
+            job, value = waiting.pop(future), workers.outcome(future)
+            start(job.failed(value) if isinstance(value, Failure) else job.done(value))

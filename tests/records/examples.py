@@ -1,0 +1,93 @@
+"""A record with every key in it, made from its type: each list has one entry, nothing is null."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+from msgspec import inspect
+
+from harness.records.base import Record
+
+Path = tuple[str | int, ...]
+
+
+def example(record: type[Record]) -> Any:
+    """The record as plain JSON."""
+    return _of(inspect.type_info(record))
+
+
+def _of(wanted: inspect.Type) -> Any:
+    match wanted:
+        case inspect.StructType(fields=fields):
+            return {field.encode_name: _named(field) for field in fields}
+        case inspect.UnionType(types=types):
+            return _of(next(one for one in types if not isinstance(one, inspect.NoneType)))
+        case inspect.VarTupleType(item_type=item) | inspect.ListType(item_type=item):
+            return [_of(item)]
+        case inspect.DictType(value_type=value):
+            return {"a": _of(value)}
+        case inspect.LiteralType(values=values):
+            return values[0]
+        case inspect.EnumType(cls=cls) if issubclass(cls, enum.Enum):
+            return next(iter(cls)).value
+        case inspect.StrType():
+            return "a"
+        case inspect.IntType():
+            return 1
+        case inspect.FloatType():
+            return 0.5
+        case inspect.BoolType():
+            return True
+    raise AssertionError(f"no example of {wanted}")
+
+
+def _named(field: inspect.Field) -> Any:
+    # A point of a sketch is a pair of trees, which the types don't say.
+    return [0.5, 0.5] if field.encode_name == "at" else _of(field.type)
+
+
+def required(wanted: inspect.Type, here: Path = ()) -> Iterator[Path]:
+    """Where every key is that must be there, in the example of a type."""
+    match wanted:
+        case inspect.StructType(fields=fields):
+            for field in fields:
+                if field.required:
+                    yield (*here, field.encode_name)
+                yield from required(field.type, (*here, field.encode_name))
+        case inspect.UnionType(types=types):
+            kinds = (one for one in types if not isinstance(one, inspect.NoneType))
+            yield from required(next(kinds), here)
+        case inspect.VarTupleType(item_type=item):
+            yield from required(item, (*here, 0))
+        case inspect.DictType(value_type=value):
+            yield from required(value, (*here, "a"))
+
+
+def paths(value: Any, here: Path = ()) -> Iterator[Path]:
+    """Where every value of plain JSON is, the outermost first."""
+    yield here
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from paths(item, (*here, key))
+    elif isinstance(value, list):
+        for i, item in enumerate(value):
+            yield from paths(item, (*here, i))
+
+
+def at(value: Any, path: Path) -> Any:
+    """The value at a path."""
+    for step in path:
+        value = value[step]
+    return value
+
+
+def replaced(value: Any, path: Path, new: Any) -> Any:
+    """A copy with another value at a path."""
+    if not path:
+        return new
+    copy = msgspec.json.decode(msgspec.json.encode(value))
+    at(copy, path[:-1])[path[-1]] = new
+    return copy

@@ -1,0 +1,166 @@
+"""Results files that nobody would write: each is refused in one sentence, never by a traceback."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from harness.cli.main import main
+from harness.records.read import ResultsError, read_results
+from harness.records.results import Results
+from tests.records.examples import at, example, paths, replaced, required
+
+EXAMPLE: dict[str, Any] = example(Results)
+TEXT = json.dumps(EXAMPLE)
+DEEP = "[" * 5000 + "]" * 5000
+
+
+def raw(path: tuple[str | int, ...], text: str) -> str:
+    """The example with a piece of text in the place of a value."""
+    return json.dumps(replaced(EXAMPLE, path, "HERE")).replace('"HERE"', text)
+
+
+def truncated() -> Iterator[tuple[str, str]]:
+    for i in range(40):
+        yield f"cut after {i}/40", TEXT[: i * len(TEXT) // 40]
+
+
+def wrong_types() -> Iterator[tuple[str, str]]:
+    for path in paths(EXAMPLE):
+        value = at(EXAMPLE, path)
+        wrong: Any = "x" if isinstance(value, (bool, int, float)) else 7
+        yield f"{path} is {wrong!r}", json.dumps(replaced(EXAMPLE, path, wrong))
+        if isinstance(value, (list, dict)):
+            turned: Any = [value] if isinstance(value, dict) else {"a": value}
+            yield f"{path} is turned", json.dumps(replaced(EXAMPLE, path, turned))
+
+
+def missing_keys() -> Iterator[tuple[str, str]]:
+    for path in required(msgspec.inspect.type_info(Results)):
+        parent = dict(at(EXAMPLE, path[:-1]))
+        del parent[str(path[-1])]
+        yield f"{path} is missing", json.dumps(replaced(EXAMPLE, path[:-1], parent))
+
+
+def extra_keys() -> Iterator[tuple[str, str]]:
+    for path in paths(EXAMPLE):
+        value = at(EXAMPLE, path)
+        if isinstance(value, dict) and value.keys() != {"a"}:
+            more = json.dumps(replaced(EXAMPLE, path, {**value, "surprise": 1}))
+            yield f"{path} has more", more
+
+
+def numbers() -> Iterator[tuple[str, str]]:
+    places: list[tuple[str | int, ...]] = [
+        ("seconds",),
+        ("cases", 0, "verdict", "discrepancy"),
+        ("cases", 0, "series", "t", 0),
+        ("systems", 0, "derivation", "linearizations", 0, "matrices", "a", 0, 0),
+    ]
+    for path in places:
+        for text in ("NaN", "Infinity", "-Infinity", "1e999", "1" + "0" * 400, "0x10", "01", DEEP):
+            yield f"{path} is {text[:12]}", raw(path, text)
+    for text in ("1" + "0" * 400, "1.5", "true", "-1e400"):
+        yield f"steps is {text[:12]}", raw(("cases", 0, "verdict", "steps"), text)
+
+
+def twice() -> Iterator[tuple[str, str]]:
+    for key in ("created", "cases", "verdict", "pose", "held"):
+        yield f"{key} twice", TEXT.replace(f'"{key}":', f'"{key}": null, "{key}":', 1)
+        value = json.dumps(next(at(EXAMPLE, p) for p in paths(EXAMPLE) if p and p[-1] == key))
+        yield f"{key} twice alike", TEXT.replace(f'"{key}":', f'"{key}": {value}, "{key}":', 1)
+
+
+def other_files() -> Iterator[tuple[str, str]]:
+    for schema in (0, 2, 99, -1, "1", None, 1.5, [1]):
+        yield f"schema {schema}", json.dumps(EXAMPLE | {"schema": schema})
+    for text in ("", " ", "null", "1", '"results"', "[]", "{}", "[{}]", TEXT + TEXT, TEXT + "x"):
+        yield f"text {text[:12]!r}", text
+    yield "deep", DEEP
+    yield "deep cases", '{"schema": 1, "cases": ' + DEEP + "}"
+    yield "another record", '{"schema": 1, "summary": "", "rows": []}'
+
+
+def unequal() -> Iterator[tuple[str, str]]:
+    """Columns of one table that are not equally long: no key is wrong."""
+    case: tuple[str | int, ...] = ("cases", 0, "series")
+    for path in (
+        (*case, "t"),
+        (*case, "components"),
+        (*case, "reference"),
+        (*case, "error", 0),
+        (*case, "defect", 0),
+        (*case, "segment_t"),
+        (*case, "energy", "supplied"),
+        (*case, "full_runs", "error"),
+        (*case, "convergence", "rungs"),
+        ("models", 0, "linearizations", 0, "frequencies"),
+    ):
+        value = at(EXAMPLE, path)
+        yield f"{path} is longer", json.dumps(replaced(EXAMPLE, path, [*value, value[0]]))
+
+
+def sketches() -> Iterator[tuple[str, str]]:
+    for tree in (["exec", 1.0], ["q", 1], ["q", -1], ["^", 1.0], [], [1.0], True, None, [[0.5]]):
+        path = ("systems", 0, "sketch", "shapes", 0, "radius")
+        yield f"sketch {tree}", json.dumps(replaced(EXAMPLE, path, tree))
+    shape = ("systems", 0, "sketch", "shapes", 0)
+    yield "sketch nested", raw((*shape, "end"), '["sin", ' * 900 + "0" + "]" * 900)
+    yield "sketch without a place", json.dumps(replaced(EXAMPLE, (*shape, "at"), [0.5]))
+
+
+FILES: dict[str, bytes] = {
+    name: text.encode()
+    for some in (
+        truncated, wrong_types, missing_keys, extra_keys, numbers, twice, other_files, unequal,
+        sketches,
+    )
+    for name, text in some()
+} | {
+    "no UTF-8": TEXT.encode().replace(b'"created": "a"', b'"created": "\xff"'),
+    "overlong UTF-8": TEXT.encode().replace(b'"created": "a"', b'"created": "\xc0\xaf"'),
+    "half a surrogate": TEXT.encode().replace(b'"created": "a"', b'"created": "\xed\xa0\x80"'),
+    "half an escape": TEXT.encode().replace(b'"created": "a"', rb'"created": "\ud800"'),
+    "UTF-16": TEXT.encode("utf-16"),
+    "a mark first": b"\xef\xbb\xbf" + TEXT.encode(),
+    "zeros": bytes(1000),
+    "noise": bytes(range(256)),
+}  # fmt: skip
+
+
+def test_there_are_many() -> None:
+    assert len(FILES) > 600
+
+
+def test_the_example_itself_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    path.write_text(TEXT)
+    assert read_results(path).cases[0].verdict is not None
+
+
+def test_each_is_refused_in_one_sentence_that_names_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "results.json"
+    wrong = []
+    for name, data in FILES.items():
+        path.write_bytes(data)
+        code = main(["report", str(path)])
+        told = capsys.readouterr()
+        lines = told.err.splitlines()
+        if code != 2 or len(lines) != 1 or str(path) not in lines[0] or len(lines[0]) > 400:
+            wrong.append((name, code, told.err[:300]))
+        assert not (tmp_path / "index.html").exists(), name
+    assert not wrong
+
+
+def test_a_folder_and_nothing_are_refused_likewise(tmp_path: Path) -> None:
+    for path in (tmp_path, tmp_path / "none.json"):
+        with pytest.raises(ResultsError, match="can't be read") as refused:
+            read_results(path)
+        assert str(path) in str(refused.value)

@@ -1,0 +1,86 @@
+"""The JSON Schemas: made from the records, committed, and as strict as the reading."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import msgspec
+import pytest
+
+from harness.records.base import Record
+from harness.records.results import Results
+from harness.records.schema import SCHEMAS, main, schema
+from tests.records.examples import example, paths, replaced
+
+COMMITTED = Path(__file__).parents[2] / "docs" / "schema"
+
+
+def structs(wanted: msgspec.inspect.Type) -> Iterator[msgspec.inspect.StructType]:
+    """Every struct that a type holds, some more than once."""
+    inner: list[msgspec.inspect.Type] = []
+    match wanted:
+        case msgspec.inspect.StructType(fields=fields):
+            yield wanted
+            inner = [field.type for field in fields]
+        case msgspec.inspect.UnionType(types=types):
+            inner = list(types)
+        case (
+            msgspec.inspect.VarTupleType(item_type=item) | msgspec.inspect.ListType(item_type=item)
+        ):
+            inner = [item]
+        case msgspec.inspect.DictType(value_type=value):
+            inner = [value]
+    for one in inner:
+        yield from structs(one)
+
+
+def test_the_committed_schemas_are_those_of_the_records(tmp_path: Path) -> None:
+    main(tmp_path)
+    made, committed = (
+        {path.name: path.read_text() for path in folder.iterdir()}
+        for folder in (tmp_path, COMMITTED)
+    )
+    assert made == committed, "python -m harness.records.schema docs/schema"
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_every_object_forbids_other_keys_and_describes_its_own(name: str) -> None:
+    for definition in schema(SCHEMAS[name])["$defs"].values():
+        if definition.get("type") == "object":
+            assert definition["additionalProperties"] is False, definition
+            assert definition["description"]
+    for struct in structs(msgspec.inspect.type_info(SCHEMAS[name])):
+        told = inspect.getdoc(struct.cls) or ""
+        undescribed = [
+            field.encode_name
+            for field in struct.fields
+            if not re.search(rf"\b{field.encode_name}\b", told)
+        ]
+        assert not undescribed, struct.cls.__name__
+
+
+@pytest.mark.parametrize("record", SCHEMAS.values(), ids=list(SCHEMAS))
+def test_an_example_is_valid_and_one_with_another_key_anywhere_is_not(
+    record: type[Record],
+) -> None:
+    validator = jsonschema.Draft202012Validator(schema(record))
+    good: Any = example(record)
+    assert validator.is_valid(good)
+    assert validator.is_valid(json.loads(msgspec.json.encode(msgspec.convert(good, record))))
+    for path in paths(good):
+        value = good
+        for step in path:
+            value = value[step]
+        if isinstance(value, dict) and value.keys() != {"a"}:
+            assert not validator.is_valid(replaced(good, path, {**value, "surprise": 1})), path
+
+
+def test_results_name_the_schema_that_they_follow() -> None:
+    properties = schema(Results)["$defs"]["Results"]["properties"]
+    assert properties["schema"]["enum"] == [1]

@@ -1,0 +1,84 @@
+"""The job graph: what follows from a job is done too, failures included."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+
+import pytest
+
+from harness.schedule.jobs import Job, Task, work
+from harness.schedule.main_module import without_main
+from harness.schedule.workers import Failure, Workers
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Workers]:
+    with without_main(), Workers(1, limit=30.0) as pool:
+        yield pool
+
+
+def _root(value: float) -> float:
+    if value < 0:
+        raise ValueError(f"{value:g} has no root")
+    return float(value**0.5)
+
+
+def _dies(code: int) -> float:
+    os._exit(code)
+
+
+def _unexpected(failure: Failure) -> Iterable[Job[float]]:
+    raise AssertionError(failure.reason)
+
+
+def test_jobs_bring_further_jobs(workers: Workers) -> None:
+    found: list[float] = []
+
+    def job(value: float) -> Job[float]:
+        return Job(task=Task(_root, value), done=done, failed=_unexpected)
+
+    def done(value: float) -> Iterable[Job[float]]:
+        found.append(value)
+        return [job(value)] if value > 2 else []
+
+    work([job(256.0), job(1.0)], workers)
+    assert sorted(found) == [1.0, 2.0, 4.0, 16.0]
+
+
+@pytest.mark.parametrize(
+    ("task", "says"),
+    [(Task(_root, -4.0), "ValueError: -4 has no root"), (Task(_dies, 3), "exit code 3")],
+)
+def test_a_task_that_fails_is_told_and_the_others_are_done(
+    workers: Workers, task: Task[float, float], says: str
+) -> None:
+    failures: list[str] = []
+    found: list[float] = []
+
+    def failed(failure: Failure) -> Iterable[Job[float]]:
+        failures.append(failure.reason)
+        return [Job(task=Task(_root, 9.0), done=done, failed=_unexpected)]
+
+    def done(value: float) -> Iterable[Job[float]]:
+        found.append(value)
+        return ()
+
+    work(
+        [
+            Job(task=task, done=done, failed=failed),
+            Job(task=Task(_root, 4.0), done=done, failed=_unexpected),
+        ],
+        workers,
+    )
+    assert says in failures[0]
+    assert len(failures) == 1
+    assert sorted(found) == [2.0, 3.0]
+
+
+def test_what_a_plan_does_wrong_is_raised_not_lost(workers: Workers) -> None:
+    def done(value: float) -> Iterable[Job[float]]:
+        raise KeyError("a mistake of the plan")
+
+    with pytest.raises(KeyError, match="a mistake of the plan"):
+        work([Job(task=Task(_root, 4.0), done=done, failed=_unexpected)], workers)

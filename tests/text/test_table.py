@@ -1,0 +1,128 @@
+"""The table of results, its summary line, and what fails in words."""
+
+from __future__ import annotations
+
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from harness.records.case import Case, TargetStep
+from harness.records.finding import Diagnosis
+from harness.records.outcome import Outcome
+from harness.records.results import BaselineChange, BaselineChanges, Results
+from harness.text.table import MOST_TOLD, case_line, print_results, summary
+from tests.records.made import case, finding, full_run, model, results, verdict
+
+
+def printed(found: Results) -> str:
+    out = StringIO()
+    print_results(Console(file=out, width=160), found)
+    return out.getvalue()
+
+
+SMALL_BESIDE = verdict(
+    component="x",
+    discrepancy=2e-13,
+    uncertainty=3e-13,
+    largest_discrepancy=6e-12,
+    largest_uncertainty=4e-11,
+)
+"""x has the largest share of its uncertainty; another component moves less, and is known worse."""
+
+
+def test_the_columns_show_the_largest_of_all_components_not_of_the_one_that_decides() -> None:
+    other = verdict(largest_discrepancy=1e-12, largest_uncertainty=9e-12)
+    text = printed(results(case(verdict=SMALL_BESIDE), case(scenario="driven", verdict=other)))
+    row = next(line for line in text.splitlines() if line.startswith("disc"))
+    assert row.split()[3:7] == ["2", "AGREES", "6.0e-12", "4.0e-11"]
+
+
+def test_all_that_agree_do_so_to_the_largest_of_all_components() -> None:
+    found = results(case(verdict=SMALL_BESIDE), case(scenario="driven"))
+    assert summary(found) == "2 cases: 2 AGREES; all that agree do so to 4.0e-11; 1.5 s"
+    worse = verdict(largest_discrepancy=7e-11, largest_uncertainty=4e-11)
+    assert "do so to 7.0e-11;" in summary(results(case(verdict=worse)))
+
+
+def test_the_summary_counts_outcomes_and_what_is_accepted() -> None:
+    found = results(
+        case(),
+        case(Outcome.DIFFERS, reason="off", accepted="a soft joint"),
+        case(Outcome.FAILED, reason="died"),
+        case(Outcome.ABSENT, reason="pymunk is not installed"),
+    )
+    assert summary(found) == (
+        "4 cases: 1 AGREES, 1 ABSENT, 1 DIFFERS, 1 FAILED; 1 accepted as known differences;"
+        " all that agree do so to 4.0e-12; 1.5 s"
+    )
+    assert summary(results()) == "0 cases: ; 1.5 s"
+
+
+def test_what_is_amiss_is_told_worst_first_with_what_was_printed() -> None:
+    text = printed(
+        results(
+            case(Outcome.DIFFERS, reason="x is [b]off[/b]"),
+            case(Outcome.DIFFERS, scenario="far", verdict=verdict(discrepancy=1.0), reason="far"),
+            case(Outcome.FAILED, scenario="dies", reason="it died", stdout="one\ntwo"),
+            models=(
+                model(finding("the mass is wrong"), finding("rounded", severity="note")),
+                model(engine="pymunk", diagnosis=Diagnosis(failure="it died too")),
+            ),
+        )
+    )
+    told = [line for line in text.splitlines() if line][1:]
+    order = [
+        "FAILED disc/mujoco.xml/dies [mujoco]",
+        "  it died",
+        "  | one",
+        "  | two",
+        "DIFFERS disc/mujoco.xml/far [mujoco]",
+        "  far",
+        "DIFFERS disc/mujoco.xml/free [mujoco]",
+        "  x is [b]off[/b]",
+        "audit of disc/mujoco.xml [mujoco]",
+        "  finding  literal      the mass is wrong",
+        "cause in disc/mujoco.xml [pymunk]",
+        "  none found: it died too",
+    ]
+    assert [line for line in told if line in order] == order
+    assert "rounded" not in text
+
+
+def test_many_cases_and_changes_are_cut_and_counted() -> None:
+    change = BaselineChange(
+        system="disc", model="m", scenario="s", engine="e", kind="new", message="it is new"
+    )
+    text = printed(
+        results(
+            *(case(Outcome.DIFFERS, scenario=f"s{i}") for i in range(MOST_TOLD + 2)),
+            baseline=BaselineChanges(name="reports/baseline", changes=(change,) * (MOST_TOLD + 1)),
+        )
+    )
+    assert "and 2 more, in results.json" in text
+    assert "since reports/baseline" in text
+    assert text.count("  new         disc/m/s [e]: it is new") == MOST_TOLD
+    assert "  and 1 more, in results.json" in text
+
+
+def test_a_step_that_can_not_be_told_has_a_star() -> None:
+    without = full_run(steps_for=(TargetStep(target=0.001, step=None),))
+    text = printed(results(case(), case(scenario="wild", full_run=without)))
+    assert "0.0004 s*" in text
+    assert "* one of the motions is too sensitive for a step to be told" in text
+
+
+@pytest.mark.parametrize(
+    ("known", "line"),
+    [
+        (case(), "[1/2] AGREES     disc/mujoco.xml/free [mujoco]  E 1.0e-13  U 2.0e-12"),
+        (
+            case(Outcome.UNRESOLVED, verdict=verdict(uncertainty=None)),
+            "[1/2] UNRESOLVED disc/mujoco.xml/free [mujoco]  E 1.0e-13  U inf",
+        ),
+        (case(Outcome.FAILED), "[1/2] FAILED     disc/mujoco.xml/free [mujoco]"),
+    ],
+)
+def test_a_log_has_a_line_for_each_case(known: Case, line: str) -> None:
+    assert case_line(1, 2, known) == line
