@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.records.cause import CauseId
 
 _DEFAULTS: dict[str, tuple[tuple[str, str, object, str], ...]] = {
     "pybullet": (
@@ -25,5 +26,8 @@ def defaults(subject: Subject) -> Iterator[Mistake]:
     for name, setting, value, cause in _DEFAULTS.get(subject.task.engine, ()):
         if stated.get(setting) != value:
             yield Mistake(
-                name, f"settings.{setting}", Edit(settings={setting: value}), frozenset({cause})
+                name,
+                f"settings.{setting}",
+                Edit(settings={setting: value}),
+                frozenset({CauseId(kind="default", subject=(cause,))}),
             )

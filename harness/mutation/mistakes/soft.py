@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from harness.files.locations.attributes import Attribute
 from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.records.cause import CauseId
 
 DEFAULTS: dict[str, list[float]] = {"solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]}
 
@@ -15,7 +16,7 @@ def soft(subject: Subject) -> Iterator[Mistake]:
     """Stated stiffness of equalities left out, in the file or in the settings."""
     if subject.task.engine != "mujoco":
         return
-    causes = frozenset({"soft equality (solref, solimp)"})
+    causes = frozenset({CauseId(kind="default", subject=("soft equality (solref, solimp)",))})
     for element in subject.elements:
         stated = [key for key in DEFAULTS if key in element.attributes]
         if stated and element.parent is not None and element.parent.tag == "equality":
