@@ -81,7 +81,9 @@ def test_the_wrong_literal_is_named_with_file_line_and_value(
     first = diagnosis.explanations[0]
     assert diagnosis.explained
     assert cause in [str(one) for one in (*first.causes, *first.tied_with)]
-    (named,) = next(e.causes for e in diagnosis.explanations if [str(c) for c in e.causes] == [cause])
+    (named,) = next(
+        e.causes for e in diagnosis.explanations if [str(c) for c in e.causes] == [cause]
+    )
     assert named.where == (SourceLine(file=file, line=line),)
     assert named.estimate == pytest.approx(wanted, abs=0.01 * abs(float_of(new) - wanted))
     assert re.search(rf"cause in {name}/{re.escape(model)} \[{engine}\]", done.stdout)

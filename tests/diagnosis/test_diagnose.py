@@ -154,3 +154,13 @@ def test_a_cause_without_any_effect_is_never_named() -> None:
     causes.append(cause(5, shape=np.zeros(N)))
     found = ask(noisy(causes[0].shift(1e-3)), causes)
     assert all("cause 5" not in names(fit) for fit in found.fits)
+
+
+def test_causes_are_told_apart_by_their_kind_too_and_never_by_their_words() -> None:
+    causes = [cause(i) for i in range(5)]
+    causes[3] = Cause(named("nut and bolt"), causes[3].shift)
+    causes.append(cause(5, kind="literal", shape=3 * SHAPES[3]))
+    causes[5] = Cause(named("nut and bolt", "literal", 0), causes[5].shift)
+    first = ask(noisy(causes[3].shift(1e-3)), causes).fits[0]
+    assert first.causes == (CauseId(kind="literal", subject=("nut and bolt",)),)
+    assert first.tied_with == (CauseId(kind="constant", subject=("nut and bolt",)),)

@@ -72,9 +72,7 @@ def edited(found: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tup
                     "armature left in"}),
     ],
 )  # fmt: skip
-def test_known_mistakes_are_caught_and_named(
-    system: str, names: set[str], few: None
-) -> None:
+def test_known_mistakes_are_caught_and_named(system: str, names: set[str], few: None) -> None:
     found = rows(sound(system, "mujoco.xml"), is_known)
     assert {r.name for r in found if r.verdict is FaultVerdict.NAMED} == names
     others = {(r.name, str(r.verdict)) for r in found if r.verdict is not FaultVerdict.NAMED}

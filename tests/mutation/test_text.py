@@ -99,7 +99,9 @@ def test_json_has_every_row_and_no_infinity() -> None:
     assert found["summary"] == summary(ROWS)
 
 
-def test_progress_without_a_terminal_is_a_line_every_tenth(capsys: pytest.CaptureFixture[str]) -> None:
+def test_progress_without_a_terminal_is_a_line_every_tenth(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     with Counter("faults") as counter:
         counter(1, 0, None)  # the total is not known yet
         for done in range(2, 201):

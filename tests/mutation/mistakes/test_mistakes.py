@@ -140,13 +140,9 @@ def run_in_short(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
 def test_another_step_or_integrator_agrees_and_is_told_by_its_global_error(
     change: Mistake, edited: Edited
 ) -> None:
-    outcomes, runs = zip(
-        run_in_short(change, edited(change, ())),
-        run_in_short(change, edited(change, change.edits)),
-        strict=True,
-    )
-    before, after = runs
-    assert outcomes == (Outcome.AGREES, Outcome.AGREES)
+    was, before = run_in_short(change, edited(change, ()))
+    became, after = run_in_short(change, edited(change, change.edits))
+    assert (was, became) == (Outcome.AGREES, Outcome.AGREES)
     assert before.global_error is not None
     assert after.global_error is not None
     assert abs(after.global_error / before.global_error - 1) > 0.01
@@ -155,7 +151,9 @@ def test_another_step_or_integrator_agrees_and_is_told_by_its_global_error(
 
 
 @pytest.mark.parametrize("mistake", cases(REFUSED))
-def test_a_mistake_that_an_engine_would_repair_in_silence_is_refused(mistake: Mistake, edited: Edited) -> None:
+def test_a_mistake_that_an_engine_would_repair_in_silence_is_refused(
+    mistake: Mistake, edited: Edited
+) -> None:
     sidecar = edited(mistake, mistake.edits)
     with pytest.raises(EngineError) as refusal:
         engines()[mistake.engine].load(sidecar.spec(mistake.engine))
