@@ -28,7 +28,7 @@ CREEP = 1e-3
 """Speed below which Coulomb friction is smoothed, as a share of the motion's."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameter:
     """One number that might be other than the equations have it.
 
@@ -122,7 +122,13 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
     system = equations.system
     n = len(system.coordinates)
     parameters = [
-        Parameter(c.name, "constant", c.unit, c.value, abs(c.value) or 1.0)
+        Parameter(
+            name=c.name,
+            kind="constant",
+            unit=c.unit,
+            nominal=c.value,
+            size=abs(c.value) or 1.0,
+        )
         for c in system.constants
     ]
     symbols = [c.symbol for c in system.constants]
@@ -150,7 +156,15 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
             else:
                 added_force[i] -= symbol * term
             unit = _unit(kind, coordinate)
-            parameters.append(Parameter(coordinate.name, kind, unit, 0.0, size))
+            parameters.append(
+                Parameter(
+                    name=coordinate.name,
+                    kind=kind,
+                    unit=unit,
+                    nominal=0.0,
+                    size=size,
+                )
+            )
     total = sp.Matrix(equations.mass) + added_mass
     acceleration = solved(total, sp.Matrix(equations.force) + added_force)
     function = compile_function(list(acceleration), system.q, system.v, system.u, (t,), symbols)

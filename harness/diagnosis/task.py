@@ -28,7 +28,7 @@ from reference.numeric import Array
 from reference.system import System
 from reference.variants import Variants
 
-TOLD = 8
+RECORDED = 8
 """Explanations recorded: the ranking's tail says nothing."""
 
 
@@ -68,7 +68,7 @@ def diagnose_model(task: DiagnosisTask) -> Diagnosis:
         corrected = correct_motion(whole, task.motions, ranking)
     return Diagnosis(
         explained=ranking.explained,
-        explanations=tuple(explanation(fit) for fit in ranking.fits[:TOLD]),
+        explanations=tuple(explanation(fit) for fit in ranking.fits[:RECORDED]),
         floor=number(ranking.floor),
         corrected=corrected,
         seconds=time.perf_counter() - began,

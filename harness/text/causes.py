@@ -8,7 +8,7 @@ from harness.records.base import Number
 from harness.records.cause import Cause
 from harness.records.finding import Explanation
 
-IN_FILE = ("literal", "literals", "unbound literal", "setting", "gravity")
+IN_FILE = ("literal", "literals", "unbound literal", "gravity")
 """Kinds of numbers that the model's files state, or would: the motion wants another one."""
 
 SWITCHES = ("axis", "default", "exchange")

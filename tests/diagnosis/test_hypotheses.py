@@ -54,7 +54,7 @@ def index(whole: TrialModel, cause: str) -> int:
     return [str(h.id) for h in whole.hypotheses].index(cause)
 
 
-def test_a_number_left_in_is_a_suspect_with_its_line_and_looks_are_none(opened: Open) -> None:
+def test_a_number_left_in_is_a_candidate_with_its_line_and_looks_are_none(opened: Open) -> None:
     with opened(('axis="0 -1 0"', 'axis="0 -1 0" armature="0.01"')) as (whole, _):
         left_in = whole.hypotheses[index(whole, "joint[theta]@armature")]
         assert left_in.id.kind == "unbound literal"
