@@ -9,7 +9,7 @@ from harness.engines.protocol import Force, Model, StateForce
 from reference.numeric import Array
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ReorientedModel:
     """A model whose coordinates read sign * (its own - offset), (nz,) each."""
 
