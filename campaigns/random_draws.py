@@ -8,22 +8,27 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from harness.cases.case import load
-from harness.cases.verdict import component_scale, judge
+from harness.cases.verdict import Verdict, component_scale, judge
 from harness.files.bindings import at_constants, with_constants
 from harness.files.folders import system_folders
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
-from harness.numerics.segments import extrapolate
+from harness.numerics.segments import Extrapolated, extrapolate
 from harness.records.outcome import Outcome
 from reference.derive import derive
 from reference.load import load_system
+from reference.motion import Motion
 from reference.solve import solve
+
+Pairing = tuple[Path, Sidecar, str]
+"""A folder, a model of it, and an engine."""
 
 SPREAD = 10.0
 """Largest over smallest value that a constant is drawn at."""
@@ -31,7 +36,7 @@ SPREAD = 10.0
 DURATION = 4.0
 
 
-def pairings():
+def pairings() -> list[Pairing]:
     """(folder, sidecar, engine) of every built-in model in every engine."""
     return [
         (folder, found, engine)
@@ -42,7 +47,9 @@ def pairings():
     ]
 
 
-def draw(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator, into: Path):
+def draw(
+    folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator, into: Path
+) -> tuple[Verdict, str]:
     """Judge one scenario of a model at random constants; returns (verdict, what was drawn)."""
     system = load_system(folder)
     factors = SPREAD ** rng.uniform(-0.5, 0.5, len(system.constants))
@@ -54,7 +61,14 @@ def draw(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator, 
     return verdict, f"{folder.name}/{sidecar.model.name} [{engine}] {scenario} {constants}"
 
 
-def judge_at(folder, sidecar, engine, constants, scenario, into):
+def judge_at(
+    folder: Path,
+    sidecar: Sidecar,
+    engine: str,
+    constants: Mapping[str, float],
+    scenario: str,
+    into: Path,
+) -> tuple[Verdict, Extrapolated, Motion]:
     """Judge a model at given constants; returns (verdict, extrapolated, reference motion)."""
     system = load_system(folder)
     drawn = at_constants(system, constants)
@@ -68,7 +82,7 @@ def judge_at(folder, sidecar, engine, constants, scenario, into):
     return judge(found.limit, motion, scale, names, claimed, 1e-9), found, motion
 
 
-def campaign(count: int, seed: int):
+def campaign(count: int, seed: int) -> list[tuple[Verdict, str]]:
     """Draw over all systems and pairings in turn; returns a list of (verdict, description)."""
     rng = np.random.default_rng(seed)
     every = pairings()

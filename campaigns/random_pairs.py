@@ -14,19 +14,21 @@ from pathlib import Path
 import numpy as np
 
 from campaigns.random_draws import pairings
-from harness.cases.prepare import prepare
+from harness.cases.prepare import Prepared, prepare
 from harness.diagnosis.hypotheses.trial import scratch
-from harness.diagnosis.task import DiagnosisTask, diagnosed
+from harness.diagnosis.task import diagnosis_task, ranked
 from harness.engines.protocol import EngineError
 from harness.files.bindings import bindings, with_literals
-from harness.mutation.mutate import survey
+from harness.files.sidecar import Sidecar
+from harness.mutation.survey import survey
+from harness.records.cause import CauseId
 
 SMALL, LARGE = 1e-4, 1e-2
 VISIBLE = 1e-8
 """A literal is drawn if a fault of this share would be seen: others, no motion can tell."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Trial:
     """What became of one pair; `seconds` is processor time."""
 
@@ -34,28 +36,21 @@ class Trial:
     faults: tuple[str, str]
     named: bool
     explained: bool
-    told: tuple[str, ...]
-    tied: tuple[str, ...]
+    causes: tuple[CauseId, ...]
+    tied: tuple[CauseId, ...]
     remaining: float
     seconds: float
 
 
 @cache
-def prepared(folder: Path):
+def prepared(folder: Path) -> Prepared:
     return prepare(folder)
 
 
-def task(folder, sidecar, engine):
-    physics = prepared(folder)
-    return DiagnosisTask(
-        physics.system, sidecar, engine, physics.motions, physics.scales, physics.variants
-    )
-
-
-def pair(folder, sidecar, engine, rng) -> Trial | None:
+def pair(folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator) -> Trial | None:
     """Draw two literals that motions depend on; None where the engine refuses the model."""
-    found = survey(task(folder, sidecar, engine))
     physics = prepared(folder)
+    found = survey(diagnosis_task(physics, sidecar, engine))
     seen = [
         b
         for b, first in zip(bindings(physics.system, sidecar), found.first_caught, strict=True)
@@ -72,17 +67,21 @@ def pair(folder, sidecar, engine, rng) -> Trial | None:
         copy = with_literals(sidecar, wrong, into)
         began = time.process_time()
         try:
-            answer = diagnosed(task(folder, copy, engine))
+            ranking = ranked(diagnosis_task(physics, copy, engine))
         except EngineError:
             return None
         seconds = time.process_time() - began
-    first = answer.findings[0]
-    told = tuple(cause.cause for cause in first.causes)
-    faults = (small.address, large.address)
-    named = len(told) == 2 and set(faults) <= {*told, *first.tied_with}
-    what = f"{folder.name}/{sidecar.model.name} [{engine}]"
+    first = ranking.fits[0]
+    faults = {CauseId(kind="literal", subject=(b.address,)) for b in (small, large)}
     return Trial(
-        what, faults, named, answer.explained, told, first.tied_with, first.remaining, seconds
+        what=f"{folder.name}/{sidecar.model.name} [{engine}]",
+        faults=(small.address, large.address),
+        named=len(first.causes) == 2 and faults <= {*first.causes, *first.tied_with},
+        explained=ranking.explained,
+        causes=first.causes,
+        tied=first.tied_with,
+        remaining=first.remaining,
+        seconds=seconds,
     )
 
 
@@ -108,7 +107,7 @@ def main() -> None:
     trials = campaign(options.count, options.seed)
     for t in trials:
         if not t.named:
-            print(t.what, *t.faults, "->", *t.told, "tied", *t.tied, f"left {t.remaining:.1e}")
+            print(t.what, *t.faults, "->", *t.causes, "tied", *t.tied, f"left {t.remaining:.1e}")
     named = sum(t.named and t.explained for t in trials)
     median = float(np.median([t.seconds for t in trials]))
     print(f"{named} of {len(trials)} named, median {median:.2f} s of processor time a diagnosis")

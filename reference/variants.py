@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import sympy as sp
@@ -19,6 +20,10 @@ from reference.integrate import collocate
 from reference.numeric import Array, NumericFunction, compile_function
 from reference.simplify import solved
 
+Kind = Literal[
+    "constant", "inertia", "damping", "quadratic damping", "friction", "spring", "offset force"
+]
+
 CREEP = 1e-3
 """Speed below which Coulomb friction is smoothed, as a share of the motion's."""
 
@@ -28,9 +33,8 @@ class Parameter:
     """One number that might be other than the equations have it.
 
     Attributes:
-        name: constant's name, or coordinate and term, such as `friction on theta`.
-        kind: `constant`, `inertia`, `damping`, `quadratic damping`, `friction`, `spring` or
-            `offset force`.
+        name: of the constant, or of the coordinate that a term is on.
+        kind: a `constant`, or a term that the equations lack.
         unit: its unit.
         nominal: its value in the equations; 0 for a term that they lack.
         size: a change that matters: the nominal value, or what makes the term as large as the
@@ -38,7 +42,7 @@ class Parameter:
     """
 
     name: str
-    kind: str
+    kind: Kind
     unit: str
     nominal: float
     size: float
@@ -136,14 +140,15 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
         inertia = abs(float(mass[i, i])) or 1.0
         force = inertia * speed * max(speed / reach, 1e-3)
         v, q = coordinate.v, coordinate.q
-        for kind, term, size in (
+        terms: tuple[tuple[Kind, sp.Expr | None, float], ...] = (
             ("inertia", None, inertia),
             ("damping", v, force / speed),
             ("quadratic damping", v * sp.Abs(v), force / speed**2),
             ("friction", sp.tanh(v / (CREEP * speed)), force),
             ("spring", q, force / reach),
             ("offset force", sp.Integer(-1), force),
-        ):
+        )
+        for kind, term, size in terms:
             symbol = sp.Symbol(f"extra_{kind.replace(' ', '_')}_{i}", real=True)
             symbols.append(symbol)
             if term is None:
@@ -153,7 +158,7 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
             unit = _unit(kind, coordinate)
             parameters.append(
                 Parameter(
-                    name=f"{kind} on {coordinate.name}",
+                    name=coordinate.name,
                     kind=kind,
                     unit=unit,
                     nominal=0.0,
@@ -170,7 +175,7 @@ def _rest(equations: Equations) -> dict[sp.Symbol, int]:
     return dict.fromkeys((*equations.system.q, *equations.system.v, t), 0)
 
 
-def _unit(kind: str, coordinate: Coordinate) -> str:
+def _unit(kind: Kind, coordinate: Coordinate) -> str:
     force = "N*m" if coordinate.unit == "rad" else "N"
     return {
         "inertia": "kg*m^2" if coordinate.unit == "rad" else "kg",

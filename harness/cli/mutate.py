@@ -10,14 +10,12 @@ from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.engines.registry import engines
 from harness.files.folders import check_engines, system_folders
-from harness.mutation.mutate import AGREES, MISSED, SOUND, MutationError, mutate
-from harness.mutation.text import mutation_json, mutation_lines
-from harness.records.results import write_whole
-from harness.run import Options
+from harness.mutation.mutate import mutate
+from harness.mutation.survey import MutationError
+from harness.mutation.text import mutation_lines, summary
+from harness.records.mutation import FaultKind, FaultVerdict, Mutations
+from harness.records.write import encoded, write_whole
 from harness.text.progress import Counter
-
-LIMIT = 600.0
-"""Seconds that one fault may take: a diagnosis may try many pairs, and the machine may be busy."""
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -39,16 +37,19 @@ def main(options: argparse.Namespace) -> int:
     for name, engine in engines().items():
         if engine.version() is None and (not options.engine or name in options.engine):
             print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
-    wanted = Options(tuple(options.engine), jobs=options.jobs, limit=LIMIT)
     try:
         with Counter("faults") as counter:
-            rows = mutate(folders, wanted, counter)
+            rows = mutate(folders, counter, only=options.engine, workers=options.jobs or 2)
     except MutationError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
     for text in mutation_lines(rows):
         print(text)
     if options.json is not None:
-        write_whole(options.json, mutation_json(rows))
-    wrong = any(r.verdict == MISSED or (r.kind == SOUND and r.verdict != AGREES) for r in rows)
-    return DIFFER if wrong else AGREE
+        found = Mutations(summary=summary(rows), rows=tuple(rows))
+        write_whole(options.json, encoded(found, indent=1))
+    missed = any(row.verdict is FaultVerdict.MISSED for row in rows)
+    alarmed = any(
+        row.kind is FaultKind.NONE and row.verdict is not FaultVerdict.AGREES for row in rows
+    )
+    return DIFFER if missed or alarmed else AGREE

@@ -1,1 +1,1 @@
-"""From a discrepancy to its cause: evidence, suspects, fits, and what is told of them."""
+"""From a discrepancy to its cause: samples, hypotheses, fits, and the record of them."""

@@ -1,4 +1,4 @@
-"""The motion redrawn with the value that a diagnosis found, to show that it explains the motion.
+"""The motion corrected with the value that a diagnosis found, to show that it explains the motion.
 
 Where the cause is a number of the equations, they are solved again with the estimate. Otherwise the
 model is run again, repaired.
@@ -7,67 +7,84 @@ model is run again, repaired.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import scipy.integrate
 
-from harness.diagnosis.diagnose import Diagnosis
-from harness.diagnosis.fit import Finding
+from harness.diagnosis.diagnose import Ranking
+from harness.diagnosis.fit import Fit
 from harness.diagnosis.hypotheses import TrialModel
 from harness.diagnosis.samples import Sample
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.full_run import follow
+from harness.records.base import Numbers, Rows, number, numbers
+from harness.records.cause import Cause
+from harness.records.finding import CorrectedMotion, CorrectedScenario
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.variants import Variants
 
 SAMPLES = 240
 TOLERANCE = 1e-10
-"""Of the redrawn motion, relative: far below what a plot can show."""
+"""Of the corrected motion, relative: far below what a plot can show."""
 
 BEYOND = 1e3
-"""A redrawn motion that leaves by so many amplitudes ends there."""
+"""A corrected motion that leaves by so many amplitudes ends there."""
 
 
 def correct_motion(
-    trial_model: TrialModel, motions: Mapping[str, Motion], diagnosis: Diagnosis
-) -> dict[str, Any] | None:
-    """Motions and defects with the estimate of the best finding put in.
+    trial_model: TrialModel, motions: Mapping[str, Motion], ranking: Ranking
+) -> CorrectedMotion | None:
+    """Motions and defects with the estimate of the best fit put in.
 
     Returns None where nothing is explained.
 
     Raises:
         EngineError, BlownUpError: naming what could not be run.
     """
-    if not diagnosis.explained:
+    if not ranking.explained:
         return None
-    finding, equations = _chosen(trial_model, diagnosis)
+    fit, equations = _chosen(trial_model, ranking)
     if equations:
-        point = trial_model.point(finding.repair)
-        redrawn = {name: _solved(trial_model.variants, point, m) for name, m in motions.items()}
+        point = trial_model.point(fit.repair)
+        corrected = {name: _solved(trial_model.variants, point, m) for name, m in motions.items()}
     else:
-        model = trial_model.repaired(finding.repair)
+        model = trial_model.repaired(fit.repair)
         if model is None:
             return None
-        redrawn = {name: _run(model, trial_model.coordinates, m) for name, m in motions.items()}
-    before, after = trial_model.defect({}), trial_model.defect(finding.repair)
-    return {
-        "cause": " and ".join(cause.cause for cause in finding.causes),
-        "estimate": list(finding.estimates),
-        "what": "equations" if equations else "file",
-        "scenarios": _scenarios(redrawn, trial_model.samples, before, after),
-    }
+        corrected = {name: _run(model, trial_model.coordinates, m) for name, m in motions.items()}
+    before, after = trial_model.defect({}), trial_model.defect(fit.repair)
+    return CorrectedMotion(
+        causes=causes(fit),
+        put_into="equations" if equations else "file",
+        scenarios=_scenarios(corrected, trial_model.samples, before, after),
+    )
 
 
-def _chosen(trial_model: TrialModel, diagnosis: Diagnosis) -> tuple[Finding, bool]:
-    """The best finding that is of the equations, if one is as good as the best; else the best."""
-    best = diagnosis.findings[0]
-    for finding in diagnosis.findings:
-        alike = finding.remaining <= max(3 * best.remaining, 3 * diagnosis.floor)
-        if alike and all(trial_model.candidates[i].change.parameters for i in finding.members):
-            return finding, True
+def causes(fit: Fit) -> tuple[Cause, ...]:
+    """The causes of a fit, with the values that it found."""
+    found = zip(fit.hypotheses, fit.estimates, fit.standard_errors, strict=True)
+    return tuple(
+        Cause(
+            kind=hypothesis.id.kind,
+            subject=hypothesis.id.subject,
+            nominal=number(hypothesis.value),
+            estimate=number(estimate),
+            standard_error=number(error),
+            where=hypothesis.where,
+        )
+        for hypothesis, estimate, error in found
+    )
+
+
+def _chosen(trial_model: TrialModel, ranking: Ranking) -> tuple[Fit, bool]:
+    """The best fit that is of the equations, if one is as good as the best; else the best."""
+    best = ranking.fits[0]
+    for fit in ranking.fits:
+        alike = fit.remaining <= max(3 * best.remaining, 3 * ranking.floor)
+        if alike and all(trial_model.candidates[i].perturbation.parameters for i in fit.members):
+            return fit, True
     return best, False
 
 
@@ -124,29 +141,35 @@ def _scenarios(
     samples: Sequence[Sample],
     before: Array,
     after: Array,
-) -> list[dict[str, Any]]:
+) -> tuple[CorrectedScenario, ...]:
     starts = np.cumsum([0, *(sample.end.size for sample in samples)])
     found = []
     for name, (t, states) in motions.items():
-        times, rows = [], []
+        times, defects = [], []
         for i, sample in enumerate(samples):
             if sample.scenario == name:
                 part = slice(starts[i], starts[i + 1])
                 times.append(sample.t)
-                rows.append(np.stack([d[part].reshape(sample.end.shape) for d in (before, after)]))
-        both = np.concatenate(rows, axis=1)
+                shape = sample.end.shape
+                defects.append(np.stack([d[part].reshape(shape) for d in (before, after)]))
+        both = np.concatenate(defects, axis=1)
         found.append(
-            {
-                "scenario": name,
-                "t": _short(t, 6),
-                "redrawn": [_short(row, 6) for row in states.T],
-                "segment_t": _short(np.concatenate(times), 6),
-                "before": [_short(row, 3) for row in both[0].T],
-                "after": [_short(row, 3) for row in both[1].T],
-            }
+            CorrectedScenario(
+                scenario=name,
+                t=_short(t, 6),
+                corrected=_rows(states, 6),
+                segment_t=_short(np.concatenate(times), 6),
+                before=_rows(both[0], 3),
+                after=_rows(both[1], 3),
+            )
         )
-    return found
+    return tuple(found)
 
 
-def _short(values: Array, digits: int) -> list[float]:
-    return [float(f"{value:.{digits}g}") for value in values.tolist()]
+def _rows(states: Array, digits: int) -> Rows:
+    """A row a component."""
+    return tuple(_short(row, digits) for row in states.T)
+
+
+def _short(values: Array, digits: int) -> Numbers:
+    return numbers(float(f"{value:.{digits}g}") for value in values.tolist())

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.diagnosis.fit import (
-    Finding,
+    Fit,
     Hypothesis,
     Problem,
     Resolved,
@@ -41,21 +41,21 @@ REFINED = 6
 
 
 @dataclass(frozen=True)
-class Diagnosis:
+class Ranking:
     """The ranked answer.
 
     Attributes:
-        findings: best first; the tied ones follow each other.
+        fits: best first; the tied ones follow each other.
         explained: whether the first leaves no more than `NAMED`, or than the uncertainty.
         floor: share of the discrepancy that the uncertainty makes.
     """
 
-    findings: tuple[Finding, ...]
+    fits: tuple[Fit, ...]
     explained: bool
     floor: float
 
 
-def diagnose(problem: Problem, uncertainty: Array) -> Diagnosis:
+def diagnose(problem: Problem, uncertainty: Array) -> Ranking:
     """Rank hypotheses, and pairs of them, by what they leave of a discrepancy.
 
     Args:
@@ -77,26 +77,26 @@ def diagnose(problem: Problem, uncertainty: Array) -> Diagnosis:
     tries = [Try(left[i], {i: _start(hypotheses[i])}, slopes) for i in (*order[:REFINED], *alike)]
     found = refine_each(whole, tries, settled)
     if not found:
-        return Diagnosis((), False, floor)
+        return Ranking((), False, floor)
     single = _ranked(whole, found, slopes, settled)
-    best = min(finding.remaining for finding in single)
+    best = min(fit.remaining for fit in single)
     alone = accepted < 1 and best <= accepted
     if alone and best <= settled:
-        return Diagnosis(tuple(single), True, floor)
-    first = min(single, key=lambda finding: finding.remaining)
+        return Ranking(tuple(single), True, floor)
+    first = min(single, key=lambda fit: fit.remaining)
     double = pairs(whole, slopes, seen, first, settled)
     if alone:
         # A second, smaller fault may hide in what the first leaves.
         better = bool(double) and double[0].remaining < best / 100
-        return Diagnosis((*double, *single) if better else tuple(single), True, floor)
+        return Ranking((*double, *single) if better else tuple(single), True, floor)
     if accepted < 1 and double and double[0].remaining <= accepted:
-        return Diagnosis((*double, *single), True, floor)
-    return Diagnosis((*single, *double[:1]), False, floor)
+        return Ranking((*double, *single), True, floor)
+    return Ranking((*single, *double[:1]), False, floor)
 
 
 def _start(hypothesis: Hypothesis) -> float:
     """What was left in a file is most often not meant at all; any other fault is small at first."""
-    return hypothesis.value if hypothesis.kind == "unbound literal" else 0.0
+    return hypothesis.value if hypothesis.id.kind == "unbound literal" else 0.0
 
 
 def _resolved(problem: Problem, uncertainty: Array) -> Resolved:
@@ -114,23 +114,21 @@ def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
     return not switches and cosine(slopes[i], slopes[j]) > 1 - ALIKE
 
 
-def _ranked(
-    problem: Resolved, found: list[Finding], slopes: Array, settled: float
-) -> list[Finding]:
+def _ranked(problem: Resolved, found: list[Fit], slopes: Array, settled: float) -> list[Fit]:
     """Best first; causes that can't be told apart side by side, the most specific before."""
-    enough = max(settled, 3 * min(finding.remaining for finding in found))
+    enough = max(settled, 3 * min(fit.remaining for fit in found))
 
-    def reading(finding: Finding) -> tuple[float, int, float]:
-        level = enough if finding.remaining <= enough else finding.remaining
-        return level, finding.causes[0].rank, finding.remaining
+    def reading(fit: Fit) -> tuple[float, int, float]:
+        level = enough if fit.remaining <= enough else fit.remaining
+        return level, fit.hypotheses[0].rank, fit.remaining
 
-    def tied(finding: Finding, other: Finding) -> bool:
-        if finding.remaining <= enough and other.remaining <= enough:
+    def tied(fit: Fit, other: Fit) -> bool:
+        if fit.remaining <= enough and other.remaining <= enough:
             return True
-        return _alike(problem, slopes, finding.members[0], other.members[0])
+        return _alike(problem, slopes, fit.members[0], other.members[0])
 
     rows = sorted(found, key=reading)
     return [
-        replace(f, tied_with=tuple(o.causes[0].cause for o in rows if o is not f and tied(f, o)))
-        for f in rows
+        replace(fit, tied_with=tuple(o.causes[0] for o in rows if o is not fit and tied(fit, o)))
+        for fit in rows
     ]

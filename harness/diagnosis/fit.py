@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from harness.records.base import SourceLine
+from harness.records.cause import CauseId
 from reference.numeric import Array
 
 ITERATIONS = 8
@@ -18,28 +20,26 @@ FAR = 0.05
 what its own did, and more than this share: a bend alone may leave less."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Hypothesis:
     """One number that might be wrong.
 
     Attributes:
-        cause: one phrase, such as `joint[x]@stiffness` or `friction on theta`.
-        kind: literal, setting, constant, inertia, damping, friction, spring, offset force, ...
+        id: which number it is.
         value: its present value: in the file for a literal, in the equations otherwise.
         size: a change that matters.
         rank: what a tie is broken by; the most specific first.
-        where: `file:line` of a literal, "" otherwise.
+        where: lines of a literal; none otherwise.
         correction: sign by which the fitted fault enters the estimate: a literal's right value is
             value - fault, a constant's apparent value is value + fault.
         switch: whether it is true or not, a fault of 1 or none, and nothing between.
     """
 
-    cause: str
-    kind: str
+    id: CauseId
     value: float
     size: float
     rank: int
-    where: str
+    where: tuple[SourceLine, ...] = ()
     correction: float = 1.0
     switch: bool = False
 
@@ -102,13 +102,13 @@ class Resolved:
         return float(np.linalg.norm(defect)) / self.size
 
 
-@dataclass(frozen=True)
-class Finding:
-    """A cause (or a pair of causes) with what it leaves.
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """A hypothesis (or a pair of them) with what it leaves.
 
     Attributes:
         members: indices of the hypotheses.
-        causes: these one or two hypotheses.
+        hypotheses: these one or two.
         faults: fitted to each.
         estimates: the value of each that explains the motion.
         standard_errors: of each estimate.
@@ -117,12 +117,17 @@ class Finding:
     """
 
     members: tuple[int, ...]
-    causes: tuple[Hypothesis, ...]
+    hypotheses: tuple[Hypothesis, ...]
     faults: tuple[float, ...]
     estimates: tuple[float, ...]
     standard_errors: tuple[float, ...]
     remaining: float
-    tied_with: tuple[str, ...] = ()
+    tied_with: tuple[CauseId, ...] = ()
+
+    @property
+    def causes(self) -> tuple[CauseId, ...]:
+        """Which causes they are."""
+        return tuple(hypothesis.id for hypothesis in self.hypotheses)
 
     @property
     def repair(self) -> dict[int, float]:
@@ -130,9 +135,9 @@ class Finding:
         return dict(zip(self.members, self.faults, strict=True))
 
 
-def left_linear(defect: Array, causes: Sequence[Hypothesis], rows: Array) -> float:
-    """Share of a defect that the best linear fit of some causes leaves."""
-    switches = np.array([cause.switch for cause in causes])
+def left_linear(defect: Array, hypotheses: Sequence[Hypothesis], rows: Array) -> float:
+    """Share of a defect that the best linear fit of some hypotheses leaves."""
+    switches = np.array([hypothesis.switch for hypothesis in hypotheses])
     left = defect - rows[switches].sum(axis=0)
     free = rows[~switches]
     if len(free):
@@ -149,7 +154,7 @@ def cosine(a: Array, b: Array) -> float:
 
 def refine(
     problem: Resolved, start: Mapping[int, float], slopes: Array, iterations: int = ITERATIONS
-) -> Finding:
+) -> Fit:
     """Fit the faults of some hypotheses by Gauss-Newton, each step tried on the models themselves.
 
     Args:
@@ -159,9 +164,9 @@ def refine(
         iterations: at most.
     """
     members = list(start)
-    causes = [problem.hypotheses[i] for i in members]
-    scales = np.array([cause.size for cause in causes])
-    movable = np.array([not cause.switch for cause in causes])
+    hypotheses = [problem.hypotheses[i] for i in members]
+    scales = np.array([hypothesis.size for hypothesis in hypotheses])
+    movable = np.array([not hypothesis.switch for hypothesis in hypotheses])
     jacobian = (slopes[members] * (scales * movable)[:, None]).T
     faults = np.where(movable, list(start.values()), 1.0)
     free = [i for i, moves in zip(members, movable, strict=True) if moves]
@@ -172,38 +177,44 @@ def refine(
     left = residual(faults)
     for _ in range(iterations):
         step, *_ = np.linalg.lstsq(jacobian, left, rcond=1e-12)
-        trial, share = faults, 1.0
-        for _ in range(5):
-            candidate = faults + share * step * scales
-            tried = residual(candidate)
-            if np.linalg.norm(tried) < np.linalg.norm(left):
-                trial, left = candidate, tried
-                break
-            share /= 4
-        moved = np.max(np.abs(trial - faults) / scales)
-        faults = trial
+        tried, left = _descended(residual, faults, left, step * scales)
+        moved = np.max(np.abs(tried - faults) / scales)
+        faults = tried
         small = np.linalg.norm(left) <= np.linalg.norm(problem.uncertainty)
         if moved < 1e-12 or small or iterations == 1 or not free:
             break
         # The slopes at the new place: the faults may be large.
         at = dict(zip(members, faults.tolist(), strict=True))
         jacobian[:, movable] = (problem.slopes(at, free) * scales[movable, None]).T
-    variance = float(np.sum(left**2)) / max(len(left) - len(causes), 1)
+    variance = float(np.sum(left**2)) / max(len(left) - len(hypotheses), 1)
     variance += float(np.mean(problem.uncertainty**2))
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * scales
-    estimates = tuple(
-        cause.value + cause.correction * float(fault)
-        for cause, fault in zip(causes, faults, strict=True)
+    return Fit(
+        members=tuple(members),
+        hypotheses=tuple(hypotheses),
+        faults=tuple(float(fault) for fault in faults),
+        estimates=tuple(
+            hypothesis.value + hypothesis.correction * float(fault)
+            for hypothesis, fault in zip(hypotheses, faults, strict=True)
+        ),
+        standard_errors=tuple(float(error) for error in errors),
+        remaining=problem.left(left),
     )
-    return Finding(
-        tuple(members),
-        tuple(causes),
-        tuple(float(f) for f in faults),
-        estimates,
-        tuple(float(e) for e in errors),
-        problem.left(left),
-    )
+
+
+def _descended(
+    residual: Callable[[Array], Array], faults: Array, left: Array, step: Array
+) -> tuple[Array, Array]:
+    """Faults a step further, or a part of it, where that leaves less; with what they leave."""
+    share = 1.0
+    for _ in range(5):
+        candidate = faults + share * step
+        tried = residual(candidate)
+        if np.linalg.norm(tried) < np.linalg.norm(left):
+            return candidate, tried
+        share /= 4
+    return faults, left
 
 
 @dataclass(frozen=True)
@@ -221,7 +232,7 @@ class Try:
     slopes: Array
 
 
-def refine_each(problem: Resolved, tries: Sequence[Try], settled: float) -> list[Finding]:
+def refine_each(problem: Resolved, tries: Sequence[Try], settled: float) -> list[Fit]:
     """Fit each, the most promising first.
 
     Once one has left no more than `settled`, those that fall far behind it are told, not pursued.
@@ -230,8 +241,8 @@ def refine_each(problem: Resolved, tries: Sequence[Try], settled: float) -> list
     found = []
     for one in sorted(tries, key=lambda one: one.left):
         iterations = ITERATIONS if one.left <= enough else 1
-        finding = refine(problem, one.start, one.slopes, iterations)
-        if finding.remaining <= settled:
+        fit = refine(problem, one.start, one.slopes, iterations)
+        if fit.remaining <= settled:
             enough = min(enough, max(BEHIND * one.left, FAR))
-        found.append(finding)
+        found.append(fit)
     return found

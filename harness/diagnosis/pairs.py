@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from harness.diagnosis.fit import (
-    Finding,
+    Fit,
     Hypothesis,
     Resolved,
     Try,
@@ -17,6 +17,7 @@ from harness.diagnosis.fit import (
     left_linear,
     refine_each,
 )
+from harness.records.cause import CauseId
 from reference.numeric import Array
 
 ALIKE = 1e-6
@@ -31,8 +32,8 @@ once the best single fault is repaired."""
 
 
 def pairs(
-    problem: Resolved, slopes: Array, seen: Sequence[int], first: Finding, settled: float
-) -> list[Finding]:
+    problem: Resolved, slopes: Array, seen: Sequence[int], first: Fit, settled: float
+) -> list[Fit]:
     """The pairs that leave least, best first, and the best with its ties.
 
     A large fault bends what a small one beside it would show, so pairs are also looked for around
@@ -42,7 +43,7 @@ def pairs(
         problem: with what each fault does.
         slopes: at no fault, (H, n).
         seen: hypotheses that have an effect.
-        first: the best single finding.
+        first: the best single fit.
         settled: share of the discrepancy that can't be told from nothing.
     """
     after = problem.slopes(first.repair)
@@ -59,17 +60,17 @@ def pairs(
         after = problem.slopes(best.repair)
     enough = max(settled, 3 * best.remaining)
 
-    def reading(finding: Finding) -> tuple[float, int, float]:
-        level = enough if finding.remaining <= enough else finding.remaining
-        return level, sum(cause.rank for cause in finding.causes), finding.remaining
+    def reading(fit: Fit) -> tuple[float, int, float]:
+        level = enough if fit.remaining <= enough else fit.remaining
+        return level, sum(hypothesis.rank for hypothesis in fit.hypotheses), fit.remaining
 
     ranked = sorted(found, key=reading)
-    told = dict.fromkeys(_stand_ins(problem.hypotheses, ranked[0], after, near))
+    tied = dict.fromkeys(_stand_ins(problem.hypotheses, ranked[0], after, near))
     for other in ranked[1:]:
         if other.remaining <= enough:
-            told |= dict.fromkeys(cause.cause for cause in other.causes)
-    own = {cause.cause for cause in ranked[0].causes}
-    return [replace(ranked[0], tied_with=tuple(t for t in told if t not in own)), *ranked[1:]]
+            tied |= dict.fromkeys(other.causes)
+    own = set(ranked[0].causes)
+    return [replace(ranked[0], tied_with=tuple(t for t in tied if t not in own)), *ranked[1:]]
 
 
 def classes(
@@ -94,13 +95,13 @@ def _around_nothing(problem: Resolved, slopes: Array, seen: Sequence[int]) -> li
     tries = []
     for i, j in combinations(classes(problem.hypotheses, slopes, seen), 2):
         if cosine(slopes[i], slopes[j]) <= 1 - PARALLEL:
-            causes = [problem.hypotheses[i], problem.hypotheses[j]]
-            left = left_linear(defect, causes, slopes[[i, j]])
+            both = [problem.hypotheses[i], problem.hypotheses[j]]
+            left = left_linear(defect, both, slopes[[i, j]])
             tries.append(Try(left, {i: 0.0, j: 0.0}, slopes))
     return sorted(tries, key=lambda one: one.left)[:FITTED]
 
 
-def _around(problem: Resolved, first: Finding, after: Array, seen: Sequence[int]) -> list[Try]:
+def _around(problem: Resolved, first: Fit, after: Array, seen: Sequence[int]) -> list[Try]:
     """Second faults by what they leave once the first is repaired, with the first free to move."""
     (i,) = first.members
     defect = problem.defect(first.repair)
@@ -109,15 +110,15 @@ def _around(problem: Resolved, first: Finding, after: Array, seen: Sequence[int]
         if j == i or cosine(after[i], after[j]) > 1 - PARALLEL:
             continue
         free = [k for k in (i, j) if k == j or not problem.hypotheses[k].switch]
-        causes = [problem.hypotheses[k] for k in free]
-        left = left_linear(defect, causes, after[free]) * first.remaining
+        fitted = [problem.hypotheses[k] for k in free]
+        left = left_linear(defect, fitted, after[free]) * first.remaining
         tries.append(Try(left, {**first.repair, j: 0.0}, after))
     return sorted(tries, key=lambda one: one.left)[:FITTED]
 
 
 def _stand_ins(
-    hypotheses: Sequence[Hypothesis], best: Finding, after: Array, seen: Sequence[int]
-) -> Iterator[str]:
+    hypotheses: Sequence[Hypothesis], best: Fit, after: Array, seen: Sequence[int]
+) -> Iterator[CauseId]:
     """Causes that either of a pair could be replaced by: their effect is made up of the pair's."""
     free = [i for i in best.members if not hypotheses[i].switch]
     if not free:
@@ -131,4 +132,4 @@ def _stand_ins(
         beside = row - basis @ (basis.T @ row)
         # 1 - cosine of the angle to the plane is half the square of its sine.
         if float(beside @ beside) / 2 < ALIKE:
-            yield hypotheses[i].cause
+            yield hypotheses[i].id

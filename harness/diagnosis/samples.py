@@ -1,4 +1,4 @@
-"""The evidence of a diagnosis: a few segments of every scenario, and what an engine makes of it."""
+"""What a diagnosis stands on: a few segments of every scenario, and what an engine makes of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Diagnose one model in one engine: evidence, suspects, ranking, and the record of it."""
+"""Diagnose one model in one engine: samples, hypotheses, ranking, and the record of it."""
 
 from __future__ import annotations
 
@@ -6,31 +6,33 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from harness.cases.case import load
 from harness.cases.prepare import Prepared
-from harness.diagnosis.corrected import correct_motion
-from harness.diagnosis.diagnose import Diagnosis, diagnose
-from harness.diagnosis.fit import Finding
+from harness.diagnosis.corrected import causes, correct_motion
+from harness.diagnosis.diagnose import Ranking, diagnose
+from harness.diagnosis.fit import Fit
 from harness.diagnosis.hypotheses import TrialModel, everything
 from harness.diagnosis.hypotheses.trial import scratch
 from harness.diagnosis.samples import engine_ends, reference_ends, sample_segments
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.numerics.ladder import EPSILON
+from harness.records.base import number
+from harness.records.cause import CauseId
+from harness.records.finding import Diagnosis, Explanation
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.system import System
 from reference.variants import Variants
 
-TOLD = 8
-"""Findings told: the ranking's tail says nothing."""
+RECORDED = 8
+"""Explanations recorded: the ranking's tail says nothing."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DiagnosisTask:
     """Everything a worker needs to diagnose one model in one engine."""
 
@@ -45,44 +47,54 @@ class DiagnosisTask:
 def diagnosis_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> DiagnosisTask:
     """Gather what a diagnosis needs of the prepared system."""
     return DiagnosisTask(
-        prepared.system, sidecar, engine, prepared.motions, prepared.scales, prepared.variants
+        system=prepared.system,
+        sidecar=sidecar,
+        engine=engine,
+        motions=prepared.motions,
+        scales=prepared.scales,
+        variants=prepared.variants,
     )
 
 
-def diagnose_model(task: DiagnosisTask) -> dict[str, Any]:
+def diagnose_model(task: DiagnosisTask) -> Diagnosis:
     """Name the cause of a model's discrepancy, from its motions alone.
 
     Raises:
-        EngineError, SidecarError, PlaceError, BlownUpError: naming what could not be run.
+        EngineError, SidecarError, LocationError, BlownUpError: naming what could not be run.
     """
     began = time.perf_counter()
     with trial_model(task) as (whole, uncertainty):
-        diagnosis = diagnose(whole, uncertainty)
-        redrawn = correct_motion(whole, task.motions, diagnosis)
-    return {
-        "explained": diagnosis.explained,
-        "floor": diagnosis.floor,
-        "findings": [_record(finding) for finding in diagnosis.findings[:TOLD]],
-        "redrawn": redrawn,
-        "seconds": time.perf_counter() - began,
-    }
+        ranking = diagnose(whole, uncertainty)
+        corrected = correct_motion(whole, task.motions, ranking)
+    return Diagnosis(
+        explained=ranking.explained,
+        explanations=tuple(explanation(fit) for fit in ranking.fits[:RECORDED]),
+        floor=number(ranking.floor),
+        corrected=corrected,
+        seconds=time.perf_counter() - began,
+    )
 
 
-def diagnosed(task: DiagnosisTask) -> Diagnosis:
-    """The same as objects."""
+def explanation(fit: Fit) -> Explanation:
+    """The record of a fit."""
+    return Explanation(causes=causes(fit), remaining=fit.remaining, tied_with=fit.tied_with)
+
+
+def ranked(task: DiagnosisTask) -> Ranking:
+    """All fits, and no corrected motion."""
     with trial_model(task) as (found, uncertainty):
         return diagnose(found, uncertainty)
 
 
 @contextmanager
 def trial_model(
-    task: DiagnosisTask, known: Mapping[str, Array] | None = None
+    task: DiagnosisTask, known: Mapping[CauseId, Array] | None = None
 ) -> Iterator[tuple[TrialModel, Array]]:
-    """A bench for a model in an engine, with the uncertainty of its ends; gone afterwards.
+    """A model in an engine to be tried, with the uncertainty of its ends; gone afterwards.
 
     Args:
         task: the model and its motions.
-        known: slopes of literals by address, where a model close by has shown them already.
+        known: slopes of literals, where a model close by has shown them already.
     """
     engine = engines()[task.engine]
     model, coordinates = load(task.system, task.sidecar, task.engine)
@@ -96,31 +108,16 @@ def trial_model(
     uncertainty = np.maximum(uncertainty + np.concatenate(bounds), EPSILON)
     candidates = everything(task.system, task.sidecar, model, coordinates, task.variants)
     with scratch() as folder:
-        yield (
-            TrialModel(
-                task.sidecar,
-                engine,
-                model,
-                coordinates,
-                task.variants,
-                samples,
-                ends,
-                candidates,
-                folder,
-                known or {},
-            ),
-            uncertainty,
+        trial = TrialModel(
+            sidecar=task.sidecar,
+            engine=engine,
+            model=model,
+            coordinates=coordinates,
+            variants=task.variants,
+            samples=samples,
+            ends=ends,
+            candidates=candidates,
+            folder=folder,
+            known=known or {},
         )
-
-
-def _record(finding: Finding) -> dict[str, Any]:
-    return {
-        "cause": " and ".join(cause.cause for cause in finding.causes),
-        "kind": " and ".join(cause.kind for cause in finding.causes),
-        "nominal": [cause.value for cause in finding.causes],
-        "estimate": list(finding.estimates),
-        "standard_error": list(finding.standard_errors),
-        "remaining": finding.remaining,
-        "tied_with": list(finding.tied_with),
-        "where": [cause.where for cause in finding.causes],
-    }
+        yield trial, uncertainty

@@ -1,53 +1,55 @@
-"""Mutations for the terminal and as JSON: literals, known mistakes, and one line that sums up."""
+"""Mutations for the terminal: literals, known mistakes, and one line that sums up."""
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from itertools import groupby
-from typing import Any
 
-from harness.mutation.mutate import (
-    AGREES,
-    CAUGHT,
-    FAULTS,
-    KNOWN,
-    LITERAL,
-    MISSED,
-    NAMED,
-    REFUSED,
-    SIZES,
-    SOUND,
-    UNSEEN,
-    Mutation,
-)
+from harness.mutation.faults import FAULTS, SIZES
+from harness.records.case import ModelId
+from harness.records.mutation import FaultKind, FaultVerdict, Mutation
 
-MARKS = {NAMED: "named", CAUGHT: "caught", REFUSED: "refused", UNSEEN: ".", MISSED: "MISSED"}
+MARKS = {
+    FaultVerdict.NAMED: "named",
+    FaultVerdict.CAUGHT: "caught",
+    FaultVerdict.REFUSED: "refused",
+    FaultVerdict.UNSEEN: ".",
+    FaultVerdict.MISSED: "MISSED",
+}
 
-COUNTED = (NAMED, CAUGHT, MISSED, REFUSED, UNSEEN)
-HEADS = ("named", "caught", "MISSED", "refused", "no effect")
+HEADS = {
+    FaultVerdict.NAMED: "named",
+    FaultVerdict.CAUGHT: "caught",
+    FaultVerdict.MISSED: "MISSED",
+    FaultVerdict.REFUSED: "refused",
+    FaultVerdict.UNSEEN: "no effect",
+}
 """Columns of the table of known mistakes: the verdicts, and what they are called there."""
 
 
 def mutation_lines(rows: Sequence[Mutation]) -> list[str]:
     """Tables by model and engine, known mistakes by kind, what was not named, and the summary."""
     lines = []
-    literal = [row for row in rows if row.kind == LITERAL]
-    width = max((len(row.place) for row in literal), default=10)
-    for (system, model, engine), group in groupby(rows, _model):
+    literal = _of(rows, FaultKind.LITERAL)
+    width = max((len(row.location) for row in literal), default=10)
+    for model, group in groupby(rows, _model):
         mine = list(group)
-        lines += ["", f"{system}/{model} [{engine}]"]
-        lines += _literals([row for row in mine if row.kind == LITERAL], width)
-        lines += [f"  {r.name}, {r.place}: {r.verdict}, {r.told}" for r in mine if r.kind == SOUND]
-    lines += _mistakes([row for row in rows if row.kind == KNOWN])
+        lines += ["", str(model), *_literals(_of(mine, FaultKind.LITERAL), width)]
+        lines += [
+            f"  {row.name}, {row.location}: {row.verdict}, {row.message}"
+            for row in _of(mine, FaultKind.NONE)
+        ]
+    lines += _mistakes(_of(rows, FaultKind.MISTAKE))
     lines += _unnamed(rows)
     return [*lines, "", summary(rows)]
 
 
-def _model(row: Mutation) -> tuple[str, str, str]:
-    return row.system, row.model, row.engine
+def _of(rows: Sequence[Mutation], kind: FaultKind) -> list[Mutation]:
+    return [row for row in rows if row.kind is kind]
+
+
+def _model(row: Mutation) -> ModelId:
+    return ModelId(system=row.system, model=row.model, engine=row.engine)
 
 
 def _literals(rows: Sequence[Mutation], width: int) -> Iterator[str]:
@@ -55,14 +57,14 @@ def _literals(rows: Sequence[Mutation], width: int) -> Iterator[str]:
     if rows:
         head = "".join(f"{label:>10}" for label in FAULTS)
         yield f"  {'literal':<{width}}{'first seen at':>15}{head}"
-    for place, marks in groupby(rows, lambda r: r.place):
+    for location, marks in groupby(rows, lambda r: r.location):
         faults = {row.name: row for row in marks}
         first = next(iter(faults.values())).first_caught
-        seen = f"{first:.0e}" if math.isfinite(first) else "no motion"
+        seen = "no motion" if first is None else f"{first:.0e}"
         cells = "".join(
             f"{MARKS[faults[label].verdict] if label in faults else '':>10}" for label in FAULTS
         )
-        yield f"  {place:<{width}}{seen:>15}{cells}"
+        yield f"  {location:<{width}}{seen:>15}{cells}"
 
 
 def _mistakes(rows: Sequence[Mutation]) -> Iterator[str]:
@@ -71,13 +73,13 @@ def _mistakes(rows: Sequence[Mutation]) -> Iterator[str]:
     if not names:
         return
     width = max(map(len, names)) + 2
-    head = "".join(f"{title:>10}" for title in HEADS)
+    head = "".join(f"{title:>10}" for title in HEADS.values())
     yield ""
     yield f"{'known mistakes':<{width}}{'made':>6}{head}  seen from this share of it on"
     for name in names:
         mine = [row for row in rows if row.name == name]
-        counts = [sum(row.verdict == verdict for row in mine) for verdict in COUNTED]
-        shares = [row.first_caught for row in mine if math.isfinite(row.first_caught)]
+        counts = [sum(row.verdict is verdict for row in mine) for verdict in HEADS]
+        shares = [row.first_caught for row in mine if row.first_caught is not None]
         worst = f"  {max(shares):.0e}" if shares else ""
         cells = "".join(f"{count or '.':>10}" for count in counts)
         yield f"{name:<{width}}{len(mine):>6}{cells}{worst}"
@@ -85,55 +87,47 @@ def _mistakes(rows: Sequence[Mutation]) -> Iterator[str]:
 
 def _unnamed(rows: Sequence[Mutation]) -> Iterator[str]:
     """What was caught under another name, and what was missed, known mistakes refused included."""
-    for title, chosen in (
-        (
-            "caught, but another cause was told:",
-            [r for r in rows if r.verdict == CAUGHT and r.kind != SOUND],
-        ),
-        ("missed:", [r for r in rows if r.verdict == MISSED]),
-        (
-            "no mistake, but told to be one:",
-            [r for r in rows if r.kind == SOUND and r.verdict != AGREES],
-        ),
-        ("refused by the engine:", [r for r in rows if r.verdict == REFUSED and r.kind == KNOWN]),
-    ):
-        if chosen:
+    made = [row for row in rows if row.kind is not FaultKind.NONE]
+    none, known = _of(rows, FaultKind.NONE), _of(rows, FaultKind.MISTAKE)
+    chosen = {
+        "caught, but another cause was told:": _with(made, FaultVerdict.CAUGHT),
+        "missed:": _with(rows, FaultVerdict.MISSED),
+        "no mistake, but told to be one:": [
+            row for row in none if row.verdict is not FaultVerdict.AGREES
+        ],
+        "refused by the engine:": _with(known, FaultVerdict.REFUSED),
+    }
+    for title, some in chosen.items():
+        if some:
             yield ""
             yield title
-        for r in chosen:
-            told = f": {r.told}" if r.told else ""
-            yield f"  {r.system}/{r.model} [{r.engine}] {r.place} {r.name}{told}"
+        for row in some:
+            message = f": {row.message}" if row.message else ""
+            yield f"  {_model(row)} {row.location} {row.name}{message}"
+
+
+def _with(rows: Sequence[Mutation], verdict: FaultVerdict) -> list[Mutation]:
+    return [row for row in rows if row.verdict is verdict]
 
 
 def summary(rows: Sequence[Mutation]) -> str:
     """One line: of the faults that motions can show, how many were caught, and named."""
-    told = []
-    for label, chosen in (
-        ("small faults", [r for r in rows if r.kind == LITERAL and r.name in SIZES]),
-        (
-            "mistakes",
-            [r for r in rows if r.kind == KNOWN or (r.kind == LITERAL and r.name not in SIZES)],
-        ),
-    ):
-        seen = [r for r in chosen if r.verdict not in (UNSEEN, REFUSED)]
-        caught = sum(r.verdict != MISSED for r in seen)
-        named = sum(r.verdict == NAMED for r in seen)
-        refused = sum(r.verdict == REFUSED for r in chosen)
-        counts = f"{caught} of {len(seen)} caught, {named} named, {refused} refused by the engine"
-        told.append(f"{label}: {counts}")
-    sound = [r for r in rows if r.kind == SOUND]
-    agree = sum(r.verdict == AGREES for r in sound)
-    told.append(f"another step or integrator: {agree} of {len(sound)} agree")
-    literals = {(*_model(r), r.place) for r in rows if r.verdict == UNSEEN and r.kind == LITERAL}
-    return f"{'; '.join(told)}; {len(literals)} literals that no motion depends on (see audit)"
+    literal, known = _of(rows, FaultKind.LITERAL), _of(rows, FaultKind.MISTAKE)
+    small = [row for row in literal if row.name in SIZES]
+    large = [row for row in literal if row.name not in SIZES]
+    none = _of(rows, FaultKind.NONE)
+    agree = len(_with(none, FaultVerdict.AGREES))
+    unseen = {(_model(row), row.location) for row in _with(literal, FaultVerdict.UNSEEN)}
+    return (
+        f"small faults: {_counts(small)}; mistakes: {_counts([*known, *large])};"
+        f" another step or integrator: {agree} of {len(none)} agree;"
+        f" {len(unseen)} literals that no motion depends on (see audit)"
+    )
 
 
-def mutation_json(rows: Sequence[Mutation]) -> str:
-    """All rows and the summary as JSON; what is infinite or not a number becomes null."""
-    records = [{key: _plain(value) for key, value in asdict(row).items()} for row in rows]
-    found = {"schema": 1, "summary": summary(rows), "rows": records}
-    return json.dumps(found, allow_nan=False, indent=1) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def _counts(rows: Sequence[Mutation]) -> str:
+    refused = len(_with(rows, FaultVerdict.REFUSED))
+    seen = len(rows) - refused - len(_with(rows, FaultVerdict.UNSEEN))
+    caught = seen - len(_with(rows, FaultVerdict.MISSED))
+    named = len(_with(rows, FaultVerdict.NAMED))
+    return f"{caught} of {seen} caught, {named} named, {refused} refused by the engine"

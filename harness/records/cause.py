@@ -7,14 +7,14 @@ from typing import Literal
 from harness.records.base import Number, Record, SourceLine
 
 CauseKind = Literal[
-    "literal", "literals", "unbound literal", "setting", "gravity", "default", "axis", "zero",
+    "literal", "literals", "unbound literal", "gravity", "default", "axis", "zero",
     "exchange", "constant", "inertia", "damping", "quadratic damping", "friction", "spring",
     "offset force",
 ]  # fmt: skip
 """What a cause is.
 
 A `literal` (several of one expression, `literals`, or one that stands for no constant, `unbound
-literal`) of the model file or its sidecar; a component of the engine's `gravity`; a `setting` or
+literal`) of the model file or its sidecar; a component of the engine's `gravity`; a
 `default` of the engine; a joint's `axis` reversed or its `zero` moved; two constants' `exchange`;
 a `constant` of the equations; or a term on a coordinate that the equations lack.
 """

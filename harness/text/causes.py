@@ -3,35 +3,45 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+
+from harness.records.base import Number
+from harness.records.cause import Cause
+from harness.records.finding import Explanation
+
+IN_FILE = ("literal", "literals", "unbound literal", "gravity")
+"""Kinds of numbers that the model's files state, or would: the motion wants another one."""
+
+SWITCHES = ("axis", "default", "exchange")
+"""Kinds that have no number: they hold or don't."""
 
 
-def cause_sentences(finding: Mapping[str, Any]) -> list[str]:
-    """A finding in words: a sentence a cause, then what it leaves and what it is tied with."""
-    names = finding["cause"].split(" and ")
-    kinds = finding["kind"].split(" and ")
-    columns = (names, kinds, finding["nominal"], finding["estimate"], finding["standard_error"])
-    sentences = []
-    for (name, kind, now, wanted, error), place in zip(
-        zip(*columns, strict=True), finding["where"], strict=True
-    ):
-        at = f" ({place})" if place else ""
-        fitted = f"{_to_its_error(wanted, error)} ± {error:.1g}"
-        if "literal" in kind or kind == "setting":
-            said = f"is {now:.10g}, the motion wants {fitted}"
-        elif kind in ("axis", "default", "exchange"):
-            said = "explains the motion"
-        else:
-            said = f"is {fitted} in the model, {now:.10g} in the equations"
-        sentences.append(f"{name}{at} {said}")
-    tail = f"leaves {finding['remaining']:.1e} of the discrepancy"
-    if finding["tied_with"]:
-        tail += f"; no motion here tells it from: {', '.join(finding['tied_with'])}"
-    return [*sentences, tail]
+def cause_sentences(explanation: Explanation) -> list[str]:
+    """An explanation in words: a sentence a cause, what it leaves, and what it is tied with."""
+    tail = f"leaves {explanation.remaining:.1e} of the discrepancy"
+    if explanation.tied_with:
+        others = ", ".join(map(str, explanation.tied_with))
+        tail += f"; no motion here tells it from: {others}"
+    return [*map(_sentence, explanation.causes), tail]
 
 
-def _to_its_error(value: float, error: float) -> str:
+def _sentence(cause: Cause) -> str:
+    where = ", ".join(map(str, cause.where))
+    name = f"{cause} ({where})" if where else str(cause)
+    if cause.kind in SWITCHES:
+        return f"{name} explains the motion"
+    fitted, nominal = _fitted(cause.estimate, cause.standard_error), _digits(cause.nominal)
+    if cause.kind in IN_FILE:
+        return f"{name} is {nominal}, the motion wants {fitted}"
+    return f"{name} is {fitted} in the model, {nominal} in the equations"
+
+
+def _fitted(value: Number, error: Number) -> str:
     """A fitted value with ten digits, but none below its standard error."""
+    if value is None or error is None:
+        return f"{_digits(value)} ± unknown"
     places = 15 if error == 0 else max(0, -math.floor(math.log10(error)))
-    return f"{round(value, places) + 0.0:.10g}"
+    return f"{_digits(round(value, places) + 0.0)} ± {error:.1g}"
+
+
+def _digits(value: Number) -> str:
+    return "unknown" if value is None else f"{value:.10g}"

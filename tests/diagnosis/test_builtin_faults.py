@@ -1,22 +1,31 @@
 """Faults in the built-in models: named from motions alone, through the real command."""
 
-import json
+from __future__ import annotations
+
 import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from harness.cases.prepare import prepare
-from harness.diagnosis.task import DiagnosisTask
+from harness.diagnosis.task import diagnosis_task
 from harness.files.folders import builtin
 from harness.files.model_files import model_files
-from harness.mutation.mutate import SIZES, MutationTask, mutated, survey
+from harness.files.sidecar import Sidecar
+from harness.mutation.faults import SIZES
+from harness.mutation.judge import MutationTask, mutated
+from harness.mutation.survey import survey
 from harness.mutation.text import mutation_lines
+from harness.records.base import SourceLine
+from harness.records.mutation import FaultVerdict
+from harness.records.read import read_results
 
 
-def crosscheck(*arguments, cwd):
+def crosscheck(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "harness", *map(str, arguments)],
         cwd=cwd,
@@ -29,8 +38,8 @@ def crosscheck(*arguments, cwd):
 
 
 @pytest.fixture
-def folder(tmp_path):
-    def copy(name):
+def folder(tmp_path: Path) -> Callable[[str], Path]:
+    def copy(name: str) -> Path:
         shutil.copytree(builtin() / name, tmp_path / name)
         return tmp_path / name
 
@@ -48,8 +57,16 @@ def folder(tmp_path):
      "sidecar:spring[0].damping", 1.1),
 ])  # fmt: skip
 def test_the_wrong_literal_is_named_with_file_line_and_value(
-    folder, tmp_path, name, file, engine, old, new, cause, wanted
-):
+    folder: Callable[[str], Path],
+    tmp_path: Path,
+    name: str,
+    file: str,
+    engine: str,
+    old: str,
+    new: str,
+    cause: str,
+    wanted: float,
+) -> None:
     path = folder(name) / file
     text = path.read_text()
     assert text.count(old) == 1
@@ -58,26 +75,31 @@ def test_the_wrong_literal_is_named_with_file_line_and_value(
     done = crosscheck("run", path.parent, "--engine", engine, "--out", "out", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     model = file.removesuffix(".toml")
-    found = json.loads((tmp_path / "out" / "results.json").read_text())
-    diagnosis = next(m["diagnosis"] for m in found["models"] if m["model"] == model)
-    first = diagnosis["findings"][0]
-    assert diagnosis["explained"]
-    assert cause in (first["cause"], *first["tied_with"])
-    told = next(f for f in diagnosis["findings"] if f["cause"] == cause)
-    assert told["where"] == [f"{file}:{line}"]
-    assert told["estimate"][0] == pytest.approx(wanted, abs=0.01 * abs(float_of(new) - wanted))
+    found = read_results(tmp_path / "out" / "results.json")
+    diagnosis = next(m.diagnosis for m in found.models if m.model == model)
+    assert diagnosis is not None
+    first = diagnosis.explanations[0]
+    assert diagnosis.explained
+    assert cause in [str(one) for one in (*first.causes, *first.tied_with)]
+    (named,) = next(
+        e.causes for e in diagnosis.explanations if [str(c) for c in e.causes] == [cause]
+    )
+    assert named.where == (SourceLine(file=file, line=line),)
+    assert named.estimate == pytest.approx(wanted, abs=0.01 * abs(float_of(new) - wanted))
     assert re.search(rf"cause in {name}/{re.escape(model)} \[{engine}\]", done.stdout)
     # The audit reads the literal; the diagnosis did not.
     assert "audit of" in done.stdout
 
 
-def float_of(text):
+def float_of(text: str) -> float:
     """The last number of a replacement that is not zero, or 0.0001, the rod's own axis."""
     numbers = [float(n) for n in re.findall(r"-?\d+\.\d+", text)]
     return next(n for n in reversed(numbers) if n not in (0.0, 0.0001))
 
 
-def test_audit_exits_1_for_a_literal_that_no_motion_depends_on(folder, tmp_path):
+def test_audit_exits_1_for_a_literal_that_no_motion_depends_on(
+    folder: Callable[[str], Path], tmp_path: Path
+) -> None:
     path = folder("mass_spring_damper") / "mujoco.xml"
     text = path.read_text()
     path.write_text(re.sub(r'diaginertia="[\d. ]+"', 'diaginertia="0.03 0.03 0.03"', text))
@@ -89,18 +111,19 @@ def test_audit_exits_1_for_a_literal_that_no_motion_depends_on(folder, tmp_path)
     assert "6 AGREES" in run.stdout
 
 
-def test_every_small_fault_of_a_literal_that_matters_is_caught_and_named():
+def test_every_small_fault_of_a_literal_that_matters_is_caught_and_named() -> None:
     physics = prepare(builtin() / "mass_spring_damper")
     rows = []
     for sidecar in model_files(physics.folder):
+        assert isinstance(sidecar, Sidecar)
         for engine in sidecar.engines:
-            task = DiagnosisTask(
-                physics.system, sidecar, engine, physics.motions, physics.scales, physics.variants
-            )
-            known = survey(task)
+            model = diagnosis_task(physics, sidecar, engine)
+            known = survey(model)
             small = [fault for fault in known.faults if fault.name in SIZES]
-            rows += [mutated(MutationTask(task, known, fault)) for fault in small]
-    seen = [row for row in rows if row.verdict != "unseen"]
+            tasks = [MutationTask(model=model, survey=known, fault=fault) for fault in small]
+            rows += [mutated(task) for task in tasks]
+    seen = [row for row in rows if row.verdict is not FaultVerdict.UNSEEN]
     assert len(seen) == 3 * 3 * 4  # sizes, constants, pairings
-    assert all(row.verdict == "named" and row.estimate_error < 0.01 for row in seen)
+    assert all(row.verdict is FaultVerdict.NAMED for row in seen)
+    assert all(row.estimate_error is not None and row.estimate_error < 0.01 for row in seen)
     assert "small faults: 36 of 36 caught, 36 named" in mutation_lines(rows)[-1]

@@ -1,9 +1,13 @@
 """No false alarm: sound models at random constants."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from campaigns.random_draws import campaign, judge_at, pairings
+from campaigns.random_draws import Pairing, campaign, judge_at, pairings
 from harness.records.outcome import Outcome
 
 # Draws at which rounding by the soft equality was once taken for a difference.
@@ -24,7 +28,7 @@ SOFT = [
 
 
 @pytest.mark.parametrize("seed", [11, 12])
-def test_no_model_differs_at_random_constants(seed):
+def test_no_model_differs_at_random_constants(seed: int) -> None:
     results = campaign(27, seed)
     assert len(pairings()) == 27  # each seed goes once over all of them
     for verdict, what in results:
@@ -35,14 +39,16 @@ def test_no_model_differs_at_random_constants(seed):
     assert agree >= 24
 
 
-def pairing(system, file):
+def pairing(system: str, file: str) -> Pairing:
     return next(
         p for p in pairings() if (p[0].name, p[1].model.name, p[2]) == (system, file, "mujoco")
     )
 
 
 @pytest.mark.parametrize(("file", "constants"), SOFT)
-def test_rounding_by_a_soft_equality_is_no_difference(file, constants, tmp_path):
+def test_rounding_by_a_soft_equality_is_no_difference(
+    file: str, constants: dict[str, float], tmp_path: Path
+) -> None:
     chosen = pairing("drum_pendulum", file)
     verdict, found, motion = judge_at(*chosen, constants, "driven", tmp_path)
     assert verdict.outcome is Outcome.AGREES, verdict.reason
@@ -50,7 +56,9 @@ def test_rounding_by_a_soft_equality_is_no_difference(file, constants, tmp_path)
     assert np.max(error / (found.limit.uncertainty + motion.bound)) < 0.5
 
 
-def test_a_pendulum_that_has_turned_nineteen_times_is_known_to_nine_digits(tmp_path):
+def test_a_pendulum_that_has_turned_nineteen_times_is_known_to_nine_digits(
+    tmp_path: Path,
+) -> None:
     # Its angle is large and its turning quick, but neither makes a force of the angle's last digit.
     constants = {"m": 0.21712384607983154, "l": 0.41014006587510676, "g": 6.854633582428014}
     chosen = pairing("simple_pendulum", "robot.urdf")

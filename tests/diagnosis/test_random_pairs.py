@@ -9,6 +9,6 @@ from harness.engines.registry import engines
 @pytest.mark.skipif(
     any(engine.version() is None for engine in engines().values()), reason="an engine is missing"
 )
-def test_both_of_two_faults_are_named():
+def test_both_of_two_faults_are_named() -> None:
     trials = campaign(3, seed=11)
     assert all(t.named and t.explained for t in trials), [t for t in trials if not t.named]

@@ -1,51 +1,64 @@
 """Built-in models in one engine, cheap: two scenarios, few segments."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
 import pytest
 
 from harness.cases.case import load
-from harness.cases.prepare import prepare
-from harness.diagnosis.task import DiagnosisTask
+from harness.cases.prepare import Prepared, prepare
+from harness.diagnosis.task import DiagnosisTask, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.bindings import bindings
 from harness.files.folders import builtin
-from harness.files.sidecar import read_sidecar
-from harness.mutation.mistakes import Subject
-from harness.mutation.mutate import MutationTask, mutated, survey
+from harness.files.sidecar import Sidecar, read_sidecar
+from harness.mutation.judge import MutationTask, mutated
+from harness.mutation.mistakes import Mistake, Subject
+from harness.mutation.survey import Survey, survey
+from harness.records.mutation import Mutation
 
 SCENARIOS = 2
 """The first two: one is free, one is forced."""
 
 
 @cache
-def physics(name):
+def physics(name: str) -> Prepared:
     return prepare(builtin() / name)
 
 
-def inquiry(system, model, engine="mujoco", sidecar=None):
+def sound(
+    system: str, model: str, engine: str = "mujoco", sidecar: Sidecar | None = None
+) -> DiagnosisTask:
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
     p = physics(system)
     sidecar = sidecar or read_sidecar(builtin() / system / f"{model}.toml")
     motions = dict(list(p.motions.items())[:SCENARIOS])
-    return DiagnosisTask(p.system, sidecar, engine, motions, p.scales, p.variants)
+    return replace(diagnosis_task(p, sidecar, engine), motions=motions)
 
 
-def subject(system, model, engine="mujoco", sidecar=None):
-    task = inquiry(system, model, engine, sidecar)
+def subject(
+    system: str, model: str, engine: str = "mujoco", sidecar: Sidecar | None = None
+) -> Subject:
+    task = sound(system, model, engine, sidecar)
     loaded, coordinates = load(task.system, task.sidecar, engine)
     return Subject(task, loaded, coordinates, bindings(task.system, task.sidecar))
 
 
 @pytest.fixture
-def few(monkeypatch):
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("harness.diagnosis.samples.SEGMENTS_PICKED", 8)
 
 
-def rows(task, chosen):
+def rows(task: DiagnosisTask, chosen: Callable[[Mistake], bool]) -> list[Mutation]:
     """What became of the faults that `chosen` picks."""
     known = survey(task)
     alone = replace(known, faults=())
-    return [mutated(MutationTask(task, alone, fault)) for fault in filter(chosen, known.faults)]
+    return [tried(task, alone, fault) for fault in filter(chosen, known.faults)]
+
+
+def tried(task: DiagnosisTask, known: Survey, fault: Mistake) -> Mutation:
+    return mutated(MutationTask(model=task, survey=known, fault=fault))

@@ -1,8 +1,12 @@
 """Known mistakes: made where a model has a place for them, and nowhere else."""
 
+from __future__ import annotations
+
 import re
 import shutil
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from harness.mutation.mistakes.soft import soft
@@ -10,8 +14,9 @@ from harness.mutation.mistakes.soft import soft
 from harness.engines.registry import engines
 from harness.files.bindings import with_literals
 from harness.files.folders import builtin
-from harness.files.sidecar import read_sidecar
-from harness.mutation.mistakes import Edit, Mistake, known_mistakes
+from harness.files.sidecar import Sidecar, read_sidecar
+from harness.mutation.faults import FAULTS
+from harness.mutation.mistakes import Edit, Mistake, Subject, known_mistakes
 from harness.mutation.mistakes.axes import axes
 from harness.mutation.mistakes.degrees import degrees
 from harness.mutation.mistakes.exchanges import exchanges
@@ -19,22 +24,26 @@ from harness.mutation.mistakes.gravity import gravity
 from harness.mutation.mistakes.left_in import left_in
 from harness.mutation.mistakes.rests import rests
 from harness.mutation.mistakes.steps import steps
-from harness.mutation.mutate import FAULTS, MutationError, MutationTask, mutate, mutated, survey
-from harness.run import Options
-from tests.mutation.conftest import inquiry, physics, rows, subject
+from harness.mutation.mutate import mutate
+from harness.mutation.survey import MutationError, survey
+from harness.records.cause import CauseId
+from harness.records.mutation import FaultKind, FaultVerdict
+from tests.mutation.conftest import physics, rows, sound, subject, tried
+
+Copied = Callable[..., Sidecar]
 
 MSD, PENDULUM, ROLLING = "mass_spring_damper", "simple_pendulum", "mujoco_rolling.xml"
 
 
-def is_known(fault):
+def is_known(fault: Mistake) -> bool:
     return fault.name not in FAULTS
 
 
 @pytest.fixture
-def copied(tmp_path):
+def copied(tmp_path: Path) -> Copied:
     """A copy of a built-in model with texts replaced, as a sidecar."""
 
-    def make(system, model, *edits):
+    def make(system: str, model: str, *edits: tuple[str, str, str]) -> Sidecar:
         folder = tmp_path / "copy"
         shutil.copytree(builtin() / system, folder, dirs_exist_ok=True)
         for name, old, new in edits:
@@ -46,7 +55,7 @@ def copied(tmp_path):
     return make
 
 
-def edited(found, tmp_path):
+def edited(found: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tuple[Mistake, str]]:
     """The text of each mistake's copy."""
     return [
         (m, m.edit.made(s.task.sidecar, s.task.engine, tmp_path / str(i)).model.read_text())
@@ -63,10 +72,10 @@ def edited(found, tmp_path):
                     "armature left in"}),
     ],
 )  # fmt: skip
-def test_known_mistakes_are_caught_and_named(system, names, few):
-    found = rows(inquiry(system, "mujoco.xml"), is_known)
-    assert {r.name for r in found if r.verdict == "named"} == names
-    others = {(r.name, r.verdict) for r in found if r.verdict != "named"}
+def test_known_mistakes_are_caught_and_named(system: str, names: set[str], few: None) -> None:
+    found = rows(sound(system, "mujoco.xml"), is_known)
+    assert {r.name for r in found if r.verdict is FaultVerdict.NAMED} == names
+    others = {(r.name, str(r.verdict)) for r in found if r.verdict is not FaultVerdict.NAMED}
     # With its inputs on the joint, the mechanism in the mirror moves alike.
     assert others <= {
         ("axis flipped", "unseen"),
@@ -74,78 +83,83 @@ def test_known_mistakes_are_caught_and_named(system, names, few):
         ("another time step", "agrees"),
         ("another integrator", "agrees"),
     }
-    assert all(0 < r.first_caught < 1e-3 for r in found if r.verdict == "named")
+    assert all(0 < (r.first_caught or 0) < 1e-3 for r in found if r.verdict is FaultVerdict.NAMED)
 
 
-def test_another_step_or_integrator_agrees_and_is_told_by_its_raw_error(few):
-    found = rows(inquiry(MSD, "mujoco.xml"), lambda fault: fault.sound)
+def test_another_step_or_integrator_agrees_and_is_told_by_its_raw_error(few: None) -> None:
+    found = rows(sound(MSD, "mujoco.xml"), lambda fault: fault.sound)
     assert [(r.name, r.kind, r.verdict) for r in found] == [
-        ("another time step", "no mistake", "agrees"),
-        ("another integrator", "no mistake", "agrees"),
+        ("another time step", FaultKind.NONE, FaultVerdict.AGREES),
+        ("another integrator", FaultKind.NONE, FaultVerdict.AGREES),
     ]
-    before, after = (float(n) for n in re.findall(r"([\d.]+)%", found[0].told))
+    before, after = (float(n) for n in re.findall(r"([\d.]+)%", found[0].message))
     assert 1.8 < after / before < 2.2  # of first order
 
 
-def test_a_folder_is_tried_whole_literals_first_and_progress_ends_with_the_last():
+def test_a_folder_is_tried_whole_literals_first_and_progress_ends_with_the_last() -> None:
     if engines()["pymunk"].version() is None:
         pytest.skip("pymunk is not installed")
-    told = []
-    options = Options(("pymunk",), jobs=2)
-    found = mutate([builtin() / MSD], options, lambda *counts: told.append(counts[:2]))
-    assert [r.place for r in found if r.kind == "literal"] == [
+    told: list[tuple[int, int]] = []
+
+    def progress(done: int, total: int, _: object) -> None:
+        told.append((done, total))
+
+    found = mutate([builtin() / MSD], progress, only=("pymunk",), workers=2)
+    assert [r.location for r in found if r.kind is FaultKind.LITERAL] == [
         name for name in ("MASS", "STIFFNESS", "DAMPING") for _ in FAULTS
     ]
-    assert [r.name for r in found if r.kind != "literal"] == [
+    assert [r.name for r in found if r.kind is not FaultKind.LITERAL] == [
         "a rest offset",
         "Space.damping left in",
         "another time step",
     ]
     assert [done for done, _ in told] == list(range(1, len(found) + 1))
     assert told[-1] == (len(found), len(found))
-    assert not any(r.verdict == "missed" for r in found)
+    assert not any(r.verdict is FaultVerdict.MISSED for r in found)
 
 
-def test_a_mistake_told_by_another_name_is_caught_but_not_named(few):
-    task = inquiry(MSD, "mujoco.xml")
+def test_a_mistake_told_by_another_name_is_caught_but_not_named(few: None) -> None:
+    task = sound(MSD, "mujoco.xml")
     known = survey(task)
     friction = next(f for f in known.faults if f.name == "friction left in")
-    wrong = replace(friction, causes=frozenset({"damping on x"}))
-    row = mutated(MutationTask(task, known, wrong))
-    assert (row.verdict, row.told) == ("caught", "joint[x]@frictionloss")
-    taken_for_sound = mutated(MutationTask(task, known, replace(friction, sound=True)))
-    assert taken_for_sound.verdict != "agrees"
+    wrong = replace(friction, causes=frozenset({CauseId(kind="damping", subject=("x",))}))
+    row = tried(task, known, wrong)
+    assert (row.verdict, row.message) == (FaultVerdict.CAUGHT, "joint[x]@frictionloss")
+    taken_for_sound = tried(task, known, replace(friction, sound=True))
+    assert taken_for_sound.verdict is not FaultVerdict.AGREES
 
 
-def test_what_changes_nothing_is_unseen(few):
-    task = inquiry(MSD, "mujoco.xml")
+def test_what_changes_nothing_is_unseen(few: None) -> None:
+    task = sound(MSD, "mujoco.xml")
     known = survey(task)
-    row = mutated(MutationTask(task, known, Mistake("nothing", "x", Edit())))
-    assert row.verdict == "unseen"
+    row = tried(task, known, Mistake("nothing", "x", Edit()))
+    assert row.verdict is FaultVerdict.UNSEEN
 
 
-def test_a_model_that_is_wrong_to_begin_with_is_refused_by_its_name(few, copied):
+def test_a_model_that_is_wrong_to_begin_with_is_refused_by_its_name(
+    few: None, copied: Copied
+) -> None:
     sidecar = copied(MSD, "mujoco.xml", ("mujoco.xml", 'damping="0.9"', 'damping="0.91"'))
     with pytest.raises(MutationError, match=r"mujoco.xml: it differs from its equations already"):
-        survey(inquiry(MSD, "mujoco.xml", sidecar=sidecar))
+        survey(sound(MSD, "mujoco.xml", sidecar=sidecar))
 
 
-def test_a_model_without_bindings_has_its_known_mistakes_all_the_same(few):
-    task = inquiry(MSD, "mujoco.xml")
+def test_a_model_without_bindings_has_its_known_mistakes_all_the_same(few: None) -> None:
+    task = sound(MSD, "mujoco.xml")
     bare = replace(task, sidecar=replace(task.sidecar, bindings={}))
     known = survey(bare)
     assert known.addresses == ()
     friction = next(f for f in known.faults if f.name == "friction left in")
-    assert mutated(MutationTask(bare, known, friction)).verdict == "named"
+    assert tried(bare, known, friction).verdict is FaultVerdict.NAMED
 
 
-def test_a_mass_that_hardly_moves_is_not_taken_for_a_wrong_one():
-    task = inquiry("anchored_pair", "space.py", "pymunk")
+def test_a_mass_that_hardly_moves_is_not_taken_for_a_wrong_one() -> None:
+    task = sound("anchored_pair", "space.py", "pymunk")
     # Of 1e-15 of the scale, rounding of the positions alone makes its velocity.
     survey(replace(task, motions=physics("anchored_pair").motions))
 
 
-def test_no_other_integrator_is_promised_where_equalities_need_euler():
+def test_no_other_integrator_is_promised_where_equalities_need_euler() -> None:
     found = [m.name for m in steps(subject("drum_pendulum", ROLLING))]
     assert found == ["another time step"]
 
@@ -162,11 +176,13 @@ def test_no_other_integrator_is_promised_where_equalities_need_euler():
         (soft, MSD, "mujoco.xml", "mujoco"),
     ],
 )
-def test_a_family_that_does_not_apply_makes_nothing(family, system, model, engine):
+def test_a_family_that_does_not_apply_makes_nothing(
+    family: Callable[[Subject], Iterator[Mistake]], system: str, model: str, engine: str
+) -> None:
     assert not list(family(subject(system, model, engine)))
 
 
-def test_every_family_is_made_somewhere_and_each_mistake_once():
+def test_every_family_is_made_somewhere_and_each_mistake_once() -> None:
     models = (
         ("drum_pendulum", ROLLING, "mujoco"),
         ("drum_pendulum", "robot.urdf", "pybullet"),
@@ -174,10 +190,10 @@ def test_every_family_is_made_somewhere_and_each_mistake_once():
         ("free_pair", "robot.urdf", "mujoco"),
         ("drum_pendulum", "space.py", "pymunk"),
     )
-    names = set()
+    names: set[str] = set()
     for model in models:
         found = known_mistakes(subject(*model))
-        assert len({(m.name, m.place) for m in found}) == len(found)
+        assert len({(m.name, m.location) for m in found}) == len(found)
         assert all(m.causes or m.sound for m in found)
         names |= {m.name for m in found}
     assert names >= {
@@ -200,40 +216,42 @@ def test_every_family_is_made_somewhere_and_each_mistake_once():
     }
 
 
-def test_a_setting_that_is_a_mistake_stays_in_copies_with_other_literals(tmp_path):
-    task = inquiry(MSD, "robot.urdf", "pybullet")
+def test_a_setting_that_is_a_mistake_stays_in_copies_with_other_literals(tmp_path: Path) -> None:
+    task = sound(MSD, "robot.urdf", "pybullet")
     made = Edit(settings={"motors": True}).made(task.sidecar, "pybullet", tmp_path / "made")
     moved = with_literals(made, {"sidecar:settings.step": 0.001}, tmp_path / "moved")
     assert moved.spec("pybullet").settings["motors"] is True
     assert moved.spec("pybullet").settings["step"] == 0.001
 
 
-def test_angles_without_their_unit_are_a_mistake_where_there_is_one(copied, tmp_path):
+def test_angles_without_their_unit_are_a_mistake_where_there_is_one(
+    copied: Copied, tmp_path: Path
+) -> None:
     sidecar = copied(
         "torsional_disc", "mujoco.xml", ("mujoco.xml", 'springref="0"', 'springref="0.4"')
     )
     s = subject("torsional_disc", "mujoco.xml", sidecar=sidecar)
     ((mistake, text),) = edited([(s, m) for m in degrees(s)], tmp_path)
-    assert "offset force on theta" in mistake.causes
+    assert "offset force on theta" in map(str, mistake.causes)
     assert text == sidecar.model.read_text().replace(' angle="radian"', "")
 
 
-def test_a_soft_equality_loses_its_two_attributes_alone(tmp_path):
+def test_a_soft_equality_loses_its_two_attributes_alone(tmp_path: Path) -> None:
     s = subject("drum_pendulum", ROLLING)
     ((_, text),) = edited([(s, m) for m in soft(s)], tmp_path)
     before = s.task.sidecar.model.read_text()
     assert text == re.sub(r'\s+solref="1e-6 0.5" solimp="[\d. ]+"', "", before) != before
 
 
-def test_constants_are_exchanged_in_every_literal(tmp_path):
+def test_constants_are_exchanged_in_every_literal(tmp_path: Path) -> None:
     s = subject("anchored_pair", "mujoco.xml")
-    texts = {m.place: text for m, text in edited([(s, m) for m in exchanges(s)], tmp_path)}
+    texts = {m.location: text for m, text in edited([(s, m) for m in exchanges(s)], tmp_path)}
     assert set(texts) == {"m1, m2", "k1, k2"}
     assert re.findall(r'stiffness="([\d.]+)"', texts["k1, k2"]) == ["70.0", "55.0"]
     assert re.findall(r' mass="(0.9|1.6)"', texts["m1, m2"]) == ["0.9", "1.6"]
 
 
-def test_gravity_is_changed_where_the_model_states_it():
+def test_gravity_is_changed_where_the_model_states_it() -> None:
     literal = next(m for m in gravity(subject(PENDULUM, "mujoco.xml")))
     assert literal.edit.literals == {"option@gravity[2]": -9.8}
     setting = next(m for m in gravity(subject(PENDULUM, "robot.urdf", "pybullet")))
@@ -242,6 +260,6 @@ def test_gravity_is_changed_where_the_model_states_it():
     assert named.edit.literals == {"GRAVITY": 9.8}
 
 
-def test_an_armature_that_stands_for_a_constant_is_not_made_again():
+def test_an_armature_that_stands_for_a_constant_is_not_made_again() -> None:
     found = [m for m in left_in(subject("drum_pendulum", "mujoco.xml")) if "armature" in m.name]
-    assert [m.place for m in found] == ["theta"]
+    assert [m.location for m in found] == ["theta"]

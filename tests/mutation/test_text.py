@@ -1,36 +1,62 @@
 """What `crosscheck mutate` prints and writes, from rows made up."""
 
+from __future__ import annotations
+
 import json
+from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
 from harness.cli.main import main
-from harness.mutation.mutate import FAULTS, Mutation, MutationError
-from harness.mutation.text import mutation_json, mutation_lines, summary
+from harness.mutation.faults import FAULTS
+from harness.mutation.survey import MutationError
+from harness.mutation.text import mutation_lines, summary
+from harness.records.mutation import FaultKind, FaultVerdict, Mutation, Mutations
+from harness.records.read import decoded
+from harness.records.write import encoded
 from harness.text.progress import Counter
 
-INFINITE = float("inf")
+LITERAL, MISTAKE, NONE = FaultKind
+NAMED, CAUGHT, REFUSED, UNSEEN, MISSED, AGREES = FaultVerdict
 
 
-def row(kind, name, verdict, place="joint[x]@stiffness", told="", first=1e-9):
+def row(
+    kind: FaultKind,
+    name: str,
+    verdict: FaultVerdict,
+    location: str = "joint[x]@stiffness",
+    message: str = "",
+    first: float | None = 1e-9,
+) -> Mutation:
     return Mutation(
-        "swing", "mujoco.xml", "mujoco", kind, name, place, verdict, 0.1, told, float("nan"), first
+        system="swing",
+        model="mujoco.xml",
+        engine="mujoco",
+        kind=kind,
+        name=name,
+        location=location,
+        verdict=verdict,
+        discrepancy=0.1,
+        message=message,
+        estimate_error=None,
+        first_caught=first,
     )
 
 
 ROWS = (
-    *(row("literal", name, "named") for name in FAULTS),
-    *(row("literal", name, "unseen", "joint[x]@range[0]", first=INFINITE) for name in FAULTS),
-    row("mistake", "axis flipped", "named", "x"),
-    row("mistake", "axis flipped", "caught", "y", "gravity along z"),
-    row("mistake", "gravity off", "unseen", "option@gravity[2]", first=INFINITE),
-    row("mistake", "friction left in", "missed", "x"),
-    row("mistake", "motors", "refused", "settings.motors", "it won't"),
-    row("no mistake", "another time step", "agrees", "step 0.004 s", "raw error 1% -> 2%"),
+    *(row(LITERAL, name, NAMED) for name in FAULTS),
+    *(row(LITERAL, name, UNSEEN, "joint[x]@range[0]", first=None) for name in FAULTS),
+    row(MISTAKE, "axis flipped", NAMED, "x"),
+    row(MISTAKE, "axis flipped", CAUGHT, "y", "gravity along z"),
+    row(MISTAKE, "gravity off", UNSEEN, "option@gravity[2]", first=None),
+    row(MISTAKE, "friction left in", MISSED, "x"),
+    row(MISTAKE, "motors", REFUSED, "settings.motors", "it won't"),
+    row(NONE, "another time step", AGREES, "step 0.004 s", "raw error 1% -> 2%"),
 )
 
 
-def test_one_line_sums_up_without_what_no_motion_shows():
+def test_one_line_sums_up_without_what_no_motion_shows() -> None:
     assert summary(ROWS) == (
         "small faults: 3 of 3 caught, 3 named, 0 refused by the engine;"
         " mistakes: 6 of 7 caught, 5 named, 1 refused by the engine;"
@@ -39,7 +65,7 @@ def test_one_line_sums_up_without_what_no_motion_shows():
     )
 
 
-def test_the_tables_have_a_row_a_literal_and_a_row_a_kind_of_mistake():
+def test_the_tables_have_a_row_a_literal_and_a_row_a_kind_of_mistake() -> None:
     lines = mutation_lines(ROWS)
     stiffness = next(line for line in lines if "joint[x]@stiffness" in line)
     assert stiffness.split() == ["joint[x]@stiffness", "1e-09", *["named"] * len(FAULTS)]
@@ -49,29 +75,33 @@ def test_the_tables_have_a_row_a_literal_and_a_row_a_kind_of_mistake():
     assert lines[-1] == summary(ROWS)
 
 
-def test_what_was_not_named_is_listed_with_what_was_told():
+def test_what_was_not_named_is_listed_with_what_was_told() -> None:
     text = "\n".join(mutation_lines(ROWS))
     assert "told:\n  swing/mujoco.xml [mujoco] y axis flipped: gravity along z\n" in text
     assert "missed:\n  swing/mujoco.xml [mujoco] x friction left in\n" in text
     assert "engine:\n  swing/mujoco.xml [mujoco] settings.motors motors: it won't\n" in text
 
 
-def test_a_step_that_is_taken_for_a_mistake_is_listed():
-    wrong = row("no mistake", "another time step", "caught", "step 0.004 s", "damping on x")
+def test_a_step_that_is_taken_for_a_mistake_is_listed() -> None:
+    wrong = row(NONE, "another time step", CAUGHT, "step 0.004 s", "damping on x")
     text = "\n".join(mutation_lines([wrong]))
     assert "no mistake, but told to be one:" in text
     assert "0 of 1 agree" in text
 
 
-def test_json_has_every_row_and_no_infinity():
-    found = json.loads(mutation_json(ROWS), parse_constant=pytest.fail)
+def test_json_has_every_row_and_no_infinity() -> None:
+    text = encoded(Mutations(summary=summary(ROWS), rows=ROWS), indent=1)
+    assert decoded(text.encode(), Mutations).rows == ROWS
+    found = json.loads(text, parse_constant=pytest.fail)
     assert len(found["rows"]) == len(ROWS)
-    unseen = next(r for r in found["rows"] if r["place"] == "joint[x]@range[0]")
+    unseen = next(r for r in found["rows"] if r["location"] == "joint[x]@range[0]")
     assert unseen["first_caught"] is None
     assert found["summary"] == summary(ROWS)
 
 
-def test_progress_without_a_terminal_is_a_line_every_tenth(capsys):
+def test_progress_without_a_terminal_is_a_line_every_tenth(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     with Counter("faults") as counter:
         counter(1, 0, None)  # the total is not known yet
         for done in range(2, 201):
@@ -86,22 +116,28 @@ def test_progress_without_a_terminal_is_a_line_every_tenth(capsys):
     ("rows", "code"),
     [
         (ROWS, 1),  # one was missed
-        ([r for r in ROWS if r.verdict != "missed"], 0),
-        ([row("no mistake", "another time step", "caught", "step 0.004 s")], 1),
+        ([r for r in ROWS if r.verdict is not MISSED], 0),
+        ([row(NONE, "another time step", CAUGHT, "step 0.004 s")], 1),
     ],
 )
 def test_the_command_writes_json_whole_and_tells_by_its_exit_code(
-    rows, code, monkeypatch, tmp_path, capsys
-):
-    monkeypatch.setattr("harness.cli.mutate.mutate", lambda *_: list(rows))
+    rows: Sequence[Mutation],
+    code: int,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("harness.cli.mutate.mutate", lambda *_, **__: list(rows))
     file = tmp_path / "new" / "mutations.json"
     assert main(["mutate", "mass_spring_damper", "--json", str(file)]) == code
     assert len(json.loads(file.read_text())["rows"]) == len(rows)
     assert capsys.readouterr().out.rstrip().endswith(summary(rows))
 
 
-def test_a_folder_that_is_not_sound_is_one_line_and_writes_nothing(monkeypatch, tmp_path, capsys):
-    def refuse(*_):
+def test_a_folder_that_is_not_sound_is_one_line_and_writes_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise MutationError("mujoco.xml: it differs already")
 
     monkeypatch.setattr("harness.cli.mutate.mutate", refuse)

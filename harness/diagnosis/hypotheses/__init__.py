@@ -1,4 +1,4 @@
-"""What might be wrong with a model, each as a change that can be tried, alone or with others.
+"""What might be wrong with a model, each as a perturbation that can be tried, alone or with others.
 
 `everything` lists them: literals of the file, engine settings, axes and zeros of joints, constants
 and missing terms of the equations. `TrialModel` tries them in the engine and in the equations.

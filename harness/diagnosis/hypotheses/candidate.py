@@ -1,4 +1,4 @@
-"""The suspects of a model: every number that might be wrong, and how moving it is tried."""
+"""The candidates of a model: every number that might be wrong, and how moving it is tried."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ import numpy as np
 from harness.diagnosis.fit import Hypothesis
 from harness.engines.protocol import Model
 from harness.files.bindings import Binding, bindings
-from harness.files.locations import LocationError, find, numbers
+from harness.files.locations import Location, LocationError, find, numbers
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap
+from harness.records.base import SourceLine
+from harness.records.cause import CauseId, CauseKind
 from reference.system import System
 from reference.variants import Variants
 
-_ORDER = (
-    "default", "axis", "exchange", "literal", "literals", "unbound literal", "setting", "constant",
+_ORDER: tuple[CauseKind, ...] = (
+    "default", "axis", "exchange", "literal", "literals", "unbound literal", "gravity", "constant",
 )  # fmt: skip
 """The most specific first: what has no number to fit and yet leaves nothing is no coincidence; a
 literal says more than a constant, that than a term that the equations lack."""
@@ -49,11 +51,16 @@ class Perturbation:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A hypothesis and the change that tries it; `meant` is what a bound literal should be."""
+    """A hypothesis and how it is tried.
+
+    Attributes:
+        perturbation: what repairs one unit of fault.
+        nominal: what a bound literal should be; None for what stands for no constant.
+    """
 
     hypothesis: Hypothesis
-    change: Perturbation
-    meant: float | None = None
+    perturbation: Perturbation
+    nominal: float | None = None
 
 
 def everything(
@@ -71,7 +78,7 @@ def everything(
     )
 
 
-def rank(kind: str) -> int:
+def rank(kind: CauseKind) -> int:
     """How specific a kind of cause is; a tie is broken by it."""
     return _ORDER.index(kind) if kind in _ORDER else len(_ORDER)
 
@@ -79,15 +86,19 @@ def rank(kind: str) -> int:
 def _parameters(variants: Variants) -> Iterator[Candidate]:
     """Every constant, and every term that the equations lack."""
     for index, p in enumerate(variants.parameters):
+        cause = CauseId(kind=p.kind, subject=(p.name,))
         yield Candidate(
-            Hypothesis(p.name, p.kind, p.nominal, p.size, rank(p.kind), "", 1.0),
+            Hypothesis(id=cause, value=p.nominal, size=p.size, rank=rank(p.kind)),
             Perturbation(parameters={index: 1.0}),
         )
 
 
-def _switch(cause: str, kind: str, change: Perturbation) -> Candidate:
+def _switch(cause: CauseId, perturbation: Perturbation) -> Candidate:
     """A hypothesis that is true or not: a fault of 1 makes the whole change."""
-    return Candidate(Hypothesis(cause, kind, 0.0, 1.0, rank(kind), "", 1.0, True), change)
+    order = rank(cause.kind)
+    return Candidate(
+        Hypothesis(id=cause, value=0.0, size=1.0, rank=order, switch=True), perturbation
+    )
 
 
 def _exchanges(variants: Variants) -> Iterator[Candidate]:
@@ -97,8 +108,7 @@ def _exchanges(variants: Variants) -> Iterator[Candidate]:
         if one.unit == other.unit and one.nominal != other.nominal:
             apart = other.nominal - one.nominal
             yield _switch(
-                f"{one.name}, {other.name} exchanged",
-                "exchange",
+                CauseId(kind="exchange", subject=(one.name, other.name)),
                 Perturbation(parameters={i: apart, j: -apart}),
             )
 
@@ -106,7 +116,7 @@ def _exchanges(variants: Variants) -> Iterator[Candidate]:
 def _axes(model: Model) -> Iterator[Candidate]:
     """Each joint turned the other way."""
     for index, name in enumerate(model.coordinates):
-        yield _switch(f"axis of {name} reversed", "axis", Perturbation(reversed=index))
+        yield _switch(CauseId(kind="axis", subject=(name,)), Perturbation(reversed=index))
 
 
 def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Candidate]:
@@ -117,7 +127,8 @@ def _zeros(model: Model, coordinates: CoordinateMap) -> Iterator[Candidate]:
     if len(model.coordinates) > coordinates.back.size:
         return
     for index, name in enumerate(model.coordinates):
-        hypothesis = Hypothesis(f"zero of {name}", "zero", 0.0, 1.0, rank("zero"), "", 1.0)
+        cause = CauseId(kind="zero", subject=(name,))
+        hypothesis = Hypothesis(id=cause, value=0.0, size=1.0, rank=rank("zero"))
         yield Candidate(hypothesis, Perturbation(zero=index))
 
 
@@ -129,11 +140,12 @@ def _gravity(model: Model) -> Iterator[Candidate]:
     size = float(np.linalg.norm(vector)) or 9.81
     for axis, value in enumerate(vector):
         # A component that the model has may be wrong; one that it lacks is seldom meant.
-        order = rank("setting") if value else len(_ORDER) + 1
+        order = rank("gravity") if value else len(_ORDER) + 1
         added = [0.0, 0.0, 0.0]
         added[axis] = -1.0
+        cause = CauseId(kind="gravity", subject=("xyz"[axis],))
         yield Candidate(
-            Hypothesis(f"gravity along {'xyz'[axis]}", "setting", value, size, order, "", -1.0),
+            Hypothesis(id=cause, value=value, size=size, rank=order, correction=-1.0),
             Perturbation(gravity=(added[0], added[1], added[2])),
         )
 
@@ -141,33 +153,38 @@ def _gravity(model: Model) -> Iterator[Candidate]:
 def _defaults(model: Model) -> Iterator[Candidate]:
     """What an engine does on its own unless told, each undone as the model's `remedies` say."""
     for cause, settings in model.remedies.items():
-        yield _switch(cause, "default", Perturbation(settings=settings))
+        yield _switch(CauseId(kind="default", subject=(cause,)), Perturbation(settings=settings))
 
 
 def literals(system: System, sidecar: Sidecar) -> Iterator[Candidate]:
     """Every literal: bound ones alone, bound ones of one expression together, and unbound ones."""
     found = tuple(_bound(system, sidecar))
     for b in found:
-        yield _literal(b.address, "literal", b.value, b.expected, (b,))
+        yield _literal("literal", (b,))
     for expression in dict.fromkeys(b.expression for b in found):
-        alike = [b for b in found if b.expression == expression]
+        alike = tuple(b for b in found if b.expression == expression)
         # Copies of one number, which a mistake has reached all alike.
         if len(alike) > 1 and len({b.value for b in alike}) == 1:
-            cause = ", ".join(b.address for b in alike)
-            yield _literal(cause, "literals", alike[0].value, alike[0].expected, alike)
+            yield _literal("literals", alike)
     yield from _unbound(sidecar, found)
 
 
-def _literal(
-    cause: str, kind: str, value: float, expected: float, moved: Sequence[Binding]
-) -> Candidate:
-    size = abs(value) or abs(expected) or 1.0
-    where = ", ".join(dict.fromkeys(f"{b.place.file.name}:{b.place.line}" for b in moved))
-    return Candidate(
-        Hypothesis(cause, kind, value, size, rank(kind), where, -1.0),
-        Perturbation(literals={b.address: -1.0 for b in moved}),
-        expected,
+def _literal(kind: CauseKind, moved: Sequence[Binding]) -> Candidate:
+    """Bound literals of one value, moved alike."""
+    value, expected = moved[0].value, moved[0].expected
+    hypothesis = Hypothesis(
+        id=CauseId(kind=kind, subject=tuple(b.address for b in moved)),
+        value=value,
+        size=abs(value) or abs(expected) or 1.0,
+        rank=rank(kind),
+        where=tuple(dict.fromkeys(_line(b.place) for b in moved)),
+        correction=-1.0,
     )
+    return Candidate(hypothesis, Perturbation(literals={b.address: -1.0 for b in moved}), expected)
+
+
+def _line(place: Location) -> SourceLine:
+    return SourceLine(file=place.file.name, line=place.line)
 
 
 def _bound(system: System, sidecar: Sidecar) -> Iterator[Binding]:
@@ -192,11 +209,12 @@ def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Candidate
         for address, place in find(sidecar.model, addresses).items():
             looks = re.search(r"/(visual|collision)/", address)
             if place.value and not looks and (place.file, place.start) not in taken:
-                kind = "unbound literal"
-                where = f"{place.file.name}:{place.line}"
-                yield Candidate(
-                    Hypothesis(
-                        address, kind, place.value, abs(place.value), rank(kind), where, -1.0
-                    ),
-                    Perturbation(literals={address: -1.0}),
+                hypothesis = Hypothesis(
+                    id=CauseId(kind="unbound literal", subject=(address,)),
+                    value=place.value,
+                    size=abs(place.value),
+                    rank=rank("unbound literal"),
+                    where=(_line(place),),
+                    correction=-1.0,
                 )
+                yield Candidate(hypothesis, Perturbation(literals={address: -1.0}))

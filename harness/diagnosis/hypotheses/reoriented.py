@@ -1,4 +1,4 @@
-"""A model seen otherwise: an axis turned the other way, or read from another zero."""
+"""A model reoriented: an axis turned the other way, or read from another zero."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class ReorientedModel(Model):
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Its rollout, from states and with forces as they are seen."""
+        """Its rollout, from states and with forces as they are reoriented."""
         sign, offset = self.sign, self.offset
         if isinstance(force, StateForce):
             inner = force
 
             def reversed_at(z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
-                seen = [(a - o) * s for a, s, o in zip(z, sign, offset, strict=True)]
-                return [f * s for f, s in zip(inner.at(seen, u), sign, strict=True)]
+                read = [(a - o) * s for a, s, o in zip(z, sign, offset, strict=True)]
+                return [f * s for f, s in zip(inner.at(read, u), sign, strict=True)]
 
             force = StateForce(inner.inputs, reversed_at)
         elif force is not None:

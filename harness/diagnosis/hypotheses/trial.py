@@ -1,4 +1,4 @@
-"""The bench: changes tried together, in the engine's own model and in the equations."""
+"""A model to be tried: perturbed in many ways at once, in its engine and in its equations."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from harness.files.bindings import locate, with_literals
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.segments import BlownUpError
+from harness.records.cause import CauseId
 from reference.integrate import ReferenceError
 from reference.numeric import Array
 from reference.variants import Variants
@@ -37,10 +38,10 @@ REFUSED = 1e6
 """Stands for the ends that an engine refuses to compute: what explains nothing."""
 
 Faults = Mapping[int, float]
-"""Faults by index of the suspect; those not named are none."""
+"""Faults by index of the candidate; those not named are none."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrialModel:
     """A model, its equations, and what might be wrong with it.
 
@@ -49,9 +50,9 @@ class TrialModel:
         variants: the equations with their parameters free.
         samples: the segments.
         ends: where the model ends them, scaled and flat, (N,).
-        suspects: H of them.
+        candidates: H of them.
         folder: for copies of the model.
-        known: slopes of the literals by their address, where a model close by has shown them.
+        known: slopes of the literals, where a model close by has shown them.
     """
 
     sidecar: Sidecar
@@ -63,13 +64,13 @@ class TrialModel:
     ends: Array
     candidates: tuple[Candidate, ...]
     folder: Path
-    known: Mapping[str, Array] = field(default_factory=dict)
+    known: Mapping[CauseId, Array] = field(default_factory=dict)
     _engine_ends: dict[object, Array] = field(default_factory=dict, repr=False)
     _reference_ends: dict[bytes, Array] = field(default_factory=dict, repr=False)
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
-        """What might be wrong, in the order of the suspects."""
+        """What might be wrong, in the order of the candidates."""
         return tuple(candidate.hypothesis for candidate in self.candidates)
 
     def defect(self, faults: Faults) -> Array:
@@ -82,13 +83,14 @@ class TrialModel:
         rows = np.zeros((len(of), len(self.ends)))
         free: dict[int, int] = {}
         for row, index in enumerate(of):
-            hypothesis, change = self.candidates[index].hypothesis, self.candidates[index].change
-            if not hypothesis.switch and change.parameters:
-                (free[row],) = change.parameters
+            candidate = self.candidates[index]
+            hypothesis, parameters = candidate.hypothesis, candidate.perturbation.parameters
+            if not hypothesis.switch and parameters:
+                (free[row],) = parameters
             elif hypothesis.switch:
                 rows[row] = self.defect(faults) - self.defect({**faults, index: 1.0})
-            elif not faults and hypothesis.kind == "literal" and hypothesis.cause in self.known:
-                rows[row] = self.known[hypothesis.cause]
+            elif not faults and hypothesis.id in self.known:
+                rows[row] = self.known[hypothesis.id]
             else:
                 rows[row] = self._slope(faults, index)
         if free:
@@ -130,7 +132,7 @@ class TrialModel:
         """Parameters of the equations with these faults repaired, (P,)."""
         point = self.variants.nominal.copy()
         for row, fault in faults.items():
-            for index, unit in self.candidates[row].change.parameters.items():
+            for index, unit in self.candidates[row].perturbation.parameters.items():
                 point[index] += fault * unit
         return point
 
@@ -171,7 +173,7 @@ class TrialModel:
         count = len(self.model.coordinates)
         repair = _Repair(sign=np.ones(count), offset=np.zeros(count))
         for row, fault in faults.items():
-            repair.take(self.candidates[row].change, fault)
+            repair.take(self.candidates[row].perturbation, fault)
         return repair
 
     def _run(self, repair: _Repair, rungs: tuple[int, ...]) -> Array:
@@ -200,23 +202,25 @@ class TrialModel:
             sidecar = at(sidecar, self.engine.name, **settings)
         same = sidecar is self.sidecar
         model = self.model if same else self.engine.load(sidecar.spec(self.engine.name))
-        return ReorientedModel(model, repair.sign, repair.offset) if repair.turned else model
+        if not repair.turned:
+            return model
+        return ReorientedModel(model=model, sign=repair.sign, offset=repair.offset)
 
     def _literals(self, changes: Mapping[str, float]) -> dict[str, float] | None:
-        """New values, or None where one would change its sign for one that is not meant."""
+        """New values, or None where one would change sign, other than to that of its nominal."""
         values = {}
         for address, place in locate(self.sidecar, changes).items():
-            signs = {np.sign(place.value), 0.0, *self._meant(address)}
+            signs = {np.sign(place.value), 0.0, *self._nominal_signs(address)}
             values[address] = place.value + changes[address]
             if np.sign(values[address]) not in signs:
                 # A mass below zero ends some engines' process.
                 return None
         return values
 
-    def _meant(self, address: str) -> Iterator[float]:
+    def _nominal_signs(self, address: str) -> Iterator[float]:
         for candidate in self.candidates:
-            if address in candidate.change.literals and candidate.meant is not None:
-                yield float(np.sign(candidate.meant))
+            if address in candidate.perturbation.literals and candidate.nominal is not None:
+                yield float(np.sign(candidate.nominal))
 
 
 @dataclass
@@ -229,21 +233,21 @@ class _Repair:
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     settings: dict[str, object] = field(default_factory=dict)
 
-    def take(self, change: Perturbation, fault: float) -> None:
+    def take(self, perturbation: Perturbation, fault: float) -> None:
         """Add the repair of one fault."""
-        for address, unit in change.literals.items():
+        for address, unit in perturbation.literals.items():
             self.literals[address] = self.literals.get(address, 0.0) + fault * unit
-        self.gravity += fault * np.array(change.gravity)
+        self.gravity += fault * np.array(perturbation.gravity)
         if fault:
-            self.settings |= change.settings
-        if change.reversed >= 0 and fault:
-            self.sign[change.reversed] *= -1
-        if change.zero >= 0:
-            self.offset[change.zero] -= fault
+            self.settings |= perturbation.settings
+        if perturbation.reversed >= 0 and fault:
+            self.sign[perturbation.reversed] *= -1
+        if perturbation.zero >= 0:
+            self.offset[perturbation.zero] -= fault
 
     @property
     def turned(self) -> bool:
-        """Whether coordinates are seen otherwise."""
+        """Whether coordinates are reoriented."""
         return bool(self.offset.any() or (self.sign < 0).any())
 
     @property

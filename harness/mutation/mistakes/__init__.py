@@ -5,7 +5,7 @@ may name for them. One that a model has no place for makes none there.
 """
 
 from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
 from harness.mutation.mistakes.registry import known_mistakes
 
-__all__ = ["Edit", "Mistake", "Subject", "known_mistakes"]
+__all__ = ["Edit", "Mistake", "Subject", "known_mistakes", "literal_causes"]

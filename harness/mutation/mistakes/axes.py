@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.records.cause import CauseId
 
 
 def axes(subject: Subject) -> Iterator[Mistake]:
@@ -14,7 +15,7 @@ def axes(subject: Subject) -> Iterator[Mistake]:
     A mechanism moves alike in a mirror, so that one axis turned may be as good as all the others:
     any axis may be named that undoes it.
     """
-    causes = frozenset(f"axis of {name} reversed" for name in subject.model.coordinates)
+    causes = frozenset(CauseId(kind="axis", subject=(z,)) for z in subject.model.coordinates)
     for name, joint in subject.joints():
         if subject.suffix == ".urdf":
             written = subject.numbers("axis@xyz")

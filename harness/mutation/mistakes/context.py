@@ -16,6 +16,7 @@ from harness.files.locations import LocationError, find, numbers
 from harness.files.locations.attributes import elements
 from harness.files.locations.xml import RawElement
 from harness.numerics.coordinates import CoordinateMap
+from harness.records.cause import CauseId, CauseKind
 from reference.numeric import Array
 
 XML = (".xml", ".urdf")
@@ -88,17 +89,18 @@ class Subject:
         names = [c.name for c in self.task.system.coordinates]
         return tuple(names[i] for i in np.argsort(-row) if row[i] > 0)
 
-    def about(self, joint: str, *terms: str) -> frozenset[str]:
-        """Causes in the equations' words: each term on each coordinate that moves the joint."""
-        return frozenset(f"{term} on {name}" for term in terms for name in self.follows(joint))
+    def about(self, joint: str, kind: CauseKind) -> frozenset[CauseId]:
+        """Causes in the equations' words: a term on each coordinate that moves the joint."""
+        return frozenset(CauseId(kind=kind, subject=(name,)) for name in self.follows(joint))
 
-    def size(self, joint: str, kind: str) -> float:
+    def size(self, joint: str, kind: CauseKind) -> float:
         """What matters of an added inertia, damping or friction at a joint, in its own units."""
         names = [c.name for c in self.task.system.coordinates]
         name = self.follows(joint)[0]
         slope = self._slopes[self.model.coordinates.index(joint), names.index(name)]
-        parameters = {p.name: p.size for p in self.task.variants.parameters}
-        return float(parameters[f"{kind} on {name}"] / slope ** (1 if kind == "friction" else 2))
+        parameters: dict[tuple[CauseKind, str], float]
+        parameters = {(p.kind, p.name): p.size for p in self.task.variants.parameters}
+        return float(parameters[kind, name] / slope ** (1 if kind == "friction" else 2))
 
     def reach(self, joint: str) -> float:
         """How far a joint moves to either side, in its own units."""

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from harness.engines.mistake import DefaultLeftOn
 from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.records.cause import CauseId
 
 
 def defaults(subject: Subject) -> Iterator[Mistake]:
@@ -18,5 +19,5 @@ def defaults(subject: Subject) -> Iterator[Mistake]:
                 usual.name,
                 f"settings.{usual.setting}",
                 Edit(settings={usual.setting: usual.value}),
-                frozenset({usual.cause}),
+                frozenset({CauseId(kind="default", subject=(usual.cause,))}),
             )

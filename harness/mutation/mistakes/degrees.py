@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 
 from harness.files.locations.attributes import Attribute
 from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake
-from harness.mutation.mistakes.rests import radian
+from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from harness.mutation.mistakes.rests import moved_rest, radian
+from harness.records.cause import CauseId
 
 ANGLES = r"(body|frame|joint)@(euler|axisangle|ref|springref)"
 
@@ -16,9 +17,7 @@ ANGLES = r"(body|frame|joint)@(euler|axisangle|ref|springref)"
 def degrees(subject: Subject) -> Iterator[Mistake]:
     """MJCF's `angle` forgotten or stated in vain; a URDF's angles written in degrees."""
     turns = {name: joint for name, joint in subject.joints() if _turns(joint.attributes)}
-    causes = frozenset[str]()
-    for name in turns:
-        causes |= subject.about(name, "offset force") | {f"zero of {name}"}
+    causes = frozenset[CauseId]().union(*(moved_rest(subject, name) for name in turns))
     if subject.suffix == ".xml":
         sliding = {name for name, _ in subject.joints()} - set(turns)
         stated = {
@@ -31,7 +30,7 @@ def degrees(subject: Subject) -> Iterator[Mistake]:
             said = None if radian(subject) else "radian"
             name = "degrees for radians" if said is None else "radians for degrees"
             edit = Edit(attributes=(Attribute(compiler.start, "angle", said),))
-            yield Mistake(name, "compiler@angle", edit, causes | set(stated))
+            yield Mistake(name, "compiler@angle", edit, causes | literal_causes(*stated))
     elif subject.suffix == ".urdf":
         kinds = r"springReference|origin@rpy"
         for address, value in subject.numbers(kinds).items():
@@ -39,7 +38,9 @@ def degrees(subject: Subject) -> Iterator[Mistake]:
             spring = any(address == f"gazebo[{name}]/springReference" for name in turns)
             if value and not drawn and (spring or "@rpy" in address):
                 edit = Edit({address: math.degrees(value)})
-                yield Mistake("degrees for radians", address, edit, causes | {address})
+                yield Mistake(
+                    "degrees for radians", address, edit, causes | literal_causes(address)
+                )
 
 
 def _turns(attributes: Mapping[str, str]) -> bool:

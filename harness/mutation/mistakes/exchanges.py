@@ -7,7 +7,8 @@ from itertools import combinations
 
 from harness.files.bindings import at_constants, bindings
 from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from harness.records.cause import CauseId
 from reference.declaration import DeclarationError
 
 
@@ -25,8 +26,11 @@ def exchanges(subject: Subject) -> Iterator[Mistake]:
         if not all(_stated(subject, c.name) for c in (one, other)):
             continue
         names = f"{one.name}, {other.name}"
-        causes = {f"{names} exchanged", one.name, other.name, *changed}
-        yield Mistake("two constants exchanged", names, Edit(changed), frozenset(causes))
+        causes = literal_causes(*changed) | {
+            CauseId(kind="exchange", subject=(one.name, other.name)),
+            *(CauseId(kind="constant", subject=(c.name,)) for c in (one, other)),
+        }
+        yield Mistake("two constants exchanged", names, Edit(changed), causes)
 
 
 def _stated(subject: Subject, name: str) -> bool:

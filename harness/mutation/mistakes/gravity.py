@@ -8,7 +8,8 @@ import numpy as np
 
 from harness.files.bindings import SIDECAR
 from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from harness.records.cause import CauseId
 
 SIZES = (9.8, 9.80665)
 """What people write, each where the model has something else."""
@@ -44,18 +45,20 @@ def _changed(
     """Changed where it is written, if it is written as a vector or as one number; else set."""
     addresses = _written(subject, old)
     moved = [i for i in range(3) if new[i] != old[i]]
-    causes = {f"gravity along {'xyz'[i]}" for i in moved} | constants
+    causes = {CauseId(kind="gravity", subject=("xyz"[i],)) for i in moved}
+    causes |= {CauseId(kind="constant", subject=(name,)) for name in constants}
     # On a coordinate along it, a constant pull is all that gravity is.
-    causes |= {f"offset force on {c.name}" for c in subject.task.system.coordinates}
+    pulled = [c.name for c in subject.task.system.coordinates]
+    causes |= {CauseId(kind="offset force", subject=(name,)) for name in pulled}
     if all(i in addresses for i in moved):
         own, signs = (
             [addresses[i] for i in moved],
             [_sign(subject, addresses[i], old[i]) for i in moved],
         )
         literals = {a: s * new[i] for a, s, i in zip(own, signs, moved, strict=True)}
-        return Mistake(name, ", ".join(own), Edit(literals), frozenset({*causes, *own}))
+        return Mistake(name, ", ".join(own), Edit(literals), literal_causes(*own) | causes)
     edit = Edit(settings={"gravity": list(new)})
-    return Mistake(name, "gravity", edit, frozenset({*causes, *addresses.values()}))
+    return Mistake(name, "gravity", edit, literal_causes(*addresses.values()) | causes)
 
 
 def _written(subject: Subject, old: Sequence[float]) -> dict[int, str]:

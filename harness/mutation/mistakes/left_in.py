@@ -6,17 +6,21 @@ from collections.abc import Iterator
 
 from harness.files.locations.attributes import Attribute
 from harness.mutation.mistakes.context import Subject, rounded
-from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from harness.records.cause import CauseKind
 
 SHARE = 0.05
 """Of what would matter as much as the forces or inertias that the motion has."""
 
-MJCF = (
+MJCF: tuple[tuple[str, str, CauseKind], ...] = (
     ("friction left in", "frictionloss", "friction"),
     ("damping left in", "damping", "damping"),
     ("armature left in", "armature", "inertia"),
 )
-URDF = (("friction left in", "friction", "friction"), ("damping left in", "damping", "damping"))
+URDF: tuple[tuple[str, str, CauseKind], ...] = (
+    ("friction left in", "friction", "friction"),
+    ("damping left in", "damping", "damping"),
+)
 
 
 def left_in(subject: Subject) -> Iterator[Mistake]:
@@ -35,4 +39,4 @@ def left_in(subject: Subject) -> Iterator[Mistake]:
             value = rounded(SHARE * subject.size(name, kind))
             edit = Edit(attributes=(Attribute(owner.start, attribute, repr(value)),))
             address = f"{owner.spelled(1 if owner is joint else 2)}@{attribute}"
-            yield Mistake(what, name, edit, subject.about(name, kind) | {address})
+            yield Mistake(what, name, edit, subject.about(name, kind) | literal_causes(address))

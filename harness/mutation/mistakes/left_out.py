@@ -8,6 +8,7 @@ from harness.engines.mistake import LeftOut
 from harness.files.locations.attributes import Attribute
 from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.records.cause import CauseId
 
 
 def left_out(subject: Subject) -> Iterator[Mistake]:
@@ -18,7 +19,7 @@ def left_out(subject: Subject) -> Iterator[Mistake]:
 
 
 def _left_out(subject: Subject, usual: LeftOut) -> Iterator[Mistake]:
-    causes = frozenset({usual.cause})
+    causes = frozenset({CauseId(kind="default", subject=(usual.cause,))})
     for element in subject.elements:
         stated = [key for key in usual.defaults if key in element.attributes]
         if stated and element.parent is not None and element.parent.tag == usual.within:

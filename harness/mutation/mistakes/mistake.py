@@ -10,6 +10,7 @@ from harness.diagnosis.hypotheses.trial import at
 from harness.files.bindings import rewrite, with_literals
 from harness.files.locations.attributes import Attribute, with_attributes
 from harness.files.sidecar import Sidecar, read_sidecar
+from harness.records.cause import CauseId, CauseKind
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Edit:
         """The sidecar of a copy in the folder `into` with the edits made.
 
         Raises:
-            PlaceError: naming file, line and remedy.
+            LocationError: naming file, line and remedy.
         """
         copy = with_literals(sidecar, {}, into)
         if self.attributes:
@@ -43,20 +44,26 @@ class Edit:
         return at(copy, engine, **self.settings) if self.settings else copy
 
 
+def literal_causes(*addresses: str) -> frozenset[CauseId]:
+    """What a diagnosis may call each of some literals: whether it is bound or not."""
+    kinds: tuple[CauseKind, ...] = ("literal", "unbound literal")
+    return frozenset(CauseId(kind=kind, subject=(a,)) for a in addresses for kind in kinds)
+
+
 @dataclass(frozen=True)
 class Mistake:
     """One mistake in one model.
 
     Attributes:
         name: what the user did.
-        place: where: a joint, a literal or a setting.
+        location: a joint, a literal or a setting.
         edit: what makes it.
         causes: those that a diagnosis may name for it, any of which is right.
         sound: whether it is none: it changes the error of a step, and not the mechanism.
     """
 
     name: str
-    place: str
+    location: str
     edit: Edit
-    causes: frozenset[str] = frozenset()
+    causes: frozenset[CauseId] = frozenset()
     sound: bool = False

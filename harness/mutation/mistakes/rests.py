@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from harness.files.bindings import SIDECAR
 from harness.files.locations.attributes import Attribute
 from harness.mutation.mistakes.context import Subject, rounded
-from harness.mutation.mistakes.mistake import Edit, Mistake
+from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from harness.records.cause import CauseId
 
 SHARE = 0.1
 """The offset, as a share of how far the joint moves."""
@@ -41,7 +42,7 @@ def _joints(subject: Subject) -> Iterator[Mistake]:
             "a rest offset",
             name,
             Edit(attributes=(Attribute(joint.start, "springref", repr(new)),)),
-            _moved(subject, name) | {f"{joint.spelled(1)}@springref"},
+            moved_rest(subject, name) | literal_causes(f"{joint.spelled(1)}@springref"),
         )
 
 
@@ -60,7 +61,7 @@ def _tendons(subject: Subject) -> Iterator[Mistake]:
         if "springlength" not in tendon.attributes or not names:
             continue
         place, address = tendon.spelled(1), f"{tendon.spelled(1)}@springlength"
-        causes = frozenset().union(*(_moved(subject, name) for name in names)) | {address}
+        causes = literal_causes(address).union(*(moved_rest(subject, name) for name in names))
         words = tendon.attributes["springlength"].split()
         new = float(words[0]) + rounded(SHARE * max(subject.reach(name) for name in names))
         edit = Edit(attributes=(Attribute(tendon.start, "springlength", repr(new)),))
@@ -77,17 +78,19 @@ def _gazebo(subject: Subject) -> Iterator[Mistake]:
         address = f"gazebo[{name}]/springReference"
         if address in stated:
             new = stated[address] + rounded(SHARE * subject.reach(name))
-            causes = _moved(subject, name) | {address}
+            causes = moved_rest(subject, name) | literal_causes(address)
             yield Mistake("a rest offset", name, Edit({address: new}), causes)
 
 
 def _python(subject: Subject) -> Iterator[Mistake]:
     """Numbers that stand for no constant and are called a rest."""
-    causes = frozenset[str]().union(*(_moved(subject, z) for z in subject.model.coordinates))
+    causes = frozenset[CauseId]().union(
+        *(moved_rest(subject, z) for z in subject.model.coordinates)
+    )
     for name, value in subject.numbers("").items():
         if REST.search(name) and name not in subject.bound:
             new = value * (1 + SHARE) if value else SHARE
-            yield Mistake("a rest offset", name, Edit({name: new}), causes | {name})
+            yield Mistake("a rest offset", name, Edit({name: new}), causes | literal_causes(name))
 
 
 def _declared(subject: Subject) -> Iterator[Mistake]:
@@ -97,10 +100,10 @@ def _declared(subject: Subject) -> Iterator[Mistake]:
         if spring.stiffness and joints:
             address = f"{SIDECAR}spring[{index}].rest"
             new = spring.rest + rounded(SHARE * max(map(subject.reach, joints)))
-            causes = frozenset[str]().union(*(_moved(subject, name) for name in joints))
-            yield Mistake("a rest offset", address, Edit({address: new}), causes | {address})
+            causes = literal_causes(address).union(*(moved_rest(subject, name) for name in joints))
+            yield Mistake("a rest offset", address, Edit({address: new}), causes)
 
 
-def _moved(subject: Subject, joint: str) -> frozenset[str]:
+def moved_rest(subject: Subject, joint: str) -> frozenset[CauseId]:
     """What a moved rest amounts to: a constant pull, or the joint read from another zero."""
-    return subject.about(joint, "offset force") | {f"zero of {joint}"}
+    return subject.about(joint, "offset force") | {CauseId(kind="zero", subject=(joint,))}

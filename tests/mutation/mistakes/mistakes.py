@@ -1,6 +1,10 @@
 """Mistakes that users make, as edits of the built-in model files, and what each is to be called."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+
+Edits = tuple[tuple[str, str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -13,7 +17,7 @@ class Mistake:
         model: model file.
         engine: what runs it.
         edits: (file, old text, new text); each old text occurs, and is replaced everywhere.
-        causes: names any of which is right.
+        causes: phrases any of which is right.
         needs: further edits that the mistake is made on top of: with them alone the model is right.
     """
 
@@ -21,29 +25,33 @@ class Mistake:
     system: str
     model: str
     engine: str
-    edits: tuple[tuple[str, str, str], ...]
+    edits: Edits
     causes: tuple[str, ...]
-    needs: tuple[tuple[str, str, str], ...] = ()
+    needs: Edits = ()
 
 
 XML, URDF, SPACE, SYSTEM = "mujoco.xml", "robot.urdf", "space.py", "system.py"
 SETTINGS = "[settings]\n"
 
 
-def xml(name, system, old, new, *causes, needs=(), model=XML):
+def xml(
+    name: str, system: str, old: str, new: str, *causes: str, needs: Edits = (), model: str = XML
+) -> Mistake:
     return Mistake(name, system, model, "mujoco", ((model, old, new),), causes, needs)
 
 
-def urdf(name, system, old, new, *causes, engine="pybullet"):
+def urdf(
+    name: str, system: str, old: str, new: str, *causes: str, engine: str = "pybullet"
+) -> Mistake:
     return Mistake(name, system, URDF, engine, ((URDF, old, new),), causes)
 
 
-def setting(name, system, line, *causes, model=URDF, engine="pybullet", needs=()):
-    edit = (f"{model}.toml", SETTINGS, f"{SETTINGS}{line}\n")
-    return Mistake(name, system, model, engine, (edit,), causes, needs)
+def setting(name: str, system: str, line: str, *causes: str) -> Mistake:
+    edit = (f"{URDF}.toml", SETTINGS, f"{SETTINGS}{line}\n")
+    return Mistake(name, system, URDF, "pybullet", (edit,), causes)
 
 
-def space(name, system, old, new, *causes):
+def space(name: str, system: str, old: str, new: str, *causes: str) -> Mistake:
     return Mistake(name, system, SPACE, "pymunk", ((SPACE, old, new),), causes)
 
 

@@ -1,20 +1,26 @@
 """Known mistakes: each is caught, and its cause is named from the motions alone."""
 
+from __future__ import annotations
+
 import shutil
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import pytest
+from _pytest.mark import ParameterSet
 
-from harness.cases.case import CaseTask, load, run_case
-from harness.cases.prepare import prepare
+from harness.cases.case import case_task, load, run_case
+from harness.cases.prepare import Prepared, prepare
 from harness.cases.verdict import judge
-from harness.diagnosis.task import DiagnosisTask, diagnosed
+from harness.diagnosis.task import diagnosis_task, ranked
 from harness.engines.protocol import EngineError
 from harness.engines.registry import engines
 from harness.files.folders import builtin
-from harness.files.sidecar import read_sidecar
+from harness.files.sidecar import Sidecar, read_sidecar
 from harness.numerics.segments import extrapolate
+from harness.records.case import FullRun
 from harness.records.outcome import Outcome
 from reference.derive import derive
 from reference.solve import solve
@@ -25,7 +31,11 @@ from tests.mutation.mistakes.mistakes import (
     REFUSED,
     SYSTEM,
     URDF,
+    Edits,
+    Mistake,
 )
+
+Edited = Callable[[Mistake, Edits], Sidecar]
 
 FEW = 8
 """Segments a scenario: enough for these, and soon done."""
@@ -34,7 +44,7 @@ SCENARIOS = 2
 """The first two: one is free, one is forced."""
 
 
-def cases(mistakes):
+def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
     return [
         pytest.param(
             m,
@@ -48,11 +58,11 @@ def cases(mistakes):
 
 
 @cache
-def prepared(folder):
+def prepared(folder: Path) -> Prepared:
     return prepare(folder)
 
 
-def physics_of(mistake, sidecar):
+def physics_of(mistake: Mistake, sidecar: Sidecar) -> Prepared:
     """The built-in folder's, or that of the copy where its equations are edited too."""
     files = {file for file, _, _ in (*mistake.needs, *mistake.edits)}
     folder = sidecar.model.parent if SYSTEM in files else builtin() / mistake.system
@@ -60,10 +70,10 @@ def physics_of(mistake, sidecar):
 
 
 @pytest.fixture
-def edited(tmp_path):
+def edited(tmp_path: Path) -> Edited:
     """A copy of a built-in folder with texts replaced; returns the model's sidecar."""
 
-    def make(mistake, edits):
+    def make(mistake: Mistake, edits: Edits) -> Sidecar:
         folder = tmp_path / f"copy{len(list(tmp_path.iterdir()))}"
         shutil.copytree(builtin() / mistake.system, folder)
         for name, old, new in edits:
@@ -75,7 +85,7 @@ def edited(tmp_path):
     return make
 
 
-def outcome(mistake, sidecar):
+def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
     """Of the second scenario, which has a known force."""
     physics = physics_of(mistake, sidecar)
     name = list(physics.motions)[1]
@@ -87,75 +97,70 @@ def outcome(mistake, sidecar):
 
 
 @pytest.mark.parametrize("mistake", cases(MISTAKES))
-def test_a_mistake_is_caught_and_named(mistake, edited, monkeypatch):
+def test_a_mistake_is_caught_and_named(
+    mistake: Mistake, edited: Edited, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("harness.diagnosis.samples.SEGMENTS_PICKED", FEW)
     sidecar = edited(mistake, (*mistake.needs, *mistake.edits))
     physics = physics_of(mistake, sidecar)
     assert outcome(mistake, sidecar) is Outcome.DIFFERS
     motions = dict(list(physics.motions.items())[:SCENARIOS])
-    diagnosis = diagnosed(
-        DiagnosisTask(
-            physics.system, sidecar, mistake.engine, motions, physics.scales, physics.variants
-        )
-    )
-    first = diagnosis.findings[0]
-    named = {*(cause.cause for cause in first.causes), *first.tied_with}
+    task = replace(diagnosis_task(physics, sidecar, mistake.engine), motions=motions)
+    ranking = ranked(task)
+    first = ranking.fits[0]
+    named = {str(cause) for cause in (*first.causes, *first.tied_with)}
     assert named & set(mistake.causes), (named, first.remaining)
     assert first.remaining < 1e-3
-    assert diagnosis.explained
+    assert ranking.explained
 
 
 @pytest.mark.parametrize("mistake", cases([m for m in MISTAKES if m.needs]))
-def test_what_a_mistake_is_made_on_top_of_is_none(mistake, edited):
+def test_what_a_mistake_is_made_on_top_of_is_none(mistake: Mistake, edited: Edited) -> None:
     assert outcome(mistake, edited(mistake, mistake.needs)) is Outcome.AGREES
 
 
 @pytest.mark.parametrize("change", cases(NO_MISTAKES))
-def test_what_an_engine_leaves_out_still_agrees(change, edited):
+def test_what_an_engine_leaves_out_still_agrees(change: Mistake, edited: Edited) -> None:
     assert outcome(change, edited(change, change.edits)) is Outcome.AGREES
 
 
-def lived(mistake, sidecar):
+def run_in_short(mistake: Mistake, sidecar: Sidecar) -> tuple[Outcome, FullRun]:
     """The second scenario as `run` tells it, in short: two seconds."""
     physics = physics_of(mistake, sidecar)
     scenario = physics.system.scenarios[1]
     short = replace(scenario, duration=min(scenario.duration, 2.0))
     motion = solve(derive(physics.system), short)
-    return run_case(
-        CaseTask(
-            physics.system,
-            sidecar,
-            mistake.engine,
-            scenario.name,
-            motion,
-            physics.scales[scenario.name],
-            physics.amplitude,
-            physics.power,
-            physics.components,
-            1e-9,
-        )
-    )
+    task = case_task(physics, sidecar, mistake.engine, scenario.name, 1e-9)
+    case = run_case(replace(task, motion=motion))
+    assert case.full_run is not None
+    return case.outcome, case.full_run
 
 
 @pytest.mark.parametrize("change", cases(OTHER_STEPS))
-def test_another_step_or_integrator_agrees_and_is_told_by_its_raw_error(change, edited):
-    before = lived(change, edited(change, ()))
-    after = lived(change, edited(change, change.edits))
-    assert before["outcome"] == after["outcome"] == "AGREES"
-    assert abs(after["raw_error"] / before["raw_error"] - 1) > 0.01
-    told = [(r["shipped_step"], r["integrator"], r["raw_error"]) for r in (before, after)]
-    assert told[0][:2] != told[1][:2] or "error_bias" in change.name
+def test_another_step_or_integrator_agrees_and_is_told_by_its_global_error(
+    change: Mistake, edited: Edited
+) -> None:
+    was, before = run_in_short(change, edited(change, ()))
+    became, after = run_in_short(change, edited(change, change.edits))
+    assert (was, became) == (Outcome.AGREES, Outcome.AGREES)
+    assert before.global_error is not None
+    assert after.global_error is not None
+    assert abs(after.global_error / before.global_error - 1) > 0.01
+    same = (before.shipped_step, before.integrator) == (after.shipped_step, after.integrator)
+    assert not same or "error_bias" in change.name
 
 
 @pytest.mark.parametrize("mistake", cases(REFUSED))
-def test_a_mistake_that_an_engine_would_repair_in_silence_is_refused(mistake, edited):
+def test_a_mistake_that_an_engine_would_repair_in_silence_is_refused(
+    mistake: Mistake, edited: Edited
+) -> None:
     sidecar = edited(mistake, mistake.edits)
     with pytest.raises(EngineError) as refusal:
         engines()[mistake.engine].load(sidecar.spec(mistake.engine))
     assert all(word in str(refusal.value) for word in mistake.causes)
 
 
-def test_a_file_rewritten_under_its_name_is_read_again_by_pybullet(edited):
+def test_a_file_rewritten_under_its_name_is_read_again_by_pybullet(edited: Edited) -> None:
     if engines()["pybullet"].version() is None:
         pytest.skip("pybullet is not installed")
     mistake = next(m for m in MISTAKES if m.engine == "pybullet" and m.edits[0][0] == URDF)

@@ -1,15 +1,25 @@
 """What might be wrong with a model, and what trying it does."""
 
+from __future__ import annotations
+
 import shutil
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from harness.cases.prepare import prepare
-from harness.diagnosis.task import DiagnosisTask, trial_model
+from harness.cases.prepare import Prepared, prepare
+from harness.diagnosis.hypotheses import TrialModel
+from harness.diagnosis.task import diagnosis_task, trial_model
 from harness.engines.registry import engines
 from harness.files.folders import builtin
 from harness.files.sidecar import read_sidecar
+from reference.numeric import Array
+
+Open = Callable[..., AbstractContextManager[tuple[TrialModel, Array]]]
 
 pytestmark = pytest.mark.skipif(
     engines()["mujoco"].version() is None, reason="mujoco is not installed"
@@ -17,15 +27,15 @@ pytestmark = pytest.mark.skipif(
 
 
 @pytest.fixture(scope="module")
-def physics():
+def physics() -> Prepared:
     return prepare(builtin() / "simple_pendulum")
 
 
 @pytest.fixture
-def opened(physics, tmp_path):
-    """A bench for the pendulum's MJCF with texts replaced."""
+def opened(physics: Prepared, tmp_path: Path) -> Open:
+    """A trial model of the pendulum's MJCF with texts replaced."""
 
-    def open_(*edits):
+    def open_(*edits: tuple[str, str]) -> AbstractContextManager[tuple[TrialModel, Array]]:
         folder = tmp_path / "copy"
         shutil.copytree(builtin() / "simple_pendulum", folder)
         text = (folder / "mujoco.xml").read_text()
@@ -35,38 +45,34 @@ def opened(physics, tmp_path):
         (folder / "mujoco.xml").write_text(text)
         sidecar = read_sidecar(folder / "mujoco.xml.toml")
         motions = {name: physics.motions[name] for name in ("free", "driven")}
-        return trial_model(
-            DiagnosisTask(
-                physics.system, sidecar, "mujoco", motions, physics.scales, physics.variants
-            )
-        )
+        return trial_model(replace(diagnosis_task(physics, sidecar, "mujoco"), motions=motions))
 
     return open_
 
 
-def index(whole, cause):
-    return [h.cause for h in whole.hypotheses].index(cause)
+def index(whole: TrialModel, cause: str) -> int:
+    return [str(h.id) for h in whole.hypotheses].index(cause)
 
 
-def test_a_number_left_in_is_a_suspect_with_its_line_and_looks_are_none(opened):
+def test_a_number_left_in_is_a_candidate_with_its_line_and_looks_are_none(opened: Open) -> None:
     with opened(('axis="0 -1 0"', 'axis="0 -1 0" armature="0.01"')) as (whole, _):
         left_in = whole.hypotheses[index(whole, "joint[theta]@armature")]
-        assert left_in.kind == "unbound literal"
+        assert left_in.id.kind == "unbound literal"
         assert left_in.value == 0.01
-        assert left_in.where.startswith("mujoco.xml:")
-        assert not any("geom" in h.cause or "rgba" in h.cause for h in whole.hypotheses)
+        assert [line.file for line in left_in.where] == ["mujoco.xml"]
+        assert not any(word in str(h.id) for h in whole.hypotheses for word in ("geom", "rgba"))
 
 
-def test_literals_of_one_expression_move_together(opened):
+def test_literals_of_one_expression_move_together(opened: Open) -> None:
     with opened() as (whole, _):
         both = index(whole, "body[pendulum]/inertial@mass")
-        moved = whole.candidates[both].change.literals
+        moved = whole.candidates[both].perturbation.literals
         assert moved == {"body[pendulum]/inertial@mass": -1.0}
-        groups = [h for h in whole.hypotheses if h.kind == "literals"]
-        assert all(", " in h.cause for h in groups)
+        groups = [h for h in whole.hypotheses if h.id.kind == "literals"]
+        assert all(len(h.id.subject) > 1 for h in groups)
 
 
-def test_faults_are_repaired_together_exactly(opened):
+def test_faults_are_repaired_together_exactly(opened: Open) -> None:
     edits = (('pos="0 0 -0.75"', 'pos="0 0 -0.9"'), ("-9.81", "-9.0"))
     with opened(*edits) as (whole, uncertainty):
         length = index(whole, "body[pendulum]/inertial@pos[2]")
@@ -77,7 +83,7 @@ def test_faults_are_repaired_together_exactly(opened):
         assert np.all(np.abs(both) <= np.maximum(uncertainty, 1e-11))
 
 
-def test_a_slope_is_the_change_of_the_defect_near_any_faults(opened):
+def test_a_slope_is_the_change_of_the_defect_near_any_faults(opened: Open) -> None:
     with opened(("-9.81", "-9.5")) as (whole, _):
         gravity = index(whole, "option@gravity[2]")
         mass = index(whole, "m")
@@ -90,7 +96,7 @@ def test_a_slope_is_the_change_of_the_defect_near_any_faults(opened):
                 assert np.linalg.norm(row - wanted) < 1e-3 * np.linalg.norm(wanted)
 
 
-def test_a_literal_is_not_moved_across_zero(opened):
+def test_a_literal_is_not_moved_across_zero(opened: Open) -> None:
     with opened() as (whole, _):
         mass = index(whole, "body[pendulum]/inertial@mass")
         assert np.min(np.abs(whole.defect({mass: 1.0}))) > 1e5

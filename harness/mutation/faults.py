@@ -1,0 +1,30 @@
+"""What every literal is made: wrong by three sizes and four factors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from harness.files.bindings import Binding
+from harness.mutation.mistakes import Edit, Mistake, literal_causes
+from harness.records.cause import CauseId
+
+SIZES = {"1e-6": 1 + 1e-6, "1e-3": 1 + 1e-3, "5 %": 1.05}
+FACTORS = {"left out": 0.0, "sign": -1.0, "double": 2.0, "half": 0.5}
+"""What a literal is multiplied by: the small faults, and the mistakes that people make."""
+
+FAULTS = SIZES | FACTORS
+
+
+def literal_faults(found: Sequence[Binding], joints: Sequence[str]) -> Iterator[Mistake]:
+    """Every bound literal that is not zero, multiplied by each factor.
+
+    Args:
+        found: the literals.
+        joints: the engine's coordinates.
+    """
+    # A number with the other sign may be as good as an axis that points the other way.
+    mirrored = frozenset(CauseId(kind="axis", subject=(name,)) for name in joints)
+    for b in found:
+        for label, factor in FAULTS.items() if b.value else ():
+            causes = literal_causes(b.address) | (mirrored if factor < 0 else frozenset())
+            yield Mistake(label, b.address, Edit({b.address: b.value * factor}), causes)

@@ -1,0 +1,191 @@
+"""One model made wrong in one way, and what the check says of it."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+
+from harness.cases.case import load
+from harness.diagnosis.diagnose import Ranking, diagnose
+from harness.diagnosis.hypotheses.trial import scratch
+from harness.diagnosis.task import DiagnosisTask, trial_model
+from harness.engines.protocol import EngineError
+from harness.files.bindings import bindings
+from harness.mutation.faults import FAULTS, SIZES
+from harness.mutation.mistakes import Mistake
+from harness.mutation.survey import Survey
+from harness.numerics.full_run import follow
+from harness.numerics.segments import BlownUpError
+from harness.records.base import number
+from harness.records.cause import CauseId
+from harness.records.mutation import FaultKind, FaultVerdict, Mutation
+from reference.numeric import Array
+
+RESOLUTION = 1e-9
+"""A model whose motions are known no better than this does not agree,"""
+
+BESIDE = 10.0
+"""unless they are known no worse, by this factor, than those of the sound model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MutationTask:
+    """One model in one engine, made wrong in one way.
+
+    Attributes:
+        model: the sound model, as a diagnosis takes it.
+        survey: of that.
+        fault: what is made wrong.
+    """
+
+    model: DiagnosisTask
+    survey: Survey
+    fault: Mistake
+
+    @property
+    def kind(self) -> FaultKind:
+        """Whether it is a literal's, a known mistake, or none."""
+        if self.fault.location in self.survey.addresses and self.fault.name in FAULTS:
+            return FaultKind.LITERAL
+        return FaultKind.NONE if self.fault.sound else FaultKind.MISTAKE
+
+
+def mutated(task: MutationTask) -> Mutation:
+    """Make one model wrong in one way, and see what the check says."""
+    began = time.process_time()
+    with scratch() as copies:
+        sidecar = task.fault.edit.made(task.model.sidecar, task.model.engine, copies)
+        try:
+            row = _judged(task, replace(task.model, sidecar=sidecar))
+        except (EngineError, BlownUpError) as error:
+            row = refused(task, str(error))
+    return msgspec.structs.replace(row, seconds=time.process_time() - began)
+
+
+def refused(task: MutationTask, reason: str) -> Mutation:
+    """The row of a fault that the engine does not run."""
+    return _row(task, FaultVerdict.REFUSED, float("inf"), reason)
+
+
+def _judged(task: MutationTask, wrong: DiagnosisTask) -> Mutation:
+    """The row of a fault, from the motions of the wrong model."""
+    sound, fault = task.survey, task.fault
+    with trial_model(wrong, _near(task)) as (whole, uncertainty):
+        defect = np.abs(whole.defect({}))
+        size = float(np.max(defect))
+        moved = np.abs(whole.ends - sound.ends) - sound.uncertainty > uncertainty
+        resolved = _resolved(uncertainty, sound)
+        if fault.sound and resolved and not moved.any():
+            return _row(task, FaultVerdict.AGREES, size, _global_errors(task.model, wrong))
+        seen = defect > uncertainty
+        if seen.any():
+            share = float(np.min(uncertainty[seen] / defect[seen]))
+            return _named(
+                _row(task, FaultVerdict.CAUGHT, size, share=share),
+                task,
+                diagnose(whole, uncertainty),
+            )
+        if not resolved:
+            coarse = f"unresolved, to {np.max(uncertainty):.0e}"
+            return _row(task, FaultVerdict.CAUGHT, size, coarse)
+        return _unnoticed(_row(task, FaultVerdict.UNSEEN, size), bool(moved.any()))
+
+
+def _near(task: MutationTask) -> dict[CauseId, Array] | None:
+    """A model that is nearly right depends on its literals as the sound one does."""
+    if task.fault.name not in SIZES:
+        return None
+    known = zip(task.survey.addresses, task.survey.slopes, strict=True)
+    return {CauseId(kind="literal", subject=(address,)): slope for address, slope in known}
+
+
+def _resolved(uncertainty: Array, sound: Survey) -> bool:
+    """Whether motions are known well enough to agree."""
+    enough = max(RESOLUTION, BESIDE * float(np.max(sound.uncertainty)))
+    return float(np.max(uncertainty)) <= enough
+
+
+def _row(
+    task: MutationTask,
+    verdict: FaultVerdict,
+    size: float,
+    message: str = "",
+    *,
+    share: float | None = None,
+) -> Mutation:
+    """The row of a fault; `share` of a mistake is what would be seen, of a literal it is known."""
+    model, fault, known = task.model, task.fault, task.survey
+    if task.kind is FaultKind.LITERAL:
+        share = float(known.first_caught[known.addresses.index(fault.location)])
+    return Mutation(
+        system=model.system.name,
+        model=model.sidecar.model.name,
+        engine=model.engine,
+        kind=task.kind,
+        name=fault.name,
+        location=fault.location,
+        verdict=verdict,
+        discrepancy=number(size),
+        message=message,
+        estimate_error=None,
+        first_caught=number(share),
+    )
+
+
+def _unnoticed(row: Mutation, moved: bool) -> Mutation:
+    """Missed if the motions depend on it, unseen if they don't."""
+    depends = row.first_caught is not None if row.kind is FaultKind.LITERAL else moved
+    verdict = FaultVerdict.MISSED if depends else FaultVerdict.UNSEEN
+    return msgspec.structs.replace(row, verdict=verdict)
+
+
+def _named(row: Mutation, task: MutationTask, ranking: Ranking) -> Mutation:
+    """What the diagnosis says of a fault, and whether it is right.
+
+    Two causes together name a fault if both are of those that may be named for it.
+    """
+    if not ranking.fits:
+        return row
+    first, wanted = ranking.fits[0], task.fault.causes
+    alone = len(first.causes) == 1
+    right = wanted.issuperset(first.causes) or (alone and bool(wanted & {*first.tied_with}))
+    return msgspec.structs.replace(
+        row,
+        verdict=FaultVerdict.NAMED if right and ranking.explained else FaultVerdict.CAUGHT,
+        message=" and ".join(map(str, first.causes)),
+        estimate_error=_estimate_error(task, ranking),
+    )
+
+
+def _estimate_error(task: MutationTask, ranking: Ranking) -> float | None:
+    """How far the fitted value of a literal is from the right one, relative to the fault."""
+    address = task.fault.location
+    if task.kind is not FaultKind.LITERAL:
+        return None
+    found = bindings(task.model.system, task.model.sidecar)
+    value = next(b.value for b in found if b.address == address)
+    wrong = task.fault.edit.literals[address]
+    cause = CauseId(kind="literal", subject=(address,))
+    fits = (fit for fit in ranking.fits if fit.causes == (cause,))
+    fit = next(fits, None)
+    return None if fit is None else number(abs(fit.estimates[0] - value) / abs(wrong - value))
+
+
+def _global_errors(before: DiagnosisTask, after: DiagnosisTask) -> str:
+    """Errors of a full run at the step stated, before and after, of the scenario that moves least.
+
+    Where it moves much, two steps may end anywhere.
+    """
+    motion = min(before.motions.values(), key=lambda m: float(np.max(m.amplitude)))
+    n = len(before.system.q)
+    errors = []
+    for task in (before, after):
+        model, coordinates = load(task.system, task.sidecar, task.engine)
+        t, states = follow(model, coordinates, motion, model.step)
+        off = np.abs(states - motion.at(t))[:, :n]
+        error = float(np.max(off / np.maximum(motion.amplitude[:n], 1e-300)))
+        errors.append(f"{error:.2%}" if error > 1e-4 else f"{error:.1e}")
+    return f"raw error {errors[0]} -> {errors[1]}"

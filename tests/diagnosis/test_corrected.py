@@ -1,0 +1,108 @@
+"""The motion corrected with the value that a diagnosis found."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from harness.cases.prepare import prepare
+from harness.diagnosis.corrected import correct_motion
+from harness.diagnosis.diagnose import Ranking
+from harness.diagnosis.fit import Fit
+from harness.diagnosis.task import DiagnosisTask, diagnosis_task, trial_model
+from harness.files.folders import builtin
+from harness.files.sidecar import read_sidecar
+from harness.records.finding import CorrectedMotion
+
+
+@pytest.fixture(scope="module")
+def task(tmp_path_factory: pytest.TempPathFactory) -> DiagnosisTask:
+    """A mass on a spring that is one per cent too stiff in its file."""
+    pytest.importorskip("mujoco")
+    folder = tmp_path_factory.mktemp("planted") / "mass_spring_damper"
+    shutil.copytree(builtin() / "mass_spring_damper", folder)
+    path = folder / "mujoco.xml"
+    text, count = re.subn('stiffness="47.0"', 'stiffness="47.47"', path.read_text())
+    assert count == 1
+    path.write_text(text)
+    prepared = prepare(folder)
+    sidecar = read_sidecar(folder / "mujoco.xml.toml")
+    return diagnosis_task(prepared, sidecar, "mujoco")
+
+
+def corrected(
+    task: DiagnosisTask, cause: str, fault: float, explained: bool = True
+) -> CorrectedMotion | None:
+    """The motion corrected as if a diagnosis had named one cause and its fault."""
+    with trial_model(task) as (whole, _):
+        (index,) = (i for i, h in enumerate(whole.hypotheses) if str(h.id) == cause)
+        hypothesis = whole.hypotheses[index]
+        estimate = hypothesis.value + hypothesis.correction * fault
+        fit = Fit(
+            members=(index,),
+            hypotheses=(hypothesis,),
+            faults=(fault,),
+            estimates=(estimate,),
+            standard_errors=(1e-9,),
+            remaining=1e-10,
+        )
+        return correct_motion(whole, task.motions, Ranking((fit,), explained, 1e-9))
+
+
+def found_in(motion: CorrectedMotion | None) -> CorrectedMotion:
+    assert motion is not None
+    return motion
+
+
+@pytest.mark.parametrize(("cause", "estimate", "what"), [
+    ("k", 47.47, "equations"),
+    ("joint[x]@stiffness", 47.0, "file"),
+])  # fmt: skip
+def test_the_right_value_explains_the_motion_in_every_scenario(
+    task: DiagnosisTask, cause: str, estimate: float, what: str
+) -> None:
+    found = found_in(corrected(task, cause, 0.47))
+    assert [one.estimate for one in found.causes] == [pytest.approx(estimate)]
+    assert [str(one) for one in found.causes] == [cause]
+    assert found.put_into == what
+    assert [one.scenario for one in found.scenarios] == list(task.motions)
+    for one in found.scenarios:
+        assert np.max(np.abs(np.array(one.before))) > 1e-3
+        assert np.max(np.abs(np.array(one.after))) < 1e-9
+        # The equations with the file's spring: another motion. The file with the equations' spring:
+        # theirs, but for the step.
+        reference = task.motions[one.scenario].at(np.array(one.t))
+        apart = np.max(np.abs(np.array(one.corrected).T - reference)) / np.max(np.abs(reference))
+        assert 0.005 < apart < 0.3 if what == "equations" else apart < 0.02
+
+
+def test_a_wrong_value_does_not(task: DiagnosisTask) -> None:
+    found = found_in(corrected(task, "k", -1.0))
+    assert all(np.max(np.abs(np.array(one.after))) > 1e-3 for one in found.scenarios)
+
+
+def test_the_corrected_motion_obeys_the_equations_with_breaks_of_the_input(
+    task: DiagnosisTask,
+) -> None:
+    """Nothing moved: the reference comes back, a step of force in it."""
+    found = found_in(corrected(task, "k", 0.0))
+    for one in found.scenarios:
+        reference = task.motions[one.scenario].at(np.array(one.t)).T
+        # Times have six digits: rounded by 5e-5 s, at up to 6 rad/s.
+        states = np.array(one.corrected, dtype=float)
+        np.testing.assert_allclose(states, reference, atol=3e-4 * np.max(np.abs(reference)))
+        assert len(one.t) == 240
+
+
+def test_the_zero_of_a_joint_is_moved_in_the_corrected_motion(task: DiagnosisTask) -> None:
+    found = found_in(corrected(task, "zero of x", 0.02))
+    assert found.put_into == "file"
+    free = next(one for one in found.scenarios if one.scenario == "free")
+    assert abs(float(np.array(free.corrected)[0, -1])) == pytest.approx(0.02, rel=0.1)
+
+
+def test_what_nothing_explains_is_not_corrected(task: DiagnosisTask) -> None:
+    assert corrected(task, "k", 0.47, explained=False) is None

@@ -1,0 +1,44 @@
+"""The name of every cause, as a person reads it."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.cases.case import load
+from harness.diagnosis.hypotheses import everything
+from harness.engines.registry import engines
+from harness.files.folders import builtin
+from harness.files.model_files import model_files
+from harness.files.sidecar import Sidecar
+from reference.derive import derive
+from reference.load import load_system
+from reference.variants import variants
+
+PHRASES: dict[str, dict[str, list[str]]] = json.loads(
+    (Path(__file__).parent / "phrases.json").read_text()
+)
+"""By system and kind: those of all its models in all engines."""
+
+
+@pytest.mark.skipif(
+    any(engine.version() is None for engine in engines().values()), reason="an engine is missing"
+)
+@pytest.mark.parametrize("name", PHRASES)
+def test_every_hypothesis_of_a_built_in_system_has_its_name(name: str) -> None:
+    system = load_system(builtin() / name)
+    free = variants(derive(system), np.ones(2 * len(system.coordinates)))
+    found: dict[str, set[str]] = defaultdict(set)
+    for sidecar in model_files(builtin() / name):
+        assert isinstance(sidecar, Sidecar)
+        for engine in sidecar.engines:
+            candidates = everything(system, sidecar, *load(system, sidecar, engine), free)
+            names = [candidate.hypothesis.id for candidate in candidates]
+            assert len(set(names)) == len(names)
+            for one in names:
+                found[one.kind].add(str(one))
+    assert found == {kind: set(phrases) for kind, phrases in PHRASES[name].items()}

@@ -1,0 +1,76 @@
+"""The record of a diagnosis: what is told of a model, from a wrong file to its sentences."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from harness.cases.prepare import prepare
+from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
+from harness.engines.registry import engines
+from harness.files.folders import builtin
+from harness.files.sidecar import read_sidecar
+from harness.mutation.faults import FAULTS
+from harness.mutation.judge import MutationTask, mutated
+from harness.mutation.survey import survey
+from harness.records.base import SourceLine
+from harness.records.cause import CauseId
+from harness.records.finding import Diagnosis
+from harness.records.mutation import FaultVerdict
+from harness.text.causes import cause_sentences
+
+MASS = "body[nut and bolt]/inertial@mass"
+
+pytestmark = pytest.mark.skipif(
+    engines()["mujoco"].version() is None, reason="mujoco is not installed"
+)
+
+
+def named(tmp_path: Path, mass: str) -> DiagnosisTask:
+    """The mass on a spring, its body called `nut and bolt`."""
+    folder = tmp_path / "mass_spring_damper"
+    shutil.copytree(builtin() / "mass_spring_damper", folder)
+    for name, old, new in (
+        ("mujoco.xml", '<body name="mass"', '<body name="nut and bolt"'),
+        ("mujoco.xml", 'mass="1.3"', f'mass="{mass}"'),
+        ("mujoco.xml.toml", "body[mass]", "body[nut and bolt]"),
+    ):
+        text = (folder / name).read_text()
+        assert old in text
+        (folder / name).write_text(text.replace(old, new))
+    return diagnosis_task(prepare(folder), read_sidecar(folder / "mujoco.xml.toml"), "mujoco")
+
+
+def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
+    task = named(tmp_path, "1.313")
+    found = diagnose_model(task)
+    assert found.explained
+    assert not found.failure
+    first = found.explanations[0]
+    (cause,) = first.causes
+    assert cause.id == CauseId(kind="literal", subject=(MASS,))
+    text = task.sidecar.model.read_text()
+    line = text[: text.index('mass="1.313"')].count("\n") + 1
+    assert cause.where == (SourceLine(file="mujoco.xml", line=line),)
+    assert cause.estimate == pytest.approx(1.3, rel=1e-6)
+    sentence, left = cause_sentences(first)
+    assert sentence.startswith(f"{MASS} (mujoco.xml:{line}) is 1.313, the motion wants 1.3")
+    assert left.startswith("leaves ")
+    assert found.corrected is not None
+    assert len(found.corrected.causes) == 1
+    assert msgspec.json.decode(msgspec.json.encode(found), type=Diagnosis) == found
+
+
+def test_a_fault_of_such_a_body_is_named(tmp_path: Path) -> None:
+    task = named(tmp_path, "1.3")
+    known = survey(task)
+    faults = [f for f in known.faults if f.location == MASS and f.name in FAULTS]
+    assert [fault.name for fault in faults] == list(FAULTS)
+    fault = next(fault for fault in faults if fault.name == "5 %")
+    row = mutated(MutationTask(model=task, survey=known, fault=fault))
+    assert (row.verdict, row.message) == (FaultVerdict.NAMED, MASS)
+    assert row.estimate_error is not None
+    assert row.estimate_error < 0.01
