@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from harness.mutation.mistakes.soft import soft
 
 from harness.engines.registry import engines
 from harness.files.bindings import with_literals
@@ -22,6 +21,7 @@ from harness.mutation.mistakes.degrees import degrees
 from harness.mutation.mistakes.exchanges import exchanges
 from harness.mutation.mistakes.gravity import gravity
 from harness.mutation.mistakes.left_in import left_in
+from harness.mutation.mistakes.left_out import left_out
 from harness.mutation.mistakes.rests import rests
 from harness.mutation.mistakes.steps import steps
 from harness.mutation.mutate import mutate
@@ -238,7 +238,7 @@ def test_angles_without_their_unit_are_a_mistake_where_there_is_one(
 
 def test_a_soft_equality_loses_its_two_attributes_alone(tmp_path: Path) -> None:
     s = subject("drum_pendulum", ROLLING)
-    ((_, text),) = edited([(s, m) for m in soft(s)], tmp_path)
+    ((_, text),) = edited([(s, m) for m in left_out(s)], tmp_path)
     before = s.task.sidecar.model.read_text()
     assert text == re.sub(r'\s+solref="1e-6 0.5" solimp="[\d. ]+"', "", before) != before
 
