@@ -173,7 +173,7 @@ def test_no_other_integrator_is_promised_where_equalities_need_euler() -> None:
         (gravity, MSD, "space.py", "pymunk"),
         (left_in, MSD, "space.py", "pymunk"),
         (rests, PENDULUM, "mujoco.xml", "mujoco"),
-        (soft, MSD, "mujoco.xml", "mujoco"),
+        (left_out, MSD, "mujoco.xml", "mujoco"),
     ],
 )
 def test_a_family_that_does_not_apply_makes_nothing(
