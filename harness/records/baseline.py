@@ -87,7 +87,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         outcome, outcome_reason: of the case, and the sentence for what is not AGREES.
         discrepancy ... claimed_order: as in the case's verdict and full run.
         constants: that the motion identifies.
-        engine_version: the engine with its version, as `mujoco 4.0.0`.
+        engine_version: the name of the engine with its version.
         resolution: of the run.
         numerics: version of this package's numerics.
         files: hashes of what the case depends on, by name.

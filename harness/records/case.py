@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from harness.records.base import Count, Number, Numbers, Record, Rows, one_length
 from harness.records.outcome import Outcome
 
@@ -210,7 +212,7 @@ class Series(Record, frozen=True, kw_only=True):
         defect_uncertainty: of each.
         convergence: of the segments.
         full_runs: errors by step.
-        energy: of the full run at the shipped step.
+        energy: of the full run at the shipped step; None where it was not kept.
     """
 
     t: Numbers
@@ -223,10 +225,10 @@ class Series(Record, frozen=True, kw_only=True):
     defect_uncertainty: Rows
     convergence: Convergence
     full_runs: StepErrors
-    energy: EnergySeries
+    energy: EnergySeries | None
 
     def __post_init__(self) -> None:
-        energy = self.energy.held, self.energy.supplied, self.energy.dissipated
+        energy = () if self.energy is None else msgspec.structs.astuple(self.energy)
         motions = self.reference, self.engine, self.error
         defects = self.defect, self.defect_uncertainty
         one_length("the series", self.components, *motions, *defects)

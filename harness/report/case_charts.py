@@ -152,7 +152,7 @@ def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
 
 def _energy(run: Run) -> Iterator[Chart]:
     energy = run.series.energy
-    if not energy.held:
+    if energy is None:
         return
     held, supplied = single(energy.held), single(energy.supplied)
     dissipated = single(energy.dissipated)

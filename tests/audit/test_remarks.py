@@ -158,7 +158,8 @@ def test_a_comment_or_a_look_alike_in_python_is_not_taken_for_the_damping_of_a_s
     found = look("simple_pendulum", "space.py", "pymunk", (built, built + text))
     where = next(f.where for f in found if "Space.damping is 0.99" in f.message)
     file = tmp_path / "space.py"
-    assert where == f"{file}:{line_with(file, 'space.damping = 0.99')}"
+    line = line_with(file, "space.damping = 0.99")
+    assert where == SourceLine(file=str(file), line=line)
 
 
 def test_a_comment_is_not_taken_for_a_joint_in_python(look: Look, tmp_path: Path) -> None:
@@ -168,7 +169,8 @@ def test_a_comment_is_not_taken_for_a_joint_in_python(look: Look, tmp_path: Path
     found = look("simple_pendulum", "space.py", "pymunk", change, (built, comment))
     where = next(f.where for f in found if "error_bias of a PinJoint" in f.message)
     file = tmp_path / "space.py"
-    assert where == f"{file}:{line_with(file, '= pymunk.PinJoint(')}"
+    line = line_with(file, "= pymunk.PinJoint(")
+    assert where == SourceLine(file=str(file), line=line)
 
 
 def test_a_setting_of_one_engine_is_found_in_its_own_table() -> None:

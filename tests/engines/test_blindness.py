@@ -85,7 +85,9 @@ def tasks(name: str) -> Iterator[CaseTask]:
 
 def without_times(case: Case) -> Case:
     assert case.series is not None
-    runs = msgspec.structs.replace(case.series.full_runs, seconds=())
+    runs = msgspec.structs.replace(
+        case.series.full_runs, seconds=(None,) * len(case.series.full_runs.h)
+    )
     series = msgspec.structs.replace(case.series, full_runs=runs)
     return msgspec.structs.replace(case, seconds=0.0, series=series)
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from harness.records.case import EnergySeries
 from harness.records.results import Results
 from harness.report.content import Content
 from harness.report.packs import not_tex
@@ -53,6 +52,7 @@ def test_the_charts_of_a_case_hold_its_series(packs: dict[str, Any], troubled: R
     convergence = curves(packs, "pack-case-0", "Convergence")
     work = curves(packs, "pack-case-0", "Work")
     size = np.max(np.abs(array(series.reference[0])))
+    assert series.energy is not None
     held, supplied, dissipated = (
         array(row) for row in (series.energy.held, series.energy.supplied, series.energy.dissipated)
     )
@@ -165,11 +165,10 @@ def test_a_system_without_a_sketch_has_no_motion(packs: dict[str, Any]) -> None:
 
 def test_a_run_without_energies_and_times_is_drawn_without_them() -> None:
     found = results(1)
-    nothing = EnergySeries(held=(), supplied=(), dissipated=())
     for place, case in enumerate(found.cases):
         series = series_of(case)
         full_runs = replace(series.full_runs, seconds=(None, None))
-        series = replace(series, energy=nothing, full_runs=full_runs)
+        series = replace(series, energy=None, full_runs=full_runs)
         found = changed_case(found, place, series=series)
     packs = {name: unpacked(text) for name, text in Content(found).packs().items()}
     titles = [one["title"] for one in packs["pack-case-0"]["charts"]]
