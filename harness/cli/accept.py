@@ -51,11 +51,11 @@ def main(options: argparse.Namespace) -> int:
         print("crosscheck: --reason is empty; say why this is right", file=sys.stderr)
         return USAGE
     check_engines(options.engine)
-    folders, terms = meant(options)
+    folders, what = meant(options)
     with Watch() as watch:
-        found = gate(folders, terms, watch)
+        found = gate(folders, what, watch)
     try:
-        done = accept(found, options.cases, reason, options.baseline, options.resolution)
+        done = accept(found, options.cases, reason, options.baseline)
     except AcceptError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
