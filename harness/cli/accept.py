@@ -7,7 +7,7 @@ import sys
 
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL, USAGE
-from harness.cli.gate import Watch, meant
+from harness.cli.gate import LateProgress, meant
 from harness.files.folders import check_engines
 from harness.gate.gate import gate
 from harness.text.github import in_ci
@@ -52,8 +52,8 @@ def main(options: argparse.Namespace) -> int:
         return USAGE
     check_engines(options.engine)
     folders, what = meant(options)
-    with Watch() as watch:
-        found = gate(folders, what, watch)
+    with LateProgress() as progress:
+        found = gate(folders, what, progress)
     try:
         done = accept(found, options.cases, reason, options.baseline)
     except AcceptError as error:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 from harness.baseline.changes import Status
 from harness.cli import arguments
@@ -17,6 +18,7 @@ from harness.gate.notes import notes
 from harness.gate.options import GateOptions
 from harness.gate.result import GateResult
 from harness.gate.text import gate_lines, summary
+from harness.records.case import Case
 from harness.records.write import encoded, write_whole
 from harness.text.github import commands, write_summary
 
@@ -54,8 +56,8 @@ def main(options: argparse.Namespace) -> int:
     """Gate, print, annotate, write; any doubt is no pass."""
     check_engines(options.engine)
     folders, what = meant(options)
-    with Watch() as watch:
-        found = gate(folders, what, watch)
+    with LateProgress() as progress:
+        found = gate(folders, what, progress)
     for line in gate_lines(found):
         print(line)
     if found.results is not None and not found.baseline:
@@ -104,21 +106,15 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
     )
 
 
-class Watch:
+class LateProgress(ExitStack):
     """Progress as in `crosscheck run`, made when there is some: its imports cost their time."""
 
-    def __enter__(self) -> Watch:
-        self._shown: Any = None
-        return self
+    _shown: Callable[[int, int, Case | None], None] | None = None
 
-    def __call__(self, done: int, total: int, case: Any) -> None:
+    def __call__(self, done: int, total: int, case: Case | None) -> None:
         """Tell that a case is done."""
         if self._shown is None:
-            from harness.text.progress import Watcher
+            from harness.text.progress import Progress
 
-            self._shown = Watcher().__enter__()
+            self._shown = self.enter_context(Progress())
         self._shown(done, total, case)
-
-    def __exit__(self, *_: object) -> None:
-        if self._shown is not None:
-            self._shown.__exit__(*_)
