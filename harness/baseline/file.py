@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -18,7 +18,8 @@ from harness.records.base import Record
 from harness.records.baseline import FORMAT, AcceptedCase, Declared, Snapshot
 from harness.records.case import CaseId
 from harness.records.outcome import Outcome
-from harness.records.read import DecodeError, decoded
+
+T = TypeVar("T")
 
 _RESTORE = "restore it from version control, or remove it and accept anew"
 _NOT_BELIEVED = (
@@ -29,6 +30,10 @@ _NOT_BELIEVED = (
 
 class FileError(ValueError):
     """A text that is no baseline file, or can't be believed; says what, where and the remedy."""
+
+
+class _ShapeError(FileError):
+    """JSON of another shape."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +79,13 @@ class _File(Record, frozen=True, kw_only=True):
 class _Head(msgspec.Struct):
     """The one field by which another format is told from a broken file."""
 
-    format: int
+    format: object = None
+
+
+class _Folder(msgspec.Struct):
+    """The one part in which the folder is named."""
+
+    declared: Declared
 
 
 def file_text(one: SystemBaseline) -> str:
@@ -96,7 +107,7 @@ def file_text(one: SystemBaseline) -> str:
 
 def _as_read(record: S) -> S:
     """A record as a file gives it back, whole numbers as what they are declared to be."""
-    return decoded(canonical(record), type(record))
+    return msgspec.json.decode(canonical(record), type=type(record))
 
 
 def _line(value: Any) -> str:
@@ -121,10 +132,7 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
         FileError: for anything that can't be believed.
     """
     _check_format(data)
-    try:
-        file = decoded(data, _File)
-    except DecodeError as error:
-        raise FileError(f"is not whole, {error}; {_RESTORE}") from None
+    file = _decoded(data, _File)
     if sealed(file.declared) != file.declared:
         raise FileError(f"declared: {_NOT_BELIEVED}")
     if file.declared.system != system:
@@ -139,29 +147,51 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
     )
 
 
+def read_folder(data: bytes) -> str:
+    """The folder that a baseline file names; what else it says is neither read nor believed.
+
+    Raises:
+        FileError: for a text in which no folder is named.
+    """
+    _check_format(data)
+    return _decoded(data, _Folder).declared.folder
+
+
 def _check_format(data: bytes) -> None:
-    """Refuse what is no JSON, and other formats.
+    """Refuse other formats.
 
     Raises:
         FileError: saying which it is.
     """
     again = "remove it and accept anew: `crosscheck accept --reason TEXT`"
     try:
-        found = msgspec.json.decode(data, type=_Head).format
-    except msgspec.ValidationError:
-        raise FileError(f"no baseline of format {FORMAT}; {_RESTORE}") from None
-    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise FileError(f"no JSON: {' '.join(str(error).split())}; {_RESTORE}") from None
-    if found < FORMAT:
+        found = _decoded(data, _Head).format
+    except _ShapeError:
+        found = None
+    if isinstance(found, int) and found < FORMAT:
         raise FileError(
             f"no baseline of format {FORMAT} but of format {found}, of an earlier version of"
             f" crosscheck; {again}"
         )
-    if found > FORMAT:
+    if found != FORMAT:
         raise FileError(
             f"no baseline of format {FORMAT}; use the version of crosscheck that wrote it, or"
             f" {again}"
         )
+
+
+def _decoded(data: bytes, wanted: type[T]) -> T:
+    """Decode a record; keys that are there twice are not looked for: of what counts, seals tell.
+
+    Raises:
+        FileError: where the text is no JSON, or has another shape.
+    """
+    try:
+        return msgspec.json.decode(data, type=wanted)
+    except msgspec.ValidationError as error:
+        raise _ShapeError(f"is not whole, of another shape: {error}; {_RESTORE}") from None
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+        raise FileError(f"no JSON: {error}; {_RESTORE}") from None
 
 
 def _cases(file: _File, system: str) -> dict[CaseId, AcceptedCase]:

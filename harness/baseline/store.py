@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
-from harness.baseline.file import FileError, SystemBaseline, file_text, read_file
+from harness.baseline.file import FileError, SystemBaseline, file_text, read_file, read_folder
 from harness.baseline.fingerprint import digest_of
+
+T = TypeVar("T")
 
 DEFAULT = Path("reports/baseline")
 ACCEPTED = ".accepted"
@@ -29,19 +33,27 @@ def read_baseline(folder: Path) -> dict[str, SystemBaseline]:
     Raises:
         BaselineError: for anything that can't be believed.
     """
-    found: dict[str, SystemBaseline] = {}
-    if not folder.exists():
-        return found
-    if not folder.is_dir():
+    return {path.stem: _read(path, partial(read_file, system=path.stem)) for path in _files(folder)}
+
+
+def named_folders(folder: Path) -> list[str]:
+    """The systems' folders as a baseline names them, without reading the rest of it.
+
+    Raises:
+        BaselineError: for a file that names none.
+    """
+    return [_read(path, read_folder) for path in _files(folder)]
+
+
+def _files(folder: Path) -> list[Path]:
+    if folder.exists() and not folder.is_dir():
         raise BaselineError(f"{folder}: is no folder; a baseline is one, with a file a system")
-    for path in sorted(folder.glob("*.json")):
-        found[path.stem] = _read(path)
-    return found
+    return sorted(folder.glob("*.json"))
 
 
-def _read(path: Path) -> SystemBaseline:
+def _read(path: Path, reader: Callable[[bytes], T]) -> T:
     try:
-        return read_file(path.read_bytes(), path.stem)
+        return reader(path.read_bytes())
     except OSError as error:
         reason = f"can't be read: {error.strerror}"
     except FileError as error:

@@ -17,7 +17,7 @@ from harness.baseline.changes import Status
 from harness.baseline.classify import Change, classify
 from harness.baseline.file import SystemBaseline
 from harness.baseline.fingerprint import FolderFiles, folder_files
-from harness.baseline.store import read_baseline
+from harness.baseline.store import named_folders
 from harness.files.folders import builtin
 from harness.gate.file_diffs import file_diffs
 from harness.gate.options import GateOptions
@@ -66,11 +66,10 @@ def accepted_folders(baseline: Path) -> list[Path]:
     """The folders that a baseline names, and the system folders beside them.
 
     Raises:
-        BaselineError: for a baseline that can't be believed.
+        BaselineError: for a baseline that can't be read.
     """
     parents = set()
-    for one in read_baseline(baseline).values():
-        name = one.declared.folder
+    for name in named_folders(baseline):
         place = (
             builtin() / name.removeprefix("builtin:")
             if name.startswith("builtin:")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from harness.baseline.changes import Status
 from harness.baseline.classify import Change
@@ -12,9 +13,11 @@ from harness.baseline.fingerprint import FolderFiles
 from harness.gate.file_diffs import FileDiff
 from harness.records.base import number
 from harness.records.baseline import Gate, GateChange, GateFile, GateLine
-from harness.records.case import Case
-from harness.records.model import Model
-from harness.records.results import Results
+
+if TYPE_CHECKING:  # an unchanged gate does without them
+    from harness.records.case import Case
+    from harness.records.model import Model
+    from harness.records.results import Results
 
 
 @dataclass(frozen=True, kw_only=True)
