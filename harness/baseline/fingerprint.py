@@ -29,6 +29,9 @@ _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")
 """Elements whose files are read for further names, whatever these end with."""
 
+_MAY_NAME = re.compile(rb"file|dir|\0")
+"""What a file has in it that names others; most have not, and need no parser."""
+
 _QUOTED = re.compile(r"""(?<=["'])[^"'\0\n]{1,255}(?=["'])""")
 _MODEL = (".xml", ".urdf")
 
@@ -184,6 +187,8 @@ def _names_in(path: Path) -> _Names:
     quoted word is taken for one.
     """
     data = path.read_bytes()
+    if not _MAY_NAME.search(data):
+        return _Names({}, [])
     try:
         elements = read_elements(Source(path, data))
     except LocationError:

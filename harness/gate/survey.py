@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from harness.baseline.file import SystemBaseline
 from harness.baseline.fingerprint import FolderFiles, folder_files
@@ -14,7 +15,9 @@ from harness.engines.registry import engines
 from harness.files.folders import FolderError
 from harness.gate.options import GateOptions
 from harness.records.case import CaseId
-from harness.records.results import Results
+
+if TYPE_CHECKING:  # an unchanged gate does without them
+    from harness.records.results import Results
 
 ModelInEngine = tuple[str, str, str]
 """(folder, model file, engine)."""

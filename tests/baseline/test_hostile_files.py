@@ -39,8 +39,8 @@ def resealed(table: Table) -> Table:
     key = snapshot_key(snapshot)
     table["snapshots"] = {key: snapshot_in(table)}
     case["snapshot"] = key
-    for record, kind in ((case, AcceptedCase), (declared, Declared)):
-        record["seal"] = sealed(decoded(json.dumps(record).encode(), kind)).seal
+    case["seal"] = sealed(decoded(json.dumps(case).encode(), AcceptedCase)).seal
+    declared["seal"] = sealed(decoded(json.dumps(declared).encode(), Declared)).seal
     return table
 
 
