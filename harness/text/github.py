@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.records.case import Case
+from harness.records.cause import Cause
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
@@ -70,9 +71,7 @@ def case_note(case: Case, model: Model | None) -> Annotation:
     if diagnosis and diagnosis.explained and diagnosis.explanations:
         causes = diagnosis.explanations[0].causes
         message = f"{' and '.join(str(cause) for cause in causes)}: {message}"
-        where = next((place for cause in causes for place in cause.where), None)
-        if where is not None and (folder / Path(where.file).name).is_file():
-            path, line = folder / Path(where.file).name, where.line
+        path, line = _first_line(causes, folder) or (path, line)
     return Annotation(
         level="warning" if case.outcome is Outcome.ABSENT else "error",
         file=path,
@@ -80,6 +79,15 @@ def case_note(case: Case, model: Model | None) -> Annotation:
         title=f"{case.outcome} {case.id}",
         message=message,
     )
+
+
+def _first_line(causes: Sequence[Cause], folder: Path) -> tuple[Path, int] | None:
+    """The first line that causes stand in, where that is one of a file of the folder."""
+    for where in (place for cause in causes for place in cause.where):
+        file = folder / Path(where.file).name
+        if where.line is not None and file.is_file():
+            return file, where.line
+    return None
 
 
 def _discrepancy(case: Case) -> float:

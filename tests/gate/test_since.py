@@ -27,7 +27,7 @@ pytestmark = pytest.mark.skipif(
 
 
 class Told(NamedTuple):
-    """Results of runs as accepted, of changed files and of missing ones; the second in a terminal."""
+    """Results of runs as accepted, of changed files, of missing ones; and the table."""
 
     same: Results
     changed: Results
