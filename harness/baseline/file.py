@@ -167,6 +167,7 @@ def _check_format(data: bytes) -> None:
     try:
         found = _decoded(data, _Head).format
     except _ShapeError:
+        _decoded(data, object)  # what is no JSON at all is told as that
         found = None
     if isinstance(found, int) and found < FORMAT:
         raise FileError(
