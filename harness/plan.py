@@ -16,7 +16,6 @@ from msgspec.structs import replace
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
 from harness.baseline.measure import measure, measure_task
-from harness.baseline.snapshot import Snapshot
 from harness.cases.case import (
     CaseTask,
     case_task,
@@ -30,7 +29,7 @@ from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
 from harness.files.sidecar import Sidecar
-from harness.records.baseline import Measurement
+from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId
 from harness.records.finding import AuditFinding, Diagnosis
 from harness.records.model import EngineLinearization, Model
