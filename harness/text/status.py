@@ -30,7 +30,10 @@ class Decision:
 
 
 def test_status(
-    record: Case | Model, *, require_engines: bool, demands: Sequence[str] = ()
+    record: Case | Model,
+    *,
+    require_engines: bool,
+    demands: Sequence[str] = (),  # noqa: PT028  # it is no test
 ) -> Decision:
     """Decide the test of a case, or of a model's audit.
 
