@@ -127,8 +127,8 @@ def run_case(task: CaseTask) -> Case:
     found = extrapolate(model, coordinates, motion, task.scale, task.resolution)
     verdict = judge(found.limit, motion, task.scale, task.components, claimed, task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
-    lived = cost(model, coordinates, motion, task.power, amplitude, claimed)
-    outcome, reason = _with_full_runs(verdict, lived, claimed)
+    study = cost(model, coordinates, motion, task.power, amplitude, claimed)
+    outcome, reason = _with_full_runs(verdict, study, claimed)
     return Case(
         system=task.system.name,
         model=task.sidecar.model.name,
@@ -138,11 +138,11 @@ def run_case(task: CaseTask) -> Case:
         outcome=outcome,
         reason=reason,
         verdict=verdict_record(verdict, found, claimed),
-        full_run=full_run_record(lived, model.step, model.integrator),
+        full_run=full_run_record(study, model.step, model.integrator),
         series=series_record(
             motion,
             found,
-            lived,
+            study,
             scale=task.scale,
             amplitude=amplitude,
             components=task.components,
@@ -151,23 +151,23 @@ def run_case(task: CaseTask) -> Case:
     )
 
 
-def _with_full_runs(verdict: Verdict, lived: Cost, claimed: int) -> tuple[Outcome, str]:
-    if not lived.shipped.finite:
-        bad = lived.shipped.t[~np.isfinite(lived.shipped.states).all(axis=1)][0]
+def _with_full_runs(verdict: Verdict, study: Cost, claimed: int) -> tuple[Outcome, str]:
+    if not study.shipped.finite:
+        bad = study.shipped.t[~np.isfinite(study.shipped.states).all(axis=1)][0]
         return Outcome.FAILED, (
-            f"at the shipped step of {lived.shipped.h:g} s the motion is no longer finite at"
+            f"at the shipped step of {study.shipped.h:g} s the motion is no longer finite at"
             f" t = {bad:.4g} s"
         )
-    if lived.raw_error > BLOWN_UP:
+    if study.raw_error > BLOWN_UP:
         return Outcome.FAILED, (
-            f"at the shipped step of {lived.shipped.h:g} s the motion blows up, to"
-            f" {lived.raw_error:.0e} of its amplitude; the step is too coarse for it"
+            f"at the shipped step of {study.shipped.h:g} s the motion blows up, to"
+            f" {study.raw_error:.0e} of its amplitude; the step is too coarse for it"
         )
-    if verdict.outcome is Outcome.AGREES and not lived.converges:
+    if verdict.outcome is Outcome.AGREES and not study.converges:
         return Outcome.UNRESOLVED, (
             "every segment agrees, but a run from start to end does not converge to the motion"
-            f" (order {lived.order:.2f} where {claimed} is claimed, raw error"
-            f" {lived.raw_error:.1e}, {lived.residual:.1e} of it left as the step falls):"
+            f" (order {study.order:.2f} where {claimed} is claimed, raw error"
+            f" {study.raw_error:.1e}, {study.residual:.1e} of it left as the step falls):"
             " something is carried from step to step"
         )
     return verdict.outcome, verdict.reason

@@ -45,48 +45,48 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
     )
 
 
-def full_run_record(cost: Cost, shipped_step: float, integrator: str) -> FullRun:
+def full_run_record(study: Cost, shipped_step: float, integrator: str) -> FullRun:
     """What a user lives with."""
     return FullRun(
         shipped_step=number(shipped_step),
         integrator=integrator,
-        global_error=number(cost.raw_error),
-        order=number(cost.order),
-        residual=number(cost.residual),
-        decomposition=_decomposition(cost),
+        global_error=number(study.raw_error),
+        order=number(study.order),
+        residual=number(study.residual),
+        decomposition=_decomposition(study),
         steps_for=tuple(
             TargetStep(target=target, step=number(step))
-            for target, step in zip(TARGETS, cost.steps_for, strict=True)
+            for target, step in zip(TARGETS, study.steps_for, strict=True)
         ),
-        checked_step=_checked_step(cost),
-        energy_error=number(cost.shipped.energy),
-        constraint_drift=number(cost.shipped.drift),
+        checked_step=_checked_step(study),
+        energy_error=number(study.shipped.energy),
+        constraint_drift=number(study.shipped.drift),
     )
 
 
-def _decomposition(cost: Cost) -> ErrorDecomposition | None:
-    if cost.apart is None:
+def _decomposition(study: Cost) -> ErrorDecomposition | None:
+    if study.apart is None:
         return None
     return ErrorDecomposition(
-        amplitude=number(cost.apart.amplitude),
-        phase=number(cost.apart.phase),
-        frequency=number(cost.apart.frequency),
-        damping=number(cost.apart.damping),
-        explained=number(cost.apart.explained),
+        amplitude=number(study.apart.amplitude),
+        phase=number(study.apart.phase),
+        frequency=number(study.apart.frequency),
+        damping=number(study.apart.damping),
+        explained=number(study.apart.explained),
     )
 
 
-def _checked_step(cost: Cost) -> CheckedStep | None:
-    if cost.checked is None:
+def _checked_step(study: Cost) -> CheckedStep | None:
+    if study.checked is None:
         return None
-    target, step, measured = cost.checked
+    target, step, measured = study.checked
     return CheckedStep(target=float(target), step=float(step), measured=number(measured))
 
 
 def series_record(
     motion: Motion,
     found: Extrapolated,
-    cost: Cost,
+    study: Cost,
     *,
     scale: Array,
     amplitude: Array,
@@ -97,12 +97,12 @@ def series_record(
     Args:
         motion: of the equations.
         found: the extrapolated segments.
-        cost: the full runs.
+        study: the full runs.
         scale: what defects are relative to, (2n,).
         amplitude: what global errors are relative to, (2n,).
         components: names of the state's components.
     """
-    shipped, balance = cost.shipped, cost.shipped.balance
+    shipped, balance = study.shipped, study.shipped.balance
     picked = np.unique(np.linspace(0, len(shipped.t) - 1, SERIES).astype(int))
     t = shipped.t[picked]
     segments = np.unique(np.linspace(0, len(motion.t) - 1, SERIES).astype(int))
@@ -124,7 +124,7 @@ def series_record(
             defect=_row(np.max(raw, axis=1), 4),
             increments=_row(found.limit.draws, 4),
         ),
-        full_runs=_step_errors(cost, amplitude),
+        full_runs=_step_errors(study, amplitude),
         energy=EnergySeries(
             held=_row(balance.held[picked] - balance.held[0], 5),
             supplied=_row(balance.supplied[picked], 5),
@@ -133,8 +133,8 @@ def series_record(
     )
 
 
-def _step_errors(cost: Cost, amplitude: Array) -> StepErrors:
-    runs, n = (cost.shipped, *cost.finer), len(amplitude) // 2
+def _step_errors(study: Cost, amplitude: Array) -> StepErrors:
+    runs, n = (study.shipped, *study.finer), len(amplitude) // 2
     errors = [float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])) for run in runs]
     return StepErrors(
         h=numbers(run.h for run in runs),

@@ -1,5 +1,7 @@
 """The wheel, built once and installed in an environment of its own, far from the checkout."""
 
+from __future__ import annotations
+
 import os
 import site
 import subprocess
@@ -7,6 +9,7 @@ import sys
 import sysconfig
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,7 +22,9 @@ class Installed:
 
     bin: Path
 
-    def shell(self, command, cwd, **environment):
+    def shell(
+        self, command: str, cwd: Path, **environment: str
+    ) -> subprocess.CompletedProcess[str]:
         """Run a line of shell as a user would; returns the finished process."""
         clean = {
             k: v
@@ -40,10 +45,10 @@ class Installed:
 
 
 @pytest.fixture(scope="session")
-def installed(tmp_path_factory):
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     """The wheel in a fresh environment, with the dependencies of this one and no network."""
     folder = tmp_path_factory.mktemp("installed")
-    quiet = {"check": True, "capture_output": True, "text": True}
+    quiet: dict[str, Any] = {"check": True, "capture_output": True, "text": True}
     subprocess.run(
         [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
         cwd=ROOT,

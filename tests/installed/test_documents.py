@@ -6,12 +6,16 @@ is the code that it must end with. What is quoted below a block, in a block with
 have come out of the command before it in its section, numbers apart.
 """
 
+from __future__ import annotations
+
 import re
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+
+from tests.installed.conftest import Installed
 
 ROOT = Path(__file__).parents[2]
 _BLOCK = re.compile(
@@ -29,7 +33,7 @@ class Command:
     shown: list[str] = field(default_factory=list)
 
 
-def commands(text):
+def commands(text: str) -> tuple[list[Command], list[Command]]:
     """The commands of a document that are to be run, and those that are not, with the reason."""
     run, excepted = [], []
     last: Command | None = None
@@ -47,7 +51,8 @@ def commands(text):
             assert why.strip(), "say why it is not run"
             whole = whole or what == "all"
             single |= set(re.findall(r"`([^`]+)`", what))
-        lines = [re.match(r"(.*?)(?:\s+# ?(.*))?$", line) for line in body.splitlines() if line]
+        pattern = re.compile(r"(.*?)(?:\s+# ?(.*))?$")
+        lines = [m for line in body.splitlines() if line and (m := pattern.match(line))]
         texts = [match[1] for match in lines]
         last = None
         assert single <= set(texts), f"not in the block: {single - set(texts)}"
@@ -62,12 +67,12 @@ def commands(text):
     return run, excepted
 
 
-def plain(text):
+def plain(text: str) -> str:
     """A line without its numbers and spacing, which a machine and an engine's version set."""
     return re.sub(r"\s+", " ", re.sub(r"-?\d[\d.]*(?:e[+-]?\d+)?", "#", text)).strip()
 
 
-def follow(document, installed, place):
+def follow(document: str, installed: Installed, place: Path) -> None:
     """Run a document's commands in a folder, `cd` included."""
     run, _ = commands((ROOT / document).read_text())
     assert run
@@ -82,11 +87,11 @@ def follow(document, installed, place):
             assert plain(line) in came, f"{command.text} does not say {line!r}:\n{done.stdout}"
 
 
-def test_the_tutorial_does_what_it_says(installed, tmp_path):
+def test_the_tutorial_does_what_it_says(installed: Installed, tmp_path: Path) -> None:
     follow("docs/tutorial.md", installed, tmp_path)
 
 
-def test_the_commands_of_the_readme_work(installed, tmp_path):
+def test_the_commands_of_the_readme_work(installed: Installed, tmp_path: Path) -> None:
     template = ROOT / "template"
     (tmp_path / "path" / "to").mkdir(parents=True)
     shutil.copytree(template, tmp_path / "path" / "to" / "my_folder")
@@ -96,7 +101,7 @@ def test_the_commands_of_the_readme_work(installed, tmp_path):
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/tutorial.md"])
-def test_what_is_not_run_is_the_exception(document):
+def test_what_is_not_run_is_the_exception(document: str) -> None:
     run, excepted = commands((ROOT / document).read_text())
     known = {"README.md": 7, "docs/tutorial.md": 2}
     assert len(excepted) <= known[document], [c.text for c in excepted]

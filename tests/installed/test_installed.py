@@ -1,14 +1,19 @@
 """The wheel alone, elsewhere, beside folders of a user that are called like ours."""
 
+from __future__ import annotations
+
 import json
+from pathlib import Path
 
 import pytest
+
+from tests.installed.conftest import Installed
 
 TRAP = "raise RuntimeError('the package of the user')\n"
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A user's folder with packages `harness` and `reference` and a module `mujoco`."""
     folder = tmp_path_factory.mktemp("user")
     for name in ("harness", "reference"):
@@ -19,7 +24,7 @@ def place(tmp_path_factory):
     return folder
 
 
-def test_the_checkout_is_not_what_is_installed(installed, place):
+def test_the_checkout_is_not_what_is_installed(installed: Installed, place: Path) -> None:
     asked = (
         "import physics_crosscheck, harness.files.folders as f;"
         " print(harness.__file__, f.builtin())"
@@ -29,7 +34,9 @@ def test_the_checkout_is_not_what_is_installed(installed, place):
     assert done.stdout.count(str(installed.bin.parent)) == 2
 
 
-def test_new_and_run_work_beside_packages_called_like_ours(installed, place):
+def test_new_and_run_work_beside_packages_called_like_ours(
+    installed: Installed, place: Path
+) -> None:
     done = installed.shell("crosscheck new models/rod", place)
     assert done.returncode == 0, done.stderr
     # The first thing on the path, as many set it, is the user's folder.
@@ -43,13 +50,17 @@ def test_new_and_run_work_beside_packages_called_like_ours(installed, place):
     assert (place / "reports" / "index.html").stat().st_size > 10_000
 
 
-def test_a_module_in_the_folder_is_not_taken_for_an_engine(installed, place):
+def test_a_module_in_the_folder_is_not_taken_for_an_engine(
+    installed: Installed, place: Path
+) -> None:
     done = installed.shell("crosscheck audit simple_pendulum --engine mujoco", place)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "nothing to say" in done.stdout
 
 
-def test_the_plugin_works_beside_packages_called_like_ours(installed, place):
+def test_the_plugin_works_beside_packages_called_like_ours(
+    installed: Installed, place: Path
+) -> None:
     if not (place / "models" / "rod").is_dir():
         installed.shell("crosscheck new models/rod", place)
     # `python -m pytest` puts the user's folder first, and so is their `mujoco.py`.
@@ -60,7 +71,9 @@ def test_the_plugin_works_beside_packages_called_like_ours(installed, place):
     assert "4 passed" in done.stdout  # three motions and the audit
 
 
-def test_a_package_of_ours_name_that_a_conftest_imported_first_is_named(installed, tmp_path):
+def test_a_package_of_ours_name_that_a_conftest_imported_first_is_named(
+    installed: Installed, tmp_path: Path
+) -> None:
     (tmp_path / "harness").mkdir()
     (tmp_path / "harness" / "__init__.py").write_text("")
     (tmp_path / "conftest.py").write_text("import harness\n")
@@ -71,7 +84,9 @@ def test_a_package_of_ours_name_that_a_conftest_imported_first_is_named(installe
     assert "Traceback" not in done.stderr
 
 
-def test_a_project_that_checks_no_models_keeps_its_own_harness(installed, tmp_path):
+def test_a_project_that_checks_no_models_keeps_its_own_harness(
+    installed: Installed, tmp_path: Path
+) -> None:
     (tmp_path / "harness").mkdir()
     (tmp_path / "harness" / "__init__.py").write_text("MINE = 1\n")
     (tmp_path / "test_mine.py").write_text("import harness\n\ndef test(): assert harness.MINE\n")
@@ -79,14 +94,16 @@ def test_a_project_that_checks_no_models_keeps_its_own_harness(installed, tmp_pa
     assert done.returncode == 0, done.stdout
 
 
-def test_python_m_finds_us_by_the_name_that_is_ours_alone(installed, place):
+def test_python_m_finds_us_by_the_name_that_is_ours_alone(
+    installed: Installed, place: Path
+) -> None:
     done = installed.shell("python -m physics_crosscheck derive simple_pendulum", place)
     assert done.returncode == 0, done.stderr
     assert "Simple pendulum" in done.stdout
     assert "the package of the user" in installed.shell("python -m harness engines", place).stderr
 
 
-def test_mutate_and_compare_are_there(installed, tmp_path):
+def test_mutate_and_compare_are_there(installed: Installed, tmp_path: Path) -> None:
     installed.shell("crosscheck new rod", tmp_path)
     done = installed.shell("crosscheck compare rod/mujoco.xml rod/mujoco.xml", tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

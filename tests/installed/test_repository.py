@@ -1,17 +1,23 @@
 """A repository of two systems, from the wheel alone: run, pytest, accept, gate, break, gate."""
 
+from __future__ import annotations
+
 import re
 import shutil
 from pathlib import Path
 
+from tests.installed.conftest import Installed
+
 REPOSITORY = Path(__file__).parent / "repository"
 
 
-def test_a_fresh_repository_is_run_tested_accepted_and_gated(installed, tmp_path):
+def test_a_fresh_repository_is_run_tested_accepted_and_gated(
+    installed: Installed, tmp_path: Path
+) -> None:
     place = tmp_path / "robots"
     shutil.copytree(REPOSITORY, place)
 
-    def does(command, code=0, **environment):
+    def does(command: str, code: int = 0, **environment: str) -> str:
         done = installed.shell(command, place, **environment)
         assert done.returncode == code, f"{command}\n{done.stdout}{done.stderr}"
         return done.stdout

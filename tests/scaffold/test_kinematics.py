@@ -1,5 +1,7 @@
 """Energies by forward kinematics, against those written down by hand."""
 
+from __future__ import annotations
+
 import pytest
 import sympy as sp
 
@@ -13,17 +15,17 @@ m, l, g, J = sp.symbols("m l g J", positive=True)  # noqa: E741  # the usual nam
 DOWN = (0, -1, 0)
 
 
-def equal(one, other):
-    return sp.simplify(sp.expand(one - other)) == 0
+def equal(one: sp.Expr, other: sp.Expr) -> bool:
+    return bool(sp.simplify(sp.expand(one - other)) == 0)
 
 
-def test_a_hanging_rod_has_the_energies_of_the_textbook():
+def test_a_hanging_rod_has_the_energies_of_the_textbook() -> None:
     centre = ground.at(0, 0, 1).hinge(A, about=DOWN).at(0, 0, -l / 2)
     assert equal(centre.kinetic(m, (J, m * l**2 / 12, J)), m * l**2 * A.v**2 / 6)
     assert equal(centre.weight(m, (0, 0, -g)), m * g * (1 - l / 2 * sp.cos(A.q)))
 
 
-def test_a_double_pendulum_of_points_has_the_coupling_of_landau():
+def test_a_double_pendulum_of_points_has_the_coupling_of_landau() -> None:
     elbow = ground.hinge(A, about=DOWN).at(0, 0, -l)
     point = elbow.hinge(B, about=DOWN).at(0, 0, -l)
     spin = A.v + B.v
@@ -31,30 +33,30 @@ def test_a_double_pendulum_of_points_has_the_coupling_of_landau():
     assert equal(point.kinetic(m, (0, 0, 0)), wanted)
 
 
-def test_a_slide_on_a_turning_arm_feels_the_turning():
+def test_a_slide_on_a_turning_arm_feels_the_turning() -> None:
     point = ground.hinge(A, about=(0, 0, 1)).slide(X, along=(2, 0, 0), zero=l)
     assert equal(point.kinetic(m, (0, 0, 0)), m / 2 * (X.v**2 + (X.q - l) ** 2 * A.v**2))
 
 
-def test_moments_are_those_about_the_frames_own_axes():
+def test_moments_are_those_about_the_frames_own_axes() -> None:
     wheel = ground.hinge(A, about=(0, 0, 1)).turned((0, 1, 0), sp.pi / 2)
     assert equal(wheel.kinetic(m, (J, 0, 0)), J * A.v**2 / 2)
     assert equal(wheel.kinetic(m, (0, 0, 0), (J, J, J)), 0)
 
 
-def test_products_enter_as_they_stand_in_the_matrix():
+def test_products_enter_as_they_stand_in_the_matrix() -> None:
     body = ground.hinge(A, about=(1, 1, 0))
     spin = float(body.kinetic(0, (0, 0, 0), (1, 0, 0)).subs(A.v, 1))
     assert spin == pytest.approx(0.5, rel=1e-15)
 
 
-def test_a_turn_about_an_oblique_axis_keeps_lengths_and_the_axis():
+def test_a_turn_about_an_oblique_axis_keeps_lengths_and_the_axis() -> None:
     turn = rotation((0.3, -0.4, 1.2), 0.7)
     assert max(abs(x) for x in (turn * turn.T - sp.eye(3)).evalf(30)) < 1e-22
     axis = sp.Matrix([3, -4, 12])
     assert max(abs(x) for x in (turn * axis - axis).evalf(30)) < 1e-21
 
 
-def test_an_axis_without_length_is_refused():
+def test_an_axis_without_length_is_refused() -> None:
     with pytest.raises(ValueError, match="has no length"):
         rotation((0, 0, 0), 1)

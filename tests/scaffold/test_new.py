@@ -1,5 +1,7 @@
 """`crosscheck new`: the example, and folders from model files."""
 
+from __future__ import annotations
+
 import os
 import shutil
 from pathlib import Path
@@ -11,7 +13,7 @@ from harness.cli.main import main
 from harness.files.bindings import bindings, mismatches
 from harness.files.folders import template
 from harness.files.model_files import model_files
-from harness.files.sidecar import read_sidecar
+from harness.files.sidecar import Sidecar, read_sidecar
 from harness.run import Options, run
 from harness.scaffold.folder import NewError, check_name, example, write_folder
 from harness.scaffold.from_model import from_model
@@ -23,7 +25,9 @@ CRANE = Path(__file__).parent / "crane.xml"
 ARM = Path(__file__).parent / "arm.urdf"
 
 
-def test_the_example_agrees_at_once_in_every_engine(tmp_path, capsys, monkeypatch):
+def test_the_example_agrees_at_once_in_every_engine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["new", "my_arm"]) == 0
     assert "next: crosscheck run my_arm" in capsys.readouterr().out
@@ -34,20 +38,23 @@ def test_the_example_agrees_at_once_in_every_engine(tmp_path, capsys, monkeypatc
     assert found.systems[0].name == "my_arm"
 
 
-def test_every_number_of_the_example_that_matters_is_bound():
+def test_every_number_of_the_example_that_matters_is_bound() -> None:
     system = load_system(template())
     for sidecar in model_files(template()):
+        assert isinstance(sidecar, Sidecar)
         assert len(bindings(system, sidecar)) == 5
         assert not mismatches(bindings(system, sidecar))
 
 
 @pytest.mark.parametrize("name", ["a b", "2arms", "", "é", "a/.."])
-def test_a_name_that_is_none_is_refused(name, tmp_path):
+def test_a_name_that_is_none_is_refused(name: str, tmp_path: Path) -> None:
     with pytest.raises(NewError, match="no name for a system"):
         check_name(tmp_path / name if name else Path())
 
 
-def test_nothing_is_overwritten_and_nothing_put_nowhere(tmp_path, capsys, monkeypatch):
+def test_nothing_is_overwritten_and_nothing_put_nowhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arm").mkdir()
     (tmp_path / "link").symlink_to("nowhere")
@@ -59,8 +66,8 @@ def test_nothing_is_overwritten_and_nothing_put_nowhere(tmp_path, capsys, monkey
     assert not list((tmp_path / "arm").iterdir())
 
 
-def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
-    def fails(made):
+def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    def fails(made: Path) -> None:
         assert (made / "system.py").is_file()
         raise NewError("no")
 
@@ -71,7 +78,9 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
 
 @pytest.mark.parametrize("system", ["cart_pole", "double_pendulum"])
 @pytest.mark.parametrize("file", ["mujoco.xml", "robot.urdf"])
-def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(tmp_path, system, file):
+def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
+    tmp_path: Path, system: str, file: str
+) -> None:
     target = tmp_path / "read"
     assert from_model(REPOSITORY / system / file, target) == ()
     read = derive(load_system(target))
@@ -93,7 +102,7 @@ def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(tmp_path, sys
     assert not mismatches(found)
 
 
-def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(tmp_path):
+def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(tmp_path: Path) -> None:
     remarks = from_model(CRANE, tmp_path / "crane")
     assert any("computes from its geoms" in remark for remark in remarks)
     system = load_system(tmp_path / "crane")
@@ -108,7 +117,7 @@ def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(tmp_path):
     assert not mismatches(bindings(system, read_sidecar(tmp_path / "crane" / "crane.xml.toml")))
 
 
-def test_turned_frames_products_fixed_joints_and_limits_are_read(tmp_path):
+def test_turned_frames_products_fixed_joints_and_limits_are_read(tmp_path: Path) -> None:
     """Both engines agree with it, or it would not have been written."""
     remarks = from_model(ARM, tmp_path / "arm")
     assert remarks == (
@@ -144,7 +153,9 @@ MJCF = (REPOSITORY / "cart_pole" / "mujoco.xml").read_text()
     (".xml", "<option", "<option density='1.2'", "a medium"),
     (".txt", "", "", "a model file is a .urdf"),
 ])  # fmt: skip
-def test_what_can_not_be_read_is_named_and_nothing_is_written(tmp_path, suffix, old, new, says):
+def test_what_can_not_be_read_is_named_and_nothing_is_written(
+    tmp_path: Path, suffix: str, old: str, new: str, says: str
+) -> None:
     text = MJCF if suffix == ".xml" else URDF
     assert old in text
     model = tmp_path / f"m{suffix}"
@@ -154,7 +165,9 @@ def test_what_can_not_be_read_is_named_and_nothing_is_written(tmp_path, suffix, 
     assert os.listdir(tmp_path) == [model.name]
 
 
-def test_a_reading_that_no_engine_shares_is_not_written(tmp_path, monkeypatch):
+def test_a_reading_that_no_engine_shares_is_not_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model = tmp_path / "m.urdf"
     model.write_text(URDF)
     # A fault of the reading: gravity that the sidecar doesn't have.
@@ -164,7 +177,7 @@ def test_a_reading_that_no_engine_shares_is_not_written(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["m.urdf"]
 
 
-def test_meshes_are_copied_and_those_elsewhere_refused(tmp_path):
+def test_meshes_are_copied_and_those_elsewhere_refused(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     shape = tmp_path / "meshes" / "pole.obj"
     shape.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
