@@ -3,21 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from harness.baseline.changes import Change, Now, Status, compare
-from harness.baseline.fingerprint import NUMERICS, FolderFiles
-from harness.baseline.store import SystemBaseline, case_key
+from harness.baseline.changes import Status, compare
+from harness.baseline.entry import entry_of
+from harness.baseline.file import SystemBaseline
+from harness.baseline.fingerprint import FolderFiles, dependencies
+from harness.records.baseline import AcceptedCase, Measurement
+from harness.records.case import Case, CaseId
+from harness.records.outcome import Outcome
+
+if TYPE_CHECKING:  # it brings the pool of workers, which an unchanged gate does without
+    from harness.schedule.workers import Failure
 
 
-def unaccepted(case: Mapping[str, Any]) -> str:
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A case against what was accepted of it.
+
+    Attributes:
+        id: the case, its system called as in the baseline.
+        status: see `Status`.
+        kinds: what changed: `model`, `numbers`, `engine`, `equations`, `scenario`, `tool`, `text`
+            (files alone), `outcome`, `unexplained`.
+        messages: sentences, the most telling first.
+        size: how far a limit moved at most, relative to its movement over a segment; 0 otherwise.
+        case, measured: of this run, where there is one.
+        entry: what was accepted, where there is something.
+        now: what would be accepted, where the case was judged and measured.
+        files: hashes of what the case depends on now.
+    """
+
+    id: CaseId
+    status: Status
+    kinds: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
+    size: float = 0.0
+    case: Case | None = field(default=None, repr=False)
+    measured: Measurement | None = field(default=None, repr=False)
+    entry: AcceptedCase | None = field(default=None, repr=False)
+    now: AcceptedCase | None = field(default=None, repr=False)
+    files: Mapping[str, str] = field(default_factory=dict, repr=False)
+
+
+def unaccepted(case: Case) -> str:
     """What is said of a case that the baseline does not know."""
-    return f"{case['outcome']}; nothing was accepted of it yet"
+    return f"{case.outcome}; nothing was accepted of it yet"
 
 
-def judge(
+def classify(
     system: str,
-    case: Mapping[str, Any],
+    case: Case,
+    measured: Measurement | Failure | None,
     scan: FolderFiles,
     one: SystemBaseline | None,
     versions: Mapping[str, str | None],
@@ -28,32 +66,62 @@ def judge(
 
     Args:
         system: its name, which the case may not know where its declaration can't be loaded.
-        case: its record, with `measured`.
+        case: its record.
+        measured: what its model does, or why that is not known.
         scan: the files that it was run from.
         one: what was accepted of the system.
         versions: of the engines.
         resolution: of the run.
         stale: whether the files have changed since they were hashed.
     """
-    engine = case["engine"]
-    key = case_key(case["model"], case["scenario"], engine)
-    measured = case.get("measured") or {"failed": "it was not measured"}
-    entry = one.cases.get(key) if one else None
-    files = next((m.hashes for m in scan.models if m.model == case["model"]), {})
-    reason = ""
-    if case["outcome"] in ("FAILED", "ABSENT"):
-        reason = f"{case['outcome']}: {case['reason']}"
-    elif stale:
-        reason = "its files changed while it was run; run it again"
-    elif "failed" in measured:
-        reason = f"its motion could not be measured: {measured['failed']}"
-    if reason:
+    id_ = CaseId(system=system, model=case.model, scenario=case.scenario, engine=case.engine)
+    entry = one.cases.get(id_) if one else None
+    files = next((m.hashes for m in scan.models if m.model == case.model), {})
+    if not isinstance(measured, Measurement) or stale or _failed(case):
         return Change(
-            system, key, Status.NOT_RUN, (), (reason,), record=case, entry=entry, files=files
+            id=id_,
+            status=Status.NOT_RUN,
+            messages=(_why_not_run(case, measured, stale),),
+            case=case,
+            entry=entry,
+            files=files,
         )
-    label = f"{engine} {versions[engine]}"
+    now = entry_of(id_, case, measured, dependencies(files, case.engine, versions, resolution))
     if entry is None or one is None:
-        told = (unaccepted(case),)
-        return Change(system, key, Status.NEW, (), told, record=case, files=files, engine=label)
-    now = Now(case, files, label, resolution, NUMERICS)
-    return compare(system, key, entry, one.tracks[entry["track"]], now)
+        return Change(
+            id=id_,
+            status=Status.NEW,
+            messages=(unaccepted(case),),
+            case=case,
+            measured=measured,
+            now=now,
+            files=files,
+        )
+    found = compare(entry, now, one.snapshots[entry.snapshot], measured)
+    return Change(
+        id=id_,
+        status=found.status,
+        kinds=found.kinds,
+        messages=found.messages,
+        size=found.size,
+        case=case,
+        measured=measured,
+        entry=entry,
+        now=now,
+        files=files,
+    )
+
+
+def _failed(case: Case) -> bool:
+    return case.outcome in (Outcome.FAILED, Outcome.ABSENT)
+
+
+def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool) -> str:
+    if _failed(case):
+        return f"{case.outcome}: {case.reason}"
+    if stale:
+        return "its files changed while it was run; run it again"
+    reason = "it was not measured"
+    if measured is not None and not isinstance(measured, Measurement):
+        reason = measured.reason
+    return f"its motion could not be measured: {reason}"

@@ -8,10 +8,13 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.files.locations import LocationError
+from harness.files.locations.location import Source
+from harness.files.locations.xml import read_elements
 from harness.files.sidecar import SidecarError, read_sidecar
 
 NUMERICS = 1
@@ -21,8 +24,15 @@ reference. Raised whenever a change of this package may move a figure of an unch
 BESIDE = "(beside)"
 """Stands for the files of a folder that no model file names: a `space.py` may open any of them."""
 
-_NAMED = re.compile(r"""\b(?:file|filename)\s*=\s*["']([^"']+)["']""")
-_FOLDER = re.compile(r"""\b(?:meshdir|texturedir|assetdir)\s*=\s*["']([^"']+)["']""")
+_FILES = ("file", "filename")
+_FOLDERS = ("meshdir", "texturedir", "assetdir")
+_PARTS = ("include", "model")
+"""Elements whose files are read for further names, whatever these end with."""
+
+_MAY_NAME = re.compile(rb"file|dir|\0")
+"""What a file has in it that names others; most have not, and need no parser."""
+
+_QUOTED = re.compile(r"""(?<=["'])[^"'\0\n]{1,255}(?=["'])""")
 _MODEL = (".xml", ".urdf")
 
 
@@ -58,6 +68,35 @@ class FolderFiles:
     system: str
     models: tuple[ModelFiles, ...]
     broken: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dependencies:
+    """All that the outcome of a case depends on.
+
+    Attributes:
+        files: hashes by name, as in `ModelFiles`.
+        engine_version: the engine with its version, as `mujoco 4.0.0`.
+        resolution: of the run.
+        numerics: version of this package's numerics.
+    """
+
+    files: Mapping[str, str]
+    engine_version: str
+    resolution: float
+    numerics: int
+
+
+def dependencies(
+    files: Mapping[str, str], engine: str, versions: Mapping[str, str | None], resolution: float
+) -> Dependencies:
+    """What a case depends on as things are now: the one place that knows the numerics' version."""
+    return Dependencies(
+        files=files,
+        engine_version=f"{engine} {versions.get(engine)}",
+        resolution=resolution,
+        numerics=NUMERICS,
+    )
 
 
 def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
@@ -128,26 +167,63 @@ def _inside(folder: Path, apart: Path | None) -> Iterator[str]:
                 yield (here / name).relative_to(folder).as_posix()
 
 
+@dataclass
+class _Names:
+    """What an XML file names.
+
+    Attributes:
+        files: each with whether it is a part of the model, to be read for further names.
+        folders: where the files may be.
+    """
+
+    files: dict[str, bool]
+    folders: list[str]
+
+
+def _names_in(path: Path) -> _Names:
+    """The files and folders that a file names in its elements' attributes.
+
+    Of a file that this parser refuses though an engine may read it (two roots, an entity), every
+    quoted word is taken for one.
+    """
+    data = path.read_bytes()
+    if not _MAY_NAME.search(data):
+        return _Names({}, [])
+    try:
+        elements = read_elements(Source(path, data))
+    except LocationError:
+        words = _QUOTED.findall(data.decode("utf-8", errors="replace"))
+        return _Names(dict.fromkeys(words, True), words)
+    names = _Names({}, [])
+    for element in elements:
+        for attribute, value in element.attributes.items():
+            if attribute in _FOLDERS:
+                names.folders.append(value)
+            elif attribute in _FILES and value:
+                part = element.tag in _PARTS or Path(value).suffix in _MODEL
+                names.files[value] = part or names.files.get(value, False)
+    return names
+
+
 def _named_by(model: Path) -> tuple[Path, ...]:
     """Files that a model file names, and those that these name: includes, meshes, height fields.
 
     More may be taken for named than is: that costs a run, where one too few would cost a change.
     """
     found: dict[Path, None] = {}
-    waiting = [model]
+    waiting = [model] if model.suffix in _MODEL else []
     folders = [model.parent]
     while waiting:
         path = waiting.pop()
-        if path.suffix not in _MODEL:
-            continue
-        text = path.read_text(encoding="utf-8", errors="replace")
-        folders += [base / f for f in _FOLDER.findall(text) for base in (path.parent, model.parent)]
-        for name in _NAMED.findall(text):
+        names = _names_in(path)
+        folders += [base / name for name in names.folders for base in (path.parent, model.parent)]
+        for name, part in names.files.items():
             for candidate in _candidates(name, (path.parent, *folders)):
-                known = candidate in found or candidate.resolve() == model.resolve()
-                if candidate.is_file() and not known:
+                if candidate in found or not candidate.is_file():
+                    continue
+                if candidate.resolve() != model.resolve():
                     found[candidate] = None
-                    waiting.append(candidate)
+                    waiting += [candidate] * part
     return tuple(found)
 
 

@@ -2,28 +2,39 @@
 
 A known difference is a case that doesn't agree and was accepted so with a reason. It passes where
 cases are counted, and is shown as that, as long as it is the same: the outcome, and the model's and
-the equations' motion on the accepted track.
+the equations' motion on the accepted snapshot.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
-from harness.baseline.changes import Status, is_known
-from harness.baseline.classify import judge, unaccepted
+import msgspec
+
+from harness.baseline.changes import Status, why_not_known
+from harness.baseline.classify import Change, classify, unaccepted
+from harness.baseline.file import SystemBaseline
 from harness.baseline.fingerprint import FolderFiles, folder_files
-from harness.baseline.snapshot import Snapshot, snapshot_from
-from harness.baseline.stale import match, touched
-from harness.baseline.store import SystemBaseline, case_key, read_baseline
+from harness.baseline.stale import match, stale
+from harness.baseline.store import read_baseline
 from harness.engines.registry import engines
+from harness.records.baseline import AcceptedCase, Measurement, Snapshot
+from harness.records.case import Case, CaseId
+from harness.records.outcome import Outcome
+from harness.records.results import BaselineChange, BaselineChanges
+from harness.schedule.workers import Failure
 
-Record = dict[str, Any]
+Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
+"""What was measured, or why it was not, by folder and case."""
+
+Kind = Literal["regression", "improvement", "change", "new", "missing"]
+_ORDER: tuple[Kind, ...] = ("regression", "missing", "change", "new", "improvement")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Accepted:
     """What was accepted of some folders, and what they are now.
 
@@ -34,7 +45,7 @@ class Accepted:
         versions: of the engines.
         resolution: of the run.
         engines: those that run; none: all.
-        tracks: of the cases that a run is to measure, by case id: known differences, and those that
+        snapshots: of the cases that a run is to measure: known differences, and those that
             something changed of.
     """
 
@@ -44,12 +55,12 @@ class Accepted:
     versions: Mapping[str, str | None]
     resolution: float
     engines: tuple[str, ...]
-    tracks: Mapping[str, Snapshot] = field(repr=False)
+    snapshots: Mapping[CaseId, Snapshot] = field(repr=False)
 
     @property
-    def known(self) -> frozenset[str]:
-        """Case ids of the known differences."""
-        return frozenset(f"{name}/{key}" for name, one in self.systems.items() for key in one.known)
+    def known_differences(self) -> frozenset[CaseId]:
+        """Those of all systems."""
+        return frozenset(case for one in self.systems.values() for case in one.known_differences)
 
 
 def accepted(
@@ -66,100 +77,142 @@ def accepted(
         return None
     versions = {name: engine.version() for name, engine in engines().items()}
     found: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
-    tracks: dict[str, Snapshot] = {}
+    snapshots: dict[CaseId, Snapshot] = {}
     for folder in folders:
         scan = folder_files(folder, place)
         one = match(folder, place, systems)
         found[str(folder)] = scan, one
-        if one is None:
-            continue
-        stale = {
-            (model.model, engine)
-            for model in scan.models
-            for engine in model.engines
-            if touched(scan, model, engine, one, versions, resolution)
-        }
-        for key, entry in one.cases.items():
-            model, engine = key.split("/")[0], key.rsplit("[", 1)[1].rstrip("]")
-            if key in one.known or (model, engine) in stale:
-                tracks[f"{one.system}/{key}"] = snapshot_from(one.tracks[entry["track"]])
-    return Accepted(place, systems, found, versions, resolution, only, tracks)
+        if one is not None:
+            for case in _to_measure(scan, one, versions, resolution):
+                snapshots[case] = one.snapshot(case)
+    return Accepted(
+        place=place,
+        systems=systems,
+        folders=found,
+        versions=versions,
+        resolution=resolution,
+        engines=only,
+        snapshots=snapshots,
+    )
 
 
-def mark_known(cases: Sequence[Record], found: Accepted | None) -> None:
-    """Give every case that is a known difference the reason it was accepted with, `accepted`.
+def _to_measure(
+    scan: FolderFiles,
+    one: SystemBaseline,
+    versions: Mapping[str, str | None],
+    resolution: float,
+) -> Iterator[CaseId]:
+    """Cases of a system that are known differences, or that something changed of."""
+    changed = {
+        (model.model, engine)
+        for model in scan.models
+        for engine in model.engines
+        if stale(scan, model, engine, one, versions, resolution)
+    }
+    for case in one.cases:
+        if case in one.known_differences or (case.model, case.engine) in changed:
+            yield case
+
+
+def mark_known(
+    cases: Sequence[Case], measured: Measured, found: Accepted | None
+) -> tuple[Case, ...]:
+    """The cases, each that is a known difference with the reason it was accepted with.
 
     One that was accepted and has changed since is told so in its own reason.
     """
     if found is None:
-        return
-    for case in cases:
-        measured = case.get("measured")
-        one = found.systems.get(case["system"])
-        entry = one and one.known.get(case_key(case["model"], case["scenario"], case["engine"]))
-        if not one or not entry or measured is None or case["outcome"] == "AGREES":
-            continue
-        if case["outcome"] in ("FAILED", "ABSENT"):
-            continue
-        changed = is_known(entry, one.tracks[entry["track"]], case)
-        if changed:
-            case["reason"] += (
-                f"; a known difference was accepted here ({entry['reason']}), but {changed}"
-            )
-        else:
-            case["accepted"] = entry["reason"]
+        return tuple(cases)
+    return tuple(_marked(case, measured.get((case.folder, case.id)), found) for case in cases)
 
 
-def since(cases: Sequence[Record], found: Accepted | None) -> Record | None:
-    """What changed since the baseline, as results.json has it; None without a baseline."""
+def _marked(case: Case, measured: Measurement | Failure | None, found: Accepted) -> Case:
+    one = found.systems.get(case.system)
+    entry = one.known_differences.get(case.id) if one else None
+    if one is None or entry is None or measured is None:
+        return case
+    if case.outcome in (Outcome.AGREES, Outcome.FAILED, Outcome.ABSENT):
+        return case
+    changed = _why_changed(case, measured, entry, one.snapshot(case.id))
+    if not changed:
+        return msgspec.structs.replace(case, accepted=entry.reason)
+    note = f"a known difference was accepted here ({entry.reason}), but {changed}"
+    return msgspec.structs.replace(case, reason=f"{case.reason}; {note}")
+
+
+def _why_changed(
+    case: Case, measured: Measurement | Failure, entry: AcceptedCase, snapshot: Snapshot
+) -> str:
+    """Why a case is not the difference that was accepted; "" where it is."""
+    if case.outcome != entry.outcome:
+        return f"it is {case.outcome} where {entry.outcome} was accepted"
+    if isinstance(measured, Failure):
+        return measured.reason
+    assert case.verdict is not None  # what was measured was judged
+    return why_not_known(entry, case.verdict, snapshot, measured)
+
+
+def changes_since(
+    cases: Sequence[Case], measured: Measured, found: Accepted | None
+) -> BaselineChanges | None:
+    """What changed since the baseline, worst first; None without a baseline."""
     if found is None:
         return None
-    changes = [change for case in cases if (change := _change(case, found))]
-    seen = {(c["system"], case_key(c["model"], c["scenario"], c["engine"])) for c in cases}
-    failed = {c["system"] for c in cases if c["scenario"] == "-"}
+    changes = [change for case in cases if (change := _change(case, measured, found))]
+    changes += [
+        _told(case, "missing", "it was accepted, and there is no such case now")
+        for case in _missing(cases, found)
+    ]
+    changes.sort(key=lambda change: _ORDER.index(change.kind))
+    return BaselineChanges(name=found.place.as_posix(), changes=tuple(changes))
+
+
+def _missing(cases: Sequence[Case], found: Accepted) -> Iterator[CaseId]:
+    """Accepted cases of the folders that there are no more; a failed declaration's are not gone."""
+    seen = {case.id for case in cases}
+    failed = {case.system for case in cases if case.scenario == "-"}
     for _, one in found.folders.values():
         if one is None or one.system in failed:
             continue
-        for key in one.cases:
-            model, rest = key.split("/", 1)
-            scenario, engine = rest.rstrip("]").rsplit(" [", 1)
-            if (one.system, key) not in seen and (not found.engines or engine in found.engines):
-                changes.append(
-                    {
-                        "system": one.system,
-                        "model": model,
-                        "engine": engine,
-                        "scenario": scenario,
-                        "kind": "missing",
-                        "message": "it was accepted, and there is no such case now",
-                    }
-                )
-    order = ["regression", "missing", "change", "new", "improvement"]
-    changes.sort(key=lambda change: order.index(change["kind"]))
-    return {"name": found.place.as_posix(), "changes": changes}
+        for case in one.cases:
+            if case not in seen and (not found.engines or case.engine in found.engines):
+                yield case
 
 
-def _change(case: Record, found: Accepted) -> Record | None:
+def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange | None:
     """What became of one case; None where it is as it was accepted."""
-    where = {name: case[name] for name in ("system", "model", "engine", "scenario")}
-    one = found.systems.get(case["system"])
-    key = case_key(case["model"], case["scenario"], case["engine"])
-    entry = one.cases.get(key) if one else None
-    if entry is None:
-        return {**where, "kind": "new", "message": unaccepted(case)}
-    ran = case["outcome"] not in ("FAILED", "ABSENT")
-    if ran and case.get("measured") is None:
+    one = found.systems.get(case.system)
+    if one is None or case.id not in one.cases:
+        return _told(case.id, "new", unaccepted(case))
+    this = measured.get((case.folder, case.id))
+    if this is None and case.outcome not in (Outcome.FAILED, Outcome.ABSENT):
         return None
-    scan, _ = found.folders[case["folder"]]
-    change = judge(case["system"], case, scan, one, found.versions, found.resolution)
+    scan, _ = found.folders[case.folder]
+    change = classify(case.system, case, this, scan, one, found.versions, found.resolution)
     if change.status in (Status.SAME, Status.KNOWN, Status.WITHIN):
         return None
-    worse = (
-        case["outcome"] != "AGREES"
-        or change.status is Status.NOT_RUN
-        or (case["raw_error"] or 0) > (entry["raw_error"] or 0)
-    )
-    kind = "change" if not worse else "regression"
+    return _told(case.id, _kind(case, change), "; ".join(change.messages))
+
+
+def _kind(case: Case, change: Change) -> Kind:
     if change.status is Status.IMPROVED:
-        kind = "improvement"
-    return {**where, "kind": kind, "message": "; ".join(change.told)}
+        return "improvement"
+    now = case.full_run.global_error if case.full_run else None
+    then = change.entry.global_error if change.entry else None
+    worse = (
+        case.outcome is not Outcome.AGREES
+        or change.status is Status.NOT_RUN
+        or (now or 0.0) > (then or 0.0)
+    )
+    return "regression" if worse else "change"
+
+
+def _told(case: CaseId, kind: Kind, message: str) -> BaselineChange:
+    return BaselineChange(
+        system=case.system,
+        model=case.model,
+        scenario=case.scenario,
+        engine=case.engine,
+        kind=kind,
+        message=message,
+    )

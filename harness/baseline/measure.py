@@ -1,20 +1,28 @@
-"""Measure what a case's model does, for the baseline: limits on a track, and constants from them.
+"""Measure what a case's model does, for the baseline: limits on a snapshot, constants from them.
 
-Where an accepted track is given, the model and the equations are both run on it too: so that it can
-be told which of them moved.
+Where an accepted snapshot is given, the model and the equations are both run on it too: so that it
+can be told which of them moved.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from harness.baseline.snapshot import Snapshot, ends, finite, inputs_of, track
+from harness.baseline.snapshot import (
+    PickedSegments,
+    ends,
+    inputs_of,
+    same_motion,
+    segments_of,
+    snapshot_of,
+)
 from harness.cases.case import CaseTask, load
 from harness.diagnosis.diagnose import NAMED
 from harness.files.sidecar import Sidecar
+from harness.records.base import rows
+from harness.records.baseline import Identified, Measurement, OnAccepted, Snapshot
 from reference.integrate import ReferenceError
 from reference.motion import Motion
 from reference.numeric import Array
@@ -29,9 +37,9 @@ ITERATIONS = 6
 NUDGE = 1e-4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MeasureTask:
-    """Everything a worker needs; `accepted` is the track of the baseline, where there is one."""
+    """Everything a worker needs; `accepted` is the snapshot of the baseline, where there is one."""
 
     system: System
     sidecar: Sidecar
@@ -47,59 +55,59 @@ class MeasureTask:
 def measure_task(case: CaseTask, variants: Variants, accepted: Snapshot | None) -> MeasureTask:
     """Gather what measuring a case needs beside its verdict's own task."""
     return MeasureTask(
-        case.system,
-        case.sidecar,
-        case.engine,
-        case.scenario,
-        case.motion,
-        case.scale,
-        case.components,
-        variants,
-        accepted,
+        system=case.system,
+        sidecar=case.sidecar,
+        engine=case.engine,
+        scenario=case.scenario,
+        motion=case.motion,
+        scale=case.scale,
+        components=case.components,
+        variants=variants,
+        accepted=accepted,
     )
 
 
-def measure(task: MeasureTask) -> dict[str, Any]:
-    """Measure one case: `track`, `end`, `uncertainty`, `constants`, and `then` on the accepted one.
-
-    `then` has `end` and `uncertainty` of the model, and `equations`, the ends by the present
-    equations; None where no accepted track has the same number of coordinates.
+def measure(task: MeasureTask) -> Measurement:
+    """Measure one case: on the accepted snapshot where it is comparable, and on its own.
 
     Raises:
         EngineError, SidecarError, BlownUpError: naming what could not be run.
     """
     model, coordinates = load(task.system, task.sidecar, task.engine)
-    own = track(task.system, task.scenario, task.motion, task.scale, task.components)
-    accepted, then = task.accepted, None
+    own = snapshot_of(task.system, task.scenario, task.motion, task.scale, task.components)
+    accepted, on_accepted = task.accepted, None
     if accepted is not None and _comparable(own, accepted):
-        end, uncertainty = ends(model, coordinates, accepted)
-        then = {
-            "end": finite(end),
-            "uncertainty": finite(uncertainty),
-            "equations": finite(_flow(task.variants, task.variants.nominal[None], accepted)[0]),
-        }
-        if own.same_as(accepted):
+        segments = segments_of(accepted)
+        end, uncertainty = ends(model, coordinates, segments)
+        on_accepted = OnAccepted(
+            end=rows(end.tolist()),
+            uncertainty=rows(uncertainty.tolist()),
+            equations=rows(_flow(task.variants, task.variants.nominal[None], segments)[0].tolist()),
+        )
+        if same_motion(own, accepted):
             own = accepted
     if own is not accepted:
-        end, uncertainty = ends(model, coordinates, own)
-    return {
-        "track": own.record(),
-        "end": finite(end),
-        "uncertainty": finite(uncertainty),
-        "constants": identify(task.variants, own, end, uncertainty),
-        "then": then,
-    }
+        segments = segments_of(own)
+        end, uncertainty = ends(model, coordinates, segments)
+    return Measurement(
+        snapshot=own,
+        end=rows(end.tolist()),
+        uncertainty=rows(uncertainty.tolist()),
+        constants=identify(task.variants, segments, end, uncertainty),
+        on_accepted=on_accepted,
+    )
 
 
 def _comparable(own: Snapshot, accepted: Snapshot) -> bool:
-    inputs = {nodes.shape[1] for nodes in (*own.inputs, *accepted.inputs)}
-    return own.start.shape[1] == accepted.start.shape[1] and len(inputs) == 1
+    """Whether both have the same number of components and of inputs."""
+    inputs = {len(row) for one in (own, accepted) for nodes in one.input_nodes for row in nodes}
+    return len(own.components) == len(accepted.components) and len(inputs) == 1
 
 
 def identify(
-    variants: Variants, one: Snapshot, end: Array, uncertainty: Array
-) -> dict[str, list[float]]:
-    """Constants of the equations that explain where the segments end: name -> [value, error].
+    variants: Variants, one: PickedSegments, end: Array, uncertainty: Array
+) -> dict[str, Identified]:
+    """Constants of the equations that explain where the segments end, by name.
 
     Gauss-Newton over all constants at once. Left out are those that this motion can't tell from
     others; and all, where constants don't explain the motion: it has another cause then.
@@ -122,9 +130,9 @@ def identify(
         slopes = (ends_at(NUDGE * np.eye(len(chosen))) - ends_at(-NUDGE * np.eye(len(chosen)))) / (
             2 * NUDGE
         )
-        _, values, rows = np.linalg.svd(slopes.T, full_matrices=False)
+        _, values, directions = np.linalg.svd(slopes.T, full_matrices=False)
         held = values > TIED * max(float(values[0]), 1e-300)
-        free = rows[~held]
+        free = directions[~held]
         inverse = np.linalg.pinv(slopes.T, rcond=TIED)
         left = first = target - ends_at(shift[None])[0]
         for _ in range(ITERATIONS):
@@ -140,16 +148,16 @@ def identify(
         return {}
     errors = np.sqrt((inverse**2) @ weight**2)
     return {
-        variants.parameters[index].name: [
-            float(variants.nominal[index] + shift[i] * sizes[i]),
-            float(errors[i] * sizes[i]),
-        ]
+        variants.parameters[index].name: Identified(
+            value=float(variants.nominal[index] + shift[i] * sizes[i]),
+            standard_error=float(errors[i] * sizes[i]),
+        )
         for i, index in enumerate(chosen)
         if float(np.linalg.norm(free[:, i])) < TIED
     }
 
 
-def _flow(variants: Variants, points: Array, one: Snapshot) -> Array:
+def _flow(variants: Variants, points: Array, one: PickedSegments) -> Array:
     """Ends by the equations at some parameters: points (P, parameters) -> (P, K, 2n)."""
     found = np.empty((len(points), *one.end.shape))
     for length in np.unique(one.length):

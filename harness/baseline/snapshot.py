@@ -1,4 +1,4 @@
-"""A track: picked segments of a scenario, complete in numbers, so that a later run can repeat them.
+"""A snapshot: picked segments of a scenario, complete in numbers, for a later run to repeat.
 
 From states that were written down, under inputs that were written down, an engine must end where
 it ended before; whatever has become of the declaration since.
@@ -6,13 +6,9 @@ it ended before; whatever has become of the declaration since.
 
 from __future__ import annotations
 
-import hashlib
-import json
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -21,12 +17,13 @@ from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import RUNGS, limits
 from harness.numerics.segments import BlownUpError, rounding_scales, run_ends, spread
+from harness.records.baseline import Snapshot
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.system import System
 
 PICKED = 16
-"""Segments a track: even over the motion, at least two of each span between breaks."""
+"""Segments a snapshot: even over the motion, at least two of each span between breaks."""
 
 SAME = 1e-9
 """Starts, ends and inputs this close, relative to their scale, are those of one motion: computed
@@ -36,30 +33,21 @@ _FIRST_NODES, _MOST_NODES = 12, 96
 _INTERPOLATED = 1e-13
 
 
-@dataclass(frozen=True)
-class Snapshot:
-    """Picked segments of a scenario; K of them, 2n components.
+@dataclass(frozen=True, kw_only=True)
+class PickedSegments:
+    """The segments of a snapshot in arrays; K of them, 2n components.
 
     Attributes:
-        scenario: its name.
-        components: names of the state's components.
-        duration: of the whole scenario, seconds.
-        drive: the inputs in words, `F = 7*Heaviside(t - 1)`.
-        fastest: fastest rate along the motion, rad/s.
-        varying: whether an input changes over any segment of the scenario.
-        t: start times, (K,).
-        length: seconds of each segment, (K,).
+        scenario, fastest, varying: as in `Snapshot`.
+        t: start times, (K,), seconds.
+        length: of each segment, (K,), seconds.
         start: states there, (K, 2n).
-        inputs: each segment's inputs at Chebyshev points inside it, (nodes, inputs); one row where
-            they are constant.
+        inputs: each segment's inputs at Chebyshev points inside it, (nodes, inputs).
         end: where the equations end each segment, (K, 2n).
         scale: what a defect is relative to, (2n,).
     """
 
     scenario: str
-    components: tuple[str, ...]
-    duration: float
-    drive: tuple[str, ...]
     fastest: float
     varying: bool
     t: Array
@@ -69,94 +57,76 @@ class Snapshot:
     end: Array
     scale: Array
 
-    def record(self) -> dict[str, Any]:
-        """As plain JSON, every digit kept."""
-        return {
-            "scenario": self.scenario,
-            "components": list(self.components),
-            "duration": self.duration,
-            "drive": list(self.drive),
-            "fastest": self.fastest,
-            "varying": self.varying,
-            "t": self.t.tolist(),
-            "length": self.length.tolist(),
-            "start": self.start.tolist(),
-            "inputs": [nodes.tolist() for nodes in self.inputs],
-            "end": self.end.tolist(),
-            "scale": self.scale.tolist(),
-        }
 
-    def same_as(self, other: Snapshot) -> bool:
-        """Whether both are the same segments of the same motion."""
-        if self.start.shape != other.start.shape or len(self.inputs) != len(other.inputs):
-            return False
-        if self.components != other.components or self.varying != other.varying:
-            return False
-        pairs: list[tuple[Array, Array, Array | float]] = [
-            (self.t, other.t, 1.0),
-            (self.length, other.length, float(np.max(self.length))),
-            (self.start, other.start, self.scale),
-            (self.end, other.end, self.scale),
-            (self.scale, other.scale, self.scale),
-            *(
-                (a, b, 1.0 + np.max(np.abs(a), initial=0.0))
-                for a, b in zip(self.inputs, other.inputs, strict=True)
-            ),
-        ]
-        return all(
-            a.shape == b.shape and bool(np.all(np.abs(a - b) <= SAME * scale))
-            for a, b, scale in pairs
-        )
-
-
-def snapshot_from(record: Mapping[str, Any]) -> Snapshot:
-    """The track that `Snapshot.record` has written."""
-    return Snapshot(
-        record["scenario"],
-        tuple(record["components"]),
-        record["duration"],
-        tuple(record["drive"]),
-        record["fastest"],
-        record["varying"],
-        np.array(record["t"]),
-        np.array(record["length"]),
-        np.array(record["start"]),
-        tuple(np.array(nodes).reshape(len(nodes), -1) for nodes in record["inputs"]),
-        np.array(record["end"]),
-        np.array(record["scale"]),
+def segments_of(one: Snapshot) -> PickedSegments:
+    """The segments of a snapshot, to run them."""
+    return PickedSegments(
+        scenario=one.scenario,
+        fastest=one.fastest,
+        varying=one.varying,
+        t=np.array(one.t),
+        length=np.array(one.length),
+        start=np.array(one.start),
+        inputs=tuple(np.array(nodes).reshape(len(nodes), -1) for nodes in one.input_nodes),
+        end=np.array(one.end),
+        scale=np.array(one.scale),
     )
 
 
-def snapshot_key(record: Mapping[str, Any]) -> str:
-    """Name of a track by what is in it, such as `free@1f0a2b3c4d5e`."""
-    text = json.dumps(record, sort_keys=True, allow_nan=False)
-    return f"{record['scenario']}@{hashlib.sha256(text.encode()).hexdigest()[:12]}"
-
-
-def track(
+def snapshot_of(
     system: System, name: str, motion: Motion, scale: Array, components: tuple[str, ...]
 ) -> Snapshot:
     """Pick segments evenly over a scenario, from each of its spans in proportion."""
     chosen = np.concatenate([indices for _, indices in spread(motion, PICKED)])
     scenario = system.scenario(name)
     t, length = motion.t[chosen], motion.lengths[chosen]
+    nodes = [_nodes(motion.inputs, a, h) for a, h in zip(t, length, strict=True)]
     return Snapshot(
-        name,
-        components,
-        float(motion.duration),
-        tuple(f"{i.name} = {sp.sstr(sp.sympify(scenario.inputs[i]))}" for i in system.inputs),
-        float(motion.fastest),
-        not all(span.constant_input for span in motion.spans),
-        t,
-        length,
-        motion.start[chosen],
-        tuple(_nodes(motion.inputs, a, h) for a, h in zip(t, length, strict=True)),
-        motion.end[chosen],
-        scale,
+        scenario=name,
+        components=components,
+        duration=float(motion.duration),
+        inputs=tuple(
+            f"{i.name} = {sp.sstr(sp.sympify(scenario.inputs[i]))}" for i in system.inputs
+        ),
+        fastest=float(motion.fastest),
+        varying=not all(span.constant_input for span in motion.spans),
+        t=tuple(t.tolist()),
+        length=tuple(length.tolist()),
+        start=_table(motion.start[chosen]),
+        input_nodes=tuple(_table(values) for values in nodes),
+        end=_table(motion.end[chosen]),
+        scale=tuple(scale.tolist()),
     )
 
 
-def ends(model: Model, coordinates: CoordinateMap, one: Snapshot) -> tuple[Array, Array]:
+def _table(values: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in values.tolist())
+
+
+def same_motion(one: Snapshot, other: Snapshot) -> bool:
+    """Whether both are the same segments of the same motion."""
+    if (one.components, one.varying) != (other.components, other.varying):
+        return False
+    a, b = segments_of(one), segments_of(other)
+    if a.start.shape != b.start.shape or len(a.inputs) != len(b.inputs):
+        return False
+    pairs: list[tuple[Array, Array, Array | float]] = [
+        (a.t, b.t, 1.0),
+        (a.length, b.length, float(np.max(a.length))),
+        (a.start, b.start, a.scale),
+        (a.end, b.end, a.scale),
+        (a.scale, b.scale, a.scale),
+        *(
+            (u, v, 1.0 + float(np.max(np.abs(u), initial=0.0)))
+            for u, v in zip(a.inputs, b.inputs, strict=True)
+        ),
+    ]
+    return all(
+        x.shape == y.shape and bool(np.all(np.abs(x - y) <= SAME * scale)) for x, y, scale in pairs
+    )
+
+
+def ends(model: Model, coordinates: CoordinateMap, one: PickedSegments) -> tuple[Array, Array]:
     """Where an engine ends the segments as h -> 0, with the uncertainty, (K, 2n) each.
 
     Raises:
@@ -179,7 +149,7 @@ def ends(model: Model, coordinates: CoordinateMap, one: Snapshot) -> tuple[Array
     return found.value, found.uncertainty
 
 
-def inputs_of(one: Snapshot, chosen: Array, copies: int) -> Callable[[Array], Array]:
+def inputs_of(one: PickedSegments, chosen: Array, copies: int) -> Callable[[Array], Array]:
     """u at flat times of `copies` runs over the chosen segments, as the reference asks for it."""
     t = np.tile(one.t[chosen], copies)
     length = np.tile(one.length[chosen], copies)
@@ -235,8 +205,3 @@ def _matrix(count: int, at: tuple[float, ...]) -> Array:
     factors[hit] = exact[hit]
     matrix: Array = factors / factors.sum(axis=1)[:, None]
     return matrix
-
-
-def finite(values: Array) -> list[list[float | None]]:
-    """Rows of numbers for JSON, where what is not finite is null."""
-    return [[x if math.isfinite(x) else None for x in row] for row in values.tolist()]

@@ -6,9 +6,11 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from harness.baseline.fingerprint import NUMERICS, FolderFiles, ModelFiles
-from harness.baseline.store import Entry, SystemBaseline, case_key
+from harness.baseline.file import SystemBaseline
+from harness.baseline.fingerprint import Dependencies, FolderFiles, ModelFiles, dependencies
 from harness.files.folders import builtin
+from harness.records.baseline import AcceptedCase
+from harness.records.case import CaseId
 
 
 def location(folder: Path, baseline: Path) -> str:
@@ -25,13 +27,13 @@ def match(
     """The baseline of a folder: by its place; moved, by its name where that is unique."""
     here = location(folder, place)
     for one in baseline.values():
-        if one.folder == here:
+        if one.declared.folder == here:
             return one
-    named = [b for b in baseline.values() if b.folder.rpartition("/")[2] == folder.name]
+    named = [b for b in baseline.values() if b.declared.folder.rpartition("/")[2] == folder.name]
     return named[0] if len(named) == 1 else None
 
 
-def touched(
+def stale(
     scan: FolderFiles,
     model: ModelFiles,
     engine: str,
@@ -40,26 +42,21 @@ def touched(
     resolution: float,
 ) -> bool:
     """Whether anything that the cases of a model in an engine depend on is not as accepted."""
-    if one is None or one.declared != scan.system or not one.scenarios:
+    if one is None or one.declared.declared != scan.system or not one.declared.scenarios:
         return True
-    for scenario in one.scenarios:
-        entry = one.cases.get(case_key(model.model, scenario, engine))
-        if entry is None or not as_accepted(entry, model.hashes, engine, versions, resolution):
-            return True
-    return False
+    now = dependencies(model.hashes, engine, versions, resolution)
+    ids = (
+        CaseId(system=one.system, model=model.model, scenario=scenario, engine=engine)
+        for scenario in one.declared.scenarios
+    )
+    return not all(as_accepted(one.cases.get(case), now) for case in ids)
 
 
-def as_accepted(
-    entry: Entry,
-    hashes: Mapping[str, str],
-    engine: str,
-    versions: Mapping[str, str | None],
-    resolution: float,
-) -> bool:
+def as_accepted(entry: AcceptedCase | None, now: Dependencies) -> bool:
     """Whether what a case depends on is what it was when it was accepted."""
-    return bool(
-        entry["files"] == hashes
-        and entry["engine"] == f"{engine} {versions.get(engine)}"
-        and entry["resolution"] == resolution
-        and entry["numerics"] == NUMERICS
+    return entry is not None and now == Dependencies(
+        files=entry.files,
+        engine_version=entry.engine_version,
+        resolution=entry.resolution,
+        numerics=entry.numerics,
     )

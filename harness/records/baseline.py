@@ -79,9 +79,10 @@ class Measurement(Record, frozen=True, kw_only=True):
 
 
 class AcceptedCase(Record, frozen=True, kw_only=True):
-    """What was accepted of a case.
+    """What was accepted of a case, or would be.
 
     Attributes:
+        system, model, scenario, engine: which case it is of.
         summary: all of it in one line, for who reviews it.
         reason: why it was accepted.
         outcome, outcome_reason: of the case, and the sentence for what is not AGREES.
@@ -90,11 +91,12 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         engine_version: the engine with its version, as `mujoco 4.0.0`.
         resolution: of the run.
         numerics: version of this package's numerics.
-        files: hashes of what the case depends on, by name.
+        files: hashes of what the case depends on, by name, relative to the system's folder.
         snapshot: key of the snapshot that `end` and `end_uncertainty` belong to.
         seal: over all of this, its name included.
     """
 
+    system: str
     model: str
     scenario: str
     engine: str
@@ -121,9 +123,12 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
     end_uncertainty: Rows
     seal: str = ""
 
-    def id(self, system: str) -> CaseId:
-        """Its name, in a system."""
-        return CaseId(system=system, model=self.model, scenario=self.scenario, engine=self.engine)
+    @property
+    def id(self) -> CaseId:
+        """The case's name."""
+        return CaseId(
+            system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
+        )
 
 
 class Declared(Record, frozen=True, kw_only=True):
@@ -134,6 +139,7 @@ class Declared(Record, frozen=True, kw_only=True):
         declared: hash of the declaration.
         scenarios: their names.
         constants: name to value.
+        seal: over all of this.
     """
 
     system: str

@@ -1,0 +1,97 @@
+"""What a step costs, and what a motion says of constants, against what was accepted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from harness.baseline.part import Part
+from harness.records.base import Number
+from harness.records.baseline import AcceptedCase, Identified
+
+GLOBAL = 0.01
+"""Relative change of a global error that is told. A global error e is a leading term, known to a
+share e of itself; so the larger of the two counts."""
+
+ORDER = 0.5
+"""An order is another one from here on: halfway to the next."""
+
+
+def other_method(then: AcceptedCase, now: AcceptedCase) -> bool:
+    """Whether the time-stepping is another one."""
+    return (then.shipped_step, then.integrator, then.claimed_order) != (
+        now.shipped_step,
+        now.integrator,
+        now.claimed_order,
+    )
+
+
+def cost_part(then: AcceptedCase, now: AcceptedCase, settled: bool) -> Part:
+    """What the step costs; judged where the limit is the same (`settled`), told anyway."""
+    found = _method(then, now)
+    found = _orders(then, now, _error(then, now, found, settled))
+    worse, better = (found.worse, found.better) if settled else (False, False)
+    kinds = ("numbers",) if found.messages else ()
+    return Part(kinds=kinds, messages=found.messages, worse=worse, better=better and not worse)
+
+
+def _method(then: AcceptedCase, now: AcceptedCase) -> Part:
+    messages = []
+    if then.shipped_step != now.shipped_step:
+        messages.append(f"step {_seconds(then.shipped_step)} -> {_seconds(now.shipped_step)}")
+    if then.integrator != now.integrator:
+        messages.append(f"integrator {then.integrator} -> {now.integrator}")
+    return Part(messages=tuple(messages))
+
+
+def _error(then: AcceptedCase, now: AcceptedCase, found: Part, settled: bool) -> Part:
+    """With what is found of the global error at the shipped step."""
+    a, b = then.global_error, now.global_error
+    if a is None or b is None:
+        if a == b:
+            return found
+        finite = "the raw error is finite now" if a is None else "the raw error is not finite"
+        return Part(messages=(*found.messages, finite), worse=b is None, better=a is None)
+    tolerance = max(GLOBAL, min(1.0, a)) * a + 1e-12
+    if abs(b - a) <= tolerance or not (settled or found.messages):
+        return found
+    message = f"raw error {_percent(a)} -> {_percent(b)}"
+    return Part(messages=(*found.messages, message), worse=b > a, better=b < a)
+
+
+def _orders(then: AcceptedCase, now: AcceptedCase, found: Part) -> Part:
+    """With what is found of the orders."""
+    messages, worse, better = list(found.messages), found.worse, found.better
+    pairs = (
+        ("claimed order", then.claimed_order, now.claimed_order),
+        ("order on the segments", then.order, now.order),
+    )
+    for what, a, b in pairs:
+        if a is None or b is None or abs(b - a) <= ORDER:
+            continue
+        messages.append(f"{what} {a:.2g} -> {b:.2g}")
+        # A higher order at a higher error is no improvement, nor the other way round.
+        worse = worse or (b < a and not better)
+        better = better or (b > a and not worse)
+    return Part(messages=tuple(messages), worse=worse, better=better)
+
+
+def _seconds(value: Number) -> str:
+    return "unknown" if value is None else f"{value:g} s"
+
+
+def _percent(value: float) -> str:
+    return f"{value * 100:.3g} %"
+
+
+def constants_moved(was: Mapping[str, Identified], now: Mapping[str, Identified]) -> list[str]:
+    """Constants that the motion identifies, then and now, where they moved."""
+    told = []
+    for name in (name for name in now if name in was):
+        old, new = was[name], now[name]
+        errors = old.standard_error + new.standard_error
+        if abs(new.value - old.value) > 3 * errors + 1e-12 * abs(old.value):
+            share = max(new.standard_error, 1e-300) / max(abs(new.value), 1e-300)
+            digits = min(max(2 - math.floor(math.log10(share)), 3), 10)
+            told.append(f"the motion says {name} {old.value:.{digits}g} -> {new.value:.{digits}g}")
+    return told

@@ -1,0 +1,68 @@
+"""What would be accepted of a case, from what was just seen of it."""
+
+from __future__ import annotations
+
+import msgspec
+
+from harness.baseline.fingerprint import Dependencies
+from harness.baseline.seal import snapshot_key
+from harness.records.base import Number
+from harness.records.baseline import AcceptedCase, Measurement
+from harness.records.case import Case, CaseId
+
+
+def entry_of(case_id: CaseId, case: Case, measured: Measurement, now: Dependencies) -> AcceptedCase:
+    """A case that was judged and measured as an entry of the baseline, without a reason yet.
+
+    Args:
+        case_id: its name, in which the system is called as the baseline does.
+        case: its record.
+        measured: what its model does.
+        now: what it depends on.
+    """
+    verdict, full_run = case.verdict, case.full_run
+    assert verdict is not None  # what was measured was judged
+    assert full_run is not None
+    return summarized(
+        AcceptedCase(
+            system=case_id.system,
+            model=case_id.model,
+            scenario=case_id.scenario,
+            engine=case_id.engine,
+            summary="",
+            reason="",
+            outcome=case.outcome,
+            outcome_reason=case.reason,
+            discrepancy=verdict.discrepancy,
+            uncertainty=verdict.uncertainty,
+            component=verdict.component,
+            constants=measured.constants,
+            global_error=full_run.global_error,
+            global_order=full_run.order,
+            shipped_step=full_run.shipped_step,
+            integrator=full_run.integrator,
+            order=verdict.order,
+            claimed_order=verdict.claimed_order,
+            engine_version=now.engine_version,
+            resolution=now.resolution,
+            numerics=now.numerics,
+            files=dict(now.files),
+            snapshot=snapshot_key(measured.snapshot),
+            end=measured.end,
+            end_uncertainty=measured.uncertainty,
+        )
+    )
+
+
+def summarized(entry: AcceptedCase) -> AcceptedCase:
+    """With all of it in one line, for who reviews it."""
+
+    def short(value: Number, form: str) -> str:
+        return "unknown" if value is None else format(value, form)
+
+    summary = (
+        f"{entry.outcome}, E {short(entry.discrepancy, '.0e')}"
+        f" U {short(entry.uncertainty, '.0e')}; raw error {short(entry.global_error, '.2%')}"
+        f" at {short(entry.shipped_step, 'g')} s, {entry.integrator}"
+    )
+    return msgspec.structs.replace(entry, summary=summary)

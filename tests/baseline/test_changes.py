@@ -1,0 +1,227 @@
+"""One case against what was accepted of it: numbers alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from harness.baseline.changes import Difference, Status, compare
+from harness.baseline.classify import Change, classify
+from harness.baseline.costs import GLOBAL
+from harness.baseline.file import SystemBaseline
+from harness.baseline.fingerprint import FolderFiles, ModelFiles
+from harness.records.baseline import AcceptedCase, Identified, Measurement
+from harness.records.case import Case
+from harness.records.outcome import Outcome
+from harness.schedule.workers import Failure
+from tests.baseline.samples import (
+    ENTRY,
+    FILES,
+    NUMERICS,
+    SNAPSHOT,
+    SYSTEM,
+    baseline,
+    case,
+    entry,
+    measurement,
+)
+
+DIFFERS = Outcome.DIFFERS
+
+
+def told(
+    move: float = 0.0, equations: float = 0.0, then: AcceptedCase = ENTRY, **now: Any
+) -> Difference:
+    """What is told where the motion moved, and some quantities are others."""
+    return compare(then, entry(**now), SNAPSHOT, measurement(move, equations))
+
+
+def test_a_case_that_was_run_again_is_as_accepted() -> None:
+    change = told()
+    assert (change.status, change.kinds, change.messages) == (Status.SAME, (), ())
+
+
+def test_another_machines_rounding_is_no_change() -> None:
+    assert told(move=1e-14).status is Status.SAME
+
+
+def test_a_motion_that_moved_though_nothing_changed_is_told_as_unexplained() -> None:
+    change = told(move=1e-9)
+    assert (change.status, change.kinds) == (Status.CHANGED, ("unexplained",))
+    assert change.messages == (
+        "the model's motion moved by 1.0e-09 ± 8e-13 of its movement, in x near t = 0 s",
+    )
+
+
+def test_a_motion_that_moved_with_the_engine_alone_is_the_engines() -> None:
+    change = told(move=1e-6, engine_version="e 99.0")
+    assert (change.status, change.kinds) == (Status.CHANGED, ("engine",))
+    assert change.size == pytest.approx(1e-6, rel=1e-3)
+
+
+def test_a_motion_that_moved_with_files_and_engine_may_be_eithers() -> None:
+    change = told(move=1e-6, engine_version="e 99.0", files={"space.py": "other"})
+    assert change.kinds == ("model", "engine")
+
+
+def test_a_motion_that_moved_with_the_declaration_alone_is_the_equations() -> None:
+    files = FILES | {"system.py": "another"}
+    assert told(move=1e-6, files=files).kinds == ("equations",)
+    assert told(move=1e-6, resolution=1e-6).kinds == ("numbers",)
+
+
+def test_equations_and_model_that_moved_are_both_told() -> None:
+    change = told(move=1e-6, equations=1e-6, files=FILES | {"m.xml": "another"})
+    assert change.kinds == ("model", "equations")
+    assert change.messages[1:] == (
+        "the equations' motion moved by 1.0e-06 of x",
+        "model and equations changed alike: they agree",
+    )
+    alone = told(equations=1e-6)
+    assert (alone.status, alone.kinds) == (Status.CHANGED, ("equations",))
+
+
+def test_a_new_version_of_the_tools_numerics_is_told_and_passes_where_nothing_moved() -> None:
+    change = told(numerics=NUMERICS + 1)
+    assert (change.status, change.kinds) == (Status.WITHIN, ("tool",))
+    assert told(numerics=NUMERICS + 1, move=1e-6).kinds == ("tool",)
+
+
+def test_a_limit_that_is_not_known_is_not_compared() -> None:
+    unknown = entry(end_uncertainty=((None, None),) * 3)
+    assert told(move=1.0, then=unknown).size == 0.0
+
+
+@pytest.mark.parametrize(("share", "status"), [
+    (1.0005, Status.SAME), (1.05, Status.CHANGED), (0.9, Status.IMPROVED),
+])  # fmt: skip
+def test_a_global_error_counts_beyond_a_hundredth_of_itself(share: float, status: Status) -> None:
+    assert GLOBAL == 0.01
+    assert ENTRY.global_error is not None
+    assert told(global_error=share * ENTRY.global_error).status is status
+
+
+def test_a_global_error_that_is_large_is_known_to_its_own_share() -> None:
+    large = entry(global_error=0.9)
+    assert told(then=large, global_error=1.5).status is Status.SAME
+    assert told(then=large, global_error=2.0).status is Status.CHANGED
+    change = told(global_error=None)
+    assert (change.status, change.messages) == (Status.CHANGED, ("the raw error is not finite",))
+    again = told(then=entry(global_error=None))
+    assert (again.status, again.messages) == (Status.IMPROVED, ("the raw error is finite now",))
+
+
+def test_a_step_an_integrator_and_orders_are_numbers() -> None:
+    change = told(shipped_step=0.004, integrator="RK4", claimed_order=4, order=3.9)
+    assert change.kinds == ("numbers",)
+    assert change.status is Status.IMPROVED
+    assert change.messages == (
+        "step 0.002 s -> 0.004 s",
+        "integrator euler -> RK4",
+        "claimed order 1 -> 4",
+        "order on the segments 1 -> 3.9",
+    )
+
+
+def test_a_higher_order_at_a_higher_error_is_no_improvement() -> None:
+    assert told(global_error=0.05, claimed_order=4).status is Status.CHANGED
+    assert told(global_error=0.001, claimed_order=0).status is Status.IMPROVED
+
+
+def test_a_known_differences_size_counts() -> None:
+    was = entry(outcome=DIFFERS, discrepancy=1e-3)
+    assert told(then=was, outcome=DIFFERS, discrepancy=1e-3 + 1e-14).status is Status.KNOWN
+    assert told(then=was, outcome=DIFFERS, discrepancy=1.1e-3).status is Status.CHANGED
+
+
+def test_a_known_difference_without_a_digit_is_the_same_until_it_has_one() -> None:
+    was = entry(outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
+    same = told(then=was, outcome=Outcome.UNRESOLVED, discrepancy=None, uncertainty=None)
+    assert same.status is Status.KNOWN
+    other = told(then=was, outcome=Outcome.UNRESOLVED, discrepancy=1e-3, uncertainty=1e-4)
+    assert other.status is Status.CHANGED
+    assert "unknown ± unknown was accepted" in other.messages[0]
+
+
+def test_a_difference_that_is_mended_is_an_improvement() -> None:
+    was = entry(outcome=DIFFERS, discrepancy=1e-3)
+    change = told(then=was, move=1e-6, files=FILES | {"m.xml": "mended"})
+    assert (change.status, change.kinds) == (Status.IMPROVED, ("model",))
+
+
+def test_a_lost_digit_is_told() -> None:
+    change = told(outcome=Outcome.UNRESOLVED, uncertainty=1e-6)
+    assert change.status is Status.CHANGED
+    assert change.messages[0] == "UNRESOLVED where it was AGREES"
+
+
+def test_an_outcome_that_changed_with_the_method_alone_is_an_outcome() -> None:
+    change = told(outcome=Outcome.UNRESOLVED, integrator="RK4")
+    assert change.kinds == ("outcome", "numbers")
+
+
+def test_another_scenario_is_told_for_what_it_is() -> None:
+    measured = measurement()
+    other = msgspec.structs.replace(SNAPSHOT, duration=5.0, inputs=("f = 1",))
+    change = compare(ENTRY, ENTRY, SNAPSHOT, msgspec.structs.replace(measured, snapshot=other))
+    assert (change.status, change.kinds) == (Status.CHANGED, ("scenario",))
+    assert change.messages == (
+        "the scenario is another: duration 4 s -> 5 s; input f = 0 -> f = 1",
+    )
+
+
+def test_other_coordinates_can_t_be_compared() -> None:
+    measured = msgspec.structs.replace(measurement(), on_accepted=None)
+    change = compare(ENTRY, ENTRY, SNAPSHOT, measured)
+    assert (change.status, change.kinds) == (Status.CHANGED, ("equations",))
+    assert change.size == 0.0
+
+
+def test_constants_that_the_motion_says_are_told_where_they_moved() -> None:
+    now = {"k": Identified(value=47.05, standard_error=1e-6), "c": ENTRY.constants["k"]}
+    assert told(constants=now).messages == ("the motion says k 47 -> 47.05",)
+
+
+def classified(
+    measured: Measurement | Failure | None,
+    this: Case | None = None,
+    one: SystemBaseline | None = None,
+    stale: bool = False,
+) -> Change:
+    folder = Path("models/spring")
+    scan = FolderFiles(folder, "0", (ModelFiles(folder, "m.xml", ("e",), FILES, ()),), ())
+    return classify(SYSTEM, this or case(), measured, scan, one, {"e": "1.0"}, 1e-9, stale)
+
+
+def test_what_can_t_be_held_against_anything_did_not_run() -> None:
+    whole = baseline()
+    for change, message in (
+        (classified(None, case(Outcome.FAILED, reason="no XML"), whole), "FAILED: no XML"),
+        (classified(None, case(Outcome.ABSENT, reason="no e"), whole), "ABSENT: no e"),
+        (classified(measurement(), one=whole, stale=True), "its files changed while it was run"),
+        (classified(Failure("it blew up", ""), one=whole), "not be measured: it blew up"),
+        (classified(None, one=whole), "its motion could not be measured: it was not measured"),
+    ):
+        assert change.status is Status.NOT_RUN
+        assert message in change.messages[0]
+        assert change.now is None
+
+
+def test_a_case_that_the_baseline_does_not_know_is_new_with_what_would_be_accepted() -> None:
+    change = classified(measurement())
+    assert change.status is Status.NEW
+    assert change.messages == ("AGREES; nothing was accepted of it yet",)
+    assert change.now is not None
+    assert change.now.engine_version == "e 1.0"
+    assert change.now.summary == ENTRY.summary
+    assert change.now.id == ENTRY.id
+
+
+def test_the_numerics_version_comes_from_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.baseline.fingerprint.NUMERICS", NUMERICS)
+    assert classified(measurement(), one=baseline()).status is Status.SAME
+    monkeypatch.setattr("harness.baseline.fingerprint.NUMERICS", NUMERICS + 1)
+    assert classified(measurement(), one=baseline()).kinds == ("tool",)

@@ -1,0 +1,242 @@
+"""Whatever a baseline's file holds: it is believed as it was accepted, or refused in a sentence."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from harness.baseline.file import file_text, read_file
+from harness.baseline.seal import canonical, sealed, snapshot_key
+from harness.baseline.store import BaselineError, read_baseline
+from harness.records.baseline import AcceptedCase, Declared, Snapshot
+from harness.records.read import decoded
+from tests.baseline.samples import ENTRY, SNAPSHOT, SYSTEM, baseline, entry
+
+Table = dict[str, Any]
+TEXT = file_text(baseline())
+WRONG = {"no": ["such", "thing"]}
+"""A value that no field has."""
+
+
+def plain() -> Table:
+    table: Table = json.loads(TEXT)
+    return table
+
+
+def snapshot_in(table: Table) -> Table:
+    found: Table = next(iter(table["snapshots"].values()))
+    return found
+
+
+def resealed(table: Table) -> Table:
+    """With seals and keys as somebody who knows how would make them, where there are some."""
+    case, declared = table["cases"][0], table["declared"]
+    snapshot = decoded(json.dumps(snapshot_in(table)).encode(), Snapshot)
+    key = snapshot_key(snapshot)
+    table["snapshots"] = {key: snapshot_in(table)}
+    case["snapshot"] = key
+    case["seal"] = sealed(decoded(json.dumps(case).encode(), AcceptedCase)).seal
+    declared["seal"] = sealed(decoded(json.dumps(declared).encode(), Declared)).seal
+    return table
+
+
+def refused(folder: Path, data: bytes) -> str:
+    """The sentence with which a file is refused."""
+    file = folder / f"{SYSTEM}.json"
+    file.write_bytes(data)
+    with pytest.raises(BaselineError) as caught:
+        read_baseline(folder)
+    said = str(caught.value)
+    assert said.startswith(f"{file}: ")
+    assert "\n" not in said
+    assert len(said) < 600
+    return said
+
+
+FIELDS = [
+    *(("cases", name) for name in AcceptedCase.__struct_fields__),
+    *(("declared", name) for name in Declared.__struct_fields__),
+    *(("snapshots", name) for name in Snapshot.__struct_fields__),
+]
+
+
+def table_of(table: Table, place: str) -> Table:
+    found: Table = {
+        "cases": table["cases"][0],
+        "declared": table["declared"],
+        "snapshots": snapshot_in(table),
+    }[place]
+    return found
+
+
+@pytest.mark.parametrize(("place", "name"), FIELDS)
+def test_a_field_of_another_type_is_refused(tmp_path: Path, place: str, name: str) -> None:
+    table = plain()
+    table_of(table, place)[name] = WRONG
+    said = refused(tmp_path, json.dumps(table).encode())
+    assert "is not whole, of another shape" in said or "does not say what was accepted" in said
+
+
+@pytest.mark.parametrize(("place", "name"), FIELDS)
+def test_a_field_that_is_missing_is_refused(tmp_path: Path, place: str, name: str) -> None:
+    table = plain()
+    del table_of(table, place)[name]
+    said = refused(tmp_path, json.dumps(table).encode())
+    assert "is not whole" in said or "does not say what was accepted" in said
+
+
+def other(value: Any) -> Any:
+    """A value of the same type that says something else."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int | float):
+        return value + 1
+    if isinstance(value, str):
+        return {"AGREES": "DIFFERS"}.get(value, f"{value}x")
+    if isinstance(value, dict):
+        return {f"{name}x": each for name, each in value.items()}
+    return [other(each) for each in value]
+
+
+@pytest.mark.parametrize(("place", "name"), FIELDS)
+def test_a_field_that_says_something_else_is_refused(tmp_path: Path, place: str, name: str) -> None:
+    table = plain()
+    there = table_of(table, place)
+    there[name] = other(there[name])
+    assert "does not say what was accepted" in refused(tmp_path, json.dumps(table).encode())
+
+
+SHAPES: dict[str, Callable[[Table], object]] = {
+    "no segment": lambda t: snapshot_in(t).update(
+        t=[], length=[], start=[], input_nodes=[], end=[]
+    ),
+    "a time too few": lambda t: snapshot_in(t)["t"].pop(),
+    "a length too few": lambda t: snapshot_in(t)["length"].pop(),
+    "a start too few": lambda t: snapshot_in(t)["start"].pop(),
+    "a start of one component": lambda t: snapshot_in(t)["start"][1].pop(),
+    "an end too few": lambda t: snapshot_in(t)["end"].pop(),
+    "an end of three components": lambda t: snapshot_in(t)["end"][0].append(1.0),
+    "inputs of a segment too few": lambda t: snapshot_in(t)["input_nodes"].pop(),
+    "inputs without a node": lambda t: snapshot_in(t)["input_nodes"][0].clear(),
+    "two inputs where one is declared": lambda t: snapshot_in(t)["input_nodes"][0][0].append(0.0),
+    "a scale too few": lambda t: snapshot_in(t)["scale"].pop(),
+    "a scale of nothing": lambda t: snapshot_in(t).update(scale=[0.0, 1.0]),
+    "a length of nothing": lambda t: snapshot_in(t).update(length=[0.1, 0.0, 0.1]),
+    "a component too many": lambda t: snapshot_in(t)["components"].append("y"),
+    "another scenario's snapshot": lambda t: snapshot_in(t).update(scenario="driven"),
+    "an end of the model too few": lambda t: t["cases"][0]["end"].pop(),
+    "an end of the model that is ragged": lambda t: t["cases"][0]["end"][2].pop(),
+    "an uncertainty too few": lambda t: t["cases"][0]["end_uncertainty"].pop(),
+    "a case that is there twice": lambda t: t["cases"].append(t["cases"][0]),
+    "a case of another system": lambda t: t["cases"][0].update(system="disc"),
+    "another system": lambda t: t["declared"].update(system="disc"),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_what_is_sealed_and_does_not_belong_together_is_refused(tmp_path: Path, name: str) -> None:
+    table = plain()
+    SHAPES[name](table)
+    refused(tmp_path, json.dumps(resealed(table)).encode())
+
+
+TEXTS: dict[str, tuple[bytes, str]] = {
+    "nothing": (b"", "no JSON"),
+    "half of it": (TEXT.encode()[: len(TEXT) // 2], "no JSON"),
+    "a merge's marks": (b"<<<<<<< HEAD\n" + TEXT.encode(), "no JSON"),
+    "more after it": (TEXT.encode() + b"{}", "no JSON"),
+    "a mark of byte order": (b"\xef\xbb\xbf" + TEXT.encode(), "no JSON"),
+    "two-byte characters": (TEXT.encode("utf-16"), "no JSON"),
+    "bytes that are no text": (b"\xff\xfe", "no JSON"),
+    "a byte within that is no text": (TEXT.encode().replace(b"first", b"\xff"), "no JSON"),
+    "half a character": (TEXT.encode().replace(b"first", b"\\ud800"), "no JSON"),
+    "what is no number": (TEXT.encode().replace(b"0.25", b"NaN", 1), "no JSON"),
+    "what is no finite number": (TEXT.encode().replace(b"0.25", b"1e999", 1), "out of range"),
+    "brackets without an end": (b"[" * 100_000, "no JSON"),
+    "braces without an end": (b'{"a":' * 100_000, "no JSON"),
+    "null": (b"null", "no baseline of format 2"),
+    "a number": (b"2", "no baseline of format 2"),
+    "a list": (b"[]", "no baseline of format 2"),
+    "an empty object": (b"{}", "no baseline of format 2"),
+    "a format that is a text": (b'{"format": "2"}', "no baseline of format 2"),
+    "a format that is a fraction": (b'{"format": 2.5}', "no baseline of format 2"),
+    "a format alone": (b'{"format": 2}', "is not whole"),
+    "a later format": (TEXT.encode().replace(b'"format": 2', b'"format": 3'), "use the version"),
+    "a huge format": (b'{"format": 1' + b"0" * 400 + b"}", "no "),
+    "an outcome that there is not": (TEXT.encode().replace(b'"AGREES"', b'"PASSES"'), "PASSES"),
+    "a field that there is not": (
+        TEXT.encode().replace(b'"reason"', b'"extra": 1, "reason"'), "extra"),
+    "a part that there is not": (TEXT.encode().replace(b'"cases"', b'"causes"'), "causes"),
+    "no case's snapshot": (TEXT.encode().replace(b'"free@', b'"free@0', 1), "does not say"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_a_text_that_is_no_baseline_is_refused(tmp_path: Path, name: str) -> None:
+    data, said = TEXTS[name]
+    assert said in refused(tmp_path, data)
+
+
+def test_a_file_of_the_first_format_is_to_be_accepted_anew(tmp_path: Path) -> None:
+    old = {"format": 1, "head": {}, "cases": {"m.xml/free [e]": {}}, "tracks": {}}
+    said = refused(tmp_path, json.dumps(old).encode())
+    assert "of format 1, of an earlier version of crosscheck" in said
+    assert "accept anew: `crosscheck accept --reason TEXT`" in said
+
+
+def test_entries_that_were_swapped_between_cases_are_refused(tmp_path: Path) -> None:
+    table = json.loads(file_text(baseline(ENTRY, entry(model="other.xml", reason="another"))))
+    first, second = table["cases"]
+    for name in ("model", "scenario", "engine"):
+        first[name], second[name] = second[name], first[name]
+    assert "does not say what was accepted" in refused(tmp_path, json.dumps(table).encode())
+
+
+def test_an_entry_of_another_system_s_file_is_refused(tmp_path: Path) -> None:
+    table = plain()
+    stranger = sealed(entry(system="disc", model="b.xml"))
+    table["cases"].append(json.loads(canonical(stranger)))
+    assert "is of another system" in refused(tmp_path, json.dumps(table).encode())
+
+
+def test_a_snapshot_that_no_entry_s_is_there_for_is_told(tmp_path: Path) -> None:
+    table = plain()
+    table["snapshots"] = {}
+    assert "its snapshot is not there" in refused(tmp_path, json.dumps(table).encode())
+
+
+def test_a_folder_in_the_place_of_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / f"{SYSTEM}.json").mkdir()
+    with pytest.raises(BaselineError, match="can't be read"):
+        read_baseline(tmp_path)
+
+
+def test_what_is_written_is_read_as_it_was() -> None:
+    read = read_file(TEXT.encode(), SYSTEM)
+    assert read.snapshots == baseline().snapshots
+    assert [sealed(one) for one in baseline().cases.values()] == list(read.cases.values())
+    assert file_text(read) == TEXT
+
+
+def test_whole_numbers_where_any_belong_are_read_as_they_were() -> None:
+    whole = entry(resolution=1, constants={}, global_error=0)
+    assert read_file(file_text(baseline(whole)).encode(), SYSTEM).cases[whole.id].resolution == 1.0
+
+
+def test_a_file_has_a_line_a_quantity_with_names_on_top() -> None:
+    lines = [line.strip() for line in TEXT.splitlines()]
+    begin = lines.index('"system": "spring",', 5)
+    names = [line.split('"')[1] for line in lines[begin : begin + 25]]
+    assert tuple(names) == AcceptedCase.__struct_fields__[:25]
+    assert lines[begin + 4].startswith('"summary": "AGREES, E 5e-14 U 1e-12; raw error 0.50%')
+
+
+def test_a_seal_stays_what_it_is() -> None:
+    # Were numbers ever written otherwise, every accepted baseline would be refused.
+    assert canonical(entry().constants["k"]) == b'{"standard_error":1e-9,"value":47.0}'
+    assert snapshot_key(SNAPSHOT) == "free@9d8b4c50223e"
+    assert sealed(ENTRY).seal == "d8e035a18c70ea91"

@@ -1,0 +1,149 @@
+"""Known differences in a run, and what changed since the baseline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from harness.baseline.fingerprint import FolderFiles, ModelFiles
+from harness.baseline.known import Accepted, changes_since, mark_known
+from harness.records.baseline import AcceptedCase, Measurement
+from harness.records.case import Case, CaseId
+from harness.records.outcome import Outcome
+from harness.records.results import BaselineChange
+from harness.schedule.workers import Failure
+from tests.baseline.samples import (
+    ENTRY,
+    FILES,
+    NUMERICS,
+    SYSTEM,
+    baseline,
+    case,
+    entry,
+    measurement,
+)
+
+FOLDER = Path("models/spring")
+KNOWN = entry(outcome=Outcome.DIFFERS, discrepancy=1e-3, reason="the engine's own limit")
+
+
+@pytest.fixture(autouse=True)
+def numerics(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("harness.baseline.fingerprint.NUMERICS", NUMERICS)
+
+
+def accepted(*entries: AcceptedCase) -> Accepted:
+    one = baseline(*entries)
+    model = ModelFiles(FOLDER, "m.xml", ("e",), FILES, ())
+    scan = FolderFiles(FOLDER, one.declared.declared, (model,), ())
+    return Accepted(
+        place=Path("reports/baseline"),
+        systems={SYSTEM: one},
+        folders={str(FOLDER): (scan, one)},
+        versions={"e": "1.0"},
+        resolution=1e-9,
+        engines=(),
+        snapshots={},
+    )
+
+
+def measured(
+    this: Case, value: Measurement | Failure
+) -> dict[tuple[str, CaseId], Measurement | Failure]:
+    return {(this.folder, this.id): value}
+
+
+def marked(this: Case, value: Measurement | Failure) -> Case:
+    (found,) = mark_known((this,), measured(this, value), accepted(KNOWN))
+    return found
+
+
+def since(this: Case, value: Measurement | Failure) -> tuple[BaselineChange, ...]:
+    found = changes_since((this,), measured(this, value), accepted(ENTRY))
+    assert found is not None
+    return found.changes
+
+
+DIFFERS = case(Outcome.DIFFERS, discrepancy=1e-3, reason="it is off")
+
+
+def test_a_known_difference_has_the_reason_it_was_accepted_with() -> None:
+    found = marked(DIFFERS, measurement())
+    assert found.accepted == "the engine's own limit"
+    assert found.reason == "it is off"
+    assert found.passes
+    assert not DIFFERS.accepted  # a record is never changed
+
+
+@pytest.mark.parametrize(("this", "value", "why"), [
+    (DIFFERS, measurement(move=1e-6), "the model's motion moved by 1.0e-06 ± 8e-13 of its"),
+    (DIFFERS, measurement(equations=1e-6), "the equations' motion moved"),
+    (DIFFERS, Failure("it blew up", ""), "it blew up"),
+    (DIFFERS, msgspec.structs.replace(measurement(), on_accepted=None),
+     "the system has other coordinates or inputs"),
+    (case(Outcome.DIFFERS, discrepancy=2e-3, reason="it is off"), measurement(),
+     "its discrepancy was 1.000e-03 ± 1.000e-12"),
+    (case(Outcome.UNRESOLVED, reason="it is off"), measurement(),
+     "it is UNRESOLVED where DIFFERS was accepted"),
+])  # fmt: skip
+def test_one_that_changed_is_told_so_and_does_not_pass(
+    this: Case, value: Measurement | Failure, why: str
+) -> None:
+    found = marked(this, value)
+    note = "it is off; a known difference was accepted here (the engine's own limit), but "
+    assert found.reason.startswith(f"{note}{why}")
+    assert not found.accepted
+
+
+def test_cases_that_agree_failed_or_were_not_measured_are_left_as_they_are() -> None:
+    for outcome in (Outcome.AGREES, Outcome.FAILED, Outcome.ABSENT):
+        this = case(outcome)
+        assert marked(this, measurement()) is this
+    assert mark_known((DIFFERS,), {}, accepted(KNOWN)) == (DIFFERS,)
+    assert mark_known((DIFFERS,), {}, None) == (DIFFERS,)
+
+
+def test_known_differences_are_told_by_case() -> None:
+    other = entry(model="other.xml")
+    assert accepted(KNOWN, other).known_differences == {KNOWN.id}
+
+
+def test_what_changed_since_is_told_worst_first() -> None:
+    gone, new = entry(model="gone.xml"), case(model="new.xml")
+    this = case(global_error=0.05)
+    found = changes_since((new, this), measured(this, measurement()), accepted(ENTRY, gone))
+    assert found is not None
+    assert found.name == "reports/baseline"
+    assert [(change.kind, change.id.model) for change in found.changes] == [
+        ("regression", "m.xml"),
+        ("missing", "gone.xml"),
+        ("new", "new.xml"),
+    ]
+    assert found.changes[0].message == "raw error 0.5 % -> 5 %"
+    assert found.changes[1].message == "it was accepted, and there is no such case now"
+
+
+def test_nothing_is_told_of_what_is_as_it_was_or_was_not_measured() -> None:
+    this = case()
+    for values in (measured(this, measurement()), {}):
+        found = changes_since((this,), values, accepted(ENTRY))
+        assert found is not None
+        assert found.changes == ()
+    assert changes_since((this,), {}, None) is None
+
+
+def test_a_case_that_failed_is_a_regression_and_a_better_one_an_improvement() -> None:
+    failed, better = case(Outcome.FAILED, reason="no XML"), case(global_error=0.001)
+    (change,) = since(failed, Failure("no XML", ""))
+    assert (change.kind, change.message) == ("regression", "FAILED: no XML")
+    (change,) = since(better, measurement())
+    assert change.kind == "improvement"
+
+
+def test_a_declaration_that_can_t_be_loaded_takes_its_cases_with_it() -> None:
+    failed = case(Outcome.FAILED, model="system.py", engine="-", scenario="-", reason="NameError")
+    found = changes_since((failed,), {}, accepted(ENTRY))
+    assert found is not None
+    assert [change.kind for change in found.changes] == ["new"]

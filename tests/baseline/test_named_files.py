@@ -1,0 +1,98 @@
+"""Files that a model file names are ones that its cases depend on: as the parser reads them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.baseline.fingerprint import BESIDE, folder_files
+
+SIDECAR = 'engines = ["mujoco"]\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A system folder, and a folder beside it with files that its model may name."""
+    system, shared = tmp_path / "system", tmp_path / "shared"
+    (shared / "deep").mkdir(parents=True)
+    system.mkdir()
+    (system / "system.py").write_text("")
+    (system / "m.xml.toml").write_text(SIDECAR)
+    for name in ("a.stl", "b.stl", "deep/a.stl"):
+        (shared / name).write_bytes(b"solid\0" + name.encode())
+    return system
+
+
+def named(folder: Path, body: str) -> set[str]:
+    """What the model depends on beside itself, its sidecar and the declaration."""
+    text = f"<mujoco>{body}</mujoco>" if not body.startswith("<?") else body
+    (folder / "m.xml").write_text(text)
+    (model,) = folder_files(folder).models
+    return set(model.hashes) - set(model.copies) - {BESIDE}
+
+
+@pytest.mark.parametrize("body", [
+    '<mesh file="../shared/a.stl"/>',
+    "<mesh file='../shared/a.stl'/>",
+    '<mesh\n file\n = "../shared/a.stl"/>',
+    '<mesh filename="package://../shared/a.stl"/>',
+    '<mesh file="../shared/a&#46;stl"/>',
+    '<mesh file="..&#x2f;shared/a.stl"/>',
+    '<compiler meshdir="../shared"/><mesh file="a.stl"/>',
+    '<compiler meshdir="../sh&#97;red"/><mesh file="a.stl"/>',
+])  # fmt: skip
+def test_a_named_file_is_depended_on(folder: Path, body: str) -> None:
+    assert named(folder, body) == {"../shared/a.stl"}
+
+
+@pytest.mark.parametrize("body", [
+    '<!-- <mesh file="../shared/a.stl"/> -->',
+    '<!-- was file="../shared/a.stl" --><geom/>',
+    'file="../shared/a.stl"',
+    '<![CDATA[<mesh file="../shared/a.stl"/>]]>',
+    '<custom><text name="n" data="file=\'../shared/a.stl\'"/></custom>',
+    '<mesh name="../shared/a.stl"/>',
+    '<mesh profile="../shared/a.stl"/>',
+    '<!-- <compiler meshdir="../shared"/> --><mesh file="a.stl"/>',
+])  # fmt: skip
+def test_a_name_in_a_comment_or_a_look_alike_is_no_dependency(folder: Path, body: str) -> None:
+    assert named(folder, body) == set()
+
+
+@pytest.mark.parametrize("name", ["part.xml", "part.inc", "part"])
+def test_an_include_is_followed_whatever_its_name_ends_with(folder: Path, name: str) -> None:
+    part = folder.parent / "shared" / name
+    part.write_text('<mujocoinclude><mesh file="b.stl"/></mujocoinclude>')
+    assert named(folder, f'<include file="../shared/{name}"/>') == {
+        f"../shared/{name}",
+        "../shared/b.stl",
+    }
+
+
+def test_an_include_that_includes_itself_ends(folder: Path) -> None:
+    (folder.parent / "shared" / "loop.inc").write_text('<x><include file="loop.inc"/></x>')
+    assert named(folder, '<include file="../shared/loop.inc"/>') == {"../shared/loop.inc"}
+
+
+@pytest.mark.parametrize("text", [
+    '<?xml version="1.0"?><mujoco/><mujoco><mesh file="../shared/a.stl"/></mujoco>',
+    '<?xml version="1.0"?><mujoco><mesh name="&unknown;" file="../shared/a.stl"/></mujoco>',
+    '<?xml version="1.0"?><!DOCTYPE mujoco><mujoco><mesh file="../shared/a.stl"/></mujoco>',
+    '<?xml version="1.0" encoding="latin-1"?><mujoco><mesh file="../shared/a.stl"/></mujoco>',
+    '<?xml version="1.0"?><mujoco>don\'t<mesh file="../shared/a.stl"></mujoco>',
+])  # fmt: skip
+def test_of_a_file_that_the_parser_refuses_every_quoted_word_counts(
+    folder: Path, text: str
+) -> None:
+    # Engines read more than this parser does: one name too few would hide a change.
+    assert named(folder, text) == {"../shared/a.stl"}
+
+
+def test_a_changed_named_file_changes_what_the_model_is_made_of(folder: Path) -> None:
+    (folder / "m.xml").write_text('<mujoco><mesh file="../shared/a&#46;stl"/></mujoco>')
+    before = folder_files(folder)
+    (folder.parent / "shared" / "a.stl").write_bytes(b"solid\0another")
+    after = folder_files(folder)
+    assert before.models[0].hashes != after.models[0].hashes
+    assert before.system == after.system

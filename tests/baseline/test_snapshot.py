@@ -1,0 +1,46 @@
+"""Snapshots: complete in numbers."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from harness.baseline.seal import snapshot_key
+from harness.baseline.snapshot import inputs_of, same_motion, segments_of, snapshot_of
+from harness.cases.prepare import prepare
+from harness.files.folders import system_folders
+from harness.records.baseline import Snapshot
+from harness.records.read import decoded
+from harness.records.write import encoded
+from tests.baseline.samples import SNAPSHOT
+
+
+def test_a_snapshot_gives_back_its_scenario_to_rounding() -> None:
+    folder = next(f for f in system_folders([]) if f.name == "drum_pendulum")
+    prepared = prepare(folder, described=False)
+    motion = prepared.motions["driven"]
+    one = snapshot_of(
+        prepared.system, "driven", motion, prepared.scales["driven"], prepared.components
+    )
+    again = decoded(encoded(one).encode(), Snapshot)
+    assert again == one
+    assert same_motion(again, one)
+    assert snapshot_key(again) == snapshot_key(one)
+    segments = segments_of(again)
+    every = np.ones(len(one.t), dtype=bool)
+    times = segments.t[:, None] + segments.length[:, None] * np.linspace(0.0, 0.999, 50)
+    u = inputs_of(segments, every, 1)(times.ravel())
+    assert np.max(np.abs(u - motion.inputs(times.ravel()))) < 1e-12
+    # Segments of every span, the short one before the step of force included.
+    assert min(one.t) < 1 < max(one.t)
+
+
+def moved(one: Snapshot, share: float) -> Snapshot:
+    """With its first start moved by a share of the scale."""
+    (x, *rest), *others = one.start
+    return msgspec.structs.replace(one, start=((x + share * one.scale[0], *rest), *others))
+
+
+def test_snapshots_are_of_one_motion_to_rounding_alone() -> None:
+    assert same_motion(SNAPSHOT, moved(SNAPSHOT, 1e-12))
+    assert not same_motion(SNAPSHOT, moved(SNAPSHOT, 1e-6))
