@@ -7,7 +7,7 @@ import sys
 
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL, USAGE
-from harness.cli.gate import Watch, meant
+from harness.cli.gate import LateProgress, meant
 from harness.files.folders import check_engines
 from harness.gate.gate import gate
 from harness.text.github import in_ci
@@ -51,11 +51,11 @@ def main(options: argparse.Namespace) -> int:
         print("crosscheck: --reason is empty; say why this is right", file=sys.stderr)
         return USAGE
     check_engines(options.engine)
-    folders, terms = meant(options)
-    with Watch() as watch:
-        found = gate(folders, terms, watch)
+    folders, what = meant(options)
+    with LateProgress() as progress:
+        found = gate(folders, what, progress)
     try:
-        done = accept(found, options.cases, reason, options.baseline, options.resolution)
+        done = accept(found, options.cases, reason, options.baseline)
     except AcceptError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL

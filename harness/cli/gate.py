@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 from harness.baseline.changes import Status
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.files.folders import check_engines, system_folders
-from harness.gate.gate import GateOptions, GateResult, accepted_folders, gate
-from harness.gate.text import gate_lines, notes, summary
-from harness.records.results import write_whole
+from harness.gate.gate import accepted_folders, gate
+from harness.gate.notes import notes
+from harness.gate.options import GateOptions
+from harness.gate.result import GateResult
+from harness.gate.text import gate_lines, summary
+from harness.records.case import Case
+from harness.records.write import encoded, write_whole
 from harness.text.github import commands, write_summary
 
 
@@ -51,9 +55,9 @@ def add(command: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Gate, print, annotate, write; any doubt is no pass."""
     check_engines(options.engine)
-    folders, terms = meant(options)
-    with Watch() as watch:
-        found = gate(folders, terms, watch)
+    folders, what = meant(options)
+    with LateProgress() as progress:
+        found = gate(folders, what, progress)
     for line in gate_lines(found):
         print(line)
     if found.results is not None and not found.baseline:
@@ -64,7 +68,7 @@ def main(options: argparse.Namespace) -> int:
     text = summary(found)
     write_summary(text, os.environ)
     write_whole(options.out / "summary.md", text)
-    write_whole(options.out / "gate.json", json.dumps(_plain(found), indent=1) + "\n")
+    write_whole(options.out / "gate.json", encoded(found.record(), indent=1))
     return code(found)
 
 
@@ -76,7 +80,7 @@ def code(found: GateResult) -> int:
 
 
 def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
-    """The folders and terms that the arguments mean.
+    """The folders and options that the arguments mean.
 
     Raises:
         FolderError, BaselineError: naming what is wrong.
@@ -90,62 +94,27 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
         folders = accepted_folders(options.baseline)
         if not folders and not any(options.baseline.glob("*.json")):
             folders = system_folders([])
-    terms = GateOptions(
-        options.baseline,
-        tuple(options.engine),
-        getattr(options, "every", False),
-        getattr(options, "diagnose", False),
-        options.resolution,
-        options.jobs,
-        options.time_limit,
-        parents,
+    return folders, GateOptions(
+        baseline=options.baseline,
+        engines=tuple(options.engine),
+        every=getattr(options, "every", False),
+        diagnose=getattr(options, "diagnose", False),
+        resolution=options.resolution,
+        jobs=options.jobs,
+        limit=options.time_limit,
+        parents=parents,
     )
-    return folders, terms
 
 
-class Watch:
+class LateProgress(ExitStack):
     """Progress as in `crosscheck run`, made when there is some: its imports cost their time."""
 
-    def __enter__(self) -> Watch:
-        self._shown: Any = None
-        return self
+    _shown: Callable[[int, int, Case | None], None] | None = None
 
-    def __call__(self, done: int, total: int, case: Any) -> None:
+    def __call__(self, done: int, total: int, case: Case | None) -> None:
         """Tell that a case is done."""
         if self._shown is None:
-            from harness.text.progress import Watcher
+            from harness.text.progress import Progress
 
-            self._shown = Watcher().__enter__()
+            self._shown = self.enter_context(Progress())
         self._shown(done, total, case)
-
-    def __exit__(self, *_: object) -> None:
-        if self._shown is not None:
-            self._shown.__exit__(*_)
-
-
-def _plain(found: GateResult) -> dict[str, Any]:
-    """The findings for other programs."""
-    return {
-        "passes": found.passes,
-        "seconds": found.seconds,
-        "cases": [
-            {
-                "case": change.case,
-                "status": str(change.status),
-                "kinds": list(change.kinds),
-                "told": list(change.told),
-                "moved": change.size,
-                "run": change.record is not None,
-            }
-            for change in found.changes
-        ],
-        "files": [
-            {
-                "system": story.system,
-                "file": story.name,
-                "models": list(story.models),
-                "changes": [{"line": s.line, "said": s.said} for s in story.spots],
-            }
-            for story in found.stories
-        ],
-    }

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
 
-from harness.baseline.changes import Change, Status
-from harness.baseline.fingerprint import NUMERICS, FolderFiles, digest_of
-from harness.baseline.snapshot import snapshot_key
+import msgspec
+
+from harness.baseline.changes import Status
+from harness.baseline.classify import Change
+from harness.baseline.entry import summarized
+from harness.baseline.file import SystemBaseline
+from harness.baseline.fingerprint import FolderFiles, digest_of
 from harness.baseline.stale import location
-from harness.baseline.store import Entry, SystemBaseline, write_baseline
+from harness.baseline.store import write_baseline
 from harness.files.folders import FolderError
-from harness.gate.gate import GateResult
+from harness.gate.result import GateResult
+from harness.records.baseline import AcceptedCase, Declared
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+
+_UNMOVED = (Status.SAME, Status.WITHIN, Status.KNOWN)
 
 
 class AcceptError(ValueError):
@@ -36,9 +44,7 @@ class Accepted:
     left: tuple[str, ...]
 
 
-def accept(
-    found: GateResult, patterns: Sequence[str], reason: str, baseline: Path, resolution: float
-) -> Accepted:
+def accept(found: GateResult, patterns: Sequence[str], reason: str, baseline: Path) -> Accepted:
     """Write what a gate found into the baseline: the cases that match; all, without patterns.
 
     An entry whose motion did not move keeps its numbers and its reason, so that the difference
@@ -49,131 +55,118 @@ def accept(
         FolderError: for a pattern that matches nothing; nothing was written.
         OSError: as the file system has it; nothing was written then either.
     """
-    for pattern in patterns:
-        if not any(_matches(change, pattern) for change in found.changes):
-            known = sorted(c.case for c in found.changes)[:8]
-            raise FolderError(f"no case matches {pattern!r}; there are {', '.join(known)}, ...")
-    chosen = [c for c in found.changes if not patterns or any(_matches(c, p) for p in patterns)]
-    failed = [c for c in chosen if c.status is Status.NOT_RUN and not _absent(c)]
-    if failed:
-        raise AcceptError(
-            f"{failed[0].case} can't be accepted: {failed[0].told[0]}; nothing was written"
-            + (f" ({len(failed) - 1} more like it)" if len(failed) > 1 else "")
-        )
+    asked = _asked_for(found, patterns)
+    chosen = [change for change in asked if change.status is not Status.NOT_RUN]
     systems = dict(found.baseline)
-    told: list[str] = []
-    texts: dict[tuple[str, str], bytes] = {}
+    said: list[str] = []
     for change in chosen:
-        if change.status is Status.NOT_RUN:
-            continue
-        one = systems.get(change.system) or _empty(change.system)
-        cases, tracks = dict(one.cases), dict(one.tracks)
-        old = cases.get(change.key)
-        if change.status is Status.GONE:
-            del cases[change.key]
-        elif change.record is None:
-            if patterns and old is not None:
-                cases[change.key] = old | {"reason": reason}
-        else:
-            cases[change.key], new = _entry(change, reason, resolution, bool(patterns))
-            tracks |= new
-        if cases.get(change.key) != old:
-            told.append(change.case)
-        systems[change.system] = replace(one, cases=cases, tracks=tracks)
-    touched = {c.system for c in chosen if c.status is not Status.NOT_RUN}
+        name = change.id.system
+        one = systems.get(name) or _empty(name)
+        old = one.cases.get(change.id)
+        systems[name], new = _with(one, change, _entry(change, reason, bool(patterns)))
+        if new != old:
+            said.append(str(change.id))
+    texts: dict[tuple[str, str], bytes] = {}
+    touched = sorted({change.id.system for change in chosen})
     for name in touched:
         scan = found.folders.get(name)
         if scan is not None:
-            systems[name] = _headed(systems[name], scan, found.results, baseline)
-            mine = [c for c in chosen if c.system == name and c.record is not None]
-            texts |= _texts(scan, mine)
-    files = write_baseline(baseline, [systems[name] for name in sorted(touched)], texts)
-    left = tuple(change.case for change in chosen if _absent(change))
-    return Accepted(tuple(files), tuple(told), left)
+            systems[name] = _declared(systems[name], scan, found.results, baseline)
+            texts |= _texts(scan, [c for c in chosen if c.id.system == name and c.now is not None])
+    files = write_baseline(baseline, [systems[name] for name in touched], texts)
+    left = tuple(str(change.id) for change in asked if _absent(change))
+    return Accepted(tuple(files), tuple(said), left)
 
 
-def summary_of(record: Mapping[str, Any]) -> str:
-    """An entry in one line, for who reviews it."""
+def _asked_for(found: GateResult, patterns: Sequence[str]) -> list[Change]:
+    """The changes that the patterns mean; all, without patterns.
 
-    def short(value: float | None, form: str) -> str:
-        return "unknown" if value is None else format(value, form)
-
-    return (
-        f"{record['outcome']}, E {short(record['discrepancy'], '.0e')}"
-        f" U {short(record['uncertainty'], '.0e')}; raw error {short(record['raw_error'], '.2%')}"
-        f" at {short(record['shipped_step'], 'g')} s, {record['integrator']}"
-    )
+    Raises:
+        AcceptError: for a case that failed.
+        FolderError: for a pattern that matches nothing.
+    """
+    for pattern in patterns:
+        if not any(_matches(change, pattern) for change in found.changes):
+            known = sorted(str(change.id) for change in found.changes)[:8]
+            raise FolderError(f"no case matches {pattern!r}; there are {', '.join(known)}, ...")
+    asked = [c for c in found.changes if not patterns or any(_matches(c, p) for p in patterns)]
+    failed = [c for c in asked if c.status is Status.NOT_RUN and not _absent(c)]
+    if failed:
+        raise AcceptError(
+            f"{failed[0].id} can't be accepted: {failed[0].messages[0]}; nothing was written"
+            + (f" ({len(failed) - 1} more like it)" if len(failed) > 1 else "")
+        )
+    return asked
 
 
 def _matches(change: Change, pattern: str) -> bool:
     """Whether a case's id is meant: `*` and `?` stand for anything, brackets for themselves."""
-    pattern = pattern.replace("[", "[[]")
-    return fnmatchcase(change.case, pattern) or fnmatchcase(change.case, f"{pattern} [[]*]")
+    pattern, name = pattern.replace("[", "[[]"), str(change.id)
+    return fnmatchcase(name, pattern) or fnmatchcase(name, f"{pattern} [[]*]")
 
 
 def _absent(change: Change) -> bool:
-    return change.record is not None and change.record["outcome"] == "ABSENT"
+    return change.case is not None and change.case.outcome is Outcome.ABSENT
 
 
 def _empty(system: str) -> SystemBaseline:
-    return SystemBaseline(system, "", "", (), {}, {}, {})
+    nothing = Declared(system=system, folder="", declared="", scenarios=(), constants={})
+    return SystemBaseline(declared=nothing, snapshots={}, cases={})
 
 
-def _entry(
-    change: Change, reason: str, resolution: float, named: bool
-) -> tuple[Entry, dict[str, Mapping[str, Any]]]:
-    """What is accepted of a case, with the track that it refers to where that is a new one."""
-    assert change.record is not None  # it was run
-    record, measured = change.record, change.record["measured"]
-    track = measured["track"]
-    depends = {
-        "files": dict(change.files),
-        "engine": change.engine,
-        "resolution": resolution,
-        "numerics": NUMERICS,
-        "shipped_step": record["shipped_step"],
-        "integrator": record["integrator"],
-        "claimed_order": record["claimed_order"],
-    }
-    unmoved = change.status in (Status.SAME, Status.WITHIN, Status.KNOWN)
-    if unmoved and change.entry is not None:
-        entry = dict(change.entry) | depends
-        if named:
-            entry["reason"] = reason
-        return entry | {"summary": summary_of(entry)}, {}
-    key = snapshot_key(track)
-    entry = depends | {
-        "reason": reason,
-        "outcome": record["outcome"],
-        "why": record["reason"],
-        "discrepancy": record["discrepancy"],
-        "uncertainty": record["uncertainty"],
-        "component": record["component"],
-        "constants": measured["constants"],
-        "raw_error": record["raw_error"],
-        "raw_order": record["raw_order"],
-        "order": record["order"],
-        "track": key,
-        "end": measured["end"],
-        "end_uncertainty": measured["uncertainty"],
-    }
-    return entry | {"summary": summary_of(entry)}, {key: track}
+def _entry(change: Change, reason: str, named: bool) -> AcceptedCase | None:
+    """What is accepted of a case; None where it is gone."""
+    old, now = change.entry, change.now
+    if change.status is Status.GONE:
+        return None
+    if now is None:  # it was not run
+        assert old is not None
+        return msgspec.structs.replace(old, reason=reason) if named else old
+    if old is None or change.status not in _UNMOVED:
+        return msgspec.structs.replace(now, reason=reason)
+    return summarized(
+        msgspec.structs.replace(
+            old,
+            reason=reason if named else old.reason,
+            files=now.files,
+            engine_version=now.engine_version,
+            resolution=now.resolution,
+            numerics=now.numerics,
+            shipped_step=now.shipped_step,
+            integrator=now.integrator,
+            claimed_order=now.claimed_order,
+        )
+    )
 
 
-def _headed(
-    one: SystemBaseline, scan: FolderFiles, results: Mapping[str, Any] | None, baseline: Path
+def _with(
+    one: SystemBaseline, change: Change, entry: AcceptedCase | None
+) -> tuple[SystemBaseline, AcceptedCase | None]:
+    """A system's baseline with an entry, or without one that is gone."""
+    cases, snapshots = dict(one.cases), dict(one.snapshots)
+    if entry is None:
+        del cases[change.id]
+    else:
+        cases[change.id] = entry
+        if change.measured is not None:
+            snapshots.setdefault(entry.snapshot, change.measured.snapshot)
+    return replace(one, cases=cases, snapshots=snapshots), entry
+
+
+def _declared(
+    one: SystemBaseline, scan: FolderFiles, results: Results | None, baseline: Path
 ) -> SystemBaseline:
     """With what the declaration says now, where it was loaded."""
-    one = replace(one, folder=location(scan.folder, baseline))
-    for record in (results or {"systems": ()})["systems"]:
-        if record["folder"] == str(scan.folder):
-            return replace(
-                one,
+    now = msgspec.structs.replace(one.declared, folder=location(scan.folder, baseline))
+    for system in results.systems if results else ():
+        if system.folder == str(scan.folder):
+            now = msgspec.structs.replace(
+                now,
                 declared=scan.system,
-                scenarios=tuple(s["name"] for s in record["scenarios"]),
-                constants={c["name"]: c["value"] for c in record["constants"]},
+                scenarios=tuple(scenario.name for scenario in system.scenarios),
+                constants={constant.name: constant.value for constant in system.constants},
             )
-    return one
+    return replace(one, declared=now)
 
 
 def _texts(scan: FolderFiles, changes: Sequence[Change]) -> dict[tuple[str, str], bytes]:
@@ -184,10 +177,10 @@ def _texts(scan: FolderFiles, changes: Sequence[Change]) -> dict[tuple[str, str]
     """
     texts = {}
     for change in changes:
-        model = change.key.split("/", 1)[0]
+        model = change.id.model
         for name in (model, f"{model}.toml", "system.py"):
             data = (scan.folder / name).read_bytes()
             if digest_of(data) != change.files[name]:
                 raise AcceptError(f"{scan.folder / name}: changed while it was run; accept again")
-            texts[change.system, name] = data
+            texts[change.id.system, name] = data
     return texts

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.baseline.changes import Change
+from harness.baseline.classify import Change
 from harness.baseline.fingerprint import BESIDE, FolderFiles
 from harness.baseline.store import accepted_text
 from harness.files.locations import Location, LocationError, find_in
@@ -21,14 +21,14 @@ MOST_SHOWN = 100
 
 @dataclass(frozen=True)
 class ChangedLine:
-    """A changed place: file, line (from 1) and what changed there, in one line."""
+    """A changed place: file, line (from 1) and what changed there, in one sentence."""
 
     file: Path
     line: int
-    said: str
+    message: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FileDiff:
     """What changed in one file of a system.
 
@@ -36,40 +36,54 @@ class FileDiff:
         system: the system.
         name: the file, relative to the system's folder.
         models: model files whose cases depend on it.
-        spots: changed literals first, then changed lines.
+        lines: changed literals first, then other changed lines.
         more: changed lines beyond those told.
     """
 
     system: str
     name: str
     models: tuple[str, ...]
-    spots: tuple[ChangedLine, ...]
+    lines: tuple[ChangedLine, ...]
     more: int = 0
 
 
-def stories(
+def file_diffs(
     changes: Sequence[Change], folders: Mapping[str, FolderFiles], baseline: Path
 ) -> tuple[FileDiff, ...]:
     """Tell every changed file of the cases that were run, once."""
-    told: dict[tuple[str, str, str], set[str]] = {}
-    for change in changes:
-        if change.entry is None or change.record is None or not change.files:
-            continue
-        was = change.entry["files"]
-        for name in sorted({*was, *change.files}):
-            if was.get(name) != change.files.get(name):
-                about = (change.system, name, was.get(name, ""))
-                told.setdefault(about, set()).add(change.key.split("/")[0])
     found = []
-    for (system, name, accepted), models in sorted(told.items()):
+    for (system, name, accepted), models in sorted(_changed(changes).items()):
         scan = folders.get(system)
-        if scan is not None:
-            spots, more = _spots(scan.folder, system, name, accepted, sorted(models), baseline)
-            found.append(FileDiff(system, name, tuple(sorted(models)), tuple(spots), more))
+        if scan is None:
+            continue
+        lines, more = _changed_lines(scan.folder, system, name, accepted, sorted(models), baseline)
+        found.append(
+            FileDiff(
+                system=system,
+                name=name,
+                models=tuple(sorted(models)),
+                lines=tuple(lines),
+                more=more,
+            )
+        )
     return tuple(found)
 
 
-def _spots(
+def _changed(changes: Sequence[Change]) -> dict[tuple[str, str, str], set[str]]:
+    """Models by (system, name of a changed file, its accepted hash)."""
+    found: dict[tuple[str, str, str], set[str]] = {}
+    for change in changes:
+        if change.entry is None or change.case is None or not change.files:
+            continue
+        was = change.entry.files
+        for name in sorted({*was, *change.files}):
+            if was.get(name) != change.files.get(name):
+                about = (change.id.system, name, was.get(name, ""))
+                found.setdefault(about, set()).add(change.id.model)
+    return found
+
+
+def _changed_lines(
     folder: Path, system: str, name: str, accepted: str, models: Sequence[str], baseline: Path
 ) -> tuple[list[ChangedLine], int]:
     file = folder / name
@@ -85,17 +99,17 @@ def _spots(
             ChangedLine(file, 1, "changed; the accepted text is not kept, so no lines are told")
         ], 0
     new = file.read_text(encoding="utf-8", errors="replace")
-    spots = _literals(file, name, old, new, models)
-    known = {spot.line for spot in spots}
-    lines = [spot for spot in _lines(file, old, new) if spot.line not in known]
-    return spots + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
+    found = _literals(file, name, old, new, models)
+    known = {one.line for one in found}
+    lines = [one for one in _lines(file, old, new) if one.line not in known]
+    return found + lines[:MOST_LINES], max(0, len(lines) - MOST_LINES)
 
 
 def _literals(
     file: Path, name: str, old: str, new: str, models: Sequence[str]
 ) -> list[ChangedLine]:
     """Bound literals whose number changed."""
-    spots = []
+    found = []
     own = name.endswith(".toml")
     for model in models:
         try:
@@ -111,8 +125,8 @@ def _literals(
             before, after = (_place(file, text, within) for text in (old, new))
             if before and after and before.value != after.value:
                 said = f"{within} {before.text} -> {after.text}, bound to {expression}"
-                spots.append(ChangedLine(file, after.line, said))
-    return spots
+                found.append(ChangedLine(file, after.line, said))
+    return found
 
 
 def _place(file: Path, text: str, address: str) -> Location | None:
@@ -124,17 +138,17 @@ def _place(file: Path, text: str, address: str) -> Location | None:
 
 def _lines(file: Path, old: str, new: str) -> list[ChangedLine]:
     before, after = old.splitlines(), new.splitlines()
-    spots = []
+    found = []
     matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
     for tag, a, b, c, d in matcher.get_opcodes():
         if tag == "equal":
             continue
         for i in range(c, d):
-            spots.append(ChangedLine(file, i + 1, f"+ {_short(after[i])}"))
+            found.append(ChangedLine(file, i + 1, f"+ {_short(after[i])}"))
         if c == d:
             gone = [line for line in before[a:b] if line.strip()] or before[a:b]
-            spots.append(ChangedLine(file, max(c, 1), f"- {_short(gone[0])}"))
-    return spots
+            found.append(ChangedLine(file, max(c, 1), f"- {_short(gone[0])}"))
+    return found
 
 
 def _short(line: str) -> str:

@@ -9,7 +9,12 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from harness.records.case import Case
+from harness.records.cause import Cause
+from harness.records.model import Model
+from harness.records.outcome import Outcome
+from harness.records.results import Results
 
 MOST = 10
 """Annotations that GitHub shows of a step and level."""
@@ -21,7 +26,11 @@ _CUT = "\n\n(cut: the rest is in the artifacts)\n"
 _LONGEST = 4000
 
 
-@dataclass(frozen=True)
+_RANKS = (Outcome.FAILED, Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.ABSENT)
+"""What is annotated, worst first."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Annotation:
     """A note at a place; its level is `error`, `warning` or `notice`, its line counted from 1."""
 
@@ -43,35 +52,46 @@ class Annotation:
         )
 
 
-def case_notes(results: Mapping[str, Any]) -> list[Annotation]:
+def case_notes(results: Results) -> list[Annotation]:
     """An annotation for each model of a run that does not agree, worst first, at its cause."""
-    ranks = ("FAILED", "DIFFERS", "UNRESOLVED", "ABSENT")
-    bad = [c for c in results["cases"] if c["outcome"] in ranks and not c.get("accepted")]
-    bad.sort(key=lambda c: (ranks.index(c["outcome"]), -(c["discrepancy"] or 0.0)))
-    causes = {
-        (m["folder"], m["model"], m["engine"]): m["diagnosis"]
-        for m in results["models"]
-        if (m.get("diagnosis") or {}).get("findings")
-    }
-    made: dict[tuple[str, str, str], Annotation] = {}
+    bad = [case for case in results.cases if case.outcome in _RANKS and not case.accepted]
+    bad.sort(key=lambda case: (_RANKS.index(case.outcome), -_discrepancy(case)))
+    worst: dict[tuple[str, str, str], Case] = {}
     for case in bad:
-        about = case["folder"], case["model"], case["engine"]
-        if about in made:
-            continue
-        folder = Path(case["folder"])
-        file = folder / case["model"]
-        path, line, message = (file if file.is_file() else folder), 1, case["reason"]
-        diagnosis = causes.get(about)
-        if diagnosis and diagnosis["explained"]:
-            cause = diagnosis["findings"][0]
-            message = f"{cause['cause']}: {message}"
-            name, _, number = next((w for w in cause["where"] if w), "").rpartition(":")
-            if number.isdigit() and (folder / Path(name).name).is_file():
-                path, line = folder / Path(name).name, int(number)
-        level = "warning" if case["outcome"] == "ABSENT" else "error"
-        title = f"{case['outcome']} {case['system']}/{case['model']}/{case['scenario']}"
-        made[about] = Annotation(level, path, line, f"{title} [{case['engine']}]", message)
-    return list(made.values())
+        worst.setdefault((case.folder, case.model, case.engine), case)
+    return [case_note(case, results.model_of(case)) for case in worst.values()]
+
+
+def case_note(case: Case, model: Model | None) -> Annotation:
+    """The annotation of a case that does not agree, at the line of the diagnosed cause."""
+    folder = Path(case.folder)
+    file = folder / case.model
+    path, line, message = (file if file.is_file() else folder), 1, case.reason
+    diagnosis = model.diagnosis if model else None
+    if diagnosis and diagnosis.explained and diagnosis.explanations:
+        causes = diagnosis.explanations[0].causes
+        message = f"{' and '.join(str(cause) for cause in causes)}: {message}"
+        path, line = _first_line(causes, folder) or (path, line)
+    return Annotation(
+        level="warning" if case.outcome is Outcome.ABSENT else "error",
+        file=path,
+        line=line,
+        title=f"{case.outcome} {case.id}",
+        message=message,
+    )
+
+
+def _first_line(causes: Sequence[Cause], folder: Path) -> tuple[Path, int] | None:
+    """The first line that causes stand in, where that is one of a file of the folder."""
+    for where in (place for cause in causes for place in cause.where):
+        file = folder / Path(where.file).name
+        if where.line is not None and file.is_file():
+            return file, where.line
+    return None
+
+
+def _discrepancy(case: Case) -> float:
+    return (case.verdict.discrepancy or 0.0) if case.verdict else 0.0
 
 
 def in_ci(environment: Mapping[str, str] | None = None) -> bool:

@@ -1,19 +1,24 @@
 """A repository with one built-in system, accepted as it is; and what a person does to it."""
 
+from __future__ import annotations
+
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from harness.files.folders import builtin
-from harness.gate.accept import accept
-from harness.gate.gate import GateOptions, gate
+from harness.gate.accept import Accepted, accept
+from harness.gate.gate import gate
+from harness.gate.options import GateOptions
+from harness.gate.result import GateResult
 
 SYSTEM = "mass_spring_damper"
 
 
-def nothing(*_):
+def nothing(*_: object) -> None:
     """Progress that nobody watches."""
 
 
@@ -24,33 +29,34 @@ class Repository:
     root: Path
 
     @property
-    def folder(self):
+    def folder(self) -> Path:
         return self.root / "models" / SYSTEM
 
     @property
-    def baseline(self):
+    def baseline(self) -> Path:
         return self.root / "reports" / "baseline"
 
     @property
-    def file(self):
+    def file(self) -> Path:
         return self.baseline / f"{SYSTEM}.json"
 
-    def edit(self, name, old, new, count=1):
+    def edit(self, name: str, old: str, new: str, count: int = 1) -> None:
         path = self.folder / name
         text = path.read_text()
         assert text.count(old) >= 1, (name, old)
         path.write_text(text.replace(old, new, count))
 
-    def gate(self, *engines, **terms):
+    def gate(self, *engines: str, **options: Any) -> GateResult:
         folders = sorted(path.parent for path in self.root.glob("models/*/system.py"))
-        return gate(folders, GateOptions(self.baseline, engines, jobs=2, **terms), nothing)
+        wanted = GateOptions(baseline=self.baseline, engines=engines, jobs=2, **options)
+        return gate(folders, wanted, nothing)
 
-    def accept(self, reason, *patterns, found=None):
-        return accept(found or self.gate(), patterns, reason, self.baseline, 1e-9)
+    def accept(self, reason: str, *patterns: str, found: GateResult | None = None) -> Accepted:
+        return accept(found or self.gate(), patterns, reason, self.baseline)
 
 
 @pytest.fixture(scope="session")
-def pristine(tmp_path_factory):
+def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
     """Made once: nobody changes this one."""
     repository = Repository(tmp_path_factory.mktemp("pristine"))
     shutil.copytree(
@@ -61,7 +67,7 @@ def pristine(tmp_path_factory):
 
 
 @pytest.fixture
-def repository(pristine, tmp_path):
+def repository(pristine: Repository, tmp_path: Path) -> Repository:
     """A copy of it to change."""
     shutil.copytree(pristine.root, tmp_path / "repository")
     return replace(pristine, root=tmp_path / "repository")

@@ -1,5 +1,7 @@
 """Accepting: by case or all, with a reason, in a small readable difference; known differences."""
 
+from __future__ import annotations
+
 import difflib
 import json
 
@@ -13,32 +15,38 @@ from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE, exit_code
 from harness.engines.pymunk import PymunkEngine
 from harness.files.folders import FolderError
 from harness.gate.accept import AcceptError
-from harness.records.results import schema
+from harness.records.results import Results
+from harness.records.schema import schema
+from harness.records.write import encoded
 from harness.run import Options, run
-from tests.gate.conftest import SYSTEM, nothing
+from tests.gate.conftest import SYSTEM, Repository, nothing
 
 
-def lines_changed(before, after):
+def _absent(_: object) -> None:
+    """The version of an engine that is not installed."""
+
+
+def lines_changed(before: str, after: str) -> list[str]:
     delta = difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=0)
     return [line for line in delta if line[:1] in "+-" and line[:3] not in ("+++", "---")]
 
 
-def run_pymunk(repository):
-    return run(
-        [repository.folder], Options(("pymunk",), baseline=repository.baseline, jobs=2), nothing
-    )
+def run_pymunk(repository: Repository) -> Results:
+    options = Options(("pymunk",), baseline=repository.baseline, jobs=2)
+    return run([repository.folder], options, nothing).results
 
 
-def test_an_entry_is_a_line_a_quantity_with_a_summary_on_top(repository):
+def test_an_entry_is_a_line_a_quantity_with_a_summary_on_top(repository: Repository) -> None:
     text = repository.file.read_text()
-    entry = text[text.index('"mujoco.xml/free [mujoco]"') :].splitlines()
-    assert entry[1].strip().startswith('"summary": "AGREES, E ')
-    assert "raw error 0." in entry[1]
-    assert entry[2].strip() == '"reason": "first baseline",'
-    assert json.loads(text)["format"] == 1
+    entry = text[text.index('"model": "mujoco.xml"') :].splitlines()
+    assert [line.strip() for line in entry[1:3]] == ['"scenario": "free",', '"engine": "mujoco",']
+    assert entry[3].strip().startswith('"summary": "AGREES, E ')
+    assert "raw error 0." in entry[3]
+    assert entry[4].strip() == '"reason": "first baseline",'
+    assert json.loads(text)["format"] == 2
 
 
-def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository):
+def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository: Repository) -> None:
     before = repository.file.read_text()
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     found = repository.gate()
@@ -50,15 +58,17 @@ def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository):
     # The text is the one accepted last; the cases that were not accepted are still told.
     assert (repository.baseline / SYSTEM / "space.py.accepted").read_text().count("0.91") == 1
     again = repository.gate()
-    assert {c.key: c.status for c in again.changes if "space.py" in c.key} == {
-        "space.py/step [pymunk]": Status.KNOWN,
-        "space.py/free [pymunk]": Status.CHANGED,
-        "space.py/resonance [pymunk]": Status.CHANGED,
+    assert {c.id.scenario: c.status for c in again.changes if c.id.model == "space.py"} == {
+        "step": Status.KNOWN,
+        "free": Status.CHANGED,
+        "resonance": Status.CHANGED,
     }
     assert not again.passes
 
 
-def test_accepting_what_did_not_move_changes_hashes_alone_and_the_gate_rests(repository):
+def test_accepting_what_did_not_move_changes_hashes_alone_and_the_gate_rests(
+    repository: Repository,
+) -> None:
     before = repository.file.read_text()
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
     assert len(repository.accept("comment").cases) == 3
@@ -70,18 +80,20 @@ def test_accepting_what_did_not_move_changes_hashes_alone_and_the_gate_rests(rep
     assert repository.file.read_bytes() == written
 
 
-def test_a_gone_case_is_taken_out_with_its_text_and_tracks_none_needs(repository):
+def test_a_gone_case_is_taken_out_with_its_text_and_snapshots_none_needs(
+    repository: Repository,
+) -> None:
     for name in ("space.py", "space.py.toml"):
         (repository.folder / name).unlink()
     assert len(repository.accept("not simulated in pymunk any more").cases) == 3
     one = read_baseline(repository.baseline)[SYSTEM]
-    assert not any(key.startswith("space.py") for key in one.cases)
-    assert len(one.tracks) == 3
+    assert not any(case.model == "space.py" for case in one.cases)
+    assert len(one.snapshots) == 3
     assert not list((repository.baseline / SYSTEM).glob("space.py*"))
     assert repository.gate().passes
 
 
-def test_a_failed_case_can_t_be_accepted_and_nothing_is_written(repository):
+def test_a_failed_case_can_t_be_accepted_and_nothing_is_written(repository: Repository) -> None:
     before = repository.file.read_bytes()
     repository.edit("mujoco.xml", "<worldbody>", "<worldbody")
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
@@ -92,52 +104,54 @@ def test_a_failed_case_can_t_be_accepted_and_nothing_is_written(repository):
     assert len(repository.accept("the damper", "*/space.py/*", found=found).cases) == 3
 
 
-def test_a_pattern_that_matches_no_case_is_refused(repository):
+def test_a_pattern_that_matches_no_case_is_refused(repository: Repository) -> None:
     with pytest.raises(FolderError, match="no case matches 'mujoko"):
         repository.accept("typing", "mujoko.xml/*")
 
 
-def test_cases_of_an_absent_engine_keep_what_was_accepted(repository, monkeypatch):
-    monkeypatch.setattr(PymunkEngine, "version", lambda self: None)
+def test_cases_of_an_absent_engine_keep_what_was_accepted(
+    repository: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(PymunkEngine, "version", _absent)
     repository.edit("mujoco.xml", '"47.0"', '"48.0"')
     before = read_baseline(repository.baseline)[SYSTEM].cases
     done = repository.accept("stiffer")
     assert len(done.left) == 3
     after = read_baseline(repository.baseline)[SYSTEM].cases
-    assert {key for key in before if before[key] != after[key]} == {
-        f"mujoco.xml/{name} [mujoco]" for name in ("free", "step", "resonance")
+    assert {str(case) for case in before if before[case] != after[case]} == {
+        f"{SYSTEM}/mujoco.xml/{name} [mujoco]" for name in ("free", "step", "resonance")
     }
 
 
-def test_a_known_difference_passes_until_it_changes(repository):
+def test_a_known_difference_passes_until_it_changes(repository: Repository) -> None:
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     repository.accept("the real damper")
     found = repository.gate()
-    assert {c.status for c in found.changes if "space.py" in c.key} == {Status.KNOWN}
+    assert {c.status for c in found.changes if c.id.model == "space.py"} == {Status.KNOWN}
     assert found.passes
     known = run_pymunk(repository)
-    jsonschema.validate(known, schema())
-    assert {case["outcome"] for case in known["cases"]} == {"DIFFERS"}
-    assert {case["accepted"] for case in known["cases"]} == {"the real damper"}
+    jsonschema.validate(json.loads(encoded(known)), schema(Results))
+    assert {case.outcome for case in known.cases} == {"DIFFERS"}
+    assert {case.accepted for case in known.cases} == {"the real damper"}
     assert exit_code(known, False) == AGREE
 
     repository.edit("space.py", "DAMPING = 0.91 ", "DAMPING = 0.9100001 ")
     changed = run_pymunk(repository)
-    assert not any("accepted" in case for case in changed["cases"])
+    assert not any(case.accepted for case in changed.cases)
     assert (
         "was accepted here (the real damper), but the model's motion moved by"
-        in (changed["cases"][0]["reason"])
+        in changed.cases[0].reason
     )
     assert exit_code(changed, False) == DIFFER
     assert not repository.gate().passes
 
 
-def test_a_known_difference_that_is_mended_is_an_improvement(repository):
+def test_a_known_difference_that_is_mended_is_an_improvement(repository: Repository) -> None:
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     repository.accept("for now", "*/space.py/*")
     repository.edit("space.py", "DAMPING = 0.91 ", "DAMPING = 0.9 ")
     found = repository.gate()
-    assert {c.status for c in found.changes if "space.py" in c.key} == {Status.IMPROVED}
+    assert {c.status for c in found.changes if c.id.model == "space.py"} == {Status.IMPROVED}
     assert found.passes
 
 
@@ -147,8 +161,14 @@ def test_a_known_difference_that_is_mended_is_an_improvement(repository):
     (["--reason", "  "], {}, USAGE, "--reason is empty"),
 ])  # fmt: skip
 def test_accept_is_a_persons_decision_with_a_reason(
-    repository, monkeypatch, capsys, arguments, environment, code, sentence
-):
+    repository: Repository,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    environment: dict[str, str],
+    code: int,
+    sentence: str,
+) -> None:
     monkeypatch.chdir(repository.root)
     for name in ("CI", "GITHUB_ACTIONS"):
         monkeypatch.delenv(name, raising=False)
@@ -160,7 +180,9 @@ def test_accept_is_a_persons_decision_with_a_reason(
     assert repository.file.read_bytes() == before
 
 
-def test_accept_and_gate_work_from_the_command_line(repository, monkeypatch, capsys):
+def test_accept_and_gate_work_from_the_command_line(
+    repository: Repository, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(repository.root)
     for name in ("CI", "GITHUB_ACTIONS"):
         monkeypatch.delenv(name, raising=False)

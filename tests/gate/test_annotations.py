@@ -1,14 +1,26 @@
 """What a pull request shows: annotations at file and line, and a summary."""
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from harness.baseline.changes import Change, Status
+from harness.baseline.changes import Status
+from harness.baseline.classify import Change
 from harness.cli import main as cli
-from harness.gate.gate import GateResult
-from harness.gate.text import notes, summary
+from harness.gate.notes import notes
+from harness.gate.result import GateResult
+from harness.gate.text import summary
+from harness.records.base import SourceLine
+from harness.records.case import Case, CaseId
+from harness.records.cause import Cause
+from harness.records.finding import Diagnosis, Explanation
+from harness.records.model import Model
+from harness.records.outcome import Outcome
+from harness.records.results import Results
 from harness.text.github import (
     MOST_SUMMARY,
     Annotation,
@@ -17,16 +29,26 @@ from harness.text.github import (
     in_ci,
     write_summary,
 )
+from tests.baseline.samples import case
+from tests.gate.conftest import Repository
 
 HERE = {"GITHUB_ACTIONS": "true"}
 
 
-def note(**given):
-    values = {"level": "error", "file": Path("a.xml"), "line": 3, "title": "t", "message": "m"}
+def note(**given: Any) -> Annotation:
+    values: dict[str, Any] = {
+        "level": "error",
+        "file": Path("a.xml"),
+        "line": 3,
+        "title": "t",
+        "message": "m",
+    }
     return Annotation(**(values | given))
 
 
-def test_ten_annotations_at_most_the_first_ones(tmp_path, monkeypatch):
+def test_ten_annotations_at_most_the_first_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     lines = commands([note(line=i) for i in range(1, 30)], HERE)
     assert lines[0] == "::error file=a.xml,line=1,title=t::m"
@@ -34,7 +56,9 @@ def test_ten_annotations_at_most_the_first_ones(tmp_path, monkeypatch):
     assert commands([note()], {}) == []
 
 
-def test_text_of_files_can_t_forge_a_command(tmp_path, monkeypatch):
+def test_text_of_files_can_t_forge_a_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (line,) = commands(
         [note(title="a,b:c\n::error::x", message="50 %\n::warning::y\r", file=Path("a,b.xml"))],
@@ -47,14 +71,16 @@ def test_text_of_files_can_t_forge_a_command(tmp_path, monkeypatch):
     )
 
 
-def test_files_are_told_relative_to_the_repository(tmp_path, monkeypatch):
+def test_files_are_told_relative_to_the_repository(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "sub").mkdir()
     monkeypatch.chdir(tmp_path / "sub")
     environment = HERE | {"GITHUB_WORKSPACE": str(tmp_path)}
     assert "file=sub/a.xml," in commands([note()], environment)[0]
 
 
-def test_a_summary_is_cut_to_what_github_takes(tmp_path):
+def test_a_summary_is_cut_to_what_github_takes(tmp_path: Path) -> None:
     path = tmp_path / "summary.md"
     path.write_text("x" * 1000)
     write_summary("é" * MOST_SUMMARY, {"GITHUB_STEP_SUMMARY": str(path)})
@@ -66,14 +92,19 @@ def test_a_summary_is_cut_to_what_github_takes(tmp_path):
     write_summary("nowhere", {})
 
 
-def test_ci_is_known_by_its_variables():
+def test_ci_is_known_by_its_variables() -> None:
     assert in_ci({"CI": "true"})
     assert in_ci({"GITHUB_ACTIONS": "true"})
     assert not in_ci({"CI": "false"})
     assert not in_ci({})
 
 
-def test_a_changed_literal_is_annotated_at_its_line(repository, monkeypatch, capsys, tmp_path):
+def test_a_changed_literal_is_annotated_at_its_line(
+    repository: Repository,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
     monkeypatch.chdir(repository.root)
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     monkeypatch.setenv("CI", "true")
@@ -96,12 +127,20 @@ def test_a_changed_literal_is_annotated_at_its_line(repository, monkeypatch, cap
     assert (repository.root / "reports/gate/summary.md").read_text() == shown
 
 
-def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path):
+def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path: Path) -> None:
     changes = tuple(
-        Change("s", f"m{i}.xml/free [e]", status, ("model",), ("<b>|told`",), 0.1)
+        Change(
+            id=CaseId(system="s", model=f"m{i}.xml", scenario="free", engine="e"),
+            status=status,
+            kinds=("model",),
+            messages=("<b>|told`",),
+            size=0.1,
+        )
         for i, status in enumerate(Status)
     )
-    found = GateResult(changes, (), None, {}, {}, 0.0)
+    found = GateResult(
+        changes=changes, file_diffs=(), results=None, folders={}, baseline={}, seconds=0.0
+    )
     made = notes(found)
     assert [n.title.split(":")[0] for n in made] == [
         "could not run",
@@ -115,33 +154,74 @@ def test_the_worst_comes_first_and_passing_cases_are_not_annotated(tmp_path):
     assert "&lt;b&gt;\\|told&#96;" in summary(found)
 
 
-def test_a_run_annotates_the_diagnosed_line(tmp_path):
+def test_a_run_annotates_the_diagnosed_line(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text("x")
-    case = {
-        "system": "s",
-        "model": "m.xml",
-        "engine": "e",
-        "scenario": "free",
-        "folder": str(tmp_path),
-        "outcome": "DIFFERS",
-        "discrepancy": 0.1,
-        "reason": "off",
-    }
-    finding = {"cause": "joint[x]@stiffness", "where": ["m.xml:12"]}
-    model = {
-        "system": "s",
-        "model": "m.xml",
-        "engine": "e",
-        "folder": str(tmp_path),
-        "diagnosis": {"explained": True, "findings": [finding]},
-    }
-    (made,) = case_notes({"cases": [case, case], "models": [model]})
+    one = differing(tmp_path, "free")
+    results = results_of(
+        one, differing(tmp_path, "step"), causes=(cause("joint[x]@stiffness", 12),)
+    )
+    (made,) = case_notes(results)
     assert (made.file.name, made.line) == ("m.xml", 12)
     assert made.message == "joint[x]@stiffness: off"
-    assert case_notes({"cases": [case | {"accepted": "known"}], "models": [model]}) == []
+    assert made.title == "DIFFERS spring/m.xml/free [e]"
+    assert case_notes(results_of(differing(tmp_path, "free", accepted="known"))) == []
 
 
-def test_the_workflow_and_the_hooks_call_commands_that_there_are(capsys):
+def test_a_pair_of_causes_is_annotated_at_the_first_that_stands_in_a_file(tmp_path: Path) -> None:
+    (tmp_path / "m.xml").write_text("x")
+    pair = cause("nut and bolt", None), cause("joint[x]@damping", 7)
+    (made,) = case_notes(results_of(differing(tmp_path, "free"), causes=pair))
+    assert (made.file.name, made.line) == ("m.xml", 7)
+    assert made.message == "nut and bolt and joint[x]@damping: off"
+
+
+def test_a_model_without_a_diagnosis_is_annotated_at_its_file(tmp_path: Path) -> None:
+    (made,) = case_notes(results_of(differing(tmp_path, "free")))
+    assert (made.file, made.line, made.message) == (tmp_path, 1, "off")
+
+
+def differing(folder: Path, scenario: str, **fields: Any) -> Case:
+    given = {"scenario": scenario, "folder": str(folder), "reason": "off", **fields}
+    return case(Outcome.DIFFERS, discrepancy=0.1, **given)
+
+
+def cause(subject: str, line: int | None) -> Cause:
+    return Cause(
+        kind="literal",
+        subject=(subject,),
+        nominal=1.0,
+        estimate=2.0,
+        standard_error=0.1,
+        where=() if line is None else (SourceLine(file="m.xml", line=line),),
+    )
+
+
+def results_of(*cases: Case, causes: tuple[Cause, ...] = ()) -> Results:
+    """Results of one model's cases, diagnosed where there are causes."""
+    explanation = Explanation(causes=causes, remaining=0.0)
+    model = Model(
+        system=cases[0].system,
+        model=cases[0].model,
+        engine=cases[0].engine,
+        folder=cases[0].folder,
+        text="",
+        sidecar="",
+        diagnosis=Diagnosis(explained=True, explanations=(explanation,)) if causes else None,
+    )
+    return Results(
+        created="",
+        versions={},
+        resolution=1e-9,
+        seconds=0.0,
+        systems=(),
+        models=(model,),
+        cases=cases,
+    )
+
+
+def test_the_workflow_and_the_hooks_call_commands_that_there_are(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     yaml = pytest.importorskip("yaml")
     root = Path(__file__).parents[2]
     workflow = yaml.safe_load((root / "docs/ci/github-workflow.yml").read_text())

@@ -1,5 +1,7 @@
 """Whatever goes wrong, the gate does not pass, and what was accepted is still there."""
 
+from __future__ import annotations
+
 import errno
 import itertools
 import os
@@ -8,7 +10,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, Protocol
 
 import pytest
 
@@ -17,22 +21,32 @@ from harness.baseline.store import BaselineError, read_baseline
 from harness.cli import main as cli
 from harness.cli.exit_codes import AGREE, FAIL
 from harness.engines.pymunk import PymunkEngine
-from tests.gate.conftest import SYSTEM
+from tests.gate.conftest import SYSTEM, Repository
+
+
+class Gating(Protocol):
+    """`crosscheck gate` with some arguments: its exit code."""
+
+    def __call__(self, *arguments: str) -> int: ...
+
+
+def _absent(_: object) -> None:
+    """The version of an engine that is not installed."""
 
 
 @pytest.fixture
-def gate(repository, monkeypatch):
+def gate(repository: Repository, monkeypatch: pytest.MonkeyPatch) -> Gating:
     """`crosscheck gate` in the repository: its exit code."""
     monkeypatch.chdir(repository.root)
     return lambda *arguments: cli.main(["gate", *arguments])
 
 
-def contents(repository):
+def contents(repository: Repository) -> dict[Path, bytes]:
     """Every file of the baseline."""
     return {path: path.read_bytes() for path in repository.baseline.rglob("*") if path.is_file()}
 
 
-def flip(text, after):
+def flip(text: str, after: str) -> str:
     """One digit of the number after a key, changed."""
     place = text.index(after) + len(after)
     while not text[place].isdigit():
@@ -44,7 +58,7 @@ def flip(text, after):
     (lambda text: text[: len(text) // 2], "no JSON"),
     (lambda text: "", "no JSON"),
     (lambda text: f"<<<<<<< HEAD\n{text}", "no JSON"),
-    (lambda text: text.replace('"format": 1', '"format": 2'), "no baseline of format 1"),
+    (lambda text: text.replace('"format": 2', '"format": 3'), "no baseline of format 2"),
     (lambda text: flip(text, '"end": '), "does not say what was accepted"),
     (lambda text: flip(text, '"start": '), "does not say what was accepted"),
     (lambda text: text.replace('"outcome": "AGREES"', '"outcome": "DIFFERS"', 1),
@@ -52,11 +66,17 @@ def flip(text, after):
     (lambda text: text.replace('"scenarios": ["free", ', '"scenarios": ['),
      "does not say what was accepted"),
     (lambda text: text.replace('"cases"', '"causes"'), "is not whole"),
-    (lambda text: text.replace("0.", "NaN, 0.", 1), "NaN is no number"),
+    (lambda text: text.replace("0.", "NaN, 0.", 1), "no JSON"),
     (lambda text: "[" * 100_000, "no JSON"),
-    (lambda text: "null", "no baseline of format 1"),
+    (lambda text: "null", "no baseline of format 2"),
 ])  # fmt: skip
-def test_a_damaged_baseline_is_told_and_never_passes(repository, gate, capsys, damage, sentence):
+def test_a_damaged_baseline_is_told_and_never_passes(
+    repository: Repository,
+    gate: Gating,
+    capsys: pytest.CaptureFixture[str],
+    damage: Callable[[str], str],
+    sentence: str,
+) -> None:
     text = repository.file.read_text()
     damaged = damage(text)
     assert damaged != text
@@ -67,12 +87,14 @@ def test_a_damaged_baseline_is_told_and_never_passes(repository, gate, capsys, d
     assert f"{SYSTEM}.json" in error
 
 
-def test_a_run_does_not_believe_a_damaged_baseline_either(repository, gate):
+def test_a_run_does_not_believe_a_damaged_baseline_either(
+    repository: Repository, gate: Gating
+) -> None:
     repository.file.write_text("{")
     assert cli.main(["run", str(repository.folder), "--engine", "pymunk"]) == FAIL
 
 
-def test_a_baseline_that_is_a_file_or_holds_bytes_is_refused(repository):
+def test_a_baseline_that_is_a_file_or_holds_bytes_is_refused(repository: Repository) -> None:
     repository.file.write_bytes(b"\xff\xfe")
     with pytest.raises(BaselineError, match="no JSON"):
         read_baseline(repository.baseline)
@@ -80,7 +102,9 @@ def test_a_baseline_that_is_a_file_or_holds_bytes_is_refused(repository):
         read_baseline(repository.file)
 
 
-def test_no_baseline_at_all_is_no_pass(repository, gate, capsys):
+def test_no_baseline_at_all_is_no_pass(
+    repository: Repository, gate: Gating, capsys: pytest.CaptureFixture[str]
+) -> None:
     repository.file.unlink()
     assert gate("models", "--engine", "pymunk") != AGREE
     out = capsys.readouterr().out
@@ -88,19 +112,26 @@ def test_no_baseline_at_all_is_no_pass(repository, gate, capsys):
     assert "nothing is accepted in reports/baseline yet" in out
 
 
-def test_an_accepted_text_that_was_changed_is_not_shown_as_the_accepted_one(repository):
+def test_an_accepted_text_that_was_changed_is_not_shown_as_the_accepted_one(
+    repository: Repository,
+) -> None:
     (repository.baseline / SYSTEM / "space.py.accepted").write_text("DAMPING = 5.0\n")
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     found = repository.gate()
     assert not found.passes
-    told = [spot.said for story in found.stories for spot in story.spots]
+    told = [line.message for diff in found.file_diffs for line in diff.lines]
     assert told == ["changed; the accepted text is not kept, so no lines are told"]
 
 
-def test_a_file_that_can_t_be_opened_is_named(repository, gate, capsys, monkeypatch):
+def test_a_file_that_can_t_be_opened_is_named(
+    repository: Repository,
+    gate: Gating,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     real = Path.read_bytes
 
-    def refuse(self):
+    def refuse(self: Path) -> bytes:
         if self.name == "robot.urdf":
             raise PermissionError(errno.EACCES, "Permission denied", str(self))
         return real(self)
@@ -110,14 +141,24 @@ def test_a_file_that_can_t_be_opened_is_named(repository, gate, capsys, monkeypa
     assert "robot.urdf: Permission denied" in capsys.readouterr().err
 
 
-def test_a_missing_engine_exits_3(repository, gate, monkeypatch, capsys):
-    monkeypatch.setattr(PymunkEngine, "version", lambda self: None)
+def test_a_missing_engine_exits_3(
+    repository: Repository,
+    gate: Gating,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(PymunkEngine, "version", _absent)
     assert gate() == FAIL
     assert "ABSENT: pymunk is not installed" in capsys.readouterr().out
 
 
-def test_a_full_disk_under_the_gates_own_files_is_no_pass(repository, gate, monkeypatch, capsys):
-    def full(_):
+def test_a_full_disk_under_the_gates_own_files_is_no_pass(
+    repository: Repository,
+    gate: Gating,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def full(_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     assert gate() == AGREE
@@ -126,12 +167,16 @@ def test_a_full_disk_under_the_gates_own_files_is_no_pass(repository, gate, monk
     assert "No space left" in capsys.readouterr().err
 
 
-def test_a_summary_that_can_t_be_written_is_no_pass(repository, gate, monkeypatch):
+def test_a_summary_that_can_t_be_written_is_no_pass(
+    repository: Repository, gate: Gating, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", "/dev/full")
     assert gate() == FAIL
 
 
-def test_a_full_disk_while_accepting_leaves_the_old_baseline(repository, monkeypatch):
+def test_a_full_disk_while_accepting_leaves_the_old_baseline(
+    repository: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     repository.edit("space.py.toml", "# A Space", "# A space")
     found = repository.gate()
@@ -141,7 +186,7 @@ def test_a_full_disk_while_accepting_leaves_the_old_baseline(repository, monkeyp
     for fails_at in (1, 2, 3):
         count = itertools.count(1)
 
-        def full(handle, count=count, fails_at=fails_at):
+        def full(handle: int, count: Iterator[int] = count, fails_at: int = fails_at) -> None:
             if next(count) == fails_at:
                 raise OSError(errno.ENOSPC, "No space left on device")
             real(handle)
@@ -154,7 +199,7 @@ def test_a_full_disk_while_accepting_leaves_the_old_baseline(repository, monkeyp
     assert len(repository.accept("more", found=found).files) == 3
 
 
-def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository):
+def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository: Repository) -> None:
     before = contents(repository)
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
     root = Path(cli.__file__).parents[2]
@@ -172,11 +217,13 @@ def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository):
     assert contents(repository) == before
 
 
-def test_a_file_that_changes_while_it_is_run_is_no_pass(repository, monkeypatch):
+def test_a_file_that_changes_while_it_is_run_is_no_pass(
+    repository: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
     repository.edit("space.py", "MASS = 1.3  # kg", "MASS = 1.3  # kilograms")
     real = gating._run
 
-    def meanwhile(*arguments):
+    def meanwhile(*arguments: Any) -> Any:
         found = real(*arguments)
         repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
         return found
@@ -184,12 +231,14 @@ def test_a_file_that_changes_while_it_is_run_is_no_pass(repository, monkeypatch)
     monkeypatch.setattr(gating, "_run", meanwhile)
     found = repository.gate()
     assert not found.passes
-    assert {c.told[0] for c in found.changes if c.record is not None} == {
+    assert {c.messages[0] for c in found.changes if c.case is not None} == {
         "its files changed while it was run; run it again"
     }
 
 
-def test_two_folders_of_one_system_are_refused(repository, gate, capsys):
+def test_two_folders_of_one_system_are_refused(
+    repository: Repository, gate: Gating, capsys: pytest.CaptureFixture[str]
+) -> None:
     shutil.copytree(repository.folder, repository.folder.parent / "copy")
     assert gate("models") != AGREE
     assert "both hold the system 'mass_spring_damper'" in capsys.readouterr().err

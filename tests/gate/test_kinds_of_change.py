@@ -1,15 +1,20 @@
 """Kinds of change to a system and its models, each told for what it is."""
 
+from __future__ import annotations
+
 import os
 import shutil
 from dataclasses import replace
+from typing import Any
 
+import msgspec
 import pytest
 
 from harness.baseline.changes import Status
 from harness.baseline.store import read_baseline, write_baseline
 from harness.engines.pymunk import PymunkEngine
 from harness.files.folders import builtin
+from harness.gate.result import GateResult
 from tests.gate.conftest import SYSTEM, Repository
 
 CHANGED, WITHIN, IMPROVED = Status.CHANGED, Status.WITHIN, Status.IMPROVED
@@ -17,19 +22,31 @@ NOT_RUN, NEW, GONE, SAME = Status.NOT_RUN, Status.NEW, Status.GONE, Status.SAME
 FREE = "mass_spring_damper/mujoco.xml/free [mujoco]"
 
 
-def seen(found, model):
+def _absent(_: object) -> None:
+    """The version of an engine that is not installed."""
+
+
+def _newer(_: object) -> str:
+    return "99.0"
+
+
+def seen(found: GateResult, model: str) -> tuple[set[Status], set[str], str]:
     """Statuses and kinds of the cases of a model, and all that was told of them."""
-    mine = [c for c in found.changes if c.key.startswith(f"{model}/")]
-    told = " | ".join(sentence for c in mine for sentence in c.told)
+    mine = [c for c in found.changes if c.id.model == model]
+    told = " | ".join(sentence for c in mine for sentence in c.messages)
     return {c.status for c in mine}, {kind for c in mine for kind in c.kinds}, told
 
 
-def spots(found):
+def changed_lines(found: GateResult) -> list[str]:
     """All that was told of files, with the line."""
-    return [f"{s.file.name}:{s.line} {s.said}" for story in found.stories for s in story.spots]
+    return [
+        f"{one.file.name}:{one.line} {one.message}"
+        for diff in found.file_diffs
+        for one in diff.lines
+    ]
 
 
-MODEL_CHANGES = [
+MODEL_CHANGES: list[tuple[str, str, str, str, Any, set[str], str]] = [
     # What moves nothing.
     ("a comment in MJCF", "mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>",
      WITHIN, {"text"}, ""),
@@ -91,13 +108,13 @@ MODEL_CHANGES = [
 ]  # fmt: skip
 
 
-def copied(index, name):
+def copied(index: int, name: str) -> str:
     """Name of the copy of a model file, or of its sidecar, that a row of the table changes."""
     return f"copy{index}_{name}"
 
 
 @pytest.fixture(scope="module")
-def changed(pristine, tmp_path_factory):
+def changed(pristine: Repository, tmp_path_factory: pytest.TempPathFactory) -> GateResult:
     """Every row in a copy of its model, in one system, gated at once.
 
     What was accepted of a model is written down for its copies as it is: they are the same.
@@ -112,13 +129,14 @@ def changed(pristine, tmp_path_factory):
         for each in (model, f"{model}.toml"):
             shutil.copy(pristine.folder / each, repository.folder / copied(index, each))
             texts[SYSTEM, copied(index, each)] = (pristine.folder / each).read_bytes()
-        for key, entry in accepted.cases.items():
-            if key.startswith(f"{model}/"):
+        for entry in accepted.cases.values():
+            if entry.model == model:
                 files = {
                     each if each == "system.py" else copied(index, each): value
-                    for each, value in entry["files"].items()
+                    for each, value in entry.files.items()
                 }
-                cases[copied(index, key)] = entry | {"files": files}
+                copy = msgspec.structs.replace(entry, model=copied(index, model), files=files)
+                cases[copy.id] = copy
     write_baseline(repository.baseline, [replace(accepted, cases=cases)], texts)
     assert {c.status for c in repository.gate().changes} == {SAME}
     for index, (_, name, old, new, *_) in enumerate(MODEL_CHANGES):
@@ -131,7 +149,9 @@ def changed(pristine, tmp_path_factory):
     [(i, row[1], *row[4:]) for i, row in enumerate(MODEL_CHANGES)],
     ids=[row[0] for row in MODEL_CHANGES],
 )  # fmt: skip
-def test_a_change_of_a_model_file_is_told_for_what_it_is(changed, index, name, status, kinds, told):
+def test_a_change_of_a_model_file_is_told_for_what_it_is(
+    changed: GateResult, index: int, name: str, status: Any, kinds: set[str], told: str
+) -> None:
     model = copied(index, name).removesuffix(".toml")
     statuses, seen_kinds, sentences = seen(changed, model)
     assert statuses == (status if isinstance(status, set) else {status}), sentences
@@ -139,28 +159,30 @@ def test_a_change_of_a_model_file_is_told_for_what_it_is(changed, index, name, s
     assert told in sentences
 
 
-def test_a_change_of_one_model_file_runs_its_cases_alone(repository):
+def test_a_change_of_one_model_file_runs_its_cases_alone(repository: Repository) -> None:
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
     found = repository.gate()
-    assert {c.key.split("/")[0] for c in found.changes if c.record is not None} == {"mujoco.xml"}
-    assert {c.status for c in found.changes if c.record is None} == {SAME}
+    assert {c.id.model for c in found.changes if c.case is not None} == {"mujoco.xml"}
+    assert {c.status for c in found.changes if c.case is None} == {SAME}
     assert found.passes
 
 
-def test_a_changed_literal_is_named_with_its_line_and_what_it_stands_for(repository):
+def test_a_changed_literal_is_named_with_its_line_and_what_it_stands_for(
+    repository: Repository,
+) -> None:
     repository.edit("mujoco.xml", '"47.0"', '"47.05"')
     line = repository.folder.joinpath("mujoco.xml").read_text().split("47.05")[0].count("\n") + 1
     found = repository.gate()
-    assert f"mujoco.xml:{line} joint[x]@stiffness 47.0 -> 47.05, bound to k" in spots(found)
+    assert f"mujoco.xml:{line} joint[x]@stiffness 47.0 -> 47.05, bound to k" in changed_lines(found)
 
 
-def test_line_ends_are_no_change(repository):
+def test_line_ends_are_no_change(repository: Repository) -> None:
     path = repository.folder / "mujoco.xml"
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
     assert {c.status for c in repository.gate().changes} == {SAME}
 
 
-SYSTEM_CHANGES = [
+SYSTEM_CHANGES: list[tuple[str, str, str, Status, set[str], str]] = [
     ("a comment", '"spring stiffness"', '"stiffness of the spring"', WITHIN, {"text"}, ""),
     ("a constant by 1e-6", '"k", 47.0', '"k", 47.000047', CHANGED, {"equations"},
      "DIFFERS where it was AGREES"),
@@ -181,25 +203,25 @@ SYSTEM_CHANGES = [
     [row[1:] for row in SYSTEM_CHANGES], ids=[row[0] for row in SYSTEM_CHANGES],
 )  # fmt: skip
 def test_a_change_of_the_declaration_is_told_for_what_it_is(
-    repository, old, new, status, kinds, told
-):
+    repository: Repository, old: str, new: str, status: Any, kinds: set[str], told: str
+) -> None:
     repository.edit("system.py", old, new)
     found = repository.gate("pymunk")
     statuses = {c.status for c in found.changes}
     if "released" in new:
-        assert {(c.key, c.status) for c in found.of(NEW, GONE)} == {
-            ("space.py/released [pymunk]", NEW),
-            ("space.py/free [pymunk]", GONE),
+        assert {(str(c.id), c.status) for c in found.of(NEW, GONE)} == {
+            (f"{SYSTEM}/space.py/released [pymunk]", NEW),
+            (f"{SYSTEM}/space.py/free [pymunk]", GONE),
         }
         return
     assert status in statuses
     assert statuses <= {status, WITHIN}
     assert {kind for c in found.of(status) for kind in c.kinds} == kinds
-    assert told in " | ".join(sentence for c in found.changes for sentence in c.told)
+    assert told in " | ".join(sentence for c in found.changes for sentence in c.messages)
     assert found.passes == status.passes
 
 
-def test_model_and_equations_changed_alike_are_both_told_and_agree(repository):
+def test_model_and_equations_changed_alike_are_both_told_and_agree(repository: Repository) -> None:
     repository.edit("system.py", '"k", 47.0', '"k", 48.0')
     repository.edit("space.py", "STIFFNESS = 47.0", "STIFFNESS = 48.0")
     found = repository.gate("pymunk")
@@ -211,25 +233,29 @@ def test_model_and_equations_changed_alike_are_both_told_and_agree(repository):
     assert {c.status for c in found.changes} == {CHANGED}
 
 
-def test_another_engine_version_with_the_same_motion_passes_and_is_told(repository, monkeypatch):
-    monkeypatch.setattr(PymunkEngine, "version", lambda self: "99.0")
+def test_another_engine_version_with_the_same_motion_passes_and_is_told(
+    repository: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(PymunkEngine, "version", _newer)
     found = repository.gate()
     statuses, kinds, told = seen(found, "space.py")
     assert statuses == {WITHIN}
     assert kinds == {"engine"}
     assert "another engine: pymunk 99.0 where it was pymunk 7" in told
     assert found.passes
-    assert {c.status for c in found.changes if "pymunk" not in c.key} == {SAME}
+    assert {c.status for c in found.changes if c.id.engine != "pymunk"} == {SAME}
 
 
-def test_an_engine_that_is_not_installed_is_no_pass(repository, monkeypatch):
-    monkeypatch.setattr(PymunkEngine, "version", lambda self: None)
+def test_an_engine_that_is_not_installed_is_no_pass(
+    repository: Repository, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(PymunkEngine, "version", _absent)
     found = repository.gate()
     assert seen(found, "space.py")[0] == {NOT_RUN}
     assert not found.passes
 
 
-def test_files_that_go_or_come_are_told(repository):
+def test_files_that_go_or_come_are_told(repository: Repository) -> None:
     folder = repository.folder
     (folder / "space.py").unlink()
     (folder / "space.py.toml").unlink()
@@ -243,13 +269,13 @@ def test_files_that_go_or_come_are_told(repository):
     assert seen(found, "mujoco.xml")[0] == {WITHIN}  # a file beside it came
 
 
-def test_a_model_file_deleted_from_beside_its_sidecar_could_not_run(repository):
+def test_a_model_file_deleted_from_beside_its_sidecar_could_not_run(repository: Repository) -> None:
     (repository.folder / "space.py").unlink()
     found = repository.gate()
     assert seen(found, "space.py")[0] == {NOT_RUN}
 
 
-def test_a_system_that_is_gone_is_told_unless_others_were_asked_for(repository):
+def test_a_system_that_is_gone_is_told_unless_others_were_asked_for(repository: Repository) -> None:
     shutil.rmtree(repository.folder)
     found = repository.gate()
     assert {c.status for c in found.changes} == {GONE}
@@ -260,7 +286,7 @@ def test_a_system_that_is_gone_is_told_unless_others_were_asked_for(repository):
     assert not repository.gate(parents=()).passes
 
 
-def test_solver_settings_that_soften_a_constraint_move_the_model(repository):
+def test_solver_settings_that_soften_a_constraint_move_the_model(repository: Repository) -> None:
     folder = repository.root / "models" / "drum_pendulum"
     shutil.copytree(builtin() / "drum_pendulum", folder)
     for path in folder.iterdir():
@@ -275,7 +301,7 @@ def test_solver_settings_that_soften_a_constraint_move_the_model(repository):
     assert "model" in kinds
 
 
-def test_a_file_that_a_model_includes_is_one_that_it_depends_on(repository):
+def test_a_file_that_a_model_includes_is_one_that_it_depends_on(repository: Repository) -> None:
     folder = repository.folder
     shared = repository.root / "shared"
     shared.mkdir()
@@ -290,5 +316,5 @@ def test_a_file_that_a_model_includes_is_one_that_it_depends_on(repository):
     found = repository.gate()
     assert seen(found, "mujoco.xml")[0] == {WITHIN}
     assert seen(found, "robot.urdf")[0] == {SAME}
-    assert any(os.path.basename(s.name) == "size.xml" for s in found.stories)
+    assert any(os.path.basename(s.name) == "size.xml" for s in found.file_diffs)
     assert folder.is_dir()

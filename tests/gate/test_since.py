@@ -1,33 +1,48 @@
 """What a run says of the baseline: known differences, and what changed since."""
 
+from __future__ import annotations
+
+import argparse
+import json
 import shutil
+from typing import NamedTuple
 
 import jsonschema
 import pytest
+from rich.console import Console
 
 from harness.cli.accept import add, main
 from harness.engines.registry import engines
 from harness.files.folders import builtin
-from harness.records.results import schema
+from harness.records.results import BaselineChanges, Results
+from harness.records.schema import schema
+from harness.records.write import encoded
 from harness.run import Options, run
 from harness.text.table import print_results
+from tests.gate.conftest import nothing
 
 pytestmark = pytest.mark.skipif(
     engines()["mujoco"].version() is None, reason="mujoco is not installed"
 )
 
 
-def silent(*_):
-    pass
+class Told(NamedTuple):
+    """Results of runs as accepted, of changed files, of missing ones; and the table."""
+
+    same: Results
+    changed: Results
+    gone: Results
+    text: str
+
+
+def changes(results: Results) -> BaselineChanges:
+    assert results.baseline is not None
+    return results.baseline
 
 
 @pytest.fixture(scope="module")
-def repository(tmp_path_factory):
+def repository(tmp_path_factory: pytest.TempPathFactory) -> Told:
     """A system with a model that agrees, accepted; then its step, a mass and a file are changed."""
-    import argparse
-
-    from rich.console import Console
-
     home = tmp_path_factory.mktemp("home")
     folder = home / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
@@ -42,7 +57,7 @@ def repository(tmp_path_factory):
             patch.delenv(name, raising=False)
         assert main(parser.parse_args([*given, "--baseline", str(place)])) == 0
     options = Options(("mujoco",), jobs=2, baseline=place)
-    same = run([folder], options, silent)
+    same = run([folder], options, nothing).results
     for name, old, new in (
         ("mujoco.xml", 'timestep="0.002"', 'timestep="0.001"'),
         ("robot.urdf.toml", "step = 0.002", "step = 0.004"),
@@ -50,38 +65,37 @@ def repository(tmp_path_factory):
         text = (folder / name).read_text()
         assert old in text
         (folder / name).write_text(text.replace(old, new))
-    changed = run([folder], options, silent)
+    changed = run([folder], options, nothing).results
     for name in ("robot.urdf", "robot.urdf.toml"):
         (folder / name).unlink()
-    gone = run([folder], options, silent)
+    gone = run([folder], options, nothing).results
     console = Console(record=True, width=200)
     print_results(console, changed)
-    return same, changed, gone, console.export_text()
+    return Told(same, changed, gone, console.export_text())
 
 
-def test_nothing_is_told_where_nothing_changed(repository):
-    same = repository[0]
-    assert same["baseline"]["changes"] == []
-    assert not any("measured" in case for case in same["cases"])
-    jsonschema.validate(same, schema())
+def test_nothing_is_told_where_nothing_changed(repository: Told) -> None:
+    same = repository.same
+    assert changes(same).changes == ()
+    jsonschema.validate(json.loads(encoded(same)), schema(Results))
 
 
-def test_a_better_and_a_worse_step_are_told_apart(repository):
-    changed = repository[1]
-    jsonschema.validate(changed, schema())
-    kinds = {(c["model"], c["kind"]) for c in changed["baseline"]["changes"]}
+def test_a_better_and_a_worse_step_are_told_apart(repository: Told) -> None:
+    changed = repository.changed
+    jsonschema.validate(json.loads(encoded(changed)), schema(Results))
+    kinds = {(c.model, c.kind) for c in changes(changed).changes}
     assert kinds == {("mujoco.xml", "improvement"), ("robot.urdf", "regression")}
-    assert all("step 0.002 s -> " in c["message"] for c in changed["baseline"]["changes"])
+    assert all("step 0.002 s -> " in c.message for c in changes(changed).changes)
 
 
-def test_what_is_gone_is_told(repository):
-    gone = repository[2]
-    missing = [c for c in gone["baseline"]["changes"] if c["kind"] == "missing"]
-    assert {c["model"] for c in missing} == {"robot.urdf"}
+def test_what_is_gone_is_told(repository: Told) -> None:
+    gone = repository.gone
+    missing = [c for c in changes(gone).changes if c.kind == "missing"]
+    assert {c.model for c in missing} == {"robot.urdf"}
     assert len(missing) == 3
 
 
-def test_the_terminal_lists_what_changed(repository):
-    text = repository[3]
+def test_the_terminal_lists_what_changed(repository: Told) -> None:
+    text = repository.text
     assert "since " in text
     assert "regression  mass_spring_damper/robot.urdf/free [mujoco]: step 0.002 s" in text

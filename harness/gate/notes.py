@@ -1,0 +1,63 @@
+"""What a pull request shows of a gate's findings: notes at file and line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.baseline.changes import Status
+from harness.baseline.classify import Change
+from harness.gate.file_diffs import ChangedLine
+from harness.gate.result import GateResult
+from harness.gate.text import sentences
+from harness.records.outcome import Outcome
+from harness.text.github import Annotation, case_note
+
+_QUIET = (Status.SAME, Status.WITHIN, Status.KNOWN)
+"""Cases that nobody needs to look at."""
+
+
+def notes(found: GateResult) -> list[Annotation]:
+    """An annotation for each changed model and declaration, worst first, at the changed line."""
+    alike: dict[tuple[str, str, Status], list[Change]] = {}
+    for change in found.changes:
+        if change.status not in _QUIET:
+            about = change.id.system, change.id.model, change.status
+            alike.setdefault(about, []).append(change)
+    return [_note(found, changes) for changes in alike.values()]
+
+
+def _note(found: GateResult, alike: list[Change]) -> Annotation:
+    """The annotation of the first of some changes of one model."""
+    change = alike[0]
+    place = _place(found, change)
+    others = f" (and {len(alike) - 1} cases more)" if len(alike) > 1 else ""
+    said = [place.message] if place.message else []
+    return Annotation(
+        level="notice" if change.status is Status.IMPROVED else "error",
+        file=place.file,
+        line=place.line,
+        title=f"{change.status}: {change.id}{others}",
+        message="; ".join([*sentences(change), *said]),
+    )
+
+
+def _place(found: GateResult, change: Change) -> ChangedLine:
+    """Where a change is to be shown: the diagnosed cause, a changed line, or the model file."""
+    model = change.id.model
+    if change.case is not None and change.case.outcome is Outcome.DIFFERS:
+        note = case_note(change.case, found.model_of(change.case))
+        if note.line > 1:
+            return ChangedLine(note.file, note.line, note.message)
+    first = ["system.py", model] if "equations" in change.kinds else [model, f"{model}.toml"]
+    mine = [d for d in found.file_diffs if d.system == change.id.system and model in d.models]
+    mine.sort(key=lambda diff: first.index(diff.name) if diff.name in first else 2)
+    line = next((line for diff in mine for line in diff.lines), None)
+    return line or ChangedLine(_file(found, change), 1, "")
+
+
+def _file(found: GateResult, change: Change) -> Path:
+    scan = found.folders.get(change.id.system)
+    if scan is None:
+        return Path(".")
+    file = scan.folder / change.id.model
+    return file if file.is_file() else scan.folder

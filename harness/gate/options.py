@@ -1,0 +1,34 @@
+"""What a gate may be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateOptions:
+    """What a gate may be told.
+
+    Attributes:
+        baseline: folder of the accepted baseline.
+        engines: only these; none: all.
+        every: run every case, changed or not.
+        diagnose: name the cause where a model differs, which takes a while.
+        resolution, jobs, limit: as in `harness.run.Options`.
+        parents: folders all of whose systems are given, so that one that is missing is gone;
+            None: every system of the baseline is expected.
+    """
+
+    baseline: Path
+    engines: tuple[str, ...] = ()
+    every: bool = False
+    diagnose: bool = False
+    resolution: float = 1e-9
+    jobs: int = 0
+    limit: float = 120.0
+    parents: tuple[Path, ...] | None = None
+
+    def includes(self, engine: str) -> bool:
+        """Whether an engine's cases are looked at."""
+        return not self.engines or engine in self.engines

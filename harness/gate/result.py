@@ -1,0 +1,86 @@
+"""What a gate found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from harness.baseline.changes import Status
+from harness.baseline.classify import Change
+from harness.baseline.file import SystemBaseline
+from harness.baseline.fingerprint import FolderFiles
+from harness.gate.file_diffs import FileDiff
+from harness.records.base import number
+from harness.records.baseline import Gate, GateChange, GateFile, GateLine
+
+if TYPE_CHECKING:  # an unchanged gate does without them
+    from harness.records.case import Case
+    from harness.records.model import Model
+    from harness.records.results import Results
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateResult:
+    """What a gate found.
+
+    Attributes:
+        changes: a `Change` for every case, worst first.
+        file_diffs: what changed in the files, a model or declaration each.
+        results: of what was run, without what a report needs; None where nothing was.
+        folders: hashes of every folder given, by name of its system.
+        baseline: what was accepted, by name of the system.
+        seconds: how long it took.
+    """
+
+    changes: tuple[Change, ...]
+    file_diffs: tuple[FileDiff, ...]
+    results: Results | None = field(repr=False)
+    folders: Mapping[str, FolderFiles] = field(repr=False)
+    baseline: Mapping[str, SystemBaseline] = field(repr=False)
+    seconds: float
+
+    @property
+    def passes(self) -> bool:
+        """Whether every case passes, and there is one at all."""
+        return bool(self.changes) and all(change.status.passes for change in self.changes)
+
+    def of(self, *statuses: Status) -> tuple[Change, ...]:
+        """The changes of some statuses."""
+        return tuple(change for change in self.changes if change.status in statuses)
+
+    def model_of(self, case: Case) -> Model | None:
+        """The record of a case's model, where it was run."""
+        return None if self.results is None else self.results.model_of(case)
+
+    def record(self) -> Gate:
+        """The findings for other programs."""
+        return Gate(
+            passes=self.passes,
+            seconds=self.seconds,
+            cases=tuple(_case(change) for change in self.changes),
+            files=tuple(_file(one) for one in self.file_diffs),
+        )
+
+
+def _case(change: Change) -> GateChange:
+    return GateChange(
+        system=change.id.system,
+        model=change.id.model,
+        scenario=change.id.scenario,
+        engine=change.id.engine,
+        status=change.status.value,
+        kinds=change.kinds,
+        messages=change.messages,
+        moved=number(change.size),
+        run=change.case is not None,
+    )
+
+
+def _file(one: FileDiff) -> GateFile:
+    return GateFile(
+        system=one.system,
+        file=one.name,
+        models=one.models,
+        changes=tuple(GateLine(line=each.line, message=each.message) for each in one.lines),
+    )

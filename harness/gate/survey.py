@@ -1,0 +1,118 @@
+"""What a gate knows before anything is run: the baseline, the files, and what changed of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from harness.baseline.file import SystemBaseline
+from harness.baseline.fingerprint import FolderFiles, folder_files
+from harness.baseline.stale import location, match, stale
+from harness.baseline.store import read_baseline
+from harness.engines.registry import engines
+from harness.files.folders import FolderError
+from harness.gate.options import GateOptions
+from harness.records.case import CaseId
+
+if TYPE_CHECKING:  # an unchanged gate does without them
+    from harness.records.results import Results
+
+ModelInEngine = tuple[str, str, str]
+"""(folder, model file, engine)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """What is there, and what was accepted of it.
+
+    Attributes:
+        baseline: what was accepted, by name of the system.
+        versions: of the engines.
+        scans: the folders' files.
+        matched: what was accepted of each folder.
+        chosen: models whose cases are to be run.
+    """
+
+    baseline: Mapping[str, SystemBaseline] = field(repr=False)
+    versions: Mapping[str, str | None]
+    scans: tuple[FolderFiles, ...] = field(repr=False)
+    matched: Mapping[Path, SystemBaseline | None] = field(repr=False)
+    chosen: frozenset[ModelInEngine]
+
+    @property
+    def running(self) -> list[Path]:
+        """Folders in which something is to be run, or can't be."""
+        wanted = {folder for folder, _, _ in self.chosen}
+        return [
+            scan.folder
+            for scan in self.scans
+            if str(scan.folder) in wanted or scan.broken or not scan.models
+        ]
+
+
+def survey(folders: Sequence[Path], options: GateOptions) -> Survey:
+    """Read the baseline and hash the folders.
+
+    Raises:
+        BaselineError: for a baseline that can't be believed.
+        OSError: for a file that can't be read.
+    """
+    baseline = read_baseline(options.baseline)
+    versions = {name: engine.version() for name, engine in engines().items()}
+    scans = tuple(folder_files(folder, options.baseline) for folder in folders)
+    matched = {scan.folder: match(scan.folder, options.baseline, baseline) for scan in scans}
+    chosen = frozenset(
+        one for scan in scans for one in _chosen(scan, matched[scan.folder], versions, options)
+    )
+    return Survey(baseline=baseline, versions=versions, scans=scans, matched=matched, chosen=chosen)
+
+
+def _chosen(
+    scan: FolderFiles,
+    one: SystemBaseline | None,
+    versions: Mapping[str, str | None],
+    options: GateOptions,
+) -> Iterator[ModelInEngine]:
+    """Models of a folder that are to be run: those that changed, or all."""
+    for model in scan.models:
+        for engine in filter(options.includes, model.engines):
+            if options.every or stale(scan, model, engine, one, versions, options.resolution):
+                yield str(scan.folder), model.model, engine
+
+
+def by_name(found: Survey, results: Results | None) -> dict[str, FolderFiles]:
+    """Folders by the name of their system: as it was just loaded, or as it was accepted.
+
+    Raises:
+        FolderError: where two folders have one name.
+    """
+    loaded = {system.folder: system.name for system in results.systems} if results else {}
+    names: dict[str, FolderFiles] = {}
+    for scan in found.scans:
+        one = found.matched[scan.folder]
+        name = loaded.get(str(scan.folder)) or (one.system if one else scan.folder.name)
+        if name in names:
+            raise FolderError(
+                f"{scan.folder} and {names[name].folder} both hold the system {name!r};"
+                " a baseline keeps one system of a name"
+            )
+        names[name] = scan
+    return names
+
+
+def is_expected(one: SystemBaseline, options: GateOptions) -> bool:
+    """Whether a system of the baseline ought to be among the folders given."""
+    if options.parents is None:
+        return True
+    parent = one.declared.folder.rpartition("/")[0]
+    return parent in {location(path, options.baseline) for path in options.parents}
+
+
+def was_left_alone(scan: FolderFiles, one: SystemBaseline, case: CaseId, found: Survey) -> bool:
+    """Whether a case of the baseline is still there, and was not run since nothing changed."""
+    if case.scenario not in one.declared.scenarios:
+        return False
+    here = any(m.model == case.model and case.engine in m.engines for m in scan.models)
+    return here and (str(scan.folder), case.model, case.engine) not in found.chosen
