@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from harness.baseline.changes import Change, Now, Status, compare
-from harness.baseline.fingerprint import NUMERICS, FolderFiles
+from harness.baseline.fingerprint import FolderFiles
 from harness.baseline.store import SystemBaseline, case_key
+from harness.numerics.version import VERSION
 
 
 def unaccepted(case: Mapping[str, Any]) -> str:
@@ -55,5 +56,5 @@ def judge(
     if entry is None or one is None:
         told = (unaccepted(case),)
         return Change(system, key, Status.NEW, (), told, record=case, files=files, engine=label)
-    now = Now(case, files, label, resolution, NUMERICS)
+    now = Now(case, files, label, resolution, VERSION)
     return compare(system, key, entry, one.tracks[entry["track"]], now)

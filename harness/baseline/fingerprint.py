@@ -14,10 +14,6 @@ from pathlib import Path
 
 from harness.files.sidecar import SidecarError, read_sidecar
 
-NUMERICS = 1
-"""Version of everything between a file and its verdict: adapters, segments, ladder, uncertainty,
-reference. Raised whenever a change of this package may move a figure of an unchanged case."""
-
 BESIDE = "(beside)"
 """Stands for the files of a folder that no model file names: a `space.py` may open any of them."""
 

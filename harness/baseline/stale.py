@@ -6,9 +6,10 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from harness.baseline.fingerprint import NUMERICS, FolderFiles, ModelFiles
+from harness.baseline.fingerprint import FolderFiles, ModelFiles
 from harness.baseline.store import Entry, SystemBaseline, case_key
 from harness.files.folders import builtin
+from harness.numerics.version import VERSION
 
 
 def location(folder: Path, baseline: Path) -> str:
@@ -61,5 +62,5 @@ def as_accepted(
         entry["files"] == hashes
         and entry["engine"] == f"{engine} {versions.get(engine)}"
         and entry["resolution"] == resolution
-        and entry["numerics"] == NUMERICS
+        and entry["numerics"] == VERSION
     )

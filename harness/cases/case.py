@@ -16,9 +16,9 @@ from harness.engines.protocol import Model
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
-from harness.numerics.full_run import TARGETS, Cost, cost
-from harness.numerics.linearization import EngineLinearization, twin
-from harness.numerics.segments import Extrapolated, extrapolate
+from harness.numerics.full_run import TARGETS, StepStudy, study_step
+from harness.numerics.linearization import EngineLinearization, linearize_engine
+from harness.numerics.segments import Batch, Extrapolated, extrapolate
 from harness.records.outcome import FLOOR, Outcome
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
@@ -96,13 +96,15 @@ def run_case(task: CaseTask) -> dict[str, Any]:
     began = time.perf_counter()
     model, coordinates = load(task.system, task.sidecar, task.engine)
     motion = task.motion
-    varying = not all(span.constant_input for span in motion.spans)
-    claimed = model.exponents(varying)[0]
-    found = extrapolate(model, coordinates, motion, task.scale, task.resolution)
+    claimed = model.exponents(motion.varying)[0]
+    batch = Batch.of(motion, task.scale)
+    found = extrapolate(model, coordinates, batch, resolution=task.resolution)
     verdict = judge(found.limit, motion, task.scale, task.components, claimed, task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
-    lived = cost(model, coordinates, motion, task.power, amplitude, claimed)
-    outcome, reason = _with_plain_runs(verdict, lived, claimed)
+    study = study_step(
+        model, coordinates, motion, power=task.power, amplitude=amplitude, claimed=claimed
+    )
+    outcome, reason = _with_full_runs(verdict, study, claimed)
     return {
         "outcome": str(outcome),
         "discrepancy": verdict.discrepancy,
@@ -113,74 +115,76 @@ def run_case(task: CaseTask) -> dict[str, Any]:
         "claimed_order": claimed,
         "integrator": model.integrator,
         "shipped_step": model.step,
-        "raw_error": lived.raw_error,
-        "raw_order": lived.order,
-        "raw_residual": lived.residual,
+        "raw_error": study.global_error,
+        "raw_order": study.global_order,
+        "raw_residual": study.global_residual,
         "reason": reason,
         "steps": found.steps,
         "rungs": list(found.rungs),
-        **_cost_record(lived),
-        "series": _series(task, found, lived, amplitude),
+        **_step_record(study),
+        "series": _series(task, found, study, amplitude),
         "seconds": time.perf_counter() - began,
     }
 
 
-def _with_plain_runs(verdict: Verdict, lived: Cost, claimed: int) -> tuple[Outcome, str]:
-    if not lived.shipped.finite:
-        bad = lived.shipped.t[~np.isfinite(lived.shipped.states).all(axis=1)][0]
+def _with_full_runs(verdict: Verdict, study: StepStudy, claimed: int) -> tuple[Outcome, str]:
+    if not study.shipped.finite:
+        bad = study.shipped.t[~np.isfinite(study.shipped.states).all(axis=1)][0]
         return Outcome.FAILED, (
-            f"at the shipped step of {lived.shipped.h:g} s the motion is no longer finite at"
+            f"at the shipped step of {study.shipped.h:g} s the motion is no longer finite at"
             f" t = {bad:.4g} s"
         )
-    if lived.raw_error > BLOWN_UP:
+    if study.global_error > BLOWN_UP:
         return Outcome.FAILED, (
-            f"at the shipped step of {lived.shipped.h:g} s the motion blows up, to"
-            f" {lived.raw_error:.0e} of its amplitude; the step is too coarse for it"
+            f"at the shipped step of {study.shipped.h:g} s the motion blows up, to"
+            f" {study.global_error:.0e} of its amplitude; the step is too coarse for it"
         )
-    if verdict.outcome is Outcome.AGREES and not lived.converges:
+    if verdict.outcome is Outcome.AGREES and not study.converges:
         return Outcome.UNRESOLVED, (
             "every segment agrees, but a run from start to end does not converge to the motion"
-            f" (order {lived.order:.2f} where {claimed} is claimed, raw error"
-            f" {lived.raw_error:.1e}, {lived.residual:.1e} of it left as the step falls):"
+            f" (order {study.global_order:.2f} where {claimed} is claimed, raw error"
+            f" {study.global_error:.1e}, {study.global_residual:.1e} of it left as the step falls):"
             " something is carried from step to step"
         )
     return verdict.outcome, verdict.reason
 
 
-def _cost_record(lived: Cost) -> dict[str, Any]:
-    apart = lived.apart
-    shipped = lived.shipped
+def _step_record(study: StepStudy) -> dict[str, Any]:
+    parts = study.decomposition
+    shipped = study.shipped
     return {
         "apart": None
-        if apart is None
+        if parts is None
         else {
-            "amplitude": apart.amplitude,
-            "phase": apart.phase,
-            "frequency": apart.frequency,
-            "damping": apart.damping,
-            "explained": apart.explained,
+            "amplitude": parts.amplitude,
+            "phase": parts.phase,
+            "frequency": parts.frequency,
+            "damping": parts.damping,
+            "explained": parts.explained,
         },
         "steps_for": [
             {"target": target, "step": step}
-            for target, step in zip(TARGETS, lived.steps_for, strict=True)
+            for target, step in zip(TARGETS, study.steps_for, strict=True)
         ],
         "checked_step": None
-        if lived.checked is None
-        else dict(zip(("target", "step", "measured"), lived.checked, strict=True)),
+        if study.checked is None
+        else dict(zip(("target", "step", "measured"), study.checked, strict=True)),
         "energy_error": shipped.energy,
         "constraint_drift": shipped.drift,
     }
 
 
-def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) -> dict[str, Any]:
-    motion, shipped = task.motion, lived.shipped
+def _series(
+    task: CaseTask, found: Extrapolated, study: StepStudy, amplitude: Array
+) -> dict[str, Any]:
+    motion, shipped = task.motion, study.shipped
     picked = np.unique(np.linspace(0, len(shipped.t) - 1, SERIES).astype(int))
     t = shipped.t[picked]
     segments = np.unique(np.linspace(0, len(motion.t) - 1, SERIES).astype(int))
     defect = (found.limit.value - motion.end) / task.scale
     uncertainty = (found.limit.uncertainty + motion.bound) / task.scale
     raw = np.sqrt(np.mean(((found.raw - motion.end) / task.scale) ** 2, axis=1))
-    runs = (shipped, *lived.finer)
+    runs = (shipped, *study.finer)
     balance = shipped.balance
     n = len(amplitude) // 2
     return {
@@ -196,7 +200,7 @@ def _series(task: CaseTask, found: Extrapolated, lived: Cost, amplitude: Array) 
             "rungs": list(found.rungs),
             "h": _tidy(float(np.mean(motion.lengths)) / np.array(found.rungs), 6),
             "raw": _tidy(np.max(raw, axis=1), 4),
-            "draws": _tidy(found.limit.draws, 4),
+            "draws": _tidy(found.limit.increments, 4),
         },
         "plain": {
             "h": [run.h for run in runs],
@@ -218,7 +222,15 @@ def run_linearizations(task: LinearizationTask) -> list[dict[str, Any]]:
     model, coordinates = load(task.system, task.sidecar, task.engine)
     return [
         _linearization_record(
-            twin(model, coordinates, e.name, e.position, e.matrices, task.amplitude, task.push)
+            linearize_engine(
+                model,
+                coordinates,
+                equilibrium=e.name,
+                position=e.position,
+                taylor=e.matrices,
+                amplitude=task.amplitude,
+                push=task.push,
+            )
         )
         for e in task.equilibria
     ]

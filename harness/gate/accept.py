@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from harness.baseline.changes import Change, Status
-from harness.baseline.fingerprint import NUMERICS, FolderFiles, digest_of
+from harness.baseline.fingerprint import FolderFiles, digest_of
 from harness.baseline.snapshot import snapshot_key
 from harness.baseline.stale import location
 from harness.baseline.store import Entry, SystemBaseline, write_baseline
 from harness.files.folders import FolderError
 from harness.gate.gate import GateResult
+from harness.numerics.version import VERSION
 
 
 class AcceptError(ValueError):
@@ -130,7 +131,7 @@ def _entry(
         "files": dict(change.files),
         "engine": change.engine,
         "resolution": resolution,
-        "numerics": NUMERICS,
+        "numerics": VERSION,
         "shipped_step": record["shipped_step"],
         "integrator": record["integrator"],
         "claimed_order": record["claimed_order"],

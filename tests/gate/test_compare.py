@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from harness.baseline.changes import Now, Status, compare
-from harness.baseline.fingerprint import NUMERICS, folder_files
+from harness.baseline.fingerprint import folder_files
 from harness.baseline.snapshot import inputs_of, snapshot_from, snapshot_key, track
 from harness.baseline.stale import location
 from harness.baseline.store import read_baseline
 from harness.cases.prepare import prepare
 from harness.files.folders import system_folders
+from harness.numerics.version import VERSION
 from tests.gate.conftest import SYSTEM
 
 KEY = "space.py/free [pymunk]"
@@ -36,7 +37,7 @@ def told(ran):
     """A function from changes of the record, the entry and the terms to what is told."""
     change, entry, track_record = ran
 
-    def tell(move=0.0, engine=None, numerics=NUMERICS, files=None, entry_with=(), **fields):
+    def tell(move=0.0, engine=None, numerics=VERSION, files=None, entry_with=(), **fields):
         record = copy.deepcopy(change.record) | fields
         for row in record["measured"]["then"]["end"]:
             row[0] += move * track_record["scale"][0]
@@ -72,9 +73,9 @@ def test_a_motion_that_moved_with_files_and_engine_may_be_eithers(told):
 
 
 def test_a_new_version_of_the_tools_numerics_is_told_and_passes_where_nothing_moved(told):
-    change = told(numerics=NUMERICS + 1)
+    change = told(numerics=VERSION + 1)
     assert (change.status, change.kinds) == (Status.WITHIN, ("tool",))
-    assert told(numerics=NUMERICS + 1, move=1e-6).kinds == ("tool",)
+    assert told(numerics=VERSION + 1, move=1e-6).kinds == ("tool",)
 
 
 def test_a_limit_that_is_not_known_is_not_compared(told, ran):
@@ -113,7 +114,7 @@ def test_a_lost_digit_is_told(told):
 
 def test_another_version_of_the_numerics_runs_everything_again(repository, monkeypatch):
     for module in ("harness.baseline.classify", "harness.baseline.stale"):
-        monkeypatch.setattr(f"{module}.NUMERICS", NUMERICS + 1)
+        monkeypatch.setattr(f"{module}.VERSION", VERSION + 1)
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.WITHIN}
     assert all(c.record is not None for c in found.changes)
