@@ -23,7 +23,7 @@ from reference.numeric import Array
 PAIRS = 24
 """Starts with companions, at most: they cost a quarter more steps where there are 200 segments."""
 
-LEAST = 8
+LEAST = 4
 """Pairs however few the starts are: of a few, all second differences may be small by chance."""
 
 DISTANCE = EPSILON ** (2 / 3)
