@@ -8,7 +8,14 @@ from sympy import Expr, Heaviside, Rational, sin
 
 from harness.cases.verdict import Verdict, component_scale, judge
 from harness.engines.protocol import Array, Force
-from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate
+from harness.numerics.ladder import RUNGS
+from harness.numerics.segments import (
+    Batch,
+    BlownUpError,
+    Extrapolated,
+    extrapolate,
+    limits_alone,
+)
 from harness.records.outcome import Outcome
 from reference import t
 from tests.numerics.conftest import MASS, STIFFNESS, Bench, MakeBench, SymplecticEuler
@@ -164,3 +171,61 @@ def test_the_scale_of_a_still_component_is_floored_by_the_other_scenarios(bench:
     quiet = replace(still, start=0 * still.start, end=0 * still.end, nodes=0 * still.nodes)
     assert component_scale(quiet, [moving]) == pytest.approx(0.01 * moving.movement)
     assert np.all(component_scale(quiet, [quiet]) > 0)
+
+
+def test_all_rungs_are_run_where_no_resolution_is_given(bench: MakeBench) -> None:
+    made = bench()
+    batch = Batch.of(made.motion, component_scale(made.motion, []))
+    found = extrapolate(made.model, made.coordinates, batch, rungs=RUNGS[:8])
+    assert found.rungs == RUNGS[:8]
+    assert np.all(np.abs(found.limit.value - made.motion.end) <= found.limit.uncertainty)
+
+
+def test_limits_alone_are_those_of_all_rungs_without_a_companion_s_step(bench: MakeBench) -> None:
+    made = bench(drive=sin(5 * t))
+    batch = Batch.of(made.motion, component_scale(made.motion, []))
+    alone = limits_alone(made.model, made.coordinates, batch, RUNGS[:6])
+    assert sum(n * count for _, n, count in made.model.calls) == sum(RUNGS[:6]) * len(made.motion.t)
+    whole = extrapolate(made.model, made.coordinates, batch, rungs=RUNGS[:6])
+    assert np.array_equal(alone, whole.limit.value)
+
+
+class Bursting(SymplecticEuler):
+    """Not finite from starts to the right of a place."""
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        z, w = super().rollout(q, v, h, n, force, every)
+        return np.where(q[:, None] > 0.1, np.nan, z), w
+
+
+def test_of_a_partial_batch_what_is_not_finite_has_no_limit_and_the_rest_has(
+    bench: MakeBench,
+) -> None:
+    made = bench(Bursting())
+    batch = replace(Batch.of(made.motion, component_scale(made.motion, [])), partial=True)
+    found = extrapolate(made.model, made.coordinates, batch, resolution=1e-9).limit
+    lost = made.motion.start[:, 0] > 0.1
+    assert 0 < np.sum(lost) < len(lost)
+    assert np.all(np.isinf(found.uncertainty[lost]))
+    error = np.abs(found.value - made.motion.end)[~lost]
+    assert np.all(error <= found.uncertainty[~lost])
+    assert np.max(found.uncertainty[~lost]) < 1e-9
+
+
+def test_a_partial_batch_of_which_nothing_is_finite_is_blown_up(bench: MakeBench) -> None:
+    made = bench(Bursting())
+    whole = Batch.of(made.motion, component_scale(made.motion, []))
+    still = replace(whole, states=np.abs(whole.states) + 1, partial=True)
+    with pytest.raises(BlownUpError, match="no motion is finite"):
+        extrapolate(made.model, made.coordinates, still, resolution=1e-9)
+
+
+def test_without_a_scale_a_batch_is_measured_by_how_far_it_moves(bench: MakeBench) -> None:
+    made = bench()
+    batch = replace(Batch.of(made.motion, np.ones(2)), scale=None, partial=True)
+    own = extrapolate(made.model, made.coordinates, batch, rungs=RUNGS).limit
+    given = replace(batch, scale=made.motion.movement)
+    same = extrapolate(made.model, made.coordinates, given, rungs=RUNGS).limit
+    assert own.increments == pytest.approx(same.increments, rel=0.1)
