@@ -28,7 +28,7 @@ SERIES = 240
 """Samples of a series in results.json: as many as a plot of ordinary width can show."""
 
 BLOWN_UP = 1e6
-"""Raw errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""
+"""Global errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""
 
 
 @dataclass(frozen=True)
