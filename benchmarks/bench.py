@@ -29,7 +29,7 @@ from harness.files.folders import builtin, system_folders
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
 from harness.numerics.full_run import full_run
-from harness.numerics.segments import extrapolate
+from harness.numerics.segments import Batch, extrapolate
 from harness.records.results import Results
 from harness.report import write_report
 from harness.run import Options, run
@@ -148,7 +148,7 @@ def overhead(console: Console) -> None:
                 file = "robot_folded.urdf"
             sidecar = sidecar_of(prepared.folder, file)
             model, coordinates = load(prepared.system, sidecar, engine)
-            found = extrapolate(model, coordinates, motion, scale, 1e-9)
+            found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=1e-9)
             work = list(segments(motion, coordinates, found.rungs))
             if engine == "mujoco":
                 bare = lambda s=sidecar, w=work: bare_mujoco(s, w)  # noqa: E731
@@ -160,10 +160,10 @@ def overhead(console: Console) -> None:
                 bare = lambda m=model, w=work: bare_pymunk(m._module.build, w)  # noqa: E731
 
             def ours(s=sidecar, e=engine, b=coordinates, m=motion, c=scale) -> None:
-                extrapolate(engines()[e].load(s.spec(e)), b, m, c, 1e-9)
+                extrapolate(engines()[e].load(s.spec(e)), b, Batch.of(m, c), resolution=1e-9)
 
             def only_ladder(a=model, b=coordinates, m=motion, c=scale) -> None:
-                extrapolate(a, b, m, c, 1e-9)
+                extrapolate(a, b, Batch.of(m, c), resolution=1e-9)
 
             ratio, t_ours, t_bare = paired(ours if engine == "pybullet" else only_ladder, bare)
             table.add_row(
@@ -192,7 +192,7 @@ def certification(console: Console) -> None:
     motion, scale = prepared.motions["free"], prepared.scales["free"]
     for engine, file in MODELS.items():
         model, coordinates = load(prepared.system, sidecar_of(prepared.folder, file), engine)
-        found = extrapolate(model, coordinates, motion, scale, 1e-9)
+        found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=1e-9)
         certified = float(np.max((found.limit.uncertainty + motion.bound) / scale))
         size = motion.amplitude[:1]
 

@@ -1,6 +1,9 @@
-"""Random draws of all constants: does any sound model differ?
+"""Random draws of all constants: does any sound model differ, is any limit outside its uncertainty?
 
 `python -m campaigns.random_draws --count 500 --seed 1`
+
+Beside the verdict's segments it counts the limits of a diagnosis, of the baseline's snapshots, and
+the entries of the linearizations, each against the equations.
 """
 
 from __future__ import annotations
@@ -8,21 +11,27 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from harness.baseline.snapshot import ends, segments_of, snapshot_of
 from harness.cases.case import load
 from harness.cases.verdict import Verdict, component_scale, judge
+from harness.diagnosis.samples import engine_ends, reference_ends, sample_segments
+from harness.engines.protocol import Array, Model
 from harness.files.bindings import at_constants, with_constants
 from harness.files.folders import system_folders
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
-from harness.numerics.segments import Extrapolated, extrapolate
+from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.linearization import linearize_engine
+from harness.numerics.segments import Batch, Extrapolated, extrapolate
 from harness.records.outcome import Outcome
-from reference.derive import derive
+from reference.derive import Equations, derive
+from reference.linearize import linearize
 from reference.load import load_system
 from reference.motion import Motion
 from reference.solve import solve
@@ -34,6 +43,26 @@ SPREAD = 10.0
 """Largest over smallest value that a constant is drawn at."""
 
 DURATION = 4.0
+RESOLUTION = 1e-9
+EPSILON = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A model at given constants.
+
+    Attributes:
+        ratios: errors of limits by their uncertainty, by where they are taken; infinite
+            uncertainties, which claim nothing, give 0.
+    """
+
+    verdict: Verdict
+    found: Extrapolated
+    motion: Motion
+    ratios: Mapping[str, Array]
+
+
+Pairing = tuple[Path, Sidecar, str]
 
 
 def pairings() -> list[Pairing]:
@@ -47,49 +76,109 @@ def pairings() -> list[Pairing]:
     ]
 
 
-def draw(
-    folder: Path, sidecar: Sidecar, engine: str, rng: np.random.Generator, into: Path
-) -> tuple[Verdict, str]:
-    """Judge one scenario of a model at random constants; returns (verdict, what was drawn)."""
+def draw(pairing: Pairing, rng: np.random.Generator, into: Path) -> tuple[Judged, str]:
+    """Judge one scenario of a model at random constants; returns it and what was drawn."""
+    folder, sidecar, engine = pairing
     system = load_system(folder)
     factors = SPREAD ** rng.uniform(-0.5, 0.5, len(system.constants))
     constants = {c.name: c.value * f for c, f in zip(system.constants, factors, strict=True)}
     if "g" in constants:
         constants["g"] = 9.81 * float(rng.uniform(0.5, 1.5))
     scenario = system.scenarios[rng.integers(len(system.scenarios))].name
-    verdict, _, _ = judge_at(folder, sidecar, engine, constants, scenario, into)
-    return verdict, f"{folder.name}/{sidecar.model.name} [{engine}] {scenario} {constants}"
+    judged = judge_at(pairing, constants, scenario, into)
+    return judged, f"{folder.name}/{sidecar.model.name} [{engine}] {scenario} {constants}"
 
 
-def judge_at(
-    folder: Path,
-    sidecar: Sidecar,
-    engine: str,
-    constants: Mapping[str, float],
-    scenario: str,
-    into: Path,
-) -> tuple[Verdict, Extrapolated, Motion]:
-    """Judge a model at given constants; returns (verdict, extrapolated, reference motion)."""
+def judge_at(pairing: Pairing, constants: Mapping[str, float], scenario: str, into: Path) -> Judged:
+    """Judge a model at given constants."""
+    folder, sidecar, engine = pairing
     system = load_system(folder)
     drawn = at_constants(system, constants)
-    motion = solve(derive(drawn), replace(drawn.scenario(scenario), duration=DURATION))
+    equations = derive(drawn)
+    motion = solve(equations, replace(drawn.scenario(scenario), duration=DURATION))
     copy = with_constants(system, sidecar, constants, into)
     model, coordinates = load(drawn, copy, engine)
     scale = component_scale(motion, [])
-    found = extrapolate(model, coordinates, motion, scale, 1e-9)
+    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=RESOLUTION)
     names = tuple(c.name for c in drawn.coordinates) * 2
-    claimed = model.exponents(not all(s.constant_input for s in motion.spans))[0]
-    return judge(found.limit, motion, scale, names, claimed, 1e-9), found, motion
+    claimed = model.exponents(motion.varying)[0]
+    error = np.abs(found.limit.value - motion.end)
+    return Judged(
+        verdict=judge(found.limit, motion, scale, names, claimed, RESOLUTION),
+        found=found,
+        motion=motion,
+        ratios={
+            "verdict": _ratios(error, found.limit.uncertainty + motion.bound),
+            "diagnosis": _of_samples(model, coordinates, motion, scale, scenario),
+            "snapshot": _of_snapshot(model, coordinates, equations, motion, scale, scenario),
+            "linearization": np.concatenate(
+                [*_of_linearizations(model, coordinates, equations, motion)]
+            ),
+        },
+    )
 
 
-def campaign(count: int, seed: int) -> list[tuple[Verdict, str]]:
-    """Draw over all systems and pairings in turn; returns a list of (verdict, description)."""
+def _ratios(error: Array, uncertainty: Array) -> Array:
+    known = np.isfinite(uncertainty)
+    return np.where(known, error / np.where(known, uncertainty, 1.0), 0.0).ravel()
+
+
+def _of_samples(
+    model: Model, coordinates: CoordinateMap, motion: Motion, scale: Array, scenario: str
+) -> Array:
+    samples = sample_segments({scenario: motion}, {scenario: scale})
+    value, uncertainty = engine_ends(model, coordinates, samples)
+    bound = np.tile(motion.bound / scale, len(value) // len(scale))
+    return _ratios(np.abs(value - reference_ends(samples)), uncertainty + bound)
+
+
+def _of_snapshot(
+    model: Model,
+    coordinates: CoordinateMap,
+    equations: Equations,
+    motion: Motion,
+    scale: Array,
+    scenario: str,
+) -> Array:
+    names = tuple(c.name for c in equations.system.coordinates)
+    components = (*names, *(f"{name}_dot" for name in names))
+    one = segments_of(snapshot_of(equations.system, scenario, motion, scale, components))
+    value, uncertainty = ends(model, coordinates, one)
+    return _ratios(np.abs(value - one.end), uncertainty + motion.bound)
+
+
+def _of_linearizations(
+    model: Model, coordinates: CoordinateMap, equations: Equations, motion: Motion
+) -> Iterator[Array]:
+    push = np.max(np.abs(motion.inputs(motion.t)), axis=0, initial=0.0)
+    for equilibrium in equations.system.equilibria:
+        taylor = linearize(equations, equilibrium)
+        found = linearize_engine(
+            model,
+            coordinates,
+            equilibrium=taylor.equilibrium,
+            position=taylor.position,
+            taylor=taylor.arrays,
+            amplitude=np.where(motion.amplitude > 0, motion.amplitude, 1.0),
+            push=np.where(push > 0, push, 1.0),
+        )
+        for key, own, error in (
+            ("A", found.a, found.a_uncertainty),
+            ("B", found.b, found.b_uncertainty),
+        ):
+            wanted = taylor.arrays[key]
+            rounded = 16 * EPSILON * np.max(np.abs(wanted), initial=0.0)
+            yield _ratios(np.abs(own - wanted), error + rounded)
+
+
+def campaign(count: int, seed: int) -> list[tuple[Judged, str]]:
+    """Draw over all systems and pairings in turn; returns what became of each, and what it was."""
     rng = np.random.default_rng(seed)
     every = pairings()
     results = []
     for index in range(count):
         with tempfile.TemporaryDirectory() as into:
-            results.append(draw(*every[index % len(every)], rng, Path(into)))
+            results.append(draw(every[index % len(every)], rng, Path(into)))
     return results
 
 
@@ -99,11 +188,23 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     results = campaign(options.count, options.seed)
-    for verdict, what in results:
+    for judged, what in results:
+        verdict = judged.verdict
         if verdict.outcome is not Outcome.AGREES:
             print(verdict.outcome, f"E {verdict.discrepancy:.1e} U {verdict.uncertainty:.1e}", what)
             print("   ", verdict.reason)
-    print(Counter(str(verdict.outcome) for verdict, _ in results))
+        for place, ratios in judged.ratios.items():
+            if np.max(ratios) > 1:
+                print(
+                    f"{place}: {int(np.sum(ratios > 1))} outside, by {np.max(ratios):.2g} U", what
+                )
+    print(Counter(str(judged.verdict.outcome) for judged, _ in results))
+    for place in results[0][0].ratios:
+        every = np.concatenate([judged.ratios[place] for judged, _ in results])
+        print(
+            f"{place}: {len(every)} limits, {int(np.sum(every > 1))} outside U, worst"
+            f" {np.max(every):.2g} U, median {np.median(every):.1e} U"
+        )
 
 
 if __name__ == "__main__":

@@ -63,6 +63,11 @@ class Motion:
         return self.spans[-1].start + self.spans[-1].length * self.spans[-1].count
 
     @cached_property
+    def varying(self) -> bool:
+        """Whether an input changes over any segment."""
+        return not all(span.constant_input for span in self.spans)
+
+    @cached_property
     def lengths(self) -> Array:
         """Length of each segment, (K,)."""
         return np.concatenate([np.full(s.count, s.length) for s in self.spans])

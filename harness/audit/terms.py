@@ -12,7 +12,7 @@ from harness.audit.finding import finding
 from harness.audit.task import AuditTask
 from harness.cases.prepare import Equilibrium
 from harness.engines.protocol import Model
-from harness.numerics.accelerations import RESOLVED, Estimate, Probe
+from harness.numerics.accelerations import RESOLVED, Accelerations, Estimate
 from harness.numerics.coordinates import CoordinateMap
 from harness.records.finding import AuditFinding
 from reference.derive import derive
@@ -23,8 +23,8 @@ DRAWS = 24
 """Random states whose accelerations are compared."""
 
 MOVED, SLOW, QUICKER = 0.2, 0.3, 0.1
-"""Displacement, speed and change of speed of the probes, in amplitudes. They need not be small: the
-equations are taken at the same states."""
+"""Displacement, speed and change of speed of the states measured, in amplitudes. They need not be
+small: the equations are taken at the same states."""
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -39,23 +39,25 @@ class Compiled:
     """
 
     task: AuditTask
-    probe: Probe
+    accelerations: Accelerations
     equations: NumericFunction
     names: tuple[str, ...]
     inertia: Array
 
     @staticmethod
     def of(task: AuditTask, model: Model, coordinates: CoordinateMap) -> Compiled:
-        """The terms of a loaded model, ready to be probed."""
+        """The terms of a loaded model, ready to be measured."""
         equations = derive(task.system)
         n = len(task.system.q)
         speed = np.where(task.amplitude[n:] > 0, task.amplitude[n:], 1.0)
-        probe = Probe(model, coordinates, speed, max(task.fastest, 1e-6))
+        accelerations = Accelerations(
+            model=model, coordinates=coordinates, speed=speed, fastest=max(task.fastest, 1e-6)
+        )
         entries: list[sp.Expr] = [*equations.mass, *equations.force]
         names = tuple(c.name for c in task.system.coordinates)
         # Any equilibrium's will do for a scale.
         inertia = np.abs(np.diagonal(task.equilibria[0].matrices["M"]))
-        return Compiled(task, probe, equations.compile(entries), names, inertia)
+        return Compiled(task, accelerations, equations.compile(entries), names, inertia)
 
     def findings(self) -> Iterator[AuditFinding]:
         """What differs about each equilibrium, each term once, and accelerations anywhere."""
@@ -79,7 +81,7 @@ class Compiled:
         """Terms about an equilibrium, each with what it is about."""
         n = len(self.names)
         step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
-        going, more = SLOW * self.probe.speed, np.diag(QUICKER * self.probe.speed)
+        going, more = SLOW * self.accelerations.speed, np.diag(QUICKER * self.accelerations.speed)
         at, still = equilibrium.position, np.zeros((1, n))
         places = np.concatenate([at[None], at + np.diag(step), at - np.diag(step)])
         speeds = np.concatenate([going[None], going + more, going - more])
@@ -93,8 +95,10 @@ class Compiled:
             ]
         )
         masses, forces = self._reference(states, np.zeros((len(states), len(self.task.push))))
-        sizes = np.abs(np.diagonal(masses[0])) * self.probe.speed * self.probe.fastest
-        mass, force = self.probe.mechanics(states, sizes)
+        sizes = (
+            np.abs(np.diagonal(masses[0])) * self.accelerations.speed * self.accelerations.fastest
+        )
+        mass, force = self.accelerations.mechanics(states, sizes)
         k = len(places)
         ahead, astern = slice(k, 2 * k), slice(2 * k, 3 * k)
         yield from self._entries(
@@ -139,7 +143,7 @@ class Compiled:
             )
             return
         # At rest: the engine's accelerations there, times the inertia found on the move.
-        pull = self._times(rest, Estimate(mass.value[:k], mass.uncertainty[:k]))
+        pull = self._times(rest, Estimate(value=mass.value[:k], uncertainty=mass.uncertainty[:k]))
         wanted = self._reference(rest, np.zeros((k, len(self.task.push))))[1]
         miss, miss_error = pull.value - wanted, pull.uncertainty + 16 * EPSILON * np.abs(wanted)
         for i, name in enumerate(self.names):
@@ -166,12 +170,12 @@ class Compiled:
     def _times(self, states: Array, mass: Estimate) -> Estimate:
         """Forces at states, from the accelerations there and inertias known already."""
         none = np.zeros((len(states), len(self.task.push)))
-        found = self.probe.accelerations(states, none, np.zeros((len(states), len(self.names))))
+        found = self.accelerations.at(states, none, np.zeros((len(states), len(self.names))))
         with np.errstate(invalid="ignore"):
             force = np.einsum("bij,bj->bi", mass.value, found.value)
             error = np.einsum("bij,bj->bi", np.abs(mass.value), found.uncertainty)
             error += np.einsum("bij,bj->bi", mass.uncertainty, np.abs(found.value))
-        return Estimate(force, np.where(np.isnan(error), np.inf, error))
+        return Estimate(value=force, uncertainty=np.where(np.isnan(error), np.inf, error))
 
     def _entries(
         self, kind: str, equilibrium: str, expected: Array, found: Array, error: Array
@@ -180,7 +184,7 @@ class Compiled:
         error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
         # What an entry is small or large beside: the inertia, by the fastest rate.
         inertia = np.sqrt(np.outer(self.inertia, self.inertia))
-        resolved = error <= RESOLVED * inertia * self.probe.fastest ** _RATES[kind]
+        resolved = error <= RESOLVED * inertia * self.accelerations.fastest ** _RATES[kind]
         unresolved = []
         differing = np.abs(found - expected) > error
         for i, one in enumerate(self.names):
@@ -217,7 +221,7 @@ class Compiled:
         inputs = random.uniform(-1, 1, (DRAWS, len(self.task.push))) * self.task.push
         masses, forces = self._reference(states, inputs)
         wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
-        found = self.probe.accelerations(states, inputs, np.zeros((DRAWS, n)))
+        found = self.accelerations.at(states, inputs, np.zeros((DRAWS, n)))
         if not np.isfinite(found.value).all():
             yield finding("acceleration", "accelerations at random states are not finite")
             return
@@ -225,7 +229,7 @@ class Compiled:
         error = found.uncertainty + 16 * EPSILON * scale
         miss = np.abs(found.value - wanted)
         differing = miss > error
-        natural = np.maximum(scale, self.probe.speed * self.probe.fastest)
+        natural = np.maximum(scale, self.accelerations.speed * self.accelerations.fastest)
         lost = (error > RESOLVED * natural).any(axis=1) & ~differing.any(axis=1)
         if lost.any():
             yield finding(
@@ -245,7 +249,7 @@ class Compiled:
             )
         )
         here, there = float(found.value[row, i]), float(wanted[row, i])
-        shown = _apart(here, there)
+        shown = _told_apart(here, there)
         yield finding(
             "acceleration",
             f"{self.names[i]} accelerates with {shown[0]} in the model, {shown[1]}"
@@ -284,11 +288,11 @@ def _sentence(kind: str, about: str, own: bool, found: float, expected: float, e
         return f"{name} is missing; it is {expected:.6g} in the equations"
     if abs(expected) <= nothing:
         return f"{name} is {found:.6g} in the model; the equations have none"
-    shown = _apart(found, expected)
+    shown = _told_apart(found, expected)
     return f"{name} is {shown[0]} in the model, {shown[1]} in the equations"
 
 
-def _apart(found: float, expected: float) -> tuple[str, str]:
+def _told_apart(found: float, expected: float) -> tuple[str, str]:
     """Both numbers, with as many digits as show the difference."""
     share = abs(found - expected) / max(abs(found), abs(expected))
     digits = int(np.clip(np.ceil(-np.log10(share)) + 2, 4, 17)) if share > 0 else 17

@@ -16,10 +16,7 @@ from harness.files.locations import LocationError
 from harness.files.locations.location import Source
 from harness.files.locations.xml import read_elements
 from harness.files.sidecar import SidecarError, read_sidecar
-
-NUMERICS = 1
-"""Version of everything between a file and its verdict: adapters, segments, ladder, uncertainty,
-reference. Raised whenever a change of this package may move a figure of an unchanged case."""
+from harness.numerics.version import VERSION
 
 BESIDE = "(beside)"
 """Stands for the files of a folder that no model file names: a `space.py` may open any of them."""
@@ -95,7 +92,7 @@ def dependencies(
         files=files,
         engine_version=f"{engine} {versions.get(engine)}",
         resolution=resolution,
-        numerics=NUMERICS,
+        numerics=VERSION,
     )
 
 

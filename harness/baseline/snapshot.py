@@ -15,8 +15,7 @@ import sympy as sp
 
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import RUNGS, limits
-from harness.numerics.segments import BlownUpError, rounding_scales, run_ends, spread
+from harness.numerics.segments import Batch, Rows, extrapolate, spread
 from harness.records.baseline import Snapshot
 from reference.motion import Motion
 from reference.numeric import Array
@@ -89,7 +88,7 @@ def snapshot_of(
             f"{i.name} = {sp.sstr(sp.sympify(scenario.inputs[i]))}" for i in system.inputs
         ),
         fastest=float(motion.fastest),
-        varying=not all(span.constant_input for span in motion.spans),
+        varying=motion.varying,
         t=tuple(t.tolist()),
         length=tuple(length.tolist()),
         start=_table(motion.start[chosen]),
@@ -132,21 +131,25 @@ def ends(model: Model, coordinates: CoordinateMap, one: PickedSegments) -> tuple
     Raises:
         BlownUpError: where the engine returns values that are not finite.
     """
-    z, w = coordinates.to_engine(one.start)
-    grain = rounding_scales(coordinates, z, w, one.fastest, float(np.max(one.length)))
-    values = []
-    for rung in RUNGS:
-        raw = np.empty_like(one.end)
-        at = np.arange(rung) / rung
-        u = np.stack([_interpolate(nodes, at) for nodes in one.inputs])
-        for length in np.unique(one.length):
-            i = one.length == length
-            raw[i] = run_ends(model, coordinates, z[i], w[i], length / rung, rung, u[i], one.end[i])
-        if not np.isfinite(raw).all():
-            raise BlownUpError(f"values that are not finite, in {one.scenario!r}")
-        values.append(raw)
-    found = limits(values, RUNGS, model.exponents(one.varying), one.scale, grain)
-    return found.value, found.uncertainty
+    limit = extrapolate(model, coordinates, _batch(one)).limit
+    return limit.value, limit.uncertainty
+
+
+def _batch(one: PickedSegments) -> Batch:
+    def inputs(rows: Rows, steps: int) -> Array:
+        at = np.arange(steps) / steps
+        return np.stack([_interpolate(one.inputs[row], at) for row in rows])
+
+    return Batch(
+        states=one.start,
+        lengths=one.length,
+        inputs=inputs,
+        varying=one.varying,
+        scale=one.scale,
+        ends=one.end,
+        times=one.t,
+        name=one.scenario,
+    )
 
 
 def inputs_of(one: PickedSegments, chosen: Array, copies: int) -> Callable[[Array], Array]:

@@ -19,9 +19,9 @@ from harness.engines.protocol import Model
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
-from harness.numerics.full_run import Cost, cost
-from harness.numerics.linearization import twin
-from harness.numerics.segments import extrapolate
+from harness.numerics.full_run import StepStudy, study_step
+from harness.numerics.linearization import linearize_engine
+from harness.numerics.segments import Batch, extrapolate
 from harness.records.case import Case, CaseId
 from harness.records.model import EngineLinearization
 from harness.records.outcome import FLOOR, Outcome
@@ -30,7 +30,7 @@ from reference.numeric import Array, NumericFunction
 from reference.system import System
 
 BLOWN_UP = 1e6
-"""Raw errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""
+"""Global errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,12 +122,14 @@ def run_case(task: CaseTask) -> Case:
     began = time.perf_counter()
     model, coordinates = load(task.system, task.sidecar, task.engine)
     motion = task.motion
-    varying = not all(span.constant_input for span in motion.spans)
-    claimed = model.exponents(varying)[0]
-    found = extrapolate(model, coordinates, motion, task.scale, task.resolution)
+    claimed = model.exponents(motion.varying)[0]
+    batch = Batch.of(motion, task.scale)
+    found = extrapolate(model, coordinates, batch, resolution=task.resolution)
     verdict = judge(found.limit, motion, task.scale, task.components, claimed, task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
-    study = cost(model, coordinates, motion, task.power, amplitude, claimed)
+    study = study_step(
+        model, coordinates, motion, power=task.power, amplitude=amplitude, claimed=claimed
+    )
     outcome, reason = _with_full_runs(verdict, study, claimed)
     return Case(
         system=task.system.name,
@@ -151,23 +153,23 @@ def run_case(task: CaseTask) -> Case:
     )
 
 
-def _with_full_runs(verdict: Verdict, study: Cost, claimed: int) -> tuple[Outcome, str]:
+def _with_full_runs(verdict: Verdict, study: StepStudy, claimed: int) -> tuple[Outcome, str]:
     if not study.shipped.finite:
         bad = study.shipped.t[~np.isfinite(study.shipped.states).all(axis=1)][0]
         return Outcome.FAILED, (
             f"at the shipped step of {study.shipped.h:g} s the motion is no longer finite at"
             f" t = {bad:.4g} s"
         )
-    if study.raw_error > BLOWN_UP:
+    if study.global_error > BLOWN_UP:
         return Outcome.FAILED, (
             f"at the shipped step of {study.shipped.h:g} s the motion blows up, to"
-            f" {study.raw_error:.0e} of its amplitude; the step is too coarse for it"
+            f" {study.global_error:.0e} of its amplitude; the step is too coarse for it"
         )
     if verdict.outcome is Outcome.AGREES and not study.converges:
         return Outcome.UNRESOLVED, (
             "every segment agrees, but a run from start to end does not converge to the motion"
-            f" (order {study.order:.2f} where {claimed} is claimed, raw error"
-            f" {study.raw_error:.1e}, {study.residual:.1e} of it left as the step falls):"
+            f" (order {study.global_order:.2f} where {claimed} is claimed, raw error"
+            f" {study.global_error:.1e}, {study.global_residual:.1e} of it left as the step falls):"
             " something is carried from step to step"
         )
     return verdict.outcome, verdict.reason
@@ -178,7 +180,15 @@ def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ..
     model, coordinates = load(task.system, task.sidecar, task.engine)
     return tuple(
         linearization_record(
-            twin(model, coordinates, e.name, e.position, e.matrices, task.amplitude, task.push)
+            linearize_engine(
+                model,
+                coordinates,
+                equilibrium=e.name,
+                position=e.position,
+                taylor=e.matrices,
+                amplitude=task.amplitude,
+                push=task.push,
+            )
         )
         for e in task.equilibria
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.cases.verdict import Verdict as Judgement
-from harness.numerics.full_run import TARGETS, Cost
+from harness.numerics.full_run import TARGETS, StepStudy
 from harness.numerics.linearization import EngineLinearization as Found
 from harness.numerics.segments import Extrapolated
 from harness.records.base import Number, Numbers, Rows, number, numbers, rows
@@ -35,9 +35,8 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
         uncertainty=number(judged.uncertainty),
         component=judged.component,
         time=number(judged.time),
-        # Of the deciding component, until the judgement has those of all.
-        largest_discrepancy=number(judged.discrepancy),
-        largest_uncertainty=number(judged.uncertainty),
+        largest_discrepancy=number(judged.largest_discrepancy),
+        largest_uncertainty=number(judged.largest_uncertainty),
         order=number(judged.order),
         claimed_order=claimed,
         rungs=tuple(found.rungs),
@@ -45,14 +44,14 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
     )
 
 
-def full_run_record(study: Cost, shipped_step: float, integrator: str) -> FullRun:
+def full_run_record(study: StepStudy, shipped_step: float, integrator: str) -> FullRun:
     """What a user lives with."""
     return FullRun(
         shipped_step=number(shipped_step),
         integrator=integrator,
-        global_error=number(study.raw_error),
-        order=number(study.order),
-        residual=number(study.residual),
+        global_error=number(study.global_error),
+        order=number(study.global_order),
+        residual=number(study.global_residual),
         decomposition=_decomposition(study),
         steps_for=tuple(
             TargetStep(target=target, step=number(step))
@@ -64,19 +63,19 @@ def full_run_record(study: Cost, shipped_step: float, integrator: str) -> FullRu
     )
 
 
-def _decomposition(study: Cost) -> ErrorDecomposition | None:
-    if study.apart is None:
+def _decomposition(study: StepStudy) -> ErrorDecomposition | None:
+    if study.decomposition is None:
         return None
     return ErrorDecomposition(
-        amplitude=number(study.apart.amplitude),
-        phase=number(study.apart.phase),
-        frequency=number(study.apart.frequency),
-        damping=number(study.apart.damping),
-        explained=number(study.apart.explained),
+        amplitude=number(study.decomposition.amplitude),
+        phase=number(study.decomposition.phase),
+        frequency=number(study.decomposition.frequency),
+        damping=number(study.decomposition.damping),
+        explained=number(study.decomposition.explained),
     )
 
 
-def _checked_step(study: Cost) -> CheckedStep | None:
+def _checked_step(study: StepStudy) -> CheckedStep | None:
     if study.checked is None:
         return None
     target, step, measured = study.checked
@@ -86,7 +85,7 @@ def _checked_step(study: Cost) -> CheckedStep | None:
 def series_record(
     motion: Motion,
     found: Extrapolated,
-    study: Cost,
+    study: StepStudy,
     *,
     scale: Array,
     amplitude: Array,
@@ -122,7 +121,7 @@ def series_record(
             rungs=tuple(found.rungs),
             h=_row(float(np.mean(motion.lengths)) / np.array(found.rungs), 6),
             defect=_row(np.max(raw, axis=1), 4),
-            increments=_row(found.limit.draws, 4),
+            increments=_row(found.limit.increments, 4),
         ),
         full_runs=_step_errors(study, amplitude),
         energy=EnergySeries(
@@ -133,7 +132,7 @@ def series_record(
     )
 
 
-def _step_errors(study: Cost, amplitude: Array) -> StepErrors:
+def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
     runs, n = (study.shipped, *study.finer), len(amplitude) // 2
     errors = [float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])) for run in runs]
     return StepErrors(

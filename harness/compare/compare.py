@@ -183,7 +183,7 @@ class _Following:
     resolution: float
 
     def judged(self, signs: Array) -> tuple[Followed, Judgement]:
-        task = TargetTask(self.target, self.runs, self.recorded.fastest, self.resolution, signs)
+        task = TargetTask(self.target, self.runs, self.resolution, signs)
         followed = _one(self.execute, self.target, follow, task)
         return followed, judge(self.recorded, followed, self.match, self.resolution)
 
@@ -287,7 +287,7 @@ def _trials(
 
     def task(candidate: Candidate, made: tuple[Edit, ...], source: bool) -> TrialTask:
         own = recorded.runs if source else runs
-        part = Runs(own.length, own.z[some], own.w[some], own.push[some])
+        part = Runs(length=own.length, z=own.z[some], w=own.w[some], push=own.push[some])
         return TrialTask(
             candidate,
             made,

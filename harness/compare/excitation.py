@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from harness.compare.candidate import Candidate, CompareError
 from harness.compare.match import Match
-from harness.compare.runs import Runs, ends, movement
+from harness.compare.runs import Runs, ends
 from harness.compare.scales import HELD, CharacteristicScales, characteristic_scales
 from harness.engines.protocol import Array, Model
 from harness.numerics.ladder import Limit
+from harness.numerics.segments import movement
 
 SEED = 20260101
 DRAWN = 20
@@ -60,7 +61,7 @@ class Recorded:
         fastest, typical: fastest and typical rate of its motions, rad/s.
         unit: size of its motions, in the coordinates of the comparison, (m,).
         independent: indices of the coordinates that the others follow from.
-        order, holds: leading order seen, and whether it is the one claimed.
+        order, order_confirmed: leading order seen, and whether it is the one claimed.
     """
 
     runs: Runs
@@ -74,7 +75,7 @@ class Recorded:
     unit: Array
     independent: tuple[int, ...]
     order: float
-    holds: bool
+    order_confirmed: bool
 
 
 def record(task: SourceTask) -> Recorded:
@@ -96,10 +97,10 @@ def record(task: SourceTask) -> Recorded:
     push = np.zeros((len(z), len(unit)))
     picked = np.ix_(independent, independent)
     mass = np.linalg.inv(compared[picked])
-    options = rng.uniform(-1, 1, (len(z), len(independent))) * unit[list(independent)]
-    push[:, independent] = (options * found.typical**2) @ mass
+    wanted = rng.uniform(-1, 1, (len(z), len(independent))) * unit[list(independent)]
+    push[:, independent] = (wanted * found.typical**2) @ mass
     push[np.logical_not(driven)] = 0.0
-    chain = _chain(model, task, found, Runs(0.0, z, w, push), links)
+    chain = _chain(model, task, found, Runs(length=0.0, z=z, w=w, push=push), links)
     recorded = _gathered(task, chain, found, unit, independent)
     _check_left_out(task, model, found, recorded, names)
     return recorded
@@ -196,8 +197,8 @@ def _links(
             state = np.where(lost, np.hstack([runs.z, runs.w]), limit.value)
             released = links > LINKS_DRAWN and link >= links // 2
             push = np.zeros_like(runs.push) if released else runs.push
-            runs = Runs(runs.length, state[:, :n], state[:, n:], push)
-        chain.append((runs, ends(model, runs, task.match, found.fastest, task.resolution)))
+            runs = Runs(length=runs.length, z=state[:, :n], w=state[:, n:], push=push)
+        chain.append((runs, ends(model, runs, task.match, task.resolution)))
     return chain
 
 
@@ -232,7 +233,7 @@ def _gathered(
     scale = movement(wrapped[kept], start[kept]) if len(kept) else np.ones(2 * m)
     limit = chain[0][1]
     return Recorded(
-        Runs(chain[0][0].length, z[kept], w[kept], push[kept]),
+        Runs(length=chain[0][0].length, z=z[kept], w=w[kept], push=push[kept]),
         wrapped[kept],
         uncertainty[kept],
         scale,
@@ -243,7 +244,7 @@ def _gathered(
         unit,
         independent,
         limit.order,
-        limit.holds,
+        limit.order_confirmed,
     )
 
 

@@ -11,6 +11,8 @@ from harness.compare.excitation import Recorded, unwrapped
 from harness.compare.match import Match
 from harness.compare.runs import Runs, ends
 from harness.engines.protocol import Array
+from harness.numerics import judgement
+from harness.numerics.judgement import Obstacle, obstacle
 from harness.numerics.ladder import EPSILON, Limit
 from harness.records.outcome import Outcome
 
@@ -21,7 +23,6 @@ class TargetTask:
 
     candidate: Candidate
     runs: Runs
-    fastest: float
     resolution: float
     signs: Array
 
@@ -41,19 +42,20 @@ def follow(task: TargetTask) -> Followed:
         EngineError, BlownUpError: naming what could not be run.
     """
     model, s, given = task.candidate.load(), task.signs, task.runs
-    runs = Runs(given.length, given.z * s, given.w * s, given.push * s)
-    limit = ends(model, runs, None, task.fastest, task.resolution)
+    runs = Runs(length=given.length, z=given.z * s, w=given.w * s, push=given.push * s)
+    limit = ends(model, runs, None, task.resolution)
     limit.value[:] *= np.concatenate([s, s])
     return Followed(limit, model.exponents(False)[0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Judgement:
     """What became of the comparison.
 
     Attributes:
         discrepancy: E, the largest difference of the ends, relative to how far the component moves.
         uncertainty: U, likewise; both are those of `component`, in the run numbered `run`.
+        largest_discrepancy, largest_uncertainty: over all components and runs.
         by_component: the largest difference of each component, relative, (2m,).
         reason: one sentence for whatever is not AGREES.
     """
@@ -61,6 +63,8 @@ class Judgement:
     outcome: Outcome
     discrepancy: float
     uncertainty: float
+    largest_discrepancy: float
+    largest_uncertainty: float
     component: str
     run: int
     by_component: Array
@@ -68,79 +72,78 @@ class Judgement:
 
 
 def judge(recorded: Recorded, followed: Followed, match: Match, resolution: float) -> Judgement:
-    """Judge by the verdict's rule: DIFFERS where E > U, AGREES where U is small enough.
-
-    A run differs where its difference exceeds its own uncertainty; one that could not be resolved
-    doesn't hide one that was.
-    """
+    """Judge by the verdict's rule, with the uncertainty of both models."""
     limit = followed.limit
     components = (*match.names, *(f"{name}_dot" for name in match.names))
     value = unwrapped(limit.value, recorded.end, match.periodic)
     defect = np.abs(value - recorded.end) / recorded.scale
     uncertainty = (limit.uncertainty + recorded.uncertainty) / recorded.scale
     uncertainty = np.maximum(uncertainty, 16 * EPSILON)
-    by_component = np.max(np.where(np.isfinite(uncertainty), defect, 0.0), axis=0)
-
-    def judgement(outcome: Outcome, run: int, i: int, reason: str) -> Judgement:
-        e, u = float(defect[run, i]), float(uncertainty[run, i])
-        return Judgement(outcome, e, u, components[i], run, by_component, reason)
-
     source, target = ("A", "B") if match.source == "A" else ("B", "A")
-    trouble = _trouble(recorded, followed, source, target)
-    if trouble:
-        run, i = _place(defect)
-        return judgement(Outcome.UNRESOLVED, run, i, trouble)
-    with np.errstate(invalid="ignore"):
-        ratio = np.where(np.isfinite(uncertainty), defect / uncertainty, 0.0)
-    i = int(np.argmax(np.max(ratio, axis=0)))
-    differing = ratio[:, i] > 1
-    if differing.any():
-        run = int(np.argmax(np.where(differing, defect[:, i], -1.0)))
+    hindered = _obstacle_in_source(recorded)
+    found = judgement.judge(defect, uncertainty, resolution, hindered or obstacle(limit))
+    reason = ""
+    if found.outcome is Outcome.DIFFERS:
         reason = (
-            f"{components[i]} ends a run of {recorded.runs.length:.3g} s"
-            f" {float(defect[run, i]):.2e} of its movement apart, where"
-            f" {float(uncertainty[run, i]):.1e} is uncertain"
+            f"{components[found.component]} ends a run of {recorded.runs.length:.3g} s"
+            f" {found.discrepancy:.2e} of its movement apart, where"
+            f" {found.uncertainty:.1e} is uncertain"
         )
-        return judgement(Outcome.DIFFERS, run, i, reason)
-    run, worst = _place(uncertainty)
-    if uncertainty[run, worst] > resolution:
-        known = float(uncertainty[run, worst])
-        reason = (
-            f"the ladder diverges in {target} from states where it doesn't in {source}: a contact,"
-            " a limit or friction"
-            if known == float("inf")
-            else f"{components[worst]} is known to {known:.1e} at best, where {resolution:.0e} was"
-            " asked"
-        )
-        return judgement(Outcome.UNRESOLVED, run, worst, reason)
-    run, i = _place(ratio)
-    return judgement(Outcome.AGREES, run, i, "")
+    elif hindered:
+        reason = _in_source(hindered, recorded, source)
+    elif found.obstacle:
+        reason = _in_target(found, followed, (source, target), components, resolution)
+    return Judgement(
+        outcome=found.outcome,
+        discrepancy=found.discrepancy,
+        uncertainty=found.uncertainty,
+        largest_discrepancy=found.largest_discrepancy,
+        largest_uncertainty=found.largest_uncertainty,
+        component=components[found.component],
+        run=found.segment,
+        by_component=np.max(np.where(np.isfinite(uncertainty), defect, 0.0), axis=0),
+        reason=reason,
+    )
 
 
-def _place(values: Array) -> tuple[int, int]:
-    run, i = np.unravel_index(int(np.nanargmax(values)), values.shape)
-    return int(run), int(i)
-
-
-def _trouble(recorded: Recorded, followed: Followed, source: str, target: str) -> str:
-    """Why no digit can be claimed, or nothing."""
-    limit = followed.limit
+def _obstacle_in_source(recorded: Recorded) -> Obstacle | None:
     if recorded.lost > len(recorded.runs.z):
+        return Obstacle.DIVERGES
+    return None if recorded.order_confirmed else Obstacle.WRONG_ORDER
+
+
+def _in_source(hindered: Obstacle, recorded: Recorded, source: str) -> str:
+    if hindered is Obstacle.DIVERGES:
         return (
             f"the motion of {source} is not smooth in {recorded.lost} of"
             f" {recorded.lost + len(recorded.runs.z)} runs: a contact, a limit or friction"
         )
-    if not recorded.holds:
-        return (
-            f"the exponents don't hold in {source}: its rungs fall with order {recorded.order:.2f}"
-        )
-    if float(limit.draws[0]) == 0.0:
+    return f"the exponents don't hold in {source}: its rungs fall with order {recorded.order:.2f}"
+
+
+def _in_target(
+    found: judgement.Judgement,
+    followed: Followed,
+    models: tuple[str, str],
+    components: tuple[str, ...],
+    resolution: float,
+) -> str:
+    source, target = models
+    if found.obstacle is Obstacle.STANDS_STILL:
         return f"every rung returned the same values: the engine of {target} did not step"
-    if not limit.converges:
+    if found.obstacle is Obstacle.DIVERGES:
         return f"the ladder diverges in {target}: a contact, a limit or friction"
-    if not limit.holds:
+    if found.obstacle is Obstacle.WRONG_ORDER:
         return (
-            f"the exponents don't hold in {target}: its rungs fall with order {limit.order:.2f},"
-            f" {followed.claimed} is claimed"
+            f"the exponents don't hold in {target}: its rungs fall with order"
+            f" {followed.limit.order:.2f}, {followed.claimed} is claimed"
         )
-    return ""
+    if found.obstacle is Obstacle.DIVERGES_HERE:
+        return (
+            f"the ladder diverges in {target} from states where it doesn't in {source}: a contact,"
+            " a limit or friction"
+        )
+    return (
+        f"{components[found.component]} is known to {found.uncertainty:.1e} at best, where"
+        f" {resolution:.0e} was asked"
+    )

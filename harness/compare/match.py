@@ -31,6 +31,7 @@ class Match:
         constant: whether dc/dz is constant.
         value: c(z).
         slope: dc/dz, flattened, (..., m * nz).
+        push: dc/dz^T times forces on c, of (z, forces), (..., nz).
         rates: derivatives of (c, dc/dt) by (z, w), flattened, (..., 2m * 2nz).
         periodic: which c are angles known modulo 2 pi.
     """
@@ -42,6 +43,7 @@ class Match:
     constant: bool
     value: NumericFunction
     slope: NumericFunction
+    push: NumericFunction
     rates: NumericFunction
     periodic: tuple[bool, ...]
 
@@ -211,6 +213,7 @@ def _compiled(
     own = list(z.values())
     w = [sp.Symbol(f"w{i}_", real=True) for i in range(len(own))]
     value = [sp.sympify(found[name]) for name in others]
+    forces = [sp.Symbol(f"f{i}_", real=True) for i in range(len(value))]
     slope = sp.zeros(len(value), len(own))
     rates = sp.zeros(2 * len(value), 2 * len(own))
     for i, expression in enumerate(value):
@@ -238,6 +241,7 @@ def _compiled(
         not slope.free_symbols,
         compile_function(value, own),
         compile_function(list(slope), own),
+        compile_function(list(slope.T * sp.Matrix(forces)), own, forces),
         compile_function(list(rates), own, w),
         tuple(bool(e.has(sp.atan2)) for e in value),
     )

@@ -16,7 +16,7 @@ from harness.compare.match import Match
 from harness.compare.runs import identity
 from harness.compare.scales import free_directions, inverse_mass
 from harness.engines.protocol import Array, EngineError, Model
-from harness.numerics.accelerations import Estimate, Probe
+from harness.numerics.accelerations import Accelerations, Estimate
 
 SPEEDS = (0.3, 0.6)
 """Speeds at which forces that resist are measured, in units of the size of the motions by rate."""
@@ -112,11 +112,13 @@ class _Lens:
         full = np.tile(np.diag(task.signs[:n]), (len(task.z), 1, 1))
         slopes = full if task.match is None else task.match.slopes(task.z)
         self.slopes = slopes[:, picked]
-        rough = inverse_mass(self._probe(model), task.z[:1], task.w[:1], np.ones(n)).value[0]
+        rough = inverse_mass(self._accelerations(model), task.z[:1], task.w[:1], np.ones(n)).value[
+            0
+        ]
         ease = np.diagonal(rough)
         sizes = self.size * task.typical**2 / np.where(ease > 0, ease, np.max(ease))
         inverse = self._agreed(
-            [inverse_mass(self._probe(model, by), task.z, task.w, sizes) for by in WINDOWS]
+            [inverse_mass(self._accelerations(model, by), task.z, task.w, sizes) for by in WINDOWS]
         )
         self.inverse = inverse.value
         self.compared = slopes @ inverse.value @ slopes.swapaxes(1, 2)
@@ -127,10 +129,15 @@ class _Lens:
             if np.isfinite(one).all() and np.linalg.cond(one) < 1e12:
                 mass[k] = np.linalg.inv(one)
                 mass_error[k] = _known(np.abs(mass[k]) @ error[k] @ np.abs(mass[k]))
-        self.mass = Estimate(mass, mass_error)
+        self.mass = Estimate(value=mass, uncertainty=mass_error)
 
-    def _probe(self, model: Model, by: float = 1.0) -> Probe:
-        return Probe(model, identity(len(self.size)), self.speed, by * self.task.fastest)
+    def _accelerations(self, model: Model, by: float = 1.0) -> Accelerations:
+        return Accelerations(
+            model=model,
+            coordinates=identity(len(self.size)),
+            speed=self.speed,
+            fastest=by * self.task.fastest,
+        )
 
     @staticmethod
     def _agreed(found: list[Estimate]) -> Estimate:
@@ -142,16 +149,14 @@ class _Lens:
         best, next_best = np.take_along_axis(value, order, axis=0)
         with np.errstate(invalid="ignore"):
             doubt = np.take_along_axis(error, order, axis=0)[0] + np.abs(best - next_best)
-        return Estimate(best, _known(doubt))
+        return Estimate(value=best, uncertainty=_known(doubt))
 
     def forces(self, model: Model, z: Array, w: Array, at: Sequence[int]) -> Estimate:
         """Mass times acceleration (B, r) at states, with the mass known at those numbered `at`."""
         states = np.hstack([z, w])
         found = self._agreed(
             [
-                self._probe(model, by).accelerations(
-                    states, np.zeros((len(z), 0)), np.zeros_like(z)
-                )
+                self._accelerations(model, by).at(states, np.zeros((len(z), 0)), np.zeros_like(z))
                 for by in WINDOWS
             ]
         )
@@ -164,7 +169,7 @@ class _Lens:
             value = np.einsum("bij,bj->bi", mass, seen)
             doubt = np.einsum("bij,bj->bi", np.abs(mass), seen_error)
             doubt += np.einsum("bij,bj->bi", error, np.abs(seen))
-        return Estimate(value, _known(doubt))
+        return Estimate(value=value, uncertainty=_known(doubt))
 
     def odd(self, model: Model) -> Estimate:
         """See `Mechanics.odd`; the curvature of the coordinates is even, and falls out."""
@@ -186,7 +191,8 @@ class _Lens:
             one.reshape(bases, len(SPEEDS), 2, r, r) for one in (found.value, found.uncertainty)
         )
         return Estimate(
-            (value[:, :, 0] - value[:, :, 1]) / 2, (error[:, :, 0] + error[:, :, 1]) / 2
+            value=(value[:, :, 0] - value[:, :, 1]) / 2,
+            uncertainty=(error[:, :, 0] + error[:, :, 1]) / 2,
         )
 
 

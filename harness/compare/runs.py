@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 import sympy as sp
 
 from harness.compare.match import Match
-from harness.engines.protocol import Array, Force, Model, StateForce
+from harness.engines.protocol import Array, Model
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
-from harness.numerics.segments import BlownUpError
-from reference.numeric import NumericFunction, compile_function
+from harness.numerics.ladder import RUNGS, Limit
+from harness.numerics.segments import Batch, extrapolate, held, limits_alone
+from reference.numeric import compile_function
 
 QUICK = RUNGS[:8]
-LEAST_SHARE = 1e-3
-"""A component that moves less than this share of the one that moves most is measured against it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Runs:
     """K runs of one length.
 
@@ -37,94 +34,23 @@ class Runs:
     push: Array
 
 
-def force(runs: Runs, match: Match | None, rung: int) -> Force:
-    """The forces of some runs on a model's own coordinates; `match` where it is the source."""
-    if not runs.push.any():
-        return None
-    held = np.repeat(runs.push[:, None, :], rung, axis=1)
-    if match is None:
-        return held
-    if match.constant:
-        own: Array = held @ match.slopes(runs.z[:1])[0]
-        return own
-    return StateForce(held, _Transposed(match.slope, runs.z.shape[1]))
-
-
-@dataclass(frozen=True)
-class _Transposed:
-    """(z, u) -> dc/dz^T u, on plain numbers."""
-
-    slope: NumericFunction
-    size: int
-
-    def __call__(self, z: Sequence[float], u: Sequence[float]) -> Sequence[float]:
-        flat = self.slope.scalar(*z)
-        n = self.size
-        return [sum(flat[i * n + j] * u[i] for i in range(len(u))) for j in range(n)]
-
-
-def exponents(model: Model, runs: Runs, match: Match | None) -> tuple[int, int]:
-    """A force that depends on the state is held over each step, as an input that varies is."""
-    varying = match is not None and not match.constant and bool(runs.push.any())
-    return model.exponents(varying)
-
-
-def raw(model: Model, runs: Runs, match: Match | None, rung: int) -> Array:
-    """Ends (K, 2nz) of runs in `rung` steps, in the model's own coordinates."""
-    h = runs.length / rung
-    z, w = model.rollout(runs.z, runs.w, h, rung, force(runs, match, rung), rung)
-    return np.concatenate([z[:, 0], w[:, 0]], axis=1)
-
-
-def movement(ends: Array, starts: Array) -> Array:
-    """What counts as one, (2nz,): how far each component moves at most, floored by its like."""
-    with np.errstate(invalid="ignore"):
-        moved = np.abs(ends - starts)
-    reach = np.max(np.where(np.isfinite(moved), moved, 0.0), axis=0, initial=0.0)
-    half = len(reach) // 2
-    for part in (slice(0, half), slice(half, None)):
-        reach[part] = np.maximum(reach[part], LEAST_SHARE * np.max(reach[part], initial=0.0))
-    return np.where(reach > 0, reach, 1.0)
-
-
-def ends(model: Model, runs: Runs, match: Match | None, fastest: float, resolution: float) -> Limit:
+def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Limit:
     """Where the runs end as h -> 0, in the model's own coordinates.
 
     Rungs are added until the uncertainty is far below the resolution, or stops falling. A run that
     is not finite has no limit.
 
+    Args:
+        model: that runs.
+        runs: in its own coordinates.
+        match: where it is the source; None: the forces act on its own coordinates.
+        resolution: relative to how far the components move.
+
     Raises:
         BlownUpError: where none is finite.
     """
-    starts = np.concatenate([runs.z, runs.w], axis=1)
-    values: list[Array] = []
-    limit: Limit | None = None
-    alive = np.ones(len(starts), dtype=bool)
-    scale = grain = np.ones(starts.shape[1])
-    for count, rung in enumerate(RUNGS, start=1):
-        found = raw(model, runs, match, rung)
-        alive &= np.isfinite(found).all(axis=1)
-        if not alive.any():
-            raise BlownUpError(
-                f"no motion is finite, in {rung} steps of {runs.length / rung:.3g} s"
-            )
-        values.append(found)
-        if count < FIRST_JUDGED:
-            continue
-        finite = [np.where(alive[:, None], value, starts) for value in values]
-        if limit is None:
-            scale = movement(finite[-1], starts)
-            n = runs.z.shape[1]
-            grain = np.max(np.abs(starts), axis=0) + scale
-            # A velocity is moved by what rounding the positions does to the forces, over a run.
-            grain[n:] += grain[:n] * fastest**2 * runs.length
-        previous = limit
-        limit = limits(finite, RUNGS[:count], exponents(model, runs, match), scale, grain)
-        if suffices(limit, previous, count, scale, resolution):
-            break
-    assert limit is not None
-    limit.uncertainty[~alive] = np.inf
-    return limit
+    own = own_states(runs.z.shape[1], match)
+    return extrapolate(model, own, _batch(runs, match), resolution=resolution).limit
 
 
 def quick(model: Model, runs: Runs, match: Match | None) -> Array:
@@ -133,11 +59,28 @@ def quick(model: Model, runs: Runs, match: Match | None) -> Array:
     Raises:
         BlownUpError: where a value is not finite.
     """
-    stack = np.stack([raw(model, runs, match, rung) for rung in QUICK])
-    if not np.isfinite(stack).all():
-        raise BlownUpError("values that are not finite")
-    limit: Array = np.tensordot(weights(QUICK, exponents(model, runs, match)), stack, axes=1)
-    return limit
+    whole = replace(_batch(runs, match), partial=False)
+    return limits_alone(model, own_states(runs.z.shape[1], match), whole, QUICK)
+
+
+def _batch(runs: Runs, match: Match | None) -> Batch:
+    return Batch(
+        states=np.concatenate([runs.z, runs.w], axis=1),
+        lengths=np.full(len(runs.z), runs.length),
+        inputs=held(runs.push),
+        # A force that depends on the state is held over each step, as an input that varies is.
+        varying=match is not None and not match.constant and bool(runs.push.any()),
+        scale=None,
+        partial=True,
+    )
+
+
+def own_states(size: int, match: Match | None) -> CoordinateMap:
+    """A model's own coordinates, under forces on those of the comparison."""
+    if match is None:
+        return replace(identity(size), push_matrix=np.eye(size))
+    matrix = match.slopes(np.zeros((1, size)))[0].T if match.constant else None
+    return replace(identity(size), push=match.push, push_matrix=matrix)
 
 
 @lru_cache(maxsize=8)
@@ -145,5 +88,12 @@ def identity(size: int) -> CoordinateMap:
     """A model's own coordinates as they are, for what measures in a system's."""
     z = [sp.Symbol(f"z{i}_", real=True) for i in range(size)]
     same, unit = compile_function(z, z), compile_function(list(sp.eye(size)), z)
-    none = compile_function([sp.Integer(0)] * size, z, [])
-    return CoordinateMap(same, unit, same, unit, none, np.zeros((size, 0)), (False,) * size)
+    return CoordinateMap(
+        forward=same,
+        forward_slope=unit,
+        back=same,
+        back_slope=unit,
+        push=compile_function([sp.Integer(0)] * size, z, []),
+        push_matrix=np.zeros((size, 0)),
+        periodic=(False,) * size,
+    )

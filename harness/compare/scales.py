@@ -9,7 +9,7 @@ import numpy as np
 from harness.compare.candidate import CompareError
 from harness.compare.runs import identity
 from harness.engines.protocol import Array, Model
-from harness.numerics.accelerations import Estimate, Probe
+from harness.numerics.accelerations import Accelerations, Estimate
 
 HELD = 1e-6
 """Directions in which a push moves less than this share of the easiest are held."""
@@ -35,7 +35,7 @@ class CharacteristicScales:
     unit: Array
 
 
-def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Estimate:
+def inverse_mass(accelerations: Accelerations, z: Array, w: Array, sizes: Array) -> Estimate:
     """Response of the accelerations to a force on each coordinate, (B, nz, nz).
 
     The pushes have the given sizes and both signs. What moves no more than is uncertain is held,
@@ -44,7 +44,7 @@ def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Estimate:
     n = len(sizes)
     pushes = np.concatenate([np.diag(sizes), -np.diag(sizes)])
     states = np.repeat(np.concatenate([z, w], axis=1), 2 * n, axis=0)
-    found = probe.accelerations(states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1)))
+    found = accelerations.at(states, np.zeros((len(states), 0)), np.tile(pushes, (len(z), 1)))
     value, error = (
         one.reshape(len(z), 2, n, n).swapaxes(2, 3) / (2 * sizes)
         for one in (found.value, found.uncertainty)
@@ -52,7 +52,7 @@ def inverse_mass(probe: Probe, z: Array, w: Array, sizes: Array) -> Estimate:
     response, errors = value[:, 0] - value[:, 1], error[:, 0] + error[:, 1]
     held = np.diagonal(np.abs(response) <= 10 * errors, axis1=1, axis2=2)
     response[held[:, :, None] | held[:, None, :]] = 0.0
-    return Estimate(response, errors)
+    return Estimate(value=response, uncertainty=errors)
 
 
 def free_directions(inverse: Array) -> Array:
@@ -73,26 +73,28 @@ def characteristic_scales(model: Model, rng: np.random.Generator) -> Characteris
     start, extent = model.home, model.reach
     unit = (extent[:, 1] - extent[:, 0]) / 2
     plain = 2 * np.pi / (1000 * model.step)
-    probe = Probe(model, identity(len(start)), unit * plain, plain)
+    accelerations = Accelerations(
+        model=model, coordinates=identity(len(start)), speed=unit * plain, fastest=plain
+    )
     # On the move: what sticks at rest would hold it.
     going = 0.1 * unit * plain * rng.uniform(0.5, 1.0, len(unit))
     here = start[None], going[None]
-    first = inverse_mass(probe, *here, np.ones(len(unit))).value[0]
+    first = inverse_mass(accelerations, *here, np.ones(len(unit))).value[0]
     ease = np.diagonal(first)
     if not np.isfinite(first).all() or not (ease > 0).any():
         raise CompareError("forces on the joints move nothing, or nothing finite")
     sizes = unit * plain**2 / np.where(ease > 0, ease, np.max(ease))
-    inverse = inverse_mass(probe, *here, sizes).value[0]
+    inverse = inverse_mass(accelerations, *here, sizes).value[0]
     tangent = free_directions(inverse)
     tangent /= np.max(np.abs(tangent) / unit[:, None], axis=0)
-    rates = _rates(probe, start, tangent, plain)
+    rates = _rates(accelerations, start, tangent, plain)
     fastest = max(float(np.max(rates)), plain)
     moving = rates[rates > 1e-3 * fastest]
     typical = float(np.median(moving)) if len(moving) else plain
     return CharacteristicScales(inverse, tangent, sizes, fastest, max(typical, plain / 3), unit)
 
 
-def _rates(probe: Probe, start: Array, tangent: Array, plain: float) -> Array:
+def _rates(accelerations: Accelerations, start: Array, tangent: Array, plain: float) -> Array:
     """Magnitudes of the eigenvalues of the linearization along the free directions."""
     r = tangent.shape[1]
     step = 1e-3
@@ -105,7 +107,7 @@ def _rates(probe: Probe, start: Array, tangent: Array, plain: float) -> Array:
             np.hstack([start + none, going + moves * plain]),
         ]
     )
-    found = probe.accelerations(
+    found = accelerations.at(
         states, np.zeros((len(states), 0)), np.zeros((len(states), len(start)))
     ).value.reshape(2, 2, r, len(start))
     if not np.isfinite(found).all():

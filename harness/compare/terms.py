@@ -90,7 +90,7 @@ def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
 
 
 def _less(one: Estimate, other: Estimate) -> Estimate:
-    return Estimate(one.value - other.value, one.uncertainty + other.uncertainty)
+    return Estimate(value=one.value - other.value, uncertainty=one.uncertainty + other.uncertainty)
 
 
 class _Pair:

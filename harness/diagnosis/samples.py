@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import RUNGS, limits, weights
-from harness.numerics.segments import BlownUpError, rounding_scales, run_ends, spread
+from harness.numerics.ladder import RUNGS
+from harness.numerics.segments import Batch, extrapolate, limits_alone, over, spread
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.signal import Inputs
@@ -26,7 +27,7 @@ RUNGS_OF_SLOPES = RUNGS[:4]
 takes a seventh of the steps."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sample:
     """Picked segments of one length from one scenario.
 
@@ -37,7 +38,6 @@ class Sample:
         inputs: u(t).
         scale: what a defect is relative to, (2n,).
         varying: whether an input changes over time.
-        fastest: the fastest rate along the motion, rad/s.
     """
 
     scenario: str
@@ -48,7 +48,6 @@ class Sample:
     inputs: Inputs
     scale: Array
     varying: bool
-    fastest: float
 
 
 def sample_segments(
@@ -57,19 +56,17 @@ def sample_segments(
     """Pick segments evenly over every scenario, from each of its spans in proportion."""
     samples = []
     for name, motion in motions.items():
-        varying = not all(span.constant_input for span in motion.spans)
         for span, chosen in spread(motion, SEGMENTS_PICKED):
             samples.append(
                 Sample(
-                    name,
-                    span.length,
-                    motion.t[chosen],
-                    motion.start[chosen],
-                    motion.end[chosen],
-                    motion.inputs,
-                    scales[name],
-                    varying,
-                    motion.fastest,
+                    scenario=name,
+                    length=span.length,
+                    t=motion.t[chosen],
+                    start=motion.start[chosen],
+                    end=motion.end[chosen],
+                    inputs=motion.inputs,
+                    scale=scales[name],
+                    varying=motion.varying,
                 )
             )
     return tuple(samples)
@@ -84,13 +81,10 @@ def engine_ends(
         BlownUpError: where the engine returns values that are not finite.
     """
     values, uncertainties = [], []
-    for sample in samples:
-        raw = _raw(model, coordinates, sample, RUNGS_USED)
-        z, w = coordinates.to_engine(sample.start)
-        grain = rounding_scales(coordinates, z, w, sample.fastest, sample.length)
-        found = limits(raw, RUNGS_USED, model.exponents(sample.varying), sample.scale, grain)
-        values.append((found.value / sample.scale).ravel())
-        uncertainties.append((found.uncertainty / sample.scale).ravel())
+    for batch, scale in _batches(samples):
+        found = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).limit
+        values.append((found.value / scale).ravel())
+        uncertainties.append((found.uncertainty / scale).ravel())
     return np.concatenate(values), np.concatenate(uncertainties)
 
 
@@ -101,28 +95,31 @@ def quick_ends(
     rungs: tuple[int, ...] = RUNGS_USED,
 ) -> Array:
     """The limits alone, scaled and flat: for differences between two models."""
-    values = []
-    for sample in samples:
-        w = weights(rungs, model.exponents(sample.varying))
-        limit = np.tensordot(w, np.stack(_raw(model, coordinates, sample, rungs)), axes=1)
-        values.append((limit / sample.scale).ravel())
-    return np.concatenate(values)
+    return np.concatenate(
+        [
+            (limits_alone(model, coordinates, batch, rungs) / scale).ravel()
+            for batch, scale in _batches(samples)
+        ]
+    )
 
 
-def _raw(
-    model: Model, coordinates: CoordinateMap, sample: Sample, rungs: tuple[int, ...]
-) -> list[Array]:
-    z, w = coordinates.to_engine(sample.start)
-    raw = []
-    for rung in rungs:
-        h = sample.length / rung
-        times = sample.t[:, None] + h * np.arange(rung)
-        u = sample.inputs(times.ravel(), slack=h / 4).reshape(len(sample.t), rung, -1)
-        ends = run_ends(model, coordinates, z, w, h, rung, u, sample.end)
-        if not np.isfinite(ends).all():
-            raise BlownUpError(f"values that are not finite, in {sample.scenario!r}")
-        raw.append(ends)
-    return raw
+def _batches(samples: Sequence[Sample]) -> Iterator[tuple[Batch, Array]]:
+    """The segments of each scenario together, in the order of the samples, with their scale."""
+    for name, group in groupby(samples, key=lambda sample: sample.scenario):
+        of = list(group)
+        t = np.concatenate([sample.t for sample in of])
+        lengths = np.concatenate([np.full(len(sample.t), sample.length) for sample in of])
+        batch = Batch(
+            states=np.concatenate([sample.start for sample in of]),
+            lengths=lengths,
+            inputs=over(of[0].inputs, t, lengths),
+            varying=of[0].varying,
+            scale=of[0].scale,
+            ends=np.concatenate([sample.end for sample in of]),
+            times=t,
+            name=name,
+        )
+        yield batch, of[0].scale
 
 
 def reference_ends(samples: Sequence[Sample]) -> Array:

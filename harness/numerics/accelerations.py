@@ -1,8 +1,9 @@
 """An engine's accelerations at given states, without a motion: limits of a few tiny steps.
 
 The change of velocity over the k-th step, per second, goes to the acceleration at the start as
-h -> 0, for every k. What an engine carries from step to step, a soft equality's initial layer for
-one, makes it differ from step to step: that difference is part of the uncertainty.
+h -> 0, for every k: another observable than a segment's end, on rungs of equal counts of steps.
+What an engine carries from step to step, a soft equality's initial layer for one, makes it differ
+from step to step: that difference is part of the uncertainty.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import RUNGS, limits, weights
+from harness.numerics.ladder import RUNGS, weights
+from harness.numerics.rounding import with_companions
+from harness.numerics.segments import BlownUpError, Observable, climb
 from reference.numeric import Array
 
 STEPS = range(4, 9)
@@ -34,7 +37,7 @@ RESOLVED = 1e-6
 differs by more than its uncertainty is a finding all the same."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Estimate:
     """A value from an engine with its uncertainty, infinite where it has no limit."""
 
@@ -42,8 +45,8 @@ class Estimate:
     uncertainty: Array
 
 
-@dataclass(frozen=True)
-class Probe:
+@dataclass(frozen=True, kw_only=True)
+class Accelerations:
     """What measures accelerations: a loaded model, its map, and the size of the system's motions.
 
     Attributes:
@@ -56,7 +59,7 @@ class Probe:
     speed: Array
     fastest: float
 
-    def accelerations(self, states: Array, inputs: Array, forces: Array) -> Estimate:
+    def at(self, states: Array, inputs: Array, forces: Array) -> Estimate:
         """Accelerations (B, n) at states (B, 2n) under inputs (B, m) and generalized forces (B, n).
 
         A model far quicker than its equations, by a wrong literal, is given shorter steps.
@@ -64,7 +67,7 @@ class Probe:
         best: Estimate | None = None
         least = np.inf
         for fastest in (self.fastest * quicker for quicker in QUICKER):
-            found = self._accelerations(states, inputs, forces, fastest)
+            found = self._over(states, inputs, forces, fastest)
             size = np.maximum(np.nan_to_num(np.abs(found.value)), self.speed * self.fastest)
             worst = float(np.max(found.uncertainty / size))
             if best is None or worst < least:
@@ -74,38 +77,52 @@ class Probe:
         assert best is not None
         return best
 
-    def _accelerations(
-        self, states: Array, inputs: Array, forces: Array, fastest: float
-    ) -> Estimate:
+    def _over(self, states: Array, inputs: Array, forces: Array, fastest: float) -> Estimate:
         """The forces on the engine's coordinates are those at the start: as h -> 0 no others."""
         n = len(self.speed)
         z, w = self.coordinates.to_engine(states)
         slope = self.coordinates.back_slope(z).reshape(len(z), n, -1)
         push = np.einsum("bnz,bn->bz", slope, forces) + self.coordinates.push(z, inputs)
         last = STEPS[-1]
-        held = np.repeat(push[:, None, :], last, axis=1) if push.any() else None
-        longest = 2 * np.pi / fastest * SHARE / last
-        rungs = []
-        for rung in LADDER:
-            h = longest * LADDER[0] / rung
-            ends_z, ends_w = self.model.rollout(z, w, h, last, held, 1)
+        starts = with_companions(z, w)
+        held = None
+        if push.any():
+            held = np.repeat((push[starts.rows] * starts.gain[:, None])[:, None], last, axis=1)
+        longest = 2 * np.pi / fastest * SHARE / last * LADDER[0]
+        near = states[starts.rows]
+        by_step: list[Array] = []
+
+        def changes(rung: int) -> Array:
+            h = longest / rung
+            ends_z, ends_w = self.model.rollout(starts.z, starts.w, h, last, held, 1)
             velocities = [
-                self.coordinates.from_engine(ends_z[:, k - 1], ends_w[:, k - 1], states)[:, n:]
+                self.coordinates.from_engine(ends_z[:, k - 1], ends_w[:, k - 1], near)[:, n:]
                 for k in range(STEPS[0] - 1, last + 1)
             ]
-            rungs.append(np.diff(velocities, axis=0) / h)
-        if not np.isfinite(rungs).all():
-            bad = np.full((len(states), n), np.nan)
-            return Estimate(bad, np.full_like(bad, np.inf))
-        scale = self.speed * self.fastest
+            found = np.diff(velocities, axis=0) / h
+            by_step.append(found[:, : len(z)])
+            latest: Array = found[-1]
+            return latest
+
         # Rounding: of the velocities, in differences over steps as short as the last rung's.
-        grain = self.coordinates.grain(z, w)
-        rounded = grain[n:] + self.speed * SHARE + grain[:n] * fastest
-        relative = rounded / (longest * LADDER[0]) * np.sqrt(LADDER[-1])
-        limit = limits([changes[-1] for changes in rungs], LADDER, (1, 1), scale, relative)
-        by_step = np.tensordot(weights(LADDER, (1, 1)), np.stack(rungs), axes=1)
-        carried = np.max(np.abs(by_step - by_step[-1]), axis=0)
-        return Estimate(limit.value, limit.uncertainty + 2 * carried)
+        size = self.coordinates.rounding_scale(z, w)
+        rounded = size[n:] + self.speed * SHARE + size[:n] * fastest
+        observable = Observable(
+            at=changes,
+            starts=starts,
+            exponents=(1, 1),
+            rounding_scale=rounded / longest * np.sqrt(LADDER[-1]),
+            scale=self.speed * self.fastest,
+            where=lambda row, rung: f"from state {row}, in steps of {longest / rung:.3g} s",
+        )
+        try:
+            limit = climb(observable, LADDER).limit
+        except BlownUpError:
+            bad = np.full((len(states), n), np.nan)
+            return Estimate(value=bad, uncertainty=np.full_like(bad, np.inf))
+        each = np.tensordot(weights(LADDER, (1, 1)), np.stack(by_step), axes=1)
+        carried = np.max(np.abs(each - each[-1]), axis=0)
+        return Estimate(value=limit.value, uncertainty=limit.uncertainty + 2 * carried)
 
     def mechanics(self, states: Array, sizes: Array) -> tuple[Estimate, Estimate]:
         """Mass matrices (B, n, n) and generalized forces (B, n) of the engine at states (B, 2n).
@@ -115,7 +132,7 @@ class Probe:
         """
         count, n = len(states), len(sizes)
         pushes = np.concatenate([np.zeros((1, n)), np.diag(sizes), -np.diag(sizes)])
-        found = self.accelerations(
+        found = self.at(
             np.repeat(states, len(pushes), axis=0),
             np.zeros((count * len(pushes), self.coordinates.push.groups[1])),
             np.tile(pushes, (count, 1)),
@@ -137,7 +154,10 @@ class Probe:
             force = np.einsum("bij,bj->bi", mass, value[:, 0])
             force_error = np.einsum("bij,bj->bi", size, error[:, 0])
             force_error += np.einsum("bij,bj->bi", mass_error, np.abs(value[:, 0]))
-        return Estimate(mass, mass_error), Estimate(force, _known(force_error))
+        return (
+            Estimate(value=mass, uncertainty=mass_error),
+            Estimate(value=force, uncertainty=_known(force_error)),
+        )
 
 
 def _known(uncertainty: Array) -> Array:

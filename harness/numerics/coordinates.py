@@ -20,7 +20,7 @@ from reference.numeric import Array, NumericFunction, compile_function
 from reference.system import System
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CoordinateMap:
     """Compiled maps for one model in one engine; n coordinates q, nz engine coordinates z.
 
@@ -71,7 +71,7 @@ class CoordinateMap:
         """Largest |z - Z(R(z))|: how far the engine's constraints have let go."""
         return float(np.max(np.abs(z - self.forward(self.back(z))), initial=0.0))
 
-    def grain(self, z: Array, w: Array) -> Array:
+    def rounding_scale(self, z: Array, w: Array) -> Array:
         """How far one unit of relative rounding in z moves each component, (2n,)."""
         n = self.back.size
         slope = np.abs(self.back_slope(z)).reshape(len(z), n, -1)
@@ -117,14 +117,15 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
         constant = not matrix.free_symbols
     else:
         matrix, constant = sp.zeros(len(z), 0), True
+    constants = np.array(matrix.tolist(), dtype=float) if constant else None
     return CoordinateMap(
-        compile_function(forward, system.q),
-        compile_function(list(sp.Matrix(forward).jacobian(system.q)), system.q),
-        compile_function(back, z),
-        compile_function(list(back_slope), z),
-        compile_function(list(work), z, system.u),
-        np.array(matrix.tolist(), dtype=float).reshape(len(z), len(system.u)) if constant else None,
-        tuple(bool(expression.has(sp.atan2)) for expression in back),
+        forward=compile_function(forward, system.q),
+        forward_slope=compile_function(list(sp.Matrix(forward).jacobian(system.q)), system.q),
+        back=compile_function(back, z),
+        back_slope=compile_function(list(back_slope), z),
+        push=compile_function(list(work), z, system.u),
+        push_matrix=None if constants is None else constants.reshape(len(z), len(system.u)),
+        periodic=tuple(bool(expression.has(sp.atan2)) for expression in back),
     )
 
 

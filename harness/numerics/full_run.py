@@ -1,4 +1,4 @@
-"""What a user lives with: plain runs at the shipped step and its neighbours, and their error."""
+"""Full runs, from start to end, at the shipped step and its neighbours, and their global error."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 
 TARGETS = (0.01, 0.001, 0.0001)
-"""Raw errors, relative to the amplitude, for which a step is told."""
+"""Global errors, relative to the amplitude, for which a step is told."""
 
 SAMPLES = 1000
 SMALL = 0.05
@@ -28,12 +28,12 @@ SMALL = 0.05
 ROUNDING = 1e-10
 
 RESIDUAL = 1e-8
-"""What rounding, and the samples, may leave of the extrapolated error of plain runs."""
+"""What rounding, and the samples, may leave of the extrapolated error of full runs."""
 MOST_STEPS = 60_000
 MOST_RUNS = 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FullRun:
     """One run from start to end at one step, sampled.
 
@@ -70,9 +70,9 @@ class FullRun:
         return bool(np.isfinite(self.states).all())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ErrorDecomposition:
-    """An oscillation's error taken apart: engine(t) = (1 + gain) reference(t - lag) + shift.
+    """An oscillation's error by its parts: engine(t) = (1 + gain) reference(t - lag) + shift.
 
     Gain, lag and shift are linear in t, found by least squares. For y = Re(a exp(s t)) + const this
     is every change of a and s that is small over the motion.
@@ -92,33 +92,32 @@ class ErrorDecomposition:
     explained: float
 
 
-@dataclass(frozen=True)
-class Cost:
-    """What the step costs.
+@dataclass(frozen=True, kw_only=True)
+class StepStudy:
+    """What the step costs, from full runs at several.
 
     Attributes:
         shipped: run at the shipped step.
         finer: runs at half, and where needed a quarter, of it.
-        raw_error: largest position error at the shipped step, relative to the amplitude.
-        order: observed order of the raw error between the two finest runs.
+        global_error: largest position error at the shipped step, relative to the amplitude.
+        global_order: observed order of the global error between the two finest runs.
         resolved_until: end of the stretch on which the order was read: errors are small there.
-        converges: whether the raw error falls with the claimed order, and to nothing.
-        residual: what is left of it as h -> 0, by extrapolation of the runs where they are small,
-            relative to the amplitude.
-        apart: the error taken apart, for the position with the largest error; None where it is
-            not small.
+        converges: whether the global error falls with the claimed order, and to nothing.
+        global_residual: what is left of it as h -> 0, by extrapolation of the runs where they are
+            small, relative to the amplitude.
+        decomposition: of the error of the position with the largest; None where it is not small.
         steps_for: step that would give each of `TARGETS`, seconds; None where the order is unknown.
         checked: (target, step, measured error) of the one prediction that was run.
     """
 
     shipped: FullRun
     finer: tuple[FullRun, ...]
-    raw_error: float
-    order: float
+    global_error: float
+    global_order: float
     resolved_until: float
     converges: bool
-    residual: float
-    apart: ErrorDecomposition | None
+    global_residual: float
+    decomposition: ErrorDecomposition | None
     steps_for: tuple[float | None, ...]
     checked: tuple[float, float, float] | None
 
@@ -136,7 +135,15 @@ def full_run(
     reference = motion.at(t)
     balance = energy_balance(t, states, motion, power)
     return FullRun(
-        h, steps, every, t, states, states - reference, coordinates.drift(zs), balance, seconds
+        h=h,
+        steps=steps,
+        every=every,
+        t=t,
+        states=states,
+        error=states - reference,
+        drift=coordinates.drift(zs),
+        balance=balance,
+        seconds=seconds,
     )
 
 
@@ -166,14 +173,15 @@ def _rolled(
     return t, states, zs, steps, every, seconds
 
 
-def cost(
+def study_step(
     model: Model,
     coordinates: CoordinateMap,
     motion: Motion,
+    *,
     power: NumericFunction,
     amplitude: Array,
     claimed: int,
-) -> Cost:
+) -> StepStudy:
     """Run at the shipped step and its neighbours, and tell what the step costs.
 
     Args:
@@ -188,7 +196,6 @@ def cost(
 
     shipped = run(model.step)
     runs = [shipped]
-    raw = _largest(shipped, size)
     order, until = math.nan, 0.0
     # Three runs to extrapolate; more where errors are not small enough yet for the leading term.
     while _wants_more(runs, order, claimed, size):
@@ -196,21 +203,21 @@ def cost(
         runs.append(full_run(model, coordinates, motion, power, *half))
         order, until = _order(runs[-2], runs[-1], size)
     until = min(until, _first_break_off(model.step, motion))
-    residual, draw = _residual(runs, until, claimed, size)
+    residual, increment = _residual(runs, until, claimed, size)
     converges = shipped.finite and _bears_out(order, claimed, runs, size)
-    converges = converges and residual <= draw + RESIDUAL
+    converges = converges and residual <= increment + RESIDUAL
     predicted = tuple(_step_for(target, runs, size, motion) for target in TARGETS)
-    return Cost(
-        shipped,
-        tuple(runs[1:]),
-        raw,
-        order,
-        until,
-        converges,
-        residual,
-        _take_apart(shipped, motion, size),
-        predicted,
-        _check(run, predicted, motion.duration, size),
+    return StepStudy(
+        shipped=shipped,
+        finer=tuple(runs[1:]),
+        global_error=_largest(shipped, size),
+        global_order=order,
+        resolved_until=until,
+        converges=converges,
+        global_residual=residual,
+        decomposition=_decompose(shipped, motion, size),
+        steps_for=predicted,
+        checked=_check(run, predicted, motion.duration, size),
     )
 
 
@@ -324,7 +331,7 @@ def _check(
     return None
 
 
-def _take_apart(run: FullRun, motion: Motion, size: Array) -> ErrorDecomposition | None:
+def _decompose(run: FullRun, motion: Motion, size: Array) -> ErrorDecomposition | None:
     """Split the error of the worst position into amplitude and phase, and their growth."""
     n = len(size)
     if not run.finite or _largest(run, size) > 0.3:

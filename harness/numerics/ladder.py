@@ -19,11 +19,12 @@ from reference.numeric import Array
 
 RUNGS = (2, 3, 5, 7, 11, 17, 29, 41, 61)
 """Step counts of the rungs. Distinct primes: non-smooth motion whose rungs share a grid can fool a
-ladder. The gaps keep the sum of the weights' magnitudes at 44 for eight rungs, 52 for nine."""
+ladder. The gaps keep the sum of the weights' magnitudes at 44.1 for eight rungs, 59.4 for nine,
+where the exponents are 1, 2, 3, ..."""
 
 FIRST_JUDGED = 6
-"""Rungs needed before a limit has an uncertainty: by the fifth, two small draws in a row may still
-be chance."""
+"""Rungs needed before a limit has an uncertainty: by the fifth, two small increments in a row may
+still be chance."""
 
 ENOUGH = 2e-3
 """Rungs are added until the uncertainty is this share of the resolution, or stops falling."""
@@ -57,28 +58,28 @@ def weights(rungs: tuple[int, ...], exponents: tuple[int, int]) -> Array:
     return np.array([float(w) for w in exact_weights(rungs, *exponents)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Limit:
     """Extrapolated values of K segments with C components, with their uncertainty.
 
     Attributes:
         value: limits, (K, C).
-        uncertainty: of each, (K, C); infinite over the segments whose limits don't draw together.
+        uncertainty: of each, (K, C); infinite over the segments whose limits don't converge.
         rungs: step counts used for `value`.
-        draws: largest |T_m - T_(m-1)| over all segments, by m from 2 rungs on, (M - 1,), in units
-            of each component's scale.
-        order: observed leading order of the raw rungs, over the segments that draw together; nan
-            where they differ by rounding alone.
-        holds: whether the order is the one that the engine claims.
-        converges: whether the limits of any segment drew together.
+        increments: largest |T_m - T_(m-1)| over all segments, by m from 2 rungs on, (M - 1,), in
+            units of each component's scale.
+        order: observed leading order of the raw rungs, over the segments that converge; nan where
+            they differ by rounding alone.
+        order_confirmed: whether the order is the one that the engine claims.
+        converges: whether the limits of any segment converge.
     """
 
     value: Array
     uncertainty: Array
     rungs: tuple[int, ...]
-    draws: Array
+    increments: Array
     order: float
-    holds: bool
+    order_confirmed: bool
     converges: bool
 
 
@@ -92,7 +93,7 @@ def suffices(
     if previous is None or count <= FIRST_JUDGED + 1:
         return False
     before = largest(previous.uncertainty / scale)
-    # Short of the resolution every rung is worth its steps: a draw may be late by one.
+    # Short of the resolution every rung is worth its steps: an increment may be late by one.
     return resolution >= worst > 0.7 * before
 
 
@@ -101,25 +102,26 @@ def limits(
     rungs: tuple[int, ...],
     exponents: tuple[int, int],
     scale: Array,
-    grain: Array,
-    seen: Sequence[Array] = (),
+    rounding_scale: Array,
+    observed_rounding: Sequence[Array] = (),
 ) -> Limit:
     """Extrapolate raw values of the rungs and judge the result.
 
     U_m = 2.5 D_m sqrt(max(r_m, r_(m-1))) + 3 sum |w_i| s_i, where T_m is the limit of the first m
     rungs, E_m = |T_m - T_(m-1)|, r_m = min(1, E_m / E_(m-1)), and D_m = max(E_m, E_(m-1) r_(m-1)):
-    a draw smaller than the two before it promised is not believed. E_m is taken as the largest over
-    neighbouring segments, since a single one passes through zero by chance. The rounding of a rung
-    is s_i = eps sqrt(n_i) grain, or what was seen of it where that is more.
+    an increment smaller than the two before it promised is not believed. E_m is taken as the
+    largest over neighbouring segments, since a single one passes through zero by chance. The
+    rounding of a rung is s_i = eps sqrt(n_i) times its scale, or what was observed of it where that
+    is more.
 
     Measured against closed forms on 935 ladders of random linear systems (the four built-in
     pairings, and Euler, Heun, midpoint and Runge-Kutta methods written out), at 6, 7, 8 and 9 rungs
     each: of 1 218 048 limits none is outside U, the worst at 0.60 U, median U 130 times the error.
     With E_m for D_m, and from five rungs on, 1 218 of 456 492 were, by up to 12 U: Heun's method
-    has coefficients that vanish, and Runge-Kutta's draws are small twice in a row.
+    has coefficients that vanish, and Runge-Kutta's increments are small twice in a row.
 
     Under soft equalities, over random draws of a drum with pendulum, most of the error is rounding:
-    of 527 576 limits none is outside, the worst at 0.32 U. Without what was seen of the rounding
+    of 527 576 limits none is outside, the worst at 0.32 U. Without what was observed of it
     13 of 318 212 were, by up to 2.0 U.
 
     Args:
@@ -127,9 +129,9 @@ def limits(
         rungs: step counts of `values`.
         exponents: leading exponent of h and increment.
         scale: what counts as one, per component, (C,).
-        grain: magnitude that rounding is relative to, per component, (C,) or (K, C).
-        seen: rounding of each rung as `harness.numerics.rounding` sees it, (C,) each; none if not
-            looked at.
+        rounding_scale: magnitude that rounding is relative to, per component, (C,) or (K, C).
+        observed_rounding: of each rung, as `harness.numerics.rounding` observes it, (C,) each; none
+            if not looked at.
     """
     stack = np.stack(values)
     estimates = [
@@ -137,24 +139,24 @@ def limits(
         for m in range(1, len(rungs) + 1)
     ]
     steps = [np.abs(b - a) for a, b in pairwise(estimates)]
-    draws = np.array([float(np.max(step / scale)) for step in steps])
+    increments = np.array([float(np.max(step / scale)) for step in steps])
     smooth = [_neighbourhood(step) for step in steps]
     best: tuple[float, int, Array] | None = None
     for m in range(FIRST_JUDGED, len(rungs) + 1):
         here, before, earlier = smooth[m - 2], smooth[m - 3], smooth[m - 4]
-        floor = _rounding(rungs[:m], exponents, grain, seen)
+        floor = _rounding(rungs[:m], exponents, rounding_scale, observed_rounding)
         promised = np.maximum(here, before * _ratio(before, earlier))
         ratio = np.maximum(_ratio(here, before), _ratio(before, earlier))
         uncertainty = 2.5 * promised * np.sqrt(ratio) + floor
-        drawn = (here <= before / 2) | (here <= 3 * floor)
-        # Slower than by halves, the draws still to come add up to more than the last one.
+        shrinking = (here <= before / 2) | (here <= 3 * floor)
+        # Slower than by halves, the increments still to come add up to more than the last one.
         slow = np.clip(_ratio(here, before), 0.5, 0.8)
         rest = 2.5 * np.maximum(here, before) * slow / (1 - slow)
-        uncertainty = np.where(drawn, uncertainty, np.maximum(uncertainty, rest))
+        uncertainty = np.where(shrinking, uncertainty, np.maximum(uncertainty, rest))
         # Where a motion is not smooth, its segments alone have no limit: the others keep theirs.
         still = np.max(here / scale, axis=1)
-        together = (still < draws[0] / 10) | (still < 1e-12)
-        uncertainty = np.where(together[:, None], uncertainty, np.inf)
+        settled = (still < increments[0] / 10) | (still < 1e-12)
+        uncertainty = np.where(settled[:, None], uncertainty, np.inf)
         worst = largest(uncertainty / scale)
         if best is None or worst < best[0]:
             best = (worst, m, uncertainty)
@@ -162,13 +164,21 @@ def limits(
     _, m, uncertainty = best
     known = np.isfinite(uncertainty).all(axis=1)
     converges = bool(known.any())
-    order, holds = observed_order(
+    order, confirmed = observed_order(
         (stack[:, known] if converges else stack) / scale,
         rungs,
         exponents[0],
-        float(np.max(grain / scale)),
+        float(np.max(rounding_scale / scale)),
     )
-    return Limit(estimates[m - 1], uncertainty, rungs[:m], draws, order, holds, converges)
+    return Limit(
+        value=estimates[m - 1],
+        uncertainty=uncertainty,
+        rungs=rungs[:m],
+        increments=increments,
+        order=order,
+        order_confirmed=confirmed,
+        converges=converges,
+    )
 
 
 def largest(uncertainty: Array) -> float:
@@ -178,7 +188,7 @@ def largest(uncertainty: Array) -> float:
 
 
 def observed_order(
-    stack: Array, rungs: tuple[int, ...], claimed: int, grain: float
+    stack: Array, rungs: tuple[int, ...], claimed: int, rounding_scale: float
 ) -> tuple[float, bool]:
     """Leading order of the raw values, and whether it is the claimed one.
 
@@ -187,7 +197,7 @@ def observed_order(
     claim; differences within rounding have nothing to say.
     """
     changes = np.sqrt(np.mean((stack[1:] - stack[:-1]) ** 2, axis=(1, 2)))
-    usable = [i for i, change in enumerate(changes) if change > 1e3 * EPSILON * grain]
+    usable = [i for i, change in enumerate(changes) if change > 1e3 * EPSILON * rounding_scale]
     if len(usable) < 3:
         return float("nan"), True
     pick = usable[-3:] if len(usable) > 3 else usable
@@ -215,12 +225,15 @@ def _ratio(here: Array, before: Array) -> Array:
 
 
 def _rounding(
-    rungs: tuple[int, ...], exponents: tuple[int, int], grain: Array, seen: Sequence[Array]
+    rungs: tuple[int, ...],
+    exponents: tuple[int, int],
+    rounding_scale: Array,
+    observed: Sequence[Array],
 ) -> Array:
     """3 sum |w_i| times the rounding of each rung."""
-    each = [EPSILON * np.sqrt(n) * grain for n in rungs]
-    if seen:
-        each = [np.maximum(usual, own) for usual, own in zip(each, seen, strict=False)]
+    each = [EPSILON * np.sqrt(n) * rounding_scale for n in rungs]
+    if observed:
+        each = [np.maximum(usual, own) for usual, own in zip(each, observed, strict=False)]
     bound: Array = 3 * np.tensordot(np.abs(weights(rungs, exponents)), np.stack(each), axes=1)
     return bound
 

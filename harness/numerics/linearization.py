@@ -1,4 +1,4 @@
-"""The linear twin: an engine's own linearization, from limits of small perturbations.
+"""An engine's own linearization, from limits of small perturbations.
 
 Extrapolated segments from an equilibrium, moved a little in each state and input, give the
 transition matrix over the segment; its logarithm is the engine's A and B.
@@ -15,9 +15,10 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
+from harness.numerics.accelerations import Estimate
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import RUNGS, limits, weights
-from harness.numerics.segments import run_ends
+from harness.numerics.ladder import EPSILON, RUNGS, weights
+from harness.numerics.segments import Batch, extrapolate, held
 from reference.numeric import Array
 
 SIZES = (1.0, 0.5, 0.25)
@@ -26,13 +27,17 @@ SIZES = (1.0, 0.5, 0.25)
 LARGEST = 0.02
 RUNGS_USED = RUNGS[:8]
 
+TERMS = 60
+"""Of the logarithm's series: over a twentieth of the fastest period each is a third of the last."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, kw_only=True)
 class EngineLinearization:
     """Engine and Taylor linearization about one equilibrium.
 
     Attributes:
         a, b: the engine's matrices; a is (2n, 2n), b is (2n, inputs).
+        a_uncertainty, b_uncertainty: of each entry.
         a_error, b_error: largest difference from Taylor's in any entry, relative to the largest
             entry.
         poles: the engine's eigenvalues, sorted like `taylor_poles`.
@@ -46,6 +51,8 @@ class EngineLinearization:
     equilibrium: str
     a: Array
     b: Array
+    a_uncertainty: Array
+    b_uncertainty: Array
     a_error: float
     b_error: float
     poles: tuple[complex, ...]
@@ -57,9 +64,10 @@ class EngineLinearization:
     shapes: float
 
 
-def twin(
+def linearize_engine(
     model: Model,
     coordinates: CoordinateMap,
+    *,
     equilibrium: str,
     position: Array,
     taylor: Mapping[str, Array],
@@ -77,8 +85,11 @@ def twin(
     a, b = taylor["A"], taylor["B"]
     fastest = max(float(np.max(np.abs(np.linalg.eigvals(a)))), 1e-6)
     length = 2 * np.pi / fastest / 20
-    matrix = _transition(model, coordinates, position, length, amplitude, push)
-    generator = scipy.linalg.logm(matrix).real / length
+    transition = _transition(
+        model, coordinates, position=position, length=length, amplitude=amplitude, push=push
+    )
+    generator = scipy.linalg.logm(transition.value).real / length
+    uncertainty = _of_logarithm(transition) / length
     size = len(a)
     found_a, found_b = generator[:size, :size], generator[:size, size:]
     frequencies = fastest * np.geomspace(0.05, 5.0, 120)
@@ -92,57 +103,81 @@ def twin(
         for m, n in ((found_a, found_b), (a, b))
     ]
     poles, taylor_poles, shapes = _pair(found_a, a)
+    transfer_error = float("nan")
+    if b.size:
+        transfer_error = float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
     return EngineLinearization(
-        equilibrium,
-        found_a,
-        found_b,
-        _relative(found_a, a),
-        _relative(found_b, b),
-        poles,
-        taylor_poles,
-        float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs))) if b.size else float("nan"),
-        frequencies,
-        on_axis[0],
-        on_axis[1],
-        shapes,
+        equilibrium=equilibrium,
+        a=found_a,
+        b=found_b,
+        a_uncertainty=uncertainty[:size, :size],
+        b_uncertainty=uncertainty[:size, size:],
+        a_error=_relative(found_a, a),
+        b_error=_relative(found_b, b),
+        poles=poles,
+        taylor_poles=taylor_poles,
+        transfer_error=transfer_error,
+        frequencies=frequencies,
+        response=on_axis[0],
+        taylor_response=on_axis[1],
+        shapes=shapes,
     )
 
 
 def _transition(
     model: Model,
     coordinates: CoordinateMap,
+    *,
     position: Array,
     length: float,
     amplitude: Array,
     push: Array,
-) -> Array:
+) -> Estimate:
     """exp([[A, B], [0, 0]] length), from central differences, extrapolated in size and in h."""
     size = len(amplitude)
     origin = np.concatenate([position, np.zeros(size - len(position))])
     deltas = LARGEST * np.concatenate([np.minimum(amplitude, 1.0), push])
     columns = len(deltas)
-    starts, inputs = [], []
-    for share in SIZES:
-        for sign in (1.0, -1.0):
-            moved = sign * share * np.diag(deltas)
-            starts.append(origin + moved[:, :size])
-            inputs.append(moved[:, size:])
-    start, held = np.concatenate(starts), np.concatenate(inputs)
-    z, w = coordinates.to_engine(start)
-    even = weights(tuple(int(1 / s) for s in SIZES), (2, 2))
-    values = []
-    for rung in RUNGS_USED:
-        u = np.repeat(held[:, None, :], rung, axis=1)
-        ends = run_ends(model, coordinates, z, w, length / rung, rung, u, start)
-        parts = ends.reshape(len(SIZES), 2, columns, size)
-        slopes = (parts[:, 0] - parts[:, 1]) / 2
-        slopes /= np.array(SIZES)[:, None, None] * deltas[:, None]
-        values.append(np.tensordot(even, slopes, axes=1))
-    unit = np.ones(size)
-    limit = limits(values, RUNGS_USED, model.exponents(False), unit, unit)
-    matrix = np.eye(columns)
-    matrix[:size] = limit.value.T
-    return matrix
+    shares = np.array(SIZES)
+    # One column after the other: what is seen of some segments then tells of all columns.
+    unit = np.eye(columns)[:, None, None] * np.array([1.0, -1.0])[:, None]
+    moved = (shares[:, None, None] * unit).reshape(-1, columns) * deltas
+    batch = Batch(
+        states=origin + moved[:, :size],
+        lengths=np.full(len(moved), length),
+        inputs=held(moved[:, size:]),
+        varying=False,
+        scale=deltas[:size],
+    )
+    limit = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).limit
+    ends, error = (
+        one.reshape(columns, len(SIZES), 2, size) for one in (limit.value, limit.uncertainty)
+    )
+    steps = 2 * shares[:, None] * deltas[:, None, None]
+    slopes = ((ends[:, :, 0] - ends[:, :, 1]) / steps).swapaxes(0, 1)
+    slope_errors = ((error[:, :, 0] + error[:, :, 1]) / steps).swapaxes(0, 1)
+    even = [weights(tuple(int(1 / s) for s in SIZES[:m]), (2, 2)) for m in (1, 2, 3)]
+    first, second, value = (np.tensordot(w, slopes[: len(w)], axes=1) for w in even)
+    # What the sizes leave: what the last one moved, and how much less than the one before it.
+    before, last = np.abs(second - first), np.abs(value - second)
+    left = 2.5 * last * np.sqrt(np.minimum(1.0, last / np.maximum(before, 1e-300)))
+    matrix, doubt = np.eye(columns), np.zeros((columns, columns))
+    matrix[:size] = value.T
+    doubt[:size] = (np.tensordot(np.abs(even[-1]), slope_errors, axes=1) + left).T
+    return Estimate(value=matrix, uncertainty=doubt)
+
+
+def _of_logarithm(matrix: Estimate) -> Array:
+    """Uncertainty of ln(I + M): that of each term of its series, M^k / k, to the first order."""
+    size = np.abs(matrix.value - np.eye(len(matrix.value)))
+    term, power = matrix.uncertainty, size
+    total = term.copy()
+    for k in range(2, TERMS):
+        term = size @ term + matrix.uncertainty @ power
+        power = power @ size
+        total += term / k
+    small = bool(np.all(term <= EPSILON * np.max(total)))
+    return total if small else np.full_like(total, np.inf)
 
 
 Complex = NDArray[np.complex128]

@@ -21,43 +21,80 @@ from harness.numerics.ladder import EPSILON
 from reference.numeric import Array
 
 PAIRS = 24
-"""Segments with companions: they cost a quarter more steps where there are 200 segments."""
+"""Starts with companions, at most: they cost a quarter more steps where there are 200 segments."""
 
-APART = EPSILON ** (2 / 3)
+LEAST = 4
+"""Pairs however few the starts are: of a few, all second differences may be small by chance."""
+
+DISTANCE = EPSILON ** (2 / 3)
 """Relative distance of a companion, at most: far above a last digit, so that it is rounded
 otherwise (one digit away the same roundings come again), and its square far below."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Starts:
-    """The starts of K segments, and after them those of the companions, in engine coordinates.
+    """Starts of K segments, and after them those of P pairs of companions, in engine coordinates.
 
     Attributes:
-        rows: segment that each start belongs to, (K + 2 PAIRS,).
-        z, w: positions and velocities, each (K + 2 PAIRS, nz).
+        rows: segment that each start belongs to, (K + 2P,).
+        z, w: positions and velocities, each (K + 2P, nz).
+        gain: what the inputs of each are multiplied by, (K + 2P,).
+        pairs: P.
     """
 
     rows: NDArray[np.intp]
     z: Array
     w: Array
+    gain: Array
+    pairs: int
 
-    def seen(self, ends: Array) -> Array:
-        """What rounding does to an end at most, by component, (2n,), from all ends."""
-        one, other = ends[-2 * PAIRS : -PAIRS], ends[-PAIRS:]
-        between = ends[self.rows[-PAIRS:]]
-        largest: Array = np.max(np.abs(one + other - 2 * between), axis=0) / 2
+    @property
+    def count(self) -> int:
+        """K, without the companions."""
+        return len(self.rows) - 2 * self.pairs
+
+    def observed_rounding(self, values: Array) -> Array:
+        """What rounding does to a value at most, by component, (C,), from all values (K + 2P, C).
+
+        Pairs of which a value is not finite show nothing.
+        """
+        if not self.pairs:
+            return np.zeros(values.shape[1])
+        one, other = values[self.count : -self.pairs], values[-self.pairs :]
+        between = values[self.rows[-self.pairs :]]
+        known = np.isfinite(one) & np.isfinite(other) & np.isfinite(between)
+        with np.errstate(invalid="ignore"):
+            bend = np.where(known, np.abs(one + other - 2 * between), 0.0)
+        largest: Array = np.max(bend, axis=0) / 2
         return largest
 
 
+def without_companions(z: Array, w: Array) -> Starts:
+    """Starts (K, nz) alone, where rounding is not asked for."""
+    return Starts(rows=np.arange(len(z)), z=z, w=w, gain=np.ones(len(z)), pairs=0)
+
+
 def with_companions(z: Array, w: Array) -> Starts:
-    """Starts (K, nz) and their companions: each number moved by a share of itself, by draw."""
+    """Starts (K, nz) and their companions: each number moved by a share of itself, by draw.
+
+    The inputs are moved so too, all of a companion's by one share: a start at rest in zero has no
+    digit of its own, but what its inputs make of it has.
+    """
     count = len(z)
+    pairs = min(PAIRS, max(LEAST, count // 4))
     # An even spread, off the ends: a start at rest, or just at a stop, tells little of the others.
-    rows = ((np.arange(PAIRS) + 0.5) * count / PAIRS).astype(np.intp)
+    rows = ((np.arange(pairs) + 0.5) * count / pairs).astype(np.intp)
     rng = np.random.default_rng(0)  # the same companions in every run
-    steps = [APART * rng.uniform(-1, 1, (PAIRS, a.shape[1])) * a[rows] for a in (z, w)]
+    steps = [DISTANCE * rng.uniform(-1, 1, (pairs, a.shape[1])) * a[rows] for a in (z, w)]
     moved = [
         np.concatenate([a, a[rows] + step, a[rows] - step])
         for a, step in zip((z, w), steps, strict=True)
     ]
-    return Starts(np.concatenate([np.arange(count), rows, rows]), *moved)
+    share = DISTANCE * rng.uniform(-1, 1, pairs)
+    return Starts(
+        rows=np.concatenate([np.arange(count), rows, rows]),
+        z=moved[0],
+        w=moved[1],
+        gain=np.concatenate([np.ones(count), 1 + share, 1 - share]),
+        pairs=pairs,
+    )

@@ -1,8 +1,13 @@
-"""The extrapolated segment: what an engine makes of the reference's states, as h -> 0."""
+"""The extrapolated segment: what an engine makes of given states, as h -> 0.
+
+Everything that the harness knows of an engine's motion over a segment comes from here: `climb` runs
+rung after rung and takes the limit, of ends for `extrapolate` and of velocity changes for
+`harness.numerics.accelerations`, and observes on every rung what rounding does to it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,23 +15,92 @@ from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import FIRST_JUDGED, RUNGS, Limit, limits, suffices
-from harness.numerics.rounding import Starts, with_companions
+from harness.numerics.ladder import FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
+from harness.numerics.rounding import Starts, with_companions, without_companions
 from reference.motion import Motion, Span
 from reference.numeric import Array
+from reference.signal import Inputs
+
+Rows = NDArray[np.intp]
+StepInputs = Callable[[Rows, int], Array]
+"""Inputs over chosen segments, at the starts of so many equal steps: (B, steps, inputs)."""
+
+LEAST_SHARE = 1e-3
+"""A component that moves less than this share of the one that moves most is measured against it."""
 
 
 class BlownUpError(RuntimeError):
     """An engine returned values that are not finite."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """K segments to be run, in a system's coordinates; c = 2n components.
+
+    Attributes:
+        states: where they start, (K, c).
+        lengths: seconds of each, (K,).
+        inputs: over each segment.
+        varying: whether an input changes over a segment, and is held over each step.
+        scale: what counts as one, per component, (c,); None: how far the runs themselves move.
+        ends: about where they end, (K, c), near which angles are taken; None: near their starts.
+        times: when they start, (K,), and
+        name: of their scenario, for messages.
+        partial: whether segments that are not finite are left without a limit, where others are.
+    """
+
+    states: Array
+    lengths: Array
+    inputs: StepInputs
+    varying: bool
+    scale: Array | None
+    ends: Array | None = None
+    times: Array | None = None
+    name: str = ""
+    partial: bool = False
+
+    @staticmethod
+    def of(motion: Motion, scale: Array) -> Batch:
+        """All segments of a motion."""
+        return Batch(
+            states=motion.start,
+            lengths=motion.lengths,
+            inputs=over(motion.inputs, motion.t, motion.lengths),
+            varying=motion.varying,
+            scale=scale,
+            ends=motion.end,
+            times=motion.t,
+        )
+
+
+def over(inputs: Inputs, t: Array, lengths: Array) -> StepInputs:
+    """Inputs u(t) of a scenario, over segments from times t on, (K,)."""
+
+    def at(rows: Rows, steps: int) -> Array:
+        h = lengths[rows, None] / steps
+        times = t[rows, None] + h * np.arange(steps)
+        values = inputs(times.ravel(), slack=float(np.min(h)) / 4)
+        return values.reshape(len(rows), steps, -1)
+
+    return at
+
+
+def held(values: Array) -> StepInputs:
+    """Inputs (K, m) that are held throughout each segment."""
+
+    def at(rows: Rows, steps: int) -> Array:
+        return np.repeat(values[rows, None, :], steps, axis=1)
+
+    return at
+
+
+@dataclass(frozen=True, kw_only=True)
 class Extrapolated:
-    """Every segment of a motion, extrapolated.
+    """Every segment of a batch, extrapolated.
 
     Attributes:
         limit: where the engine ends each segment as h -> 0, with its uncertainty.
-        raw: ends at each rung, (M, K, 2n).
+        raw: ends at each rung, (M, K, c).
         rungs: step counts of `raw`.
         steps: engine steps taken, the companions' included.
     """
@@ -37,41 +111,168 @@ class Extrapolated:
     steps: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class Observable:
+    """What is looked at on every rung, of K starts and their companions; C components.
+
+    Attributes:
+        at: its values (K + 2P, C) in so many steps.
+        starts: the starts.
+        exponents: leading exponent of h and increment.
+        rounding_scale: magnitude that rounding is relative to, (C,).
+        scale: what counts as one, (C,); None: how far the values are from `origin`.
+        origin: the values at the start, (K, C), which stand for those that are not finite; None:
+            all values must be finite.
+        where: tells where a start lies, by its segment and the rung, for a message.
+    """
+
+    at: Callable[[int], Array]
+    starts: Starts
+    exponents: tuple[int, int]
+    rounding_scale: Array
+    scale: Array | None
+    origin: Array | None = None
+    where: Callable[[int, int], str]
+
+
 def extrapolate(
-    model: Model, coordinates: CoordinateMap, motion: Motion, scale: Array, resolution: float
+    model: Model,
+    coordinates: CoordinateMap,
+    batch: Batch,
+    *,
+    rungs: tuple[int, ...] = RUNGS,
+    resolution: float | None = None,
 ) -> Extrapolated:
-    """Run every segment of a motion on rung after rung, and take the limit.
+    """Run every segment of a batch on rung after rung, and take the limit.
+
+    All rungs are run, or, where a resolution is given, as many as it takes.
 
     Raises:
         BlownUpError: where the engine returns values that are not finite.
     """
-    varying = not all(span.constant_input for span in motion.spans)
-    exponents = model.exponents(varying)
-    z, w = coordinates.to_engine(motion.start)
-    grain = coordinates.grain(z, w)
-    starts = with_companions(z, w)
-    values: list[Array] = []
-    seen: list[Array] = []
-    steps = 0
+    z, w = coordinates.to_engine(batch.states)
+    observable = _ends(model, coordinates, batch, with_companions(z, w))
+    return climb(observable, rungs, resolution)
+
+
+def limits_alone(
+    model: Model, coordinates: CoordinateMap, batch: Batch, rungs: tuple[int, ...]
+) -> Array:
+    """The limits (K, c) of a batch without their uncertainty, for differences of close models.
+
+    Raises:
+        BlownUpError: where the engine returns values that are not finite.
+    """
+    observable = _ends(
+        model, coordinates, batch, without_companions(*coordinates.to_engine(batch.states))
+    )
+    values = [value for value, _ in _rungs(observable, rungs)]
+    limit: Array = np.tensordot(weights(rungs, observable.exponents), np.stack(values), axes=1)
+    return limit
+
+
+def climb(
+    observable: Observable, rungs: tuple[int, ...], resolution: float | None = None
+) -> Extrapolated:
+    """The limit of an observable, over all rungs or as many as the resolution takes.
+
+    Raises:
+        BlownUpError: where its values are not finite.
+    """
+    o = observable
+    raw: list[Array] = []
+    rounding: list[Array] = []
     limit: Limit | None = None
-    for count, rung in enumerate(RUNGS, start=1):
-        ends = run_rung(model, coordinates, motion, starts, rung)
-        if not np.isfinite(ends).all():
-            raise BlownUpError(_where(motion, starts, ends, rung))
-        values.append(ends[: len(z)])
-        seen.append(starts.seen(ends))
-        steps += rung * len(ends)
-        if count < FIRST_JUDGED:
+    alive = np.ones(o.starts.count, dtype=bool)
+    scale = o.scale
+    for value, rounded in _rungs(o, rungs):
+        raw.append(value)
+        rounding.append(rounded)
+        alive &= np.isfinite(value).all(axis=1)
+        if not alive.any():
+            raise BlownUpError(f"no motion is finite, {o.where(0, rungs[len(raw) - 1])}")
+        count = len(raw)
+        if count < (FIRST_JUDGED if resolution is not None else len(rungs)):
             continue
+        known = raw if o.origin is None else [np.where(alive[:, None], v, o.origin) for v in raw]
+        if scale is None:
+            assert o.origin is not None
+            scale = movement(known[-1], o.origin)
         previous = limit
-        limit = limits(values, RUNGS[:count], exponents, scale, grain, seen)
-        if suffices(limit, previous, count, scale, resolution):
+        # Values that start at zero are rounded where they have moved to.
+        size = np.maximum(o.rounding_scale, scale)
+        limit = limits(known, rungs[:count], o.exponents, scale, size, rounding)
+        if resolution is not None and suffices(limit, previous, count, scale, resolution):
             break
     assert limit is not None
-    return Extrapolated(limit, np.stack(values), RUNGS[: len(values)], steps)
+    limit.uncertainty[~alive] = np.inf
+    used = rungs[: len(raw)]
+    return Extrapolated(
+        limit=limit, raw=np.stack(raw), rungs=used, steps=sum(used) * len(o.starts.rows)
+    )
 
 
-def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, NDArray[np.intp]]]:
+def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[tuple[Array, Array]]:
+    """Values (K, C) of rung after rung, with what rounding does to them, (C,)."""
+    for rung in rungs:
+        found = o.at(rung)
+        finite = np.isfinite(found).all(axis=1)
+        if o.origin is None and not finite.all():
+            where = o.where(int(o.starts.rows[np.argmin(finite)]), rung)
+            raise BlownUpError(f"values that are not finite, {where}")
+        yield found[: o.starts.count], o.starts.observed_rounding(found)
+
+
+def _ends(model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts) -> Observable:
+    """The ends of all segments."""
+
+    def where(row: int, rung: int) -> str:
+        length = batch.lengths[row]
+        when = "" if batch.times is None else f" at t = {batch.times[row]:.4g} s"
+        of = f" of {batch.name!r}" if batch.name else ""
+        return f"from the segment{when}{of}, in {rung} steps of {length / rung:.3g} s"
+
+    size = starts.count
+    return Observable(
+        at=lambda rung: run_rung(model, coordinates, batch, starts, rung),
+        starts=starts,
+        exponents=model.exponents(batch.varying),
+        rounding_scale=coordinates.rounding_scale(starts.z[:size], starts.w[:size]),
+        scale=batch.scale,
+        origin=batch.states if batch.partial else None,
+        where=where,
+    )
+
+
+def run_rung(
+    model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, rung: int
+) -> Array:
+    """Ends (K + 2P, c) of all segments and companions, in `rung` steps from `starts`."""
+    near = batch.states if batch.ends is None else batch.ends
+    lengths = batch.lengths[starts.rows]
+    ends = np.empty((len(lengths), near.shape[1]))
+    for length in np.unique(lengths):
+        chosen = lengths == length
+        rows, z, w = starts.rows[chosen], starts.z[chosen], starts.w[chosen]
+        inputs = batch.inputs(rows, rung) * starts.gain[chosen, None, None]
+        force = coordinates.force(inputs)
+        end_z, end_w = model.rollout(z, w, float(length) / rung, rung, force, rung)
+        ends[chosen] = coordinates.from_engine(end_z[:, 0], end_w[:, 0], near[rows])
+    return ends
+
+
+def movement(ends: Array, starts: Array) -> Array:
+    """What counts as one, (c,): how far each component moves at most, floored by its like."""
+    with np.errstate(invalid="ignore"):
+        moved = np.abs(ends - starts)
+    reach = np.max(np.where(np.isfinite(moved), moved, 0.0), axis=0, initial=0.0)
+    half = len(reach) // 2
+    for part in (slice(0, half), slice(half, None)):
+        reach[part] = np.maximum(reach[part], LEAST_SHARE * np.max(reach[part], initial=0.0))
+    return np.where(reach > 0, reach, 1.0)
+
+
+def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, Rows]]:
     """Pick about so many segments evenly, from each span in proportion, at least two: indices."""
     first = 0
     for span in motion.spans:
@@ -79,64 +280,3 @@ def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, NDArray[np.intp]
         # An even spread, off the ends: a start at rest tells little.
         yield span, first + np.floor((np.arange(count) + 0.5) * span.count / count).astype(np.intp)
         first += span.count
-
-
-def rounding_scales(
-    coordinates: CoordinateMap, z: Array, w: Array, fastest: float, length: float
-) -> Array:
-    """How far one unit of relative rounding moves each component over a segment, (2n,)."""
-    grain = coordinates.grain(z, w)
-    # A velocity is moved by what rounding the positions does to the forces.
-    n = len(grain) // 2
-    grain[n:] += grain[:n] * fastest**2 * length
-    return grain
-
-
-def run_rung(
-    model: Model, coordinates: CoordinateMap, motion: Motion, starts: Starts, rung: int
-) -> Array:
-    """Ends (K + 2 PAIRS, 2n) of all segments and companions, in `rung` steps from `starts`."""
-    rows = starts.rows
-    ends = np.empty((len(rows), motion.end.shape[1]))
-    first = 0
-    for span in motion.spans:
-        chosen = (first <= rows) & (rows < first + span.count)
-        first += span.count
-        own = rows[chosen]
-        h = span.length / rung
-        times = motion.t[own, None] + h * np.arange(rung)
-        inputs = motion.inputs(times.ravel(), slack=h / 4).reshape(len(own), rung, -1)
-        ends[chosen] = run_ends(
-            model,
-            coordinates,
-            starts.z[chosen],
-            starts.w[chosen],
-            h,
-            rung,
-            inputs,
-            motion.end[own],
-        )
-    return ends
-
-
-def run_ends(
-    model: Model,
-    coordinates: CoordinateMap,
-    z: Array,
-    w: Array,
-    h: float,
-    rung: int,
-    inputs: Array,
-    near: Array,
-) -> Array:
-    """Ends (B, 2n) of B runs of `rung` steps; inputs are (B, rung, inputs), angles near `near`."""
-    end_z, end_w = model.rollout(z, w, h, rung, coordinates.force(inputs), rung)
-    return coordinates.from_engine(end_z[:, 0], end_w[:, 0], near)
-
-
-def _where(motion: Motion, starts: Starts, ends: Array, rung: int) -> str:
-    bad = int(starts.rows[np.argmin(np.isfinite(ends).all(axis=1))])
-    return (
-        f"values that are not finite, from the segment at t = {motion.t[bad]:.4g} s,"
-        f" in {rung} steps of {motion.lengths[bad] / rung:.3g} s"
-    )

@@ -12,7 +12,7 @@ import pytest
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
 from harness.audit.terms import Compiled
-from harness.engines.protocol import Model
+from harness.engines.protocol import Force, Model, StateForce
 from harness.files.bindings import bindings, with_literals
 from harness.files.sidecar import read_sidecar
 from harness.numerics.coordinates import coordinate_map
@@ -235,10 +235,11 @@ def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path: Path) -> None:
             return 1, 1
 
         def rollout(
-            self, q: Array, v: Array, h: float, n: int, force: Array | None, every: int
+            self, q: Array, v: Array, h: float, n: int, force: Force, every: int
         ) -> tuple[Array, Array]:
             places, speeds = [], []
             for i in range(n):
+                assert not isinstance(force, StateForce)
                 push = 0.0 if force is None else force[:, i]
                 far = np.where(np.abs(q) > 0.8, 0.1, 0.0)
                 v = v + h * (-(9.81 / 0.75) * np.sin(q) - far + push / (0.45 * 0.75**2))
@@ -288,8 +289,9 @@ def test_what_has_no_limit_is_said_to_be_unresolved() -> None:
             return 1, 1
 
         def rollout(
-            self, q: Array, v: Array, h: float, n: int, force: Array | None, every: int
+            self, q: Array, v: Array, h: float, n: int, force: Force, every: int
         ) -> tuple[Array, Array]:
+            assert not isinstance(force, StateForce)
             pushed = 0.0 if force is None else force[:, 0]
             rates = np.stack([v + (i + 1) * h * (np.sin(1 / h) + pushed) for i in range(n)], axis=1)
             return np.repeat(q[:, None], n, axis=1), rates

@@ -1,13 +1,16 @@
 """What engines do on their own is told, with the line that it stands in."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from harness.audit.remarks import where
 from harness.engines.mujoco import MujocoModel
-from harness.engines.protocol import Model
+from harness.engines.protocol import Array, Model
 from harness.engines.remark import Remark
 from harness.files.sidecar import read_sidecar
 from harness.records.base import SourceLine
@@ -17,7 +20,7 @@ from tests.audit.models import MODELS, Look, said
 def test_what_a_model_remarks_on_itself_is_told_with_its_line(
     look: Look, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    def remarks(self, z, w):
+    def remarks(self: Model, z: Array, w: Array) -> Iterator[Remark]:
         yield Remark(message="a word")
         yield Remark(message="a number", address="body/joint[theta]@damping", value=2.0)
         yield Remark(message="the file", address="")
@@ -33,7 +36,8 @@ def test_what_a_model_remarks_on_itself_is_told_with_its_line(
 
 
 def test_a_model_that_has_nothing_to_say_of_itself_says_nothing() -> None:
-    assert tuple(Model.remarks(None, None, None)) == ()
+    silent: Any = None
+    assert tuple(Model.remarks(silent, np.zeros((1, 1)), np.zeros((1, 1)))) == ()
 
 
 SWITCHED_ON = [
@@ -81,7 +85,7 @@ def test_a_damping_that_the_sidecar_sets_is_told_with_its_line(look: Look) -> No
     assert "space.py.toml:" in str(damped.where)
 
 
-def line_with(file, text):
+def line_with(file: Path, text: str) -> int:
     """The line, counted from 1, of the one line that has a text."""
     (found,) = [i for i, line in enumerate(file.read_text().splitlines(), 1) if text in line]
     return found
@@ -146,7 +150,7 @@ def test_a_gravity_that_an_included_file_states_is_stated(look: Look, tmp_path: 
 
 
 def test_a_comment_or_a_look_alike_in_python_is_not_taken_for_the_damping_of_a_space(
-    look, tmp_path: Path
+    look: Look, tmp_path: Path
 ) -> None:
     text = """    # space.damping = 0.5
     spring = pymunk.DampedRotarySpring(space.static_body, pymunk.Body(1, 1), 0, 0, 0)

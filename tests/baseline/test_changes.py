@@ -221,7 +221,7 @@ def test_a_case_that_the_baseline_does_not_know_is_new_with_what_would_be_accept
 
 
 def test_the_numerics_version_comes_from_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.baseline.fingerprint.NUMERICS", NUMERICS)
+    monkeypatch.setattr("harness.baseline.fingerprint.VERSION", NUMERICS)
     assert classified(measurement(), one=baseline()).status is Status.SAME
-    monkeypatch.setattr("harness.baseline.fingerprint.NUMERICS", NUMERICS + 1)
+    monkeypatch.setattr("harness.baseline.fingerprint.VERSION", NUMERICS + 1)
     assert classified(measurement(), one=baseline()).kinds == ("tool",)

@@ -31,7 +31,7 @@ KNOWN = entry(outcome=Outcome.DIFFERS, discrepancy=1e-3, reason="the engine's ow
 
 @pytest.fixture(autouse=True)
 def numerics(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.baseline.fingerprint.NUMERICS", NUMERICS)
+    monkeypatch.setattr("harness.baseline.fingerprint.VERSION", NUMERICS)
 
 
 def accepted(*entries: AcceptedCase) -> Accepted:

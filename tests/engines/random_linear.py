@@ -17,7 +17,7 @@ from harness.cases.verdict import component_scale, judge
 from harness.engines.registry import engines
 from harness.files.sidecar import read_sidecar
 from harness.numerics.coordinates import coordinate_map
-from harness.numerics.segments import extrapolate
+from harness.numerics.segments import Batch, extrapolate
 from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
 from reference import solve as reference_solve
 from reference.derive import derive
@@ -248,7 +248,7 @@ class Found:
     outcome: str
     discrepancy: float
     uncertainty: float
-    holds: bool
+    order_confirmed: bool
     order: float
     misses: int
     values: int
@@ -275,10 +275,9 @@ def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> Found:
         motion = reference_solve.solve(derive(drawn.system), drawn.system.scenarios[0])
     assert motion.method.startswith("matrix exponential")
     scale = component_scale(motion, [])
-    found = extrapolate(model, coordinates, motion, scale, resolution)
-    varying = not all(span.constant_input for span in motion.spans)
+    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
     names = tuple(f"{p}{c.name}" for p in ("", "d") for c in drawn.system.coordinates)
-    claimed = model.exponents(varying)[0]
+    claimed = model.exponents(motion.varying)[0]
     verdict = judge(found.limit, motion, scale, names, claimed, resolution)
     error = np.abs(found.limit.value - motion.end)
     bound = found.limit.uncertainty + motion.bound
@@ -289,7 +288,7 @@ def judge_drawn(drawn: Drawn, folder: Path, resolution: float = 1e-9) -> Found:
         str(verdict.outcome),
         verdict.discrepancy,
         verdict.uncertainty,
-        found.limit.holds,
+        found.limit.order_confirmed,
         verdict.order,
         int(np.sum(error > bound)),
         error.size,
@@ -315,7 +314,7 @@ def summary(found: Sequence[Found]) -> str:
     unresolved = sum(f.outcome == "UNRESOLVED" for f in found)
     differs = sum(f.outcome == "DIFFERS" for f in found)
     fine = sum(f.uncertainty <= 1e-9 for f in found)
-    alarms = sum(not f.holds for f in found)
+    alarms = sum(not f.order_confirmed for f in found)
     ratio = float(np.median([f.ratio for f in found]))
     worst = max(f.uncertainty for f in found)
     return (
@@ -337,7 +336,7 @@ def main() -> None:
     for pairing in pairings:
         found = list(sweep(options.seed, options.count // len(pairings), pairing))
         for one in found:
-            if one.outcome != "AGREES" or one.misses or not one.holds:
+            if one.outcome != "AGREES" or one.misses or not one.order_confirmed:
                 print(one)
         print(f"{pairing}: {summary(found)}")
         everything += found

@@ -20,7 +20,7 @@ def test_the_true_error_of_random_linear_systems_is_within_the_uncertainty(
         print(f"\n{pairing}: {summary(found)}")
     wrong = [str(f) for f in found if f.misses or f.outcome == "DIFFERS"]
     assert not wrong, "\n".join(wrong)
-    alarms = [str(f) for f in found if not f.holds]
+    alarms = [str(f) for f in found if not f.order_confirmed]
     assert not alarms, "\n".join(alarms)
     unresolved = [str(f) for f in found if f.outcome != "AGREES"]
     assert not unresolved, "\n".join(unresolved)

@@ -12,7 +12,7 @@ from harness.engines.registry import engines
 from harness.files.bindings import at_constants, bindings, with_constants, with_literals
 from harness.files.folders import system_folders
 from harness.files.model_files import model_files
-from harness.numerics.segments import extrapolate
+from harness.numerics.segments import Batch, extrapolate
 from harness.records.outcome import Outcome
 from reference.derive import derive
 from reference.load import load_system
@@ -82,8 +82,8 @@ def forced(folder):
 def verdict(system, sidecar, engine, motion, resolution):
     model, coordinates = load(system, sidecar, engine)
     scale = component_scale(motion, [])
-    claimed, _ = model.exponents(not all(span.constant_input for span in motion.spans))
-    found = extrapolate(model, coordinates, motion, scale, resolution)
+    claimed, _ = model.exponents(motion.varying)
+    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
     names = [c.name for c in system.coordinates]
     components = (*names, *(f"{name}_dot" for name in names))
     return judge(found.limit, motion, scale, components, claimed, resolution)

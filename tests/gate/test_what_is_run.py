@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness.baseline.changes import Status
-from harness.baseline.fingerprint import NUMERICS
+from harness.numerics.version import VERSION
 from tests.gate.conftest import Repository
 
 ROOT = Path(__file__).parents[2]
@@ -32,7 +32,7 @@ def test_a_case_that_was_run_again_is_as_accepted(pristine: Repository) -> None:
 def test_another_version_of_the_numerics_runs_everything_again(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("harness.baseline.fingerprint.NUMERICS", NUMERICS + 1)
+    monkeypatch.setattr("harness.baseline.fingerprint.VERSION", VERSION + 1)
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.WITHIN}
     assert all(c.case is not None for c in found.changes)

@@ -1,21 +1,27 @@
 """A mechanism small enough to know everything about, and a Python engine that integrates it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 
+from harness.engines.protocol import Array, Force, Model, StateForce
 from harness.files.sidecar import Sidecar
-from harness.numerics.coordinates import coordinate_map
+from harness.numerics.coordinates import CoordinateMap, coordinate_map
 from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System
-from reference.derive import derive
+from reference.derive import Equations, derive
+from reference.motion import Motion
 from reference.solve import solve
 
 MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
 
 
-def oscillator(damping=DAMPING, drive=0.0, duration=3.0):
+def oscillator(
+    damping: float = DAMPING, drive: sp.Expr | float = 0.0, duration: float = 3.0
+) -> System:
     """The mass on a spring, as a declared system with one scenario."""
     x = Coordinate("x", "m", "displacement")
     m = Constant("m", MASS, "kg", "mass", "test")
@@ -44,7 +50,7 @@ def oscillator(damping=DAMPING, drive=0.0, duration=3.0):
 
 
 @dataclass
-class SymplecticEuler:
+class SymplecticEuler(Model):
     """v += h a(q, v); q += h v, of the oscillator in plain Python."""
 
     mass: float = MASS
@@ -53,17 +59,20 @@ class SymplecticEuler:
     step: float = 0.002
     integrator: str = "symplectic euler"
     coordinates: tuple[str, ...] = ("x",)
-    calls: list = field(default_factory=list)
+    calls: list[tuple[float, int, int]] = field(default_factory=list)
 
-    def exponents(self, varying_input):
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
         return 1, 1
 
-    def rollout(self, q, v, h, n, force, every):
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        assert not isinstance(force, StateForce)
         self.calls.append((h, n, len(q)))
         q, v = q.copy(), v.copy()
         out_q, out_v = [], []
         for i in range(n):
-            push = 0.0 if force is None else force[:, i]
+            push = np.zeros_like(q) if force is None else force[:, i]
             v = v + h * (push - self.stiffness * q - self.damping * v) / self.mass
             q = q + h * v
             if (i + 1) % every == 0:
@@ -72,26 +81,54 @@ class SymplecticEuler:
         return np.stack(out_q, axis=1), np.stack(out_v, axis=1)
 
 
+@dataclass
+class Coarse(SymplecticEuler):
+    """Takes starts to fewer bits: what is lost is the same on every rung, so no increment shows it.
+
+    A double has 53 bits.
+    """
+
+    bits: int = 35
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        return super().rollout(self._short(q), self._short(v), h, n, force, every)
+
+    def _short(self, values: Array) -> Array:
+        mantissa, exponent = np.frexp(values)
+        short: Array = np.ldexp(np.round(mantissa * 2**self.bits) / 2**self.bits, exponent)
+        return short
+
+
 @dataclass(frozen=True)
 class Bench:
     """A solved oscillator with the engine and map to run it."""
 
     system: System
-    equations: object
-    motion: object
+    equations: Equations
+    motion: Motion
     model: SymplecticEuler
-    coordinates: object
+    coordinates: CoordinateMap
+
+
+MakeBench = Callable[..., Bench]
 
 
 @pytest.fixture
-def bench():
-    """A function from options to a `Bench`."""
+def bench() -> MakeBench:
+    """A function from a model and the options of `oscillator` to a `Bench`."""
 
-    def make(model=None, **options):
-        system = oscillator(**options)
+    def make(
+        model: SymplecticEuler | None = None,
+        damping: float = DAMPING,
+        drive: sp.Expr | float = 0.0,
+        duration: float = 3.0,
+    ) -> Bench:
+        system = oscillator(damping, drive, duration)
         equations = derive(system)
         sidecar = Sidecar(Path("test.model"), ("test",), {}, {}, {}, {}, ())
-        model = model or SymplecticEuler(damping=options.get("damping", DAMPING))
+        model = model or SymplecticEuler(damping=damping)
         return Bench(
             system,
             equations,

@@ -10,19 +10,22 @@ from harness.files.folders import builtin
 from harness.files.sidecar import Sidecar, SidecarError
 from harness.numerics.coordinates import coordinate_map
 from reference.load import load_system
+from reference.system import System
 
 
 @pytest.fixture(scope="module")
-def drum():
+def drum() -> System:
     return load_system(builtin() / "drum_pendulum")
 
 
 @pytest.fixture(scope="module")
-def pendulum():
+def pendulum() -> System:
     return load_system(builtin() / "simple_pendulum")
 
 
-def sidecar(coordinates=None, readback=None):
+def sidecar(
+    coordinates: dict[str, str] | None = None, readback: dict[str, str] | None = None
+) -> Sidecar:
     return Sidecar(Path("m.xml"), ("x",), {}, {}, coordinates or {}, readback or {}, ())
 
 
@@ -33,15 +36,16 @@ BOB = sidecar(
 NAMES = ("bob.x", "bob.y", "bob.angle")
 
 
-def test_joints_named_like_coordinates_need_no_declaration(drum):
+def test_joints_named_like_coordinates_need_no_declaration(drum: System) -> None:
     found = coordinate_map(drum, sidecar(), ("theta", "x"))
     z, w = found.to_engine(np.array([[0.1, 0.2, 0.3, 0.4]]))
     assert z.tolist() == [[0.2, 0.1]]
     assert w.tolist() == [[0.4, 0.3]]
+    assert found.push_matrix is not None
     assert found.push_matrix.tolist() == [[0.0, 1.0], [1.0, 0.0]]
 
 
-def test_velocities_go_through_the_jacobian_and_back(pendulum):
+def test_velocities_go_through_the_jacobian_and_back(pendulum: System) -> None:
     found = coordinate_map(pendulum, BOB, NAMES)
     states = np.array([[0.7, 1.3], [-2.9, 4.0]])
     z, w = found.to_engine(states)
@@ -51,7 +55,7 @@ def test_velocities_go_through_the_jacobian_and_back(pendulum):
     assert found.from_engine(z, w, states) == pytest.approx(states, abs=1e-14)
 
 
-def test_forces_go_through_the_transpose(pendulum):
+def test_forces_go_through_the_transpose(pendulum: System) -> None:
     found = coordinate_map(pendulum, BOB, NAMES)
     force = found.force(np.full((1, 3, 1), 2.0))
     assert isinstance(force, StateForce)
@@ -60,19 +64,21 @@ def test_forces_go_through_the_transpose(pendulum):
     assert np.array(force.at(z[0], [2.0])) @ w[0] == pytest.approx(2.0 * 1.3, rel=1e-14)
 
 
-def test_an_angle_read_by_atan2_is_taken_near_the_reference(pendulum):
+def test_an_angle_read_by_atan2_is_taken_near_the_reference(pendulum: System) -> None:
     found = coordinate_map(pendulum, BOB, NAMES)
     states = np.array([[3.5, 1.0], [-9.0, 1.0], [20.0, 0.0]])
     assert found.from_engine(*found.to_engine(states), states) == pytest.approx(states, abs=1e-13)
 
 
-def test_an_angle_is_followed_past_a_turn_that_the_reference_does_not_take(pendulum):
+def test_an_angle_is_followed_past_a_turn_that_the_reference_does_not_take(
+    pendulum: System,
+) -> None:
     found = coordinate_map(pendulum, BOB, NAMES)
     states = np.stack([np.linspace(2.9, 16.0, 50), np.full(50, 3.0)], axis=1)
     assert found.follow(*found.to_engine(states), states[0]) == pytest.approx(states, abs=1e-12)
 
 
-def test_the_residual_of_the_map_is_the_constraint_drift(drum):
+def test_the_residual_of_the_map_is_the_constraint_drift(drum: System) -> None:
     rolling = sidecar({"phi": "x/r"})
     found = coordinate_map(drum, rolling, ("x", "phi", "theta"))
     z, _ = found.to_engine(np.array([[0.18, 0.5, 0, 0]]))
@@ -82,7 +88,7 @@ def test_the_residual_of_the_map_is_the_constraint_drift(drum):
     assert found.drift(z) == pytest.approx(1e-3)
 
 
-def test_no_input_is_no_force(drum):
+def test_no_input_is_no_force(drum: System) -> None:
     found = coordinate_map(drum, sidecar(), ("x", "theta"))
     assert found.force(np.zeros((2, 3, 2))) is None
 
@@ -96,12 +102,18 @@ def test_no_input_is_no_force(drum):
     ({"slide": "x"}, {"x": "2*slide"}, ("slide", "theta"), r"is not the inverse"),
     ({}, {"y": "x"}, ("x", "theta"), r"\[readback\] y is no coordinate"),
 ])  # fmt: skip
-def test_a_map_that_does_not_close_is_refused_by_name(drum, coordinates, readback, names, sentence):
+def test_a_map_that_does_not_close_is_refused_by_name(
+    drum: System,
+    coordinates: dict[str, str],
+    readback: dict[str, str],
+    names: tuple[str, ...],
+    sentence: str,
+) -> None:
     with pytest.raises(SidecarError, match=sentence) as refused:
         coordinate_map(drum, sidecar(coordinates, readback), names)
     assert "m.xml.toml" in str(refused.value)
 
 
-def test_expressions_are_no_way_to_run_code(drum):
+def test_expressions_are_no_way_to_run_code(drum: System) -> None:
     with pytest.raises(SidecarError, match="can't read"):
         coordinate_map(drum, sidecar({"phi": "__import__('os').getcwd()"}), ("x", "phi", "theta"))

@@ -1,4 +1,4 @@
-"""What a user lives with: raw error, order, error taken apart, steps told, energy, drift."""
+"""Full runs: global error, order, error taken apart, steps told, energy, drift."""
 
 import cmath
 import math
@@ -7,23 +7,37 @@ import numpy as np
 import pytest
 from sympy import Heaviside, Rational
 
-from harness.numerics.full_run import cost, full_run
+from harness.engines.protocol import Array, Force
+from harness.numerics.full_run import ErrorDecomposition, StepStudy, full_run, study_step
 from reference import t
-from tests.numerics.conftest import DAMPING, MASS, STIFFNESS, SymplecticEuler
+from tests.numerics.conftest import (
+    DAMPING,
+    MASS,
+    STIFFNESS,
+    Bench,
+    MakeBench,
+    SymplecticEuler,
+)
 
 
-def lived(bench, claimed=1):
-    return cost(
+def study(bench: Bench, claimed: int = 1) -> StepStudy:
+    return study_step(
         bench.model,
         bench.coordinates,
         bench.motion,
-        bench.equations.numeric_power,
-        bench.motion.amplitude,
-        claimed,
+        power=bench.equations.numeric_power,
+        amplitude=bench.motion.amplitude,
+        claimed=claimed,
     )
 
 
-def discrete_root(h, damping):
+def decomposed(bench: Bench) -> ErrorDecomposition:
+    found = study(bench).decomposition
+    assert found is not None
+    return found
+
+
+def discrete_root(h: float, damping: float) -> complex:
     """ln z / h of one step of symplectic Euler: its own frequency and decay, in closed form."""
     matrix = np.array(
         [
@@ -35,9 +49,11 @@ def discrete_root(h, damping):
 
 
 @pytest.mark.parametrize("damping", [DAMPING, 0.2])
-def test_frequency_and_damping_error_are_those_of_the_difference_equation(bench, damping):
+def test_frequency_and_damping_error_are_those_of_the_difference_equation(
+    bench: MakeBench, damping: float
+) -> None:
     made = bench(damping=damping, duration=12.0)
-    found = lived(made).apart
+    found = decomposed(made)
     s = discrete_root(made.model.step, damping)
     exact = complex(-damping / 2 / MASS, math.sqrt(STIFFNESS / MASS - (damping / 2 / MASS) ** 2))
     # Second order in the error itself is what the least squares leave out: some 1 %.
@@ -46,33 +62,37 @@ def test_frequency_and_damping_error_are_those_of_the_difference_equation(bench,
     assert found.explained > 0.999
 
 
-def test_a_wrong_frequency_is_told_as_that(bench):
+def test_a_wrong_frequency_is_told_as_that(bench: MakeBench) -> None:
     model = SymplecticEuler(stiffness=STIFFNESS * 1.002, step=1e-4)
-    found = lived(bench(model, duration=8.0)).apart
+    found = decomposed(bench(model, duration=8.0))
     assert found.frequency == pytest.approx(1e-3, rel=0.05)
     # Half a percent of damping ratio would be 2.9e-4; the stiffness alone changes it by 6e-5.
     assert abs(found.damping) < 1e-4
 
 
-def test_the_raw_error_falls_with_the_claimed_order(bench):
-    found = lived(bench())
+def test_the_global_error_falls_with_the_claimed_order(bench: MakeBench) -> None:
+    found = study(bench())
     assert found.converges
-    assert found.order == pytest.approx(1, abs=0.1)
-    assert 1e-3 < found.raw_error < 1e-1
+    assert found.global_order == pytest.approx(1, abs=0.1)
+    assert 1e-3 < found.global_error < 1e-1
 
 
-def test_a_step_told_for_an_error_gives_that_error(bench):
-    found = lived(bench())
+def test_a_step_told_for_an_error_gives_that_error(bench: MakeBench) -> None:
+    found = study(bench())
+    assert found.checked is not None
     target, h, measured = found.checked
     assert 0.5 * target < measured <= 1.05 * target
     assert h in found.steps_for
-    assert list(found.steps_for) == sorted(found.steps_for, reverse=True)
+    steps = [step for step in found.steps_for if step is not None]
+    assert list(found.steps_for) == sorted(steps, reverse=True)
 
 
-def test_steps_told_reach_the_breaks_of_the_input(bench):
-    found = lived(bench(drive=6 * Heaviside(t - Rational(13, 10))))
+def test_steps_told_reach_the_breaks_of_the_input(bench: MakeBench) -> None:
+    found = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
     for h in found.steps_for:
+        assert h is not None
         assert 1.3 / h == pytest.approx(round(1.3 / h), abs=1e-9)
+    assert found.checked is not None
     target, _, measured = found.checked
     assert measured <= 1.05 * target
 
@@ -80,7 +100,9 @@ def test_steps_told_reach_the_breaks_of_the_input(bench):
 class Sleepy(SymplecticEuler):
     """Falls asleep a hundred steps after a start, as engines do to save time."""
 
-    def rollout(self, q, v, h, n, force, every):
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
         awake = min(n, 100)
         z, w = super().rollout(q, v, h, awake, None, 1)
         z = np.concatenate([z, np.repeat(z[:, -1:], n - awake, axis=1)], axis=1)
@@ -88,14 +110,16 @@ class Sleepy(SymplecticEuler):
         return z[:, every - 1 :: every], w[:, every - 1 :: every]
 
 
-def test_a_run_that_does_not_converge_is_a_finding(bench):
-    assert not lived(bench(Sleepy())).converges
+def test_a_run_that_does_not_converge_is_a_finding(bench: MakeBench) -> None:
+    assert not study(bench(Sleepy())).converges
 
 
 class Tiring(SymplecticEuler):
     """A little more damping from the hundredth step of a run on: less than the step's own error."""
 
-    def rollout(self, q, v, h, n, force, every):
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
         awake = min(n, 100)
         z, w = super().rollout(q, v, h, awake, None, 1)
         if n > awake:
@@ -105,44 +129,46 @@ class Tiring(SymplecticEuler):
         return z[:, every - 1 :: every], w[:, every - 1 :: every]
 
 
-def test_memory_below_the_steps_own_error_is_a_finding_all_the_same(bench):
-    found = lived(bench(Tiring()))
-    assert found.order > 0.9  # the raw error alone looks well
-    assert found.residual > 1e-4
+def test_memory_below_the_steps_own_error_is_a_finding_all_the_same(bench: MakeBench) -> None:
+    found = study(bench(Tiring()))
+    assert found.global_order > 0.9  # the global error alone looks well
+    assert found.global_residual > 1e-4
     assert not found.converges
 
 
-def test_an_honest_engine_leaves_nothing_as_the_step_falls(bench):
-    found = lived(bench(drive=6 * Heaviside(t - Rational(13, 10))))
+def test_an_honest_engine_leaves_nothing_as_the_step_falls(bench: MakeBench) -> None:
+    found = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
     assert found.converges
-    assert found.residual < 1e-6
+    assert found.global_residual < 1e-6
 
 
 class Leaning(SymplecticEuler):
     """A force of its own, a thousandth of the spring's: it does not go away with h."""
 
-    def rollout(self, q, v, h, n, force, every):
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
         push = np.full((len(q), n, 1), 0.001 * STIFFNESS * 0.25)
         return super().rollout(q, v, h, n, push, every)
 
 
-def test_an_error_that_does_not_fall_with_the_step_is_a_finding(bench):
-    found = lived(bench(Leaning(step=2e-5)))
+def test_an_error_that_does_not_fall_with_the_step_is_a_finding(bench: MakeBench) -> None:
+    found = study(bench(Leaning(step=2e-5)))
     assert not found.converges
-    assert found.order < 0.5
+    assert found.global_order < 0.5
 
 
-def test_a_run_that_blows_up_is_not_finite(bench):
-    found = lived(bench(SymplecticEuler(step=2.0)))
+def test_a_run_that_blows_up_is_not_finite(bench: MakeBench) -> None:
+    found = study(bench(SymplecticEuler(step=2.0)))
     assert not found.converges
-    assert found.steps_for == (None, None, None) or found.raw_error > 1
+    assert found.steps_for == (None, None, None) or found.global_error > 1
 
 
-def test_energy_balances_to_the_order_of_the_step_with_input_and_damper(bench):
+def test_energy_balances_to_the_order_of_the_step_with_input_and_damper(bench: MakeBench) -> None:
     made = bench(drive=6 * Heaviside(t - Rational(13, 10)))
     power = made.equations.numeric_power
 
-    def imbalance(model, h):
+    def imbalance(model: SymplecticEuler, h: float) -> float:
         return full_run(model, made.coordinates, made.motion, power, h).energy
 
     coarse, fine = imbalance(made.model, 2e-3), imbalance(made.model, 2e-4)
@@ -152,7 +178,7 @@ def test_energy_balances_to_the_order_of_the_step_with_input_and_damper(bench):
     assert imbalance(SymplecticEuler(damping=0.9 * DAMPING), 2e-4) > 10 * fine
 
 
-def test_sampling_does_not_change_what_is_seen_at_the_end(bench):
+def test_sampling_does_not_change_what_is_seen_at_the_end(bench: MakeBench) -> None:
     made = bench(duration=3.0)
     run = full_run(made.model, made.coordinates, made.motion, made.equations.numeric_power, 1e-4)
     assert run.steps == 30000

@@ -3,25 +3,26 @@
 import numpy as np
 import pytest
 
-from harness.numerics.linearization import twin
+from harness.engines.protocol import Array, Force, StateForce
+from harness.numerics.linearization import EngineLinearization, linearize_engine
 from reference.linearize import linearize
-from tests.numerics.conftest import STIFFNESS, SymplecticEuler
+from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 
-def linear(bench):
+def linear(bench: Bench) -> EngineLinearization:
     taylor = linearize(bench.equations, bench.system.equilibria[0])
-    return twin(
+    return linearize_engine(
         bench.model,
         bench.coordinates,
-        "rest",
-        taylor.position,
-        taylor.arrays,
-        bench.motion.amplitude,
-        np.array([5.0]),
+        equilibrium="rest",
+        position=taylor.position,
+        taylor=taylor.arrays,
+        amplitude=bench.motion.amplitude,
+        push=np.array([5.0]),
     )
 
 
-def test_a_right_engine_has_taylors_matrices_to_ten_digits(bench):
+def test_a_right_engine_has_taylors_matrices_to_ten_digits(bench: MakeBench) -> None:
     found = linear(bench())
     assert found.a_error < 1e-10
     assert found.b_error < 1e-10
@@ -32,7 +33,7 @@ def test_a_right_engine_has_taylors_matrices_to_ten_digits(bench):
 
 
 @pytest.mark.parametrize("fault", [1e-3, 1e-7])
-def test_a_wrong_stiffness_is_seen_in_a_and_not_in_b(bench, fault):
+def test_a_wrong_stiffness_is_seen_in_a_and_not_in_b(bench: MakeBench, fault: float) -> None:
     found = linear(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + fault))))
     assert found.a_error == pytest.approx(fault, rel=1e-2)
     assert found.b_error < 1e-10
@@ -41,16 +42,32 @@ def test_a_wrong_stiffness_is_seen_in_a_and_not_in_b(bench, fault):
 class Hardening(SymplecticEuler):
     """A spring whose cubic term the perturbations' extrapolation must remove."""
 
-    def rollout(self, q, v, h, n, force, every):
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        assert not isinstance(force, StateForce)
         q, v = q.copy(), v.copy()
         for i in range(n):
-            push = 0.0 if force is None else force[:, i]
+            push = np.zeros_like(q) if force is None else force[:, i]
             pull = self.stiffness * q * (1 + 3 * q**2) + self.damping * v
             v = v + h * (push - pull) / self.mass
             q = q + h * v
         return q[:, None], v[:, None]
 
 
-def test_the_nonlinear_terms_are_extrapolated_away(bench):
+def test_the_nonlinear_terms_are_extrapolated_away(bench: MakeBench) -> None:
     found = linear(bench(Hardening()))
     assert found.a_error < 1e-9
+
+
+@pytest.mark.parametrize("kind", [SymplecticEuler, Hardening])
+def test_every_entry_is_known_to_its_uncertainty(bench: MakeBench, kind: type) -> None:
+    made = bench(kind())
+    found = linear(made)
+    taylor = linearize(made.equations, made.system.equilibria[0]).arrays
+    for own, error, wanted in (
+        (found.a, found.a_uncertainty, taylor["A"]),
+        (found.b, found.b_uncertainty, taylor["B"]),
+    ):
+        assert np.all(np.abs(own - wanted) <= error)
+        assert np.max(error) < 1e-8 * np.max(np.abs(wanted))

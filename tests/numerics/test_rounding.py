@@ -1,79 +1,128 @@
-"""Rounding seen in companions: what is smooth drops out, what is rounded shows, rung by rung."""
+"""Rounding observed in companions: what is smooth drops out, what is rounded shows by the rung."""
 
 import numpy as np
+import pytest
 
 from harness.cases.verdict import component_scale
+from harness.engines.protocol import Array, Force
 from harness.numerics.ladder import EPSILON
-from harness.numerics.rounding import APART, PAIRS, with_companions
-from harness.numerics.segments import extrapolate
-from tests.numerics.conftest import SymplecticEuler
+from harness.numerics.rounding import (
+    DISTANCE,
+    LEAST,
+    PAIRS,
+    Starts,
+    with_companions,
+    without_companions,
+)
+from harness.numerics.segments import Batch, extrapolate
+from tests.numerics.conftest import MakeBench, SymplecticEuler
 
 LAST_DIGIT = 2.0**-40
 
 
-def starts(count=200):
+def starts(count: int = 200) -> Starts:
     rng = np.random.default_rng(5)
     return with_companions(rng.normal(size=(count, 3)), rng.normal(size=(count, 2)))
 
 
-def ends(found):
-    """Ends as a smooth and curved function of the start, with numbers of size one."""
-    return np.column_stack([np.sin(found.z[:, 0]) * np.exp(found.w[:, 1]), found.z[:, 1] ** 2])
+def ends(found: Starts) -> Array:
+    """Ends as a smooth and curved function of start and input, with numbers of size one."""
+    one = found.gain * np.sin(found.z[:, 0]) * np.exp(found.w[:, 1])
+    return np.column_stack([one, found.z[:, 1] ** 2])
 
 
-def test_what_the_end_depends_on_smoothly_is_not_seen():
+def test_what_the_end_depends_on_smoothly_is_not_observed() -> None:
     found = starts()
     smooth = ends(found)
     moved = np.abs(smooth[-PAIRS:] - smooth[found.rows[-PAIRS:]])
-    assert np.min(np.max(moved, axis=0)) > 0.1 * APART
-    assert np.all(found.seen(smooth) < 100 * EPSILON)
+    assert np.min(np.max(moved, axis=0)) > 0.1 * DISTANCE
+    assert np.all(found.observed_rounding(smooth) < 100 * EPSILON)
 
 
-def test_rounding_is_seen_at_its_size_and_in_its_component():
+def test_rounding_is_observed_at_its_size_and_in_its_component() -> None:
     found = starts()
     rounded = ends(found)
     rounded[:, 1] = np.round(rounded[:, 1] / LAST_DIGIT) * LAST_DIGIT
-    seen = found.seen(rounded)
-    assert seen[0] < 100 * EPSILON
-    assert LAST_DIGIT / 2 <= seen[1] <= LAST_DIGIT  # of three ends, each off by half a digit
+    observed = found.observed_rounding(rounded)
+    assert observed[0] < 100 * EPSILON
+    assert LAST_DIGIT / 2 <= observed[1] <= LAST_DIGIT  # of three ends, each off by half a digit
 
 
-def test_companions_are_as_far_on_either_side_and_leave_zeros_alone():
+def test_a_start_at_rest_in_zero_shows_the_rounding_of_what_its_inputs_make_of_it() -> None:
+    found = with_companions(np.zeros((40, 1)), np.zeros((40, 1)))
+    smooth = found.gain[:, None] * np.linspace(0.5, 1.0, 40)[found.rows, None]
+    assert found.observed_rounding(smooth)[0] < 10 * EPSILON
+    rounded = np.round(smooth / LAST_DIGIT) * LAST_DIGIT
+    assert LAST_DIGIT / 2 <= found.observed_rounding(rounded)[0] <= LAST_DIGIT
+
+
+def test_values_that_are_not_finite_show_nothing_and_hide_nothing() -> None:
+    found = starts()
+    rounded = np.round(ends(found) / LAST_DIGIT) * LAST_DIGIT
+    rounded[found.rows[-1]] = np.nan
+    rounded[-PAIRS] = np.inf
+    observed = found.observed_rounding(rounded)
+    assert np.all((observed >= LAST_DIGIT / 2) & (observed <= LAST_DIGIT))
+
+
+def test_companions_are_as_far_on_either_side_and_leave_zeros_alone() -> None:
     z = np.outer(np.arange(1, 101), [1.0, 0.0, -2.0])
     found = with_companions(z, z)
-    assert len(found.rows) == len(found.z) == len(found.w) == 100 + 2 * PAIRS
+    assert found.pairs == PAIRS
+    assert found.count == 100
+    assert len(found.rows) == len(found.z) == len(found.w) == len(found.gain) == 100 + 2 * PAIRS
     middle = z[found.rows[-PAIRS:]]
     one, other = found.z[100 : 100 + PAIRS], found.z[-PAIRS:]
     assert np.array_equal(found.z[:100], z)
+    assert np.all(found.gain[:100] == 1)
     assert np.all(one[:, 1] == 0)
     assert np.all(np.abs(one + other - 2 * middle) <= 2 * EPSILON * np.abs(middle))
-    assert 0.5 * APART < np.max(np.abs(one - middle)[:, 0] / middle[:, 0]) < 1.01 * APART
+    assert 0.5 * DISTANCE < np.max(np.abs(one - middle)[:, 0] / middle[:, 0]) < 1.01 * DISTANCE
 
 
-def test_companions_are_spread_over_the_motion_off_its_start():
+def test_companions_are_spread_over_the_motion_off_its_start() -> None:
     rows = with_companions(np.ones((240, 1)), np.ones((240, 1))).rows[240:]
     assert np.array_equal(rows[:PAIRS], rows[PAIRS:])
     assert np.array_equal(rows[:PAIRS], np.arange(5, 240, 10))
 
 
-def test_few_segments_have_several_companions_each():
+def test_few_segments_have_several_companions_each() -> None:
     found = with_companions(np.ones((2, 1)), np.ones((2, 1)))
-    assert list(np.bincount(found.rows)) == [1 + PAIRS, 1 + PAIRS]
-    assert len(np.unique(found.z[2:])) == 2 * PAIRS
+    assert list(np.bincount(found.rows)) == [1 + LEAST, 1 + LEAST]
+    assert len(np.unique(found.z[2:])) == 2 * LEAST
+
+
+@pytest.mark.parametrize(("count", "pairs"), [(1, 4), (16, 4), (40, 10), (96, 24), (400, 24)])
+def test_companions_are_a_quarter_of_the_starts_but_neither_few_nor_many(
+    count: int, pairs: int
+) -> None:
+    found = with_companions(np.ones((count, 1)), np.ones((count, 1)))
+    assert found.pairs == pairs
+    assert len(found.rows) == count + 2 * pairs
+
+
+def test_without_companions_no_rounding_is_observed() -> None:
+    found = without_companions(np.ones((5, 2)), np.ones((5, 2)))
+    assert found.count == len(found.rows) == 5
+    assert np.array_equal(found.observed_rounding(np.ones((5, 3))), np.zeros(3))
 
 
 class Held(SymplecticEuler):
     """Like a position held by a spring as stiff as the step allows: its digit over h is a speed."""
 
-    def rollout(self, q, v, h, n, force, every):
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
         z, w = super().rollout(q, v, h, n, force, every)
         return z, w + (np.round(z / LAST_DIGIT) * LAST_DIGIT - z) / h
 
 
-def test_a_position_s_last_digit_that_makes_a_velocity_is_in_the_uncertainty(bench):
+def test_a_position_s_last_digit_that_makes_a_velocity_is_in_the_uncertainty(
+    bench: MakeBench,
+) -> None:
     made = bench(Held(), duration=12.0)
     scale = component_scale(made.motion, [])
-    found = extrapolate(made.model, made.coordinates, made.motion, scale, 1e-6)
+    found = extrapolate(made.model, made.coordinates, Batch.of(made.motion, scale), resolution=1e-6)
     error = np.abs(found.limit.value - made.motion.end)
     # The weights' own worst case, from the finest rung alone; most of the error is this.
     kick = LAST_DIGIT / 2 * max(found.rungs) / np.max(made.motion.lengths)

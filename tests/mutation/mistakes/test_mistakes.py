@@ -19,7 +19,7 @@ from harness.engines.protocol import EngineError
 from harness.engines.registry import engines
 from harness.files.folders import builtin
 from harness.files.sidecar import Sidecar, read_sidecar
-from harness.numerics.segments import extrapolate
+from harness.numerics.segments import Batch, extrapolate
 from harness.records.case import FullRun
 from harness.records.outcome import Outcome
 from reference.derive import derive
@@ -91,8 +91,8 @@ def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
     name = list(physics.motions)[1]
     motion, scale = physics.motions[name], physics.scales[name]
     model, coordinates = load(physics.system, sidecar, mistake.engine)
-    claimed, _ = model.exponents(not all(span.constant_input for span in motion.spans))
-    found = extrapolate(model, coordinates, motion, scale, 1e-9)
+    claimed, _ = model.exponents(motion.varying)
+    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=1e-9)
     return judge(found.limit, motion, scale, physics.components, claimed, 1e-9).outcome
 
 

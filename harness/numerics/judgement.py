@@ -1,0 +1,116 @@
+"""The rule by which limits are judged: beside a system's equations, or beside another model.
+
+Where E > U a model differs; where U is below the resolution and E below U it agrees; where neither
+can be said it is unresolved. A segment is judged by its own uncertainty: one that could not be
+resolved doesn't hide one that was. What is said of it, in words, is each room's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from harness.numerics.ladder import Limit
+from harness.records.outcome import Outcome
+from reference.numeric import Array
+
+
+class Obstacle(Enum):
+    """Why nothing can be said."""
+
+    STANDS_STILL = "every rung returned the same values"
+    DIVERGES = "the limits of no segment converge"
+    WRONG_ORDER = "the rungs don't fall with the claimed order"
+    DIVERGES_HERE = "the limits of this segment don't converge"
+    COARSE = "the uncertainty is above the resolution"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """What the limits of K segments with C components say.
+
+    Attributes:
+        outcome: AGREES, DIFFERS or UNRESOLVED.
+        obstacle: why it is unresolved.
+        segment, component: where it shows most.
+        discrepancy, uncertainty: E and U of that component, relative; where it differs, there.
+        largest_discrepancy, largest_uncertainty: over all segments and components.
+    """
+
+    outcome: Outcome
+    obstacle: Obstacle | None
+    segment: int
+    component: int
+    discrepancy: float
+    uncertainty: float
+    largest_discrepancy: float
+    largest_uncertainty: float
+
+
+def obstacle(limit: Limit) -> Obstacle | None:
+    """Why no digit of any limit can be claimed."""
+    if float(limit.increments[0]) == 0.0:
+        return Obstacle.STANDS_STILL
+    if not limit.converges:
+        return Obstacle.DIVERGES
+    return None if limit.order_confirmed else Obstacle.WRONG_ORDER
+
+
+def judge(
+    defect: Array, uncertainty: Array, resolution: float, obstacle: Obstacle | None
+) -> Judgement:
+    """Judge defects and their uncertainties, (K, C) each, relative to what counts as one."""
+    if obstacle is not None:
+        segment, component = _place(defect)
+        return _judgement(
+            Outcome.UNRESOLVED,
+            (segment, component),
+            (defect, np.full_like(uncertainty, np.inf)),
+            obstacle,
+        )
+    with np.errstate(invalid="ignore"):
+        ratio = np.where(np.isfinite(uncertainty), defect / uncertainty, 0.0)
+    component = int(np.argmax(np.max(ratio, axis=0)))
+    differing = ratio[:, component] > 1
+    both = defect, uncertainty
+    if differing.any():
+        segment = int(np.argmax(np.where(differing, defect[:, component], -1.0)))
+        return _judgement(Outcome.DIFFERS, (segment, component), both)
+    worst = _place(uncertainty)
+    if uncertainty[worst] > resolution:
+        known = bool(np.isfinite(uncertainty[worst]))
+        here = Obstacle.COARSE if known else Obstacle.DIVERGES_HERE
+        return _judgement(Outcome.UNRESOLVED, worst, both, here)
+    largest = np.max(defect, axis=0), np.max(uncertainty, axis=0)
+    component = int(np.argmax(largest[0] / largest[1]))
+    segment = int(np.argmax(defect[:, component]))
+    return _judgement(Outcome.AGREES, (segment, component), both)
+
+
+def _judgement(
+    outcome: Outcome,
+    at: tuple[int, int],
+    values: tuple[Array, Array],
+    obstacle: Obstacle | None = None,
+) -> Judgement:
+    defect, uncertainty = values
+    segment, component = at
+    # What differs is told where it does; else a component's largest E and largest U.
+    rows = slice(segment, segment + 1) if outcome is Outcome.DIFFERS else slice(None)
+    return Judgement(
+        outcome=outcome,
+        obstacle=obstacle,
+        segment=segment,
+        component=component,
+        discrepancy=float(np.nanmax(defect[rows, component])),
+        uncertainty=float(np.max(uncertainty[rows, component])),
+        largest_discrepancy=float(np.nanmax(defect)),
+        largest_uncertainty=float(np.max(uncertainty)),
+    )
+
+
+def _place(values: Array) -> tuple[int, int]:
+    row, column = np.unravel_index(int(np.nanargmax(values)), values.shape)
+    return int(row), int(column)

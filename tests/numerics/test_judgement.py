@@ -1,0 +1,88 @@
+"""One rule for what limits say: beside the equations, and beside another model."""
+
+import numpy as np
+import pytest
+
+from harness.numerics.judgement import Obstacle, judge, obstacle
+from harness.numerics.ladder import Limit
+from harness.records.outcome import Outcome
+from reference.numeric import Array
+
+
+def told(uncertainty: float = 1e-11) -> tuple[Array, Array]:
+    """Defects below their uncertainty, of five segments and two components."""
+    rng = np.random.default_rng(3)
+    return 1e-12 * rng.uniform(0.1, 0.9, (5, 2)), np.full((5, 2), uncertainty)
+
+
+def test_what_is_below_its_uncertainty_and_that_below_the_resolution_agrees() -> None:
+    found = judge(*told(), 1e-9, None)
+    assert found.outcome is Outcome.AGREES
+    assert found.obstacle is None
+
+
+def test_the_largest_of_all_components_is_told_beside_that_of_the_worst_ratio() -> None:
+    defect, uncertainty = told()
+    defect[1, 1], uncertainty[:, 1] = 1.5e-11, 1.5e-10  # a tenth of U; the other component: more
+    defect[2, 0] = 9e-12
+    found = judge(defect, uncertainty, 1e-9, None)
+    assert (found.segment, found.component) == (2, 0)
+    assert (found.discrepancy, found.uncertainty) == (9e-12, 1e-11)
+    assert (found.largest_discrepancy, found.largest_uncertainty) == (1.5e-11, 1.5e-10)
+
+
+def test_a_segment_that_could_not_be_resolved_hides_none_that_was() -> None:
+    defect, uncertainty = told()
+    defect[3, 1], uncertainty[0] = 1e-8, np.inf
+    found = judge(defect, uncertainty, 1e-9, None)
+    assert found.outcome is Outcome.DIFFERS
+    assert (found.segment, found.component) == (3, 1)
+    assert (found.discrepancy, found.uncertainty) == (1e-8, 1e-11)
+    assert (found.largest_discrepancy, found.largest_uncertainty) == (1e-8, np.inf)
+
+
+@pytest.mark.parametrize(
+    ("worst", "why"), [(1e-7, Obstacle.COARSE), (np.inf, Obstacle.DIVERGES_HERE)]
+)
+def test_an_uncertainty_above_the_resolution_is_unresolved(worst: float, why: Obstacle) -> None:
+    defect, uncertainty = told()
+    uncertainty[4, 1] = worst
+    found = judge(defect, uncertainty, 1e-9, None)
+    assert found.outcome is Outcome.UNRESOLVED
+    assert found.obstacle is why
+    assert (found.segment, found.component) == (4, 1)
+    assert found.uncertainty == found.largest_uncertainty == worst
+
+
+def test_an_obstacle_leaves_no_digit_whatever_the_defects() -> None:
+    defect, uncertainty = told()
+    defect[0, 0], defect[1, 1] = np.nan, 1e-3
+    found = judge(defect, uncertainty, 1e-9, Obstacle.WRONG_ORDER)
+    assert found.outcome is Outcome.UNRESOLVED
+    assert (found.segment, found.component) == (1, 1)
+    assert found.discrepancy == found.largest_discrepancy == 1e-3
+    assert found.uncertainty == found.largest_uncertainty == np.inf
+
+
+@pytest.mark.parametrize(
+    ("first", "converges", "confirmed", "why"),
+    [
+        (0.0, False, False, Obstacle.STANDS_STILL),
+        (1.0, False, False, Obstacle.DIVERGES),
+        (1.0, True, False, Obstacle.WRONG_ORDER),
+        (1.0, True, True, None),
+    ],
+)
+def test_obstacles_are_told_in_the_order_in_which_they_take_away_meaning(
+    first: float, converges: bool, confirmed: bool, why: Obstacle | None
+) -> None:
+    limit = Limit(
+        value=np.zeros((1, 2)),
+        uncertainty=np.zeros((1, 2)),
+        rungs=(2, 3),
+        increments=np.array([first]),
+        order=1.0,
+        order_confirmed=confirmed,
+        converges=converges,
+    )
+    assert obstacle(limit) is why
