@@ -9,6 +9,7 @@ from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL, USAGE
 from harness.cli.gate import LateProgress, meant
 from harness.files.folders import check_engines
+from harness.gate.accept import AcceptError, accept
 from harness.gate.gate import gate
 from harness.text.github import in_ci
 
@@ -40,9 +41,6 @@ def add(command: argparse.ArgumentParser) -> None:
 
 def main(options: argparse.Namespace) -> int:
     """Run what changed, and write what was found into the baseline."""
-    # Imported here: it brings sympy, which `gate` does without; this module shares its arguments.
-    from harness.gate.accept import AcceptError, accept
-
     if in_ci():
         print("crosscheck: accept is a person's decision and is refused in CI", file=sys.stderr)
         return USAGE
