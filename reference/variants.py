@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -23,6 +23,7 @@ from reference.simplify import solved
 Kind = Literal[
     "constant", "inertia", "damping", "quadratic damping", "friction", "spring", "offset force"
 ]
+"""Of a parameter: a constant, or one of the terms that `_terms` lists."""
 
 CREEP = 1e-3
 """Speed below which Coulomb friction is smoothed, as a share of the motion's."""
@@ -138,31 +139,20 @@ def variants(equations: Equations, amplitude: Array) -> Variants:
     for i, coordinate in enumerate(system.coordinates):
         speed, reach = max(amplitude[n + i], 1e-9), max(amplitude[i], 1e-9)
         inertia = abs(float(mass[i, i])) or 1.0
-        force = inertia * speed * max(speed / reach, 1e-3)
-        v, q = coordinate.v, coordinate.q
-        terms: tuple[tuple[Kind, sp.Expr | None, float], ...] = (
-            ("inertia", None, inertia),
-            ("damping", v, force / speed),
-            ("quadratic damping", v * sp.Abs(v), force / speed**2),
-            ("friction", sp.tanh(v / (CREEP * speed)), force),
-            ("spring", q, force / reach),
-            ("offset force", sp.Integer(-1), force),
-        )
-        for kind, term, size in terms:
-            symbol = sp.Symbol(f"extra_{kind.replace(' ', '_')}_{i}", real=True)
+        for term in _terms(coordinate, inertia, speed=speed, reach=reach):
+            symbol = sp.Symbol(f"extra_{term.kind.replace(' ', '_')}_{i}", real=True)
             symbols.append(symbol)
-            if term is None:
+            if term.force is None:
                 added_mass[i, i] += symbol
             else:
-                added_force[i] -= symbol * term
-            unit = _unit(kind, coordinate)
+                added_force[i] -= symbol * term.force
             parameters.append(
                 Parameter(
                     name=coordinate.name,
-                    kind=kind,
-                    unit=unit,
+                    kind=term.kind,
+                    unit=term.unit,
                     nominal=0.0,
-                    size=size,
+                    size=term.size,
                 )
             )
     total = sp.Matrix(equations.mass) + added_mass
@@ -175,11 +165,36 @@ def _rest(equations: Equations) -> dict[sp.Symbol, int]:
     return dict.fromkeys((*equations.system.q, *equations.system.v, t), 0)
 
 
-def _unit(kind: Kind, coordinate: Coordinate) -> str:
-    force = "N*m" if coordinate.unit == "rad" else "N"
-    return {
-        "inertia": "kg*m^2" if coordinate.unit == "rad" else "kg",
-        "damping": f"{force}*s/{coordinate.unit}",
-        "quadratic damping": f"{force}*s^2/{coordinate.unit}^2",
-        "spring": f"{force}/{coordinate.unit}",
-    }.get(kind, force)
+class _Term(NamedTuple):
+    """A term that the equations lack: -p * force on a coordinate; None: p is added to its inertia.
+
+    `size` is what makes it as large as the forces that the motion has, in `unit`.
+    """
+
+    kind: Kind
+    force: sp.Expr | None
+    size: float
+    unit: str
+
+
+def _terms(
+    coordinate: Coordinate, inertia: float, *, speed: float, reach: float
+) -> tuple[_Term, ...]:
+    """Those that mechanisms have, a row each.
+
+    Args:
+        coordinate: on which they are.
+        inertia: of it, at rest.
+        speed, reach: sizes of its motions.
+    """
+    v, q, force = coordinate.v, coordinate.q, inertia * speed * max(speed / reach, 1e-3)
+    turns, per = coordinate.unit == "rad", coordinate.unit
+    N, kg = ("N*m", "kg*m^2") if turns else ("N", "kg")
+    return (
+        _Term("inertia", None, inertia, kg),
+        _Term("damping", v, force / speed, f"{N}*s/{per}"),
+        _Term("quadratic damping", v * sp.Abs(v), force / speed**2, f"{N}*s^2/{per}^2"),
+        _Term("friction", sp.tanh(v / (CREEP * speed)), force, N),
+        _Term("spring", q, force / reach, f"{N}/{per}"),
+        _Term("offset force", sp.Integer(-1), force, N),
+    )

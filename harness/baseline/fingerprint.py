@@ -73,7 +73,7 @@ class Dependencies:
 
     Attributes:
         files: hashes by name, as in `ModelFiles`.
-        engine_version: the engine with its version, as `mujoco 4.0.0`.
+        engine_version: the engine with its version, as `engine 4.0.0`.
         resolution: of the run.
         numerics: version of this package's numerics.
     """

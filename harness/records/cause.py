@@ -20,17 +20,13 @@ a `constant` of the equations; or a term on a coordinate that the equations lack
 """
 
 _PHRASES = {
+    **dict.fromkeys(("literal", "literals", "unbound literal", "default", "constant"), "{}"),
     "gravity": "gravity along {}",
     "axis": "axis of {} reversed",
     "zero": "zero of {}",
     "exchange": "{} exchanged",
-    "inertia": "inertia on {}",
-    "damping": "damping on {}",
-    "quadratic damping": "quadratic damping on {}",
-    "friction": "friction on {}",
-    "spring": "spring on {}",
-    "offset force": "offset force on {}",
 }
+"""The name of a cause, by its kind; a term that the equations lack is its kind, on a coordinate."""
 
 
 class CauseId(Record, frozen=True, kw_only=True, order=True):
@@ -47,7 +43,8 @@ class CauseId(Record, frozen=True, kw_only=True, order=True):
     subject: tuple[str, ...]
 
     def __str__(self) -> str:
-        return _PHRASES.get(self.kind, "{}").format(", ".join(self.subject))
+        phrase = _PHRASES.get(self.kind, f"{self.kind} on {{}}")
+        return phrase.format(", ".join(self.subject))
 
 
 class Cause(Record, frozen=True, kw_only=True):
