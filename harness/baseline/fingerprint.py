@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.engines.registry import model_formats
 from harness.files.locations import LocationError
 from harness.files.locations.location import Source
 from harness.files.locations.xml import read_elements
@@ -109,7 +110,8 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
             sidecars[path.with_suffix("").name] = read_sidecar(path)
         except SidecarError as error:
             broken.append(str(error))
-    models = [p.name for p in sorted(folder.iterdir()) if p.suffix in _MODEL]
+    formats = model_formats()
+    models = [p.name for p in sorted(folder.iterdir()) if p.suffix in formats]
     broken += [f"{folder / name}: has no sidecar" for name in models if name not in sidecars]
     beside = {name: digest(folder / name) for name in _inside(folder, apart) if name not in own}
     system = digest(folder / "system.py")

@@ -20,6 +20,7 @@ import sys
 import time
 import tomllib
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,7 @@ class KnownEngine(Engine):
     name = "known"
     title = "the known-answer engine"
     formats = (".known",)
+    written_like = MappingProxyType({".known": ".toml"})
     capabilities = ("answers that are known",)
 
     def version(self) -> str | None:

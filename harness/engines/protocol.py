@@ -165,6 +165,8 @@ class Engine(ABC):
         name: short name, as in sidecars and results.
         title: as it is written in sentences.
         formats: endings of the files it reads, such as ".urdf".
+        written_like: for a format of its own, the ending of one that it is written like: ".xml",
+            ".py" or ".toml". Its numbers have addresses then, for bindings and for causes.
         capabilities: what it can do, one short phrase each, for `crosscheck engines`.
         preferred: the formats for which it comes before others that read them.
         unstated: the step and gravity that it takes where neither a file nor its sidecar says.
@@ -178,6 +180,7 @@ class Engine(ABC):
     name: str
     title: str
     formats: tuple[str, ...]
+    written_like: Mapping[str, str] = MappingProxyType({})
     capabilities: tuple[str, ...] = ()
     preferred: tuple[str, ...] = ()
     unstated: str = ""

@@ -37,3 +37,8 @@ def readers(suffix: str) -> tuple[Engine, ...]:
     """The engines that read a format, first those that are preferred for it."""
     found = [engine for engine in engines().values() if suffix in engine.formats]
     return tuple(sorted(found, key=lambda engine: suffix not in engine.preferred))
+
+
+def model_formats() -> frozenset[str]:
+    """Endings by which a file is known for a model; a Python file may be anything."""
+    return frozenset(s for engine in engines().values() for s in engine.formats) - {".py"}

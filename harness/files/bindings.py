@@ -89,7 +89,7 @@ def bindings(system: System, sidecar: Sidecar) -> tuple[Binding, ...]:
     """Resolve and evaluate every binding that a sidecar declares, in its order.
 
     Raises:
-        SidecarError, PlaceError: naming file, address and remedy.
+        SidecarError, LocationError: naming file, address and remedy.
     """
     places = locate(sidecar, sidecar.bindings)
     taken: dict[tuple[Path, int], str] = {}
@@ -114,7 +114,7 @@ def locate(sidecar: Sidecar, addresses: Iterable[str]) -> dict[str, Location]:
     """Where the literals are, in the model file or its sidecar, that addresses mean.
 
     Raises:
-        PlaceError: naming file, line and remedy.
+        LocationError: naming file, line and remedy.
     """
     places: dict[str, Location] = {}
     for file, within in _by_file(sidecar, addresses).items():
@@ -155,7 +155,7 @@ def with_constants(
     written; one that doesn't is set right. Its reference is that of `at_constants`.
 
     Raises:
-        DeclarationError, SidecarError, PlaceError: naming what is wrong and where.
+        DeclarationError, SidecarError, LocationError: naming what is wrong and where.
     """
     found = bindings(at_constants(system, constants), sidecar)
     return with_literals(sidecar, {b.address: b.expected for b in found if not b.exact}, into)
@@ -169,7 +169,7 @@ def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -
     included files) is linked to, so that its relative paths hold.
 
     Raises:
-        PlaceError: naming file, line and remedy.
+        LocationError: naming file, line and remedy.
         ValueError: for a value that is not finite, or the model's own folder.
     """
     if into.resolve() == sidecar.model.parent.resolve():
@@ -201,7 +201,7 @@ def rewrite(sidecar: Sidecar, literals: Mapping[str, float]) -> None:
     disagrees: `rewrite(sidecar, {b.address: b.correction for b in mismatches(found)})`.
 
     Raises:
-        PlaceError, ValueError: as `with_literals`.
+        LocationError, ValueError: as `with_literals`.
     """
     for file, data in _replaced(sidecar, literals).items():
         if data != file.read_bytes():

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.engines.registry import readers
+from harness.engines.registry import model_formats, readers
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
 
 
@@ -33,8 +33,9 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
             yield read_sidecar(path)
         except SidecarError as error:
             yield UnreadModel(model=path.with_suffix("").name, reason=str(error))
+    formats = model_formats()
     for path in sorted(folder.iterdir()):
-        if path.suffix in (".xml", ".urdf") and path.name not in described:
+        if path.suffix in formats and path.name not in described:
             reason = (
                 f"{path}: this model file has no sidecar; write {path.name}.toml with at least"
                 f" engines = {json.dumps([e.name for e in readers(path.suffix)])}"

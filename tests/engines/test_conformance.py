@@ -17,7 +17,7 @@ from harness.engines.registry import engines
 from harness.engines.remark import Remark
 from tests.engines.protocol_models import PAIRINGS, Pairing
 
-ADAPTERS = ("mujoco", "pybullet", "pymunk", "known")
+ADAPTERS = tuple(engines())
 
 
 def failures(checks: Iterable[Check]) -> list[str]:

@@ -8,6 +8,7 @@ Addresses by the file's format:
   i-th number, counted from 0; without `@` the element's text is meant.
 - Python: the name of a number at the top level, `MASS`.
 - TOML: `settings.gravity[2]`, `spring[0].stiffness`.
+- A format that an engine says is `written_like` one of these: as there.
 
 `line_of` takes more: an element without `@`, of several the first; a key of TOML with all that is
 in it; in Python a call, `PinJoint()`, and an attribute of what it makes, `Space().damping`.
@@ -21,7 +22,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
+from harness.engines.registry import readers
 from harness.files.locations.location import Location, LocationError, Resolve, Source
 from harness.files.locations.python import python_names, python_numbers, python_offset
 from harness.files.locations.toml import toml_keys, toml_offset
@@ -29,17 +32,39 @@ from harness.files.locations.xml import xml_numbers, xml_offset, xml_paths
 
 __all__ = ["Location", "LocationError", "find", "find_in", "line_of", "numbers"]
 
-_SEARCHES: dict[str, Callable[[Source], Resolve]] = {
-    ".xml": xml_paths, ".urdf": xml_paths, ".py": python_names, ".toml": toml_keys,
-}  # fmt: skip
 
-_LISTS: dict[str, Callable[[Source, re.Pattern[str]], Iterator[str]]] = {
-    ".xml": xml_numbers, ".urdf": xml_numbers, ".py": python_numbers,
-}  # fmt: skip
+class _Grammar(NamedTuple):
+    """How the numbers of a format are found.
 
-_OFFSETS: dict[str, Callable[[Source, str], int | None]] = {
-    ".xml": xml_offset, ".urdf": xml_offset, ".py": python_offset, ".toml": toml_offset,
-}  # fmt: skip
+    `addressed` finds the number that an address means, `offset` the first byte that one may mean;
+    `listed` tells every number of the wanted kinds, None where a format has no kinds.
+    """
+
+    addressed: Callable[[Source], Resolve]
+    offset: Callable[[Source, str], int | None]
+    listed: Callable[[Source, re.Pattern[str]], Iterator[str]] | None = None
+
+
+_GRAMMARS = {
+    ".xml": _Grammar(xml_paths, xml_offset, xml_numbers),
+    ".urdf": _Grammar(xml_paths, xml_offset, xml_numbers),
+    ".py": _Grammar(python_names, python_offset, python_numbers),
+    ".toml": _Grammar(toml_keys, toml_offset),
+}
+
+
+def _grammar(file: Path) -> _Grammar:
+    """By the file's ending, or by the one that an engine says it is written like."""
+    suffix = file.suffix
+    if suffix not in _GRAMMARS:
+        like = (e.written_like[suffix] for e in readers(suffix) if suffix in e.written_like)
+        suffix = next(like, suffix)
+    if suffix not in _GRAMMARS:
+        known = ", ".join(_GRAMMARS)
+        raise LocationError(
+            f"{file}: numbers are found in {known} files, not in {file.suffix} ones"
+        )
+    return _GRAMMARS[suffix]
 
 
 def line_of(file: Path, address: str) -> int | None:
@@ -47,12 +72,10 @@ def line_of(file: Path, address: str) -> int | None:
 
     None where nothing in the file is so called, or the file can't be read.
     """
-    offset = _OFFSETS.get(file.suffix)
-    if offset is None:
-        return None
     try:
+        grammar = _grammar(file)
         source = _decoded(_read(file), file)
-        found = offset(source, address)
+        found = grammar.offset(source, address)
     except LocationError:
         return None
     return None if found is None else source.line(found)
@@ -66,31 +89,29 @@ def numbers(file: Path, kinds: str) -> tuple[str, ...]:
             attribute, as in `joint@damping`, or the tag alone for a number in its text.
 
     Raises:
-        PlaceError: for a file that can't be read or parsed.
+        LocationError: for a file that can't be read or parsed, or whose numbers have no kinds.
     """
+    listed = _grammar(file).listed
+    if listed is None:
+        raise LocationError(f"{file}: numbers of {file.suffix} files have no kinds")
     source = _decoded(_read(file), file)
-    return tuple(dict.fromkeys(_LISTS[file.suffix](source, re.compile(kinds))))
+    return tuple(dict.fromkeys(listed(source, re.compile(kinds))))
 
 
 def find(file: Path, addresses: Iterable[str]) -> dict[str, Location]:
     """Find the number that each address means.
 
     Raises:
-        PlaceError: naming file, line, the nearest candidates and the remedy.
+        LocationError: naming file, line, the nearest candidates and the remedy.
     """
     return find_in(_read(file), file, addresses)
 
 
 def find_in(data: bytes, file: Path, addresses: Iterable[str]) -> dict[str, Location]:
     """Find the number that each address means in bytes that are, or are to be, those of `file`."""
-    search = _SEARCHES.get(file.suffix)
-    if search is None:
-        known = ", ".join(_SEARCHES)
-        raise LocationError(
-            f"{file}: numbers are found in {known} files, not in {file.suffix} ones"
-        )
+    grammar = _grammar(file)
     source = _decoded(data, file)
-    resolve = search(source)
+    resolve = grammar.addressed(source)
     return {address: source.place(resolve(address), address) for address in addresses}
 
 

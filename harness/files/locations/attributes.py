@@ -33,7 +33,7 @@ def elements(file: Path) -> tuple[RawElement, ...]:
     """Every element of an XML file, in its order.
 
     Raises:
-        PlaceError: for a file that can't be read or parsed.
+        LocationError: for a file that can't be read or parsed.
     """
     try:
         return tuple(read_elements(Source(file, file.read_bytes())))
@@ -45,7 +45,7 @@ def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> byt
     """The bytes of `file` with attributes set, added after an element's others, or taken out.
 
     Raises:
-        PlaceError: where no element starts at such a byte, or the bytes are no XML.
+        LocationError: where no element starts at such a byte, or the bytes are no XML.
     """
     known = {element.start for element in read_elements(Source(file, data))}
     for one in sorted(wanted, key=lambda one: -one.start):

@@ -58,7 +58,7 @@ def outline(file: Path, data: bytes) -> Element:
     """Read a file whole.
 
     Raises:
-        PlaceError: naming file and line.
+        LocationError: naming file and line.
     """
     source = Source(file, data)
     try:

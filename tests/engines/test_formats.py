@@ -1,0 +1,71 @@
+"""An engine's own format: its numbers have addresses, and a file without a sidecar is told."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.baseline.fingerprint import folder_files
+from harness.cases.case import load
+from harness.cases.prepare import prepare
+from harness.diagnosis.hypotheses import everything
+from harness.engines.known_answer import KnownEngine
+from harness.files.bindings import bindings, with_literals
+from harness.files.locations import LocationError, find, line_of, numbers
+from harness.files.model_files import UnreadModel, model_files
+from harness.files.sidecar import read_sidecar
+from tests.faults.known_folder import known_folder
+
+STIFFNESS = "K[0][0]"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return known_folder(tmp_path / "oscillator", {"good": ""})
+
+
+def test_an_engine_says_what_its_format_is_written_like(folder: Path) -> None:
+    file = folder / "good.known"
+    (found,) = find(file, [STIFFNESS]).values()
+    assert found.value == 47.0
+    assert line_of(file, STIFFNESS) == found.line
+
+
+def test_literals_of_such_a_file_are_bound_moved_and_hypotheses(
+    folder: Path, tmp_path: Path
+) -> None:
+    path = folder / "good.known.toml"
+    path.write_text(path.read_text() + f'[bindings]\n"{STIFFNESS}" = "k"\n')
+    sidecar, physics = read_sidecar(path), prepare(folder)
+    (bound,) = bindings(physics.system, sidecar)
+    assert bound.exact
+    moved = with_literals(sidecar, {STIFFNESS: 48.0}, tmp_path / "copy")
+    assert find(moved.model, [STIFFNESS])[STIFFNESS].value == 48.0
+    model, coordinates = load(physics.system, sidecar, "known")
+    tried = everything(physics.system, sidecar, model, coordinates, physics.variants)
+    names = {str(candidate.hypothesis.id) for candidate in tried}
+    assert {STIFFNESS, "damping on x"} <= names
+
+
+def test_where_it_does_not_say_causes_are_numbers_of_the_equations_alone(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    like: Mapping[str, str] = {}
+    monkeypatch.setattr(KnownEngine, "written_like", like)
+    sidecar, physics = read_sidecar(folder / "good.known.toml"), prepare(folder)
+    with pytest.raises(LocationError, match="numbers are found in"):
+        numbers(sidecar.model, ".*")
+    assert line_of(sidecar.model, STIFFNESS) is None
+    model, coordinates = load(physics.system, sidecar, "known")
+    tried = everything(physics.system, sidecar, model, coordinates, physics.variants)
+    assert not any("literal" in candidate.hypothesis.id.kind for candidate in tried)
+    assert np.all([candidate.hypothesis.size > 0 for candidate in tried])
+
+
+def test_a_model_file_of_its_own_format_without_a_sidecar_is_told(folder: Path) -> None:
+    (folder / "forgotten.known").write_text((folder / "good.known").read_text())
+    unread = [one for one in model_files(folder) if isinstance(one, UnreadModel)]
+    assert [one.model for one in unread] == ["forgotten.known"]
+    assert 'engines = ["known"]' in unread[0].reason
+    assert folder_files(folder).broken == (f"{folder / 'forgotten.known'}: has no sidecar",)
