@@ -18,6 +18,12 @@ from tests.records.made import case, full_run, verdict
 
 FOLDERS = sorted(path.parent for path in builtin().glob("*/system.py"))
 
+SIX = {
+    "anchored_pair", "drum_pendulum", "free_pair", "mass_spring_damper", "simple_pendulum",
+    "torsional_disc",
+}  # fmt: skip
+"""Those of the source: in every engine and format. One that is added may be in fewer."""
+
 
 def sidecars(folder: Path) -> list[Sidecar]:
     found = list(model_files(folder))
@@ -31,9 +37,9 @@ def test_all_six_systems_run_in_all_four_pairings() -> None:
         for folder in FOLDERS
         for sidecar in sidecars(folder)
         for engine in sidecar.engines
+        if folder.name in SIX
     }
-    assert len(FOLDERS) == 6
-    assert seen == {(f.name, *pairing) for f, pairing in itertools.product(FOLDERS, pairings)}
+    assert seen == {(name, *pairing) for name, pairing in itertools.product(SIX, pairings)}
 
 
 def test_make_test_runs_them_as_tests() -> None:

@@ -41,6 +41,24 @@ def test_no_adapter_imports_the_reference_or_what_holds_a_system(path: Path) -> 
                 assert name.startswith("harness.engines"), f"{path.name} imports {name}"
 
 
+SHARED = {"protocol", "remark", "mistake", "compiled", "urdf"}
+"""Modules that adapters share; what else an adapter imports is of its own folder."""
+
+
+@pytest.mark.parametrize(
+    "path",
+    [p for p in ADAPTERS if p.name != "registry.py"],
+    ids=lambda p: p.relative_to(HOME).as_posix(),
+)
+def test_no_adapter_knows_another(path: Path) -> None:
+    own = path.relative_to(HOME).parts[0].removesuffix(".py")
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("harness.engines"):
+            parts = (node.module or "").split(".")[2:]
+            names = parts[:1] or [alias.name for alias in node.names]
+            assert set(names) <= {*SHARED, own}, f"{path.name} imports {node.module}"
+
+
 class Poisoning:
     """An engine whose every call finds NaN in place of the system's constants."""
 

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import sympy as sp
 
 from harness.cases.case import load
 from harness.cases.verdict import component_scale, judge
@@ -22,11 +23,6 @@ SECONDS = 2.0
 COARSE = 1e-5
 """Resolution that tells a share of a thousandth."""
 
-FORCED = {
-    # A known force: without, masses and stiffnesses are known but for a common factor.
-    "anchored_pair": "near_mode", "drum_pendulum": "driven", "free_pair": "driven",
-    "mass_spring_damper": "resonance", "simple_pendulum": "driven", "torsional_disc": "beat",
-}  # fmt: skip
 SLIDES = "a body that only slides does not turn"
 HINGES = "it turns about another axis"
 NO_EFFECT = {
@@ -73,9 +69,14 @@ def drawn(folder):
 
 @cache
 def forced(folder):
-    """A system as declared, and a motion under a known force."""
+    """A system as declared, and its first motion under a sine; where it has none, a force.
+
+    A known force: without, masses and stiffnesses are known but for a common factor.
+    """
     system = load_system(folder)
-    scenario = replace(system.scenario(FORCED[system.name]), duration=SECONDS)
+    driven = [s for s in system.scenarios if any(s.inputs.values())]
+    first = min(driven, key=lambda s: not any(sp.sympify(f).has(sp.sin) for f in s.inputs.values()))
+    scenario = replace(first, duration=SECONDS)
     return system, solve(derive(system), scenario)
 
 

@@ -52,7 +52,7 @@ def test_every_numbered_equation_of_the_source_has_a_row_or_a_reason() -> None:
     assert not {*entered} & {*LEFT_OUT}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", sorted({name for name, _ in PUBLISHED}))
 def test_every_published_equation_agrees_but_2_25(name: str) -> None:
     table = errata(equations_of(name), rests_of(name))
     assert len(table) == len(built_in(name).published) > 0

@@ -272,6 +272,12 @@ def test_the_complex_shapes_are_eigenvectors(name: str, rest: str) -> None:
 # Transfer functions
 
 
+BY_HAND = {
+    "mass_spring_damper", "torsional_disc", "simple_pendulum", "free_pair", "anchored_pair",
+    "drum_pendulum",
+}  # fmt: skip
+
+
 def textbook(name: str) -> dict[str, list[list[sp.Expr]]]:
     """Return the transfer functions worked out by hand, outputs by inputs."""
     v = {c.name: c.symbol for c in built_in(name).constants}
@@ -304,7 +310,7 @@ def textbook(name: str) -> dict[str, list[list[sp.Expr]]]:
     return found
 
 
-@pytest.mark.parametrize(("name", "rest"), RESTS[:-1])
+@pytest.mark.parametrize(("name", "rest"), [one for one in RESTS if one[0] in BY_HAND])
 def test_the_transfer_functions_are_the_textbooks(name: str, rest: str) -> None:
     found = transfer_functions(linearized(name, rest))
     gap = found - sp.Matrix(textbook(name)[rest])
