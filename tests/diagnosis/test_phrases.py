@@ -24,6 +24,16 @@ PHRASES: dict[str, dict[str, list[str]]] = json.loads(
 )
 """By system and kind: those of all its models in all engines."""
 
+TERMS = {
+    "inertia": "inertia on {}",
+    "damping": "damping on {}",
+    "quadratic damping": "quadratic damping on {}",
+    "friction": "friction on {}",
+    "spring": "spring on {}",
+    "offset force": "offset force on {}",
+}
+"""Those of the terms that the equations may lack, on each coordinate of every system."""
+
 
 @pytest.mark.skipif(
     any(engine.version() is None for engine in engines().values()), reason="an engine is missing"
@@ -41,4 +51,7 @@ def test_every_hypothesis_of_a_built_in_system_has_its_name(name: str) -> None:
             assert len(set(names)) == len(names)
             for one in names:
                 found[one.kind].add(str(one))
-    assert found == {kind: set(phrases) for kind, phrases in PHRASES[name].items()}
+    expected = {kind: set(phrases) for kind, phrases in PHRASES[name].items()}
+    for kind, phrase in TERMS.items():
+        expected[kind] = {phrase.format(c.name) for c in system.coordinates}
+    assert found == expected
