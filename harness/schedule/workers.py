@@ -155,8 +155,10 @@ def _captured(function: Callable[[Any], Any], argument: Any, log: str) -> Any:
         try:
             return function(argument)
         except (Exception, SystemExit) as error:
-            # The worker's own errors carry a sentence; anything else is told with its kind.
-            known = type(error).__module__.startswith(("harness.", "reference."))
+            # The worker's own errors, of these kinds, carry a sentence; anything else is told with
+            # its own kind.
+            ours = type(error).__module__.startswith(("harness.", "reference."))
+            known = ours and isinstance(error, ValueError | RuntimeError)
             return Failure(str(error) if known else f"{type(error).__name__}: {error}", "")
 
 
