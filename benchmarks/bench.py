@@ -14,8 +14,10 @@ import math
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -24,27 +26,35 @@ from rich.table import Table
 
 from harness.cases.case import load
 from harness.cases.prepare import prepare
+from harness.engines.protocol import Array
 from harness.engines.registry import engines
 from harness.files.folders import builtin, system_folders
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
-from harness.numerics.full_run import full_run
-from harness.numerics.segments import Batch, extrapolate
+from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.full_run import FullRun, full_run
+from harness.numerics.segments import Batch, Extrapolated, extrapolate
+from harness.records.case import Case
+from harness.records.model import Model
 from harness.records.results import Results
+from harness.records.system import System
 from harness.report import write_report
 from harness.run import Options, run
+from reference.motion import Motion
 from tests.report.chromium import CHROMIUM, running
 
 REPEATS = 5
+Rollout = tuple[float, int, list[list[float]], list[list[float]], Array | None]
+"""Step, number of steps, states z and w, and forces (spans, steps, nz) if any act."""
 MODELS = {"mujoco": "mujoco.xml", "pybullet": "robot.urdf", "pymunk": "space.py"}
 TARGET, MEASURED = 1e-9, 1e-5
 
 
-def sidecar_of(folder, name) -> Sidecar:
+def sidecar_of(folder: Path, name: str) -> Sidecar:
     return next(s for s in model_files(folder) if isinstance(s, Sidecar) and s.model.name == name)
 
 
-def segments(motion, coordinates, rungs):
+def segments(motion: Motion, coordinates: CoordinateMap, rungs: Iterable[int]) -> Iterator[Rollout]:
     """(h, n, states z and w, forces or None) of every rollout that a ladder takes."""
     z, w = coordinates.to_engine(motion.start)
     for rung in rungs:
@@ -55,11 +65,12 @@ def segments(motion, coordinates, rungs):
             h = span.length / rung
             times = motion.t[chosen, None] + h * np.arange(rung)
             u = motion.inputs(times.ravel()).reshape(span.count, rung, -1)
-            force = u @ coordinates.push_matrix.T if u.any() else None
+            push = coordinates.push_matrix if u.any() else None
+            force = None if push is None else u @ push.T
             yield h, rung, z[chosen].tolist(), w[chosen].tolist(), force
 
 
-def bare_mujoco(sidecar, work) -> None:
+def bare_mujoco(sidecar: Sidecar, work: Iterable[Rollout]) -> None:
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(sidecar.model))
@@ -78,7 +89,7 @@ def bare_mujoco(sidecar, work) -> None:
             data.qpos.copy(), data.qvel.copy()
 
 
-def bare_pybullet(sidecar, work, springs) -> None:
+def bare_pybullet(sidecar: Sidecar, work: Iterable[Rollout], springs: Sequence[float]) -> None:
     import pybullet as p
 
     p.resetSimulation()
@@ -104,7 +115,7 @@ def bare_pybullet(sidecar, work, springs) -> None:
                 states = p.getJointStates(body, joints)
 
 
-def bare_pymunk(build, work) -> None:
+def bare_pymunk(build: Callable[[], Any], work: Iterable[Rollout]) -> None:
     space, bodies = build()
     bodies = list(bodies.values())
     for h, n, z, w, force in work:
@@ -126,7 +137,8 @@ def bare_pymunk(build, work) -> None:
 
 def paired(ours: Callable[[], object], theirs: Callable[[], object]) -> tuple[float, float, float]:
     """Median ratio and the two median times of calls taken in turn."""
-    first, second = [], []
+    first: list[float] = []
+    second: list[float] = []
     for _ in range(REPEATS):
         for call, times in ((ours, first), (theirs, second)):
             began = time.perf_counter()
@@ -134,6 +146,14 @@ def paired(ours: Callable[[], object], theirs: Callable[[], object]) -> tuple[fl
             times.append(time.perf_counter() - began)
     ratios = [a / b for a, b in zip(first, second, strict=True)]
     return statistics.median(ratios), statistics.median(first), statistics.median(second)
+
+
+def loaded_ladder(
+    sidecar: Sidecar, engine: str, coordinates: CoordinateMap, batch: Batch
+) -> Extrapolated:
+    """A ladder with the loading of its model, which the bare loop has as well."""
+    model = engines()[engine].load(sidecar.spec(engine))
+    return extrapolate(model, coordinates, batch, resolution=1e-9)
 
 
 def overhead(console: Console) -> None:
@@ -148,24 +168,21 @@ def overhead(console: Console) -> None:
                 file = "robot_folded.urdf"
             sidecar = sidecar_of(prepared.folder, file)
             model, coordinates = load(prepared.system, sidecar, engine)
-            found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=1e-9)
+            batch = Batch.of(motion, scale)
+            found = extrapolate(model, coordinates, batch, resolution=1e-9)
             work = list(segments(motion, coordinates, found.rungs))
             if engine == "mujoco":
-                bare = lambda s=sidecar, w=work: bare_mujoco(s, w)  # noqa: E731
+                bare = partial(bare_mujoco, sidecar, work)
             elif engine == "pybullet":
                 stiffness = {"torsional_disc": [0.85], "mass_spring_damper": [47.0]}
                 springs = stiffness.get(name, [65.0, 0.0])
-                bare = lambda s=sidecar, w=work, k=springs: bare_pybullet(s, w, k)  # noqa: E731
+                bare = partial(bare_pybullet, sidecar, work, springs)
             else:
-                bare = lambda m=model, w=work: bare_pymunk(m._module.build, w)  # noqa: E731
-
-            def ours(s=sidecar, e=engine, b=coordinates, m=motion, c=scale) -> None:
-                extrapolate(engines()[e].load(s.spec(e)), b, Batch.of(m, c), resolution=1e-9)
-
-            def only_ladder(a=model, b=coordinates, m=motion, c=scale) -> None:
-                extrapolate(a, b, Batch.of(m, c), resolution=1e-9)
-
-            ratio, t_ours, t_bare = paired(ours if engine == "pybullet" else only_ladder, bare)
+                build = model._module.build  # type: ignore[attr-defined]  # pymunk's model alone
+                bare = partial(bare_pymunk, build, work)
+            ladder = partial(extrapolate, model, coordinates, batch, resolution=1e-9)
+            ours = partial(loaded_ladder, sidecar, engine, coordinates, batch)
+            ratio, t_ours, t_bare = paired(ours if engine == "pybullet" else ladder, bare)
             table.add_row(
                 engine,
                 f"{name}/{scenario}",
@@ -175,6 +192,11 @@ def overhead(console: Console) -> None:
                 f"{ratio:.2f}",
             )
     console.print(table)
+
+
+def largest_error(outcome: FullRun, size: Array) -> float:
+    """Of the first coordinate, as a share of its size."""
+    return float(np.max(np.abs(outcome.error[:, :1]) / size))
 
 
 def certification(console: Console) -> None:
@@ -196,14 +218,10 @@ def certification(console: Console) -> None:
         certified = float(np.max((found.limit.uncertainty + motion.bound) / scale))
         size = motion.amplitude[:1]
 
-        def error(h, m=model, c=coordinates, s=size) -> float:
-            outcome = full_run(m, c, motion, prepared.power, h)
-            return float(np.max(np.abs(outcome.error[:, :1]) / s))
-
+        run_at = partial(full_run, model, coordinates, motion, prepared.power)
         h = model.step
-        coarse = error(h)
-        h *= 1.2 * MEASURED / coarse
-        fine, finer = error(h), error(h / 1.25)
+        h *= 1.2 * MEASURED / largest_error(run_at(h), size)
+        fine, finer = largest_error(run_at(h), size), largest_error(run_at(h / 1.25), size)
         order = math.log(fine / finer) / math.log(1.25)
         measured = motion.duration / h * 1.25 * (finer / MEASURED) ** (1 / order)
         needed = measured * (MEASURED / TARGET) ** (1 / order)
@@ -221,14 +239,21 @@ def certification(console: Console) -> None:
 
 def multiplied(found: Results, times: int) -> Results:
     """The same results with each system several times, under other names."""
-    systems, models, cases = [], [], []
+    systems: list[System] = []
+    models: list[Model] = []
+    cases: list[Case] = []
     for i in range(times):
-        for one in found.systems:
-            systems.append(replace(one, folder=f"{one.folder}_{i}", name=f"{one.name}_{i}"))
-        for some, made in ((found.models, models), (found.cases, cases)):
-            for one in some:
-                made.append(replace(one, folder=f"{one.folder}_{i}", system=f"{one.system}_{i}"))
+        systems += [
+            replace(one, folder=f"{one.folder}_{i}", name=f"{one.name}_{i}")
+            for one in found.systems
+        ]
+        models += [replace(one, **renamed(one, i)) for one in found.models]
+        cases += [replace(one, **renamed(one, i)) for one in found.cases]
     return replace(found, systems=tuple(systems), models=tuple(models), cases=tuple(cases))
+
+
+def renamed(one: Model | Case, i: int) -> dict[str, str]:
+    return {"folder": f"{one.folder}_{i}", "system": f"{one.system}_{i}"}
 
 
 def report(console: Console, found: Results) -> None:

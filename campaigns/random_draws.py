@@ -62,9 +62,6 @@ class Judged:
     ratios: Mapping[str, Array]
 
 
-Pairing = tuple[Path, Sidecar, str]
-
-
 def pairings() -> list[Pairing]:
     """(folder, sidecar, engine) of every built-in model in every engine."""
     return [

@@ -61,13 +61,11 @@ def _read(node: ast.expr, text: str, symbols: Mapping[str, sp.Symbol], place: st
             raise ValueError("a power is written **")
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
             return _FUNCTIONS[name](*map(read, arguments))
-        case ast.Name() | ast.Attribute():
-            name = ast.unparse(node)
-            if name in symbols:
-                return symbols[name]
-            if name == "pi":
-                return sp.pi
-            if isinstance(node, ast.Name):
-                raise SidecarError(f"{place}: {name} is neither a coordinate nor a constant")
+        case ast.Name() | ast.Attribute() if (name := ast.unparse(node)) in symbols:
+            return symbols[name]
+        case ast.Name(id="pi"):
+            return sp.pi
+        case ast.Name(id=name):
+            raise SidecarError(f"{place}: {name} is neither a coordinate nor a constant")
     unread = ast.get_source_segment(text, node)
     raise ValueError(f"{unread!r} is neither a number, a declared name nor arithmetic of these")

@@ -3,7 +3,14 @@
 import ast
 import re
 import tomllib
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
+
+from harness.files.locations.location import Location
+from harness.files.sidecar import Sidecar
+
+Number = tuple[str, str, str]
+"""File, key, and the number as written."""
 
 # Attributes that say how a thing looks, how the mechanism is laid out, or how it is computed.
 NO_PHYSICS = {
@@ -28,10 +35,12 @@ NO_PHYSICS = {
     "joint": "axis solref solimp",
     "?xml": "version",
 }
+# The first argument of each that is a number of physics.
+FIRST = {"Body": 0, "DampedSpring": 4, "DampedRotarySpring": 2}
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
 
-def xml_numbers(text):
+def xml_numbers(text: str) -> Iterator[tuple[int, str, str]]:
     """(offset, `tag attribute`, number) of everything that may say physics, zeros apart."""
     # Comments give way to blanks, and with them the numbers in them.
     text = re.sub(r"<!--.*?-->", lambda m: re.sub(r"[^\n]", " ", m[0]), text, flags=re.DOTALL)
@@ -51,36 +60,39 @@ def xml_numbers(text):
             yield element.start(2), element[1], element[2]
 
 
-def python_numbers(text):
+def python_numbers(text: str) -> Iterator[tuple[int, str, str]]:
     """The same of a `space.py`: its names, and numbers given to bodies and springs unnamed."""
     for line in re.finditer(rf"^([A-Z_0-9]+) = ({NUMBER})", text, re.MULTILINE):
         if float(line[2]):
             yield line.start(2), line[1], line[2]
     starts = [0, *(m.end() for m in re.finditer("\n", text))]
-    first = {"Body": 0, "DampedSpring": 4, "DampedRotarySpring": 2}
     for node in ast.walk(ast.parse(text)):
-        given = []
-        if isinstance(node, ast.Call):
-            name = getattr(node.func, "attr", "")
-            if name in first:
-                given = [(name, value) for value in node.args[first[name] :]]
-                given += [(k.arg, k.value) for k in node.keywords]
-        elif isinstance(node, ast.Assign):
-            name = getattr(node.targets[0], "attr", "")
-            if name in ("gravity", "damping", "mass", "moment"):
-                given = [(name, node.value)]
-        for name, value in given:
+        for name, value in _given(node):
             for inner in ast.walk(value):
-                number = getattr(inner, "value", None)
-                if isinstance(number, (int, float)) and number:
-                    yield starts[inner.lineno - 1] + inner.col_offset, name, str(number)
+                match inner:
+                    case ast.Constant(value=int() | float() as number) if number:
+                        yield starts[inner.lineno - 1] + inner.col_offset, name, str(number)
 
 
-def sidecar_numbers(path):
+def _given(node: ast.AST) -> list[tuple[str, ast.expr]]:
+    """What a statement or call gives to bodies, springs and the space, by name."""
+    if isinstance(node, ast.Call):
+        name = getattr(node.func, "attr", "")
+        if name in FIRST:
+            given = [(name, value) for value in node.args[FIRST[name] :]]
+            return given + [(str(k.arg), k.value) for k in node.keywords]
+    elif isinstance(node, ast.Assign):
+        name = getattr(node.targets[0], "attr", "")
+        if name in ("gravity", "damping", "mass", "moment"):
+            return [(name, node.value)]
+    return []
+
+
+def sidecar_numbers(path: Path) -> Iterator[Number]:
     """(address, key, number) of a sidecar's settings and springs, zeros apart."""
     data = tomllib.loads(path.read_text())
 
-    def walk(value, address):
+    def walk(value: object, address: str) -> Iterator[tuple[str, str]]:
         if isinstance(value, dict):
             for key, inner in value.items():
                 yield from walk(inner, f"{address}.{key}" if address else key)
@@ -97,12 +109,14 @@ def sidecar_numbers(path):
             yield f"sidecar:{address}", key, number
 
 
-def unaccounted(sidecar, places, excepted):
+def unaccounted(
+    sidecar: Sidecar, places: Mapping[str, Location], excepted: Collection[Number]
+) -> list[Number]:
     """Numbers that are neither at one of the bound places nor excepted: (file, key, number)."""
     path = Path(f"{sidecar.model}.toml")
     starts = {p.start for p in places.values() if p.file == sidecar.model}
     text = sidecar.model.read_bytes().decode("latin-1")  # a character a byte
     numbers = python_numbers if sidecar.model.suffix == ".py" else xml_numbers
-    left = [(sidecar.model.name, *rest) for at, *rest in numbers(text) if at not in starts]
-    left += [(path.name, *rest) for a, *rest in sidecar_numbers(path) if a not in places]
+    left = [(sidecar.model.name, key, n) for at, key, n in numbers(text) if at not in starts]
+    left += [(path.name, key, n) for at, key, n in sidecar_numbers(path) if at not in places]
     return [item for item in left if item not in excepted]

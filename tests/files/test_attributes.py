@@ -16,20 +16,20 @@ TEXT = (
 
 
 @pytest.fixture
-def file(tmp_path) -> Path:
+def file(tmp_path: Path) -> Path:
     path = tmp_path / "model.xml"
     path.write_bytes(TEXT.encode())
     return path
 
 
-def changed(file, name, attribute, value):
+def changed(file: Path, name: str, attribute: str, value: str | None) -> str:
     element = next(e for e in elements(file) if e.attributes.get("name") == name)
     return with_attributes(
         file.read_bytes(), file, [Attribute(element.start, attribute, value)]
     ).decode()
 
 
-def test_an_attribute_is_added_after_the_others(file):
+def test_an_attribute_is_added_after_the_others(file: Path) -> None:
     assert changed(file, "x", "armature", "0.1") == TEXT.replace(
         "axis='1 0 0' ", "axis='1 0 0' armature=\"0.1\" "
     )
@@ -38,18 +38,18 @@ def test_an_attribute_is_added_after_the_others(file):
     )
 
 
-def test_an_attribute_is_set_where_it_stands(file):
+def test_an_attribute_is_set_where_it_stands(file: Path) -> None:
     assert changed(file, "x", "axis", "0 0 1") == TEXT.replace(
         "\n         axis='1 0 0'", ' axis="0 0 1"'
     )
 
 
-def test_an_attribute_is_taken_out_and_one_that_is_not_there_is_none(file):
+def test_an_attribute_is_taken_out_and_one_that_is_not_there_is_none(file: Path) -> None:
     assert changed(file, "x", "axis", None) == TEXT.replace("\n         axis='1 0 0'", "")
     assert changed(file, "x", "damping", None) == TEXT
 
 
-def test_several_are_changed_at_once(file):
+def test_several_are_changed_at_once(file: Path) -> None:
     x, y = (e.start for e in elements(file) if "name" in e.attributes)
     wanted = [Attribute(x, "a", "1"), Attribute(y, "b", '"<&'), Attribute(x, "axis", None)]
     path = file.with_name("new.xml")
@@ -58,6 +58,6 @@ def test_several_are_changed_at_once(file):
     assert found == {"x": {"name": "x", "a": "1"}, "y": {"name": "y", "b": '"<&'}}
 
 
-def test_a_byte_where_no_element_starts_is_refused(file):
+def test_a_byte_where_no_element_starts_is_refused(file: Path) -> None:
     with pytest.raises(LocationError, match="no element starts at byte 5"):
         with_attributes(file.read_bytes(), file, [Attribute(5, "a", "1")])

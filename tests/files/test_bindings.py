@@ -5,6 +5,8 @@ import os
 import shutil
 import sys
 from fractions import Fraction
+from pathlib import Path
+from typing import Any, Protocol
 
 import pytest
 
@@ -20,8 +22,8 @@ from harness.files.bindings import (
 )
 from harness.files.folders import builtin
 from harness.files.locations import LocationError
-from harness.files.sidecar import SidecarError, read_sidecar
-from reference import DeclarationError
+from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from reference import DeclarationError, System
 from reference.load import load_system
 
 URDF = """<!-- Rod: <mass value="0.8"/>, gravity in the sidecar; à la carte. -->
@@ -43,16 +45,20 @@ gravity = [0, 0, -9.81]
 NAMES = ["sidecar:settings.gravity[2]", "mass@value", "inertia@ixx", "inertia@iyy", "origin@xyz[2]"]
 
 
+class Write(Protocol):
+    """Writes the model and its sidecar, with changes and line ends, and reads the sidecar."""
+
+    def __call__(self, *changes: tuple[str, str], end: str = "\n") -> Sidecar: ...
+
+
 @pytest.fixture(scope="module")
-def drum():
+def drum() -> System:
     return load_system(builtin() / "drum_pendulum")
 
 
 @pytest.fixture
-def write(tmp_path):
-    """Write the model and its sidecar, with changes and line ends, and read the sidecar."""
-
-    def make(*changes, end="\n"):
+def write(tmp_path: Path) -> Write:
+    def make(*changes: tuple[str, str], end: str = "\n") -> Sidecar:
         texts = [URDF, SIDECAR]
         for old, new in changes:
             assert old in "".join(texts)
@@ -66,14 +72,16 @@ def write(tmp_path):
     return make
 
 
-def contents(folder):
+def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 # What a literal should be.
 
 
-def test_a_binding_tells_what_the_file_says_and_what_it_should_say(drum, write):
+def test_a_binding_tells_what_the_file_says_and_what_it_should_say(
+    drum: System, write: Write
+) -> None:
     found = bindings(drum, write(('ixx="0.024"', 'ixx="0.025"')))
     assert [b.address for b in found] == NAMES
     gravity, mass, inertia = found[:3]
@@ -85,7 +93,9 @@ def test_a_binding_tells_what_the_file_says_and_what_it_should_say(drum, write):
     assert mismatches(found) == (inertia,)
 
 
-def test_the_expected_value_is_that_of_the_doubles_correctly_rounded(drum, write):
+def test_the_expected_value_is_that_of_the_doubles_correctly_rounded(
+    drum: System, write: Write
+) -> None:
     changes = ("'0.8'", "'0.4'"), ('"mass@value" = "m"', '"mass@value" = "M/6"')
     axle = bindings(drum, write(*changes))[1]
     assert axle.expected == float(Fraction(2.4) / 6)
@@ -96,7 +106,7 @@ def test_the_expected_value_is_that_of_the_doubles_correctly_rounded(drum, write
     assert root.exact
 
 
-def ulps(value, count):
+def ulps(value: float, count: int) -> float:
     for _ in range(abs(count)):
         value = math.nextafter(value, math.copysign(math.inf, count))
     return value
@@ -112,7 +122,9 @@ def ulps(value, count):
     ("-0.024", "wrong"),
     ("0.0240000", "exact"),
 ])  # fmt: skip
-def test_a_literal_is_right_to_the_roundings_of_doubles(drum, write, literal, kind):
+def test_a_literal_is_right_to_the_roundings_of_doubles(
+    drum: System, write: Write, literal: str, kind: str
+) -> None:
     found = bindings(drum, write(('ixx="0.024"', f'ixx="{literal}"')))
     assert found[2].exact == (kind == "exact")
     assert mismatches(found) == (() if kind == "exact" else (found[2],))
@@ -129,8 +141,8 @@ def test_a_literal_is_right_to_the_roundings_of_doubles(drum, write, literal, ki
     ("5.555555555555555", False),  # exact, so not rounded
 ])  # fmt: skip
 def test_a_literal_with_few_digits_passes_where_it_is_correctly_rounded(
-    drum, write, literal, rounded
-):
+    drum: System, write: Write, literal: str, rounded: bool
+) -> None:
     found = bindings(drum, write(('ixx="0.024"', f'ixx="{literal}"'), ('"m*l**2/12"', '"1/r"')))
     assert found[2].rounded == rounded
     assert (found[2] in mismatches(found)) == (not rounded and literal != "5.555555555555555")
@@ -138,14 +150,16 @@ def test_a_literal_with_few_digits_passes_where_it_is_correctly_rounded(
         assert found[2].error == pytest.approx((float(literal) - 1 / 0.18) * 0.18, rel=1e-9)
 
 
-def test_zero_that_should_be_something_and_something_that_should_be_zero_differ(drum, write):
+def test_zero_that_should_be_something_and_something_that_should_be_zero_differ(
+    drum: System, write: Write
+) -> None:
     changes = ("0\t0  -0.3", "0\t0  0.0000000"), ('"mass@value" = "m"', '"mass@value" = "m - m"')
     found = bindings(drum, write(*changes))
     assert mismatches(found) == (found[1], found[4])
     assert found[1].error == 0.8
 
 
-def test_the_correction_is_the_shortest_decimal_that_is_right(drum, write):
+def test_the_correction_is_the_shortest_decimal_that_is_right(drum: System, write: Write) -> None:
     found = bindings(drum, write())
     assert [repr(b.correction) for b in found] == ["-9.81", "0.8", "0.024", "0.024", "-0.3"]
 
@@ -160,21 +174,23 @@ def test_the_correction_is_the_shortest_decimal_that_is_right(drum, write):
     (('"mass@value" = "m"', '"mass@value" = "m"\n"link/inertial/mass@value" = "m"'),
      r"'link/inertial/mass@value' is the same number as 'mass@value' \(.*urdf:3\); keep one"),
 ])  # fmt: skip
-def test_a_binding_that_means_nothing_is_refused(drum, write, change, sentence):
+def test_a_binding_that_means_nothing_is_refused(
+    drum: System, write: Write, change: tuple[str, str], sentence: str
+) -> None:
     sidecar = write(change)
     with pytest.raises(SidecarError, match=sentence) as refused:
         bindings(drum, sidecar)
     assert str(refused.value).startswith(f"{sidecar.model}.toml: [bindings] '")
 
 
-def test_a_binding_to_nowhere_is_refused(drum, write):
+def test_a_binding_to_nowhere_is_refused(drum: System, write: Write) -> None:
     with pytest.raises(LocationError, match=r"robot\.urdf: .*no masses; there is mass"):
         bindings(drum, write(('"mass@value"', '"masses@value"')))
     with pytest.raises(LocationError, match=r"robot\.urdf\.toml: 'settings\.gravitas"):
         bindings(drum, write(("settings.gravity", "settings.gravitas")))
 
 
-def test_a_sidecar_without_bindings_has_none(drum, write):
+def test_a_sidecar_without_bindings_has_none(drum: System, write: Write) -> None:
     assert bindings(drum, write((SIDECAR[SIDECAR.index("[bindings]") :], ""))) == ()
 
 
@@ -182,7 +198,7 @@ def test_a_sidecar_without_bindings_has_none(drum, write):
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"], ids=["LF", "CRLF"])
-def test_a_copy_differs_in_the_literals_alone(write, tmp_path, end):
+def test_a_copy_differs_in_the_literals_alone(write: Write, tmp_path: Path, end: str) -> None:
     sidecar = write(end=end)
     before = contents(sidecar.model.parent)
     copy = with_literals(
@@ -201,18 +217,20 @@ def test_a_copy_differs_in_the_literals_alone(write, tmp_path, end):
     assert locate(copy, ["origin@xyz[2]"])["origin@xyz[2]"].value == -1 / 3
 
 
-def test_a_literal_that_says_it_already_is_left_as_written(write, tmp_path):
+def test_a_literal_that_says_it_already_is_left_as_written(write: Write, tmp_path: Path) -> None:
     sidecar = write()
     with_literals(sidecar, {"inertia@iyy": 0.024, "mass@value": 0.8}, tmp_path / "copy")
     assert contents(tmp_path / "copy") == contents(sidecar.model.parent)
 
 
-def test_any_number_with_an_address_can_be_replaced_bound_or_not(write, tmp_path):
+def test_any_number_with_an_address_can_be_replaced_bound_or_not(
+    write: Write, tmp_path: Path
+) -> None:
     copy = with_literals(write(), {"origin@xyz[0]": 0.1}, tmp_path / "copy")
     assert b'xyz="0.1\t0  -0.3"' in copy.model.read_bytes()
 
 
-def test_what_lies_beside_a_model_is_found_from_its_copy(write, tmp_path):
+def test_what_lies_beside_a_model_is_found_from_its_copy(write: Write, tmp_path: Path) -> None:
     sidecar = write()
     folder = sidecar.model.parent
     (folder / "meshes").mkdir()
@@ -237,13 +255,15 @@ def test_what_lies_beside_a_model_is_found_from_its_copy(write, tmp_path):
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_value_that_is_not_finite_is_written_nowhere(write, tmp_path, value):
+def test_a_value_that_is_not_finite_is_written_nowhere(
+    write: Write, tmp_path: Path, value: float
+) -> None:
     with pytest.raises(ValueError, match="'mass@value' can't be"):
         with_literals(write(), {"mass@value": value}, tmp_path / "copy")
     assert not (tmp_path / "copy").exists()
 
 
-def test_a_copy_never_lands_on_the_users_own_file(write):
+def test_a_copy_never_lands_on_the_users_own_file(write: Write) -> None:
     sidecar = write()
     before = contents(sidecar.model.parent)
     with pytest.raises(ValueError, match="copies go elsewhere"):
@@ -251,12 +271,14 @@ def test_a_copy_never_lands_on_the_users_own_file(write):
     assert contents(sidecar.model.parent) == before
 
 
-def test_two_addresses_of_one_number_must_agree_on_it(write, tmp_path):
+def test_two_addresses_of_one_number_must_agree_on_it(write: Write, tmp_path: Path) -> None:
     with pytest.raises(LocationError, match="the same number as another"):
         with_literals(write(), {"mass@value": 1.0, "inertial/mass@value": 2.0}, tmp_path / "copy")
 
 
-def test_changed_constants_move_every_literal_that_they_enter(drum, write, tmp_path):
+def test_changed_constants_move_every_literal_that_they_enter(
+    drum: System, write: Write, tmp_path: Path
+) -> None:
     sidecar = write()
     copy = with_constants(drum, sidecar, {"l": 0.9}, tmp_path / "copy")
     assert {a: p.value for a, p in locate(copy, NAMES).items()} == {
@@ -272,8 +294,8 @@ def test_changed_constants_move_every_literal_that_they_enter(drum, write, tmp_p
 
 
 def test_unchanged_constants_leave_a_right_model_as_it_is_and_set_a_wrong_one_right(
-    drum, write, tmp_path
-):
+    drum: System, write: Write, tmp_path: Path
+) -> None:
     # 0.4, not the 0.39999999999999997 that a sixth of the double 2.4 is.
     sidecar = write(("'0.8'", "'0.4'"), ('"mass@value" = "m"', '"mass@value" = "M/6"'))
     with_constants(drum, sidecar, {}, tmp_path / "copy")
@@ -282,7 +304,7 @@ def test_unchanged_constants_leave_a_right_model_as_it_is_and_set_a_wrong_one_ri
     assert locate(copy, ["mass@value"])["mass@value"].value == 0.8
 
 
-def test_a_system_at_other_constants_is_that_system(drum):
+def test_a_system_at_other_constants_is_that_system(drum: System) -> None:
     changed = at_constants(drum, {"l": 1.2, "g": 1.62})
     assert {c.name: c.value for c in changed.constants} == {
         "M": 2.4,
@@ -303,27 +325,31 @@ def test_a_system_at_other_constants_is_that_system(drum):
     ({"l": 0.0}, "can't be varied to 0"),
     ({"l": math.nan}, "can't be varied to nan"),
 ])  # fmt: skip
-def test_constants_that_the_equations_do_not_admit_are_refused(drum, constants, sentence):
+def test_constants_that_the_equations_do_not_admit_are_refused(
+    drum: System, constants: dict[str, float], sentence: str
+) -> None:
     with pytest.raises(DeclarationError, match=sentence):
         at_constants(drum, constants)
 
 
 @pytest.mark.skipif(engines()["pymunk"].version() is None, reason="pymunk is not installed")
-def test_a_python_model_rewritten_within_a_second_runs_as_rewritten(tmp_path, monkeypatch):
+def test_a_python_model_rewritten_within_a_second_runs_as_rewritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     # The same path, second and size: what Python goes by to tell stale bytecode.
     sidecar = read_sidecar(builtin() / "torsional_disc" / "space.py.toml")
     for value in (0.022, 0.023, 0.024):
         copy = with_literals(sidecar, {"INERTIA": value}, tmp_path / "copy")
         os.utime(copy.model, (1e9, 1e9))
-        model = engines()["pymunk"].load(copy.spec("pymunk"))
+        model: Any = engines()["pymunk"].load(copy.spec("pymunk"))
         assert model._bodies["disc"].moment == value
 
 
 # In place.
 
 
-def test_a_model_is_set_right_in_place_on_demand(drum, write):
+def test_a_model_is_set_right_in_place_on_demand(drum: System, write: Write) -> None:
     sidecar = write(("'0.8'", "'0.800001'"), ("-9.81", "-9.8"))
     os.chmod(sidecar.model, 0o640)
     wrong = mismatches(bindings(drum, sidecar))
@@ -334,14 +360,16 @@ def test_a_model_is_set_right_in_place_on_demand(drum, write):
     assert (sidecar.model.parent / "robot.urdf.toml").read_bytes() == SIDECAR.encode()
 
 
-def test_a_rewrite_that_fails_leaves_both_files_whole(write, monkeypatch):
+def test_a_rewrite_that_fails_leaves_both_files_whole(
+    write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sidecar = write()
     before = contents(sidecar.model.parent)
     with pytest.raises(LocationError):
         rewrite(sidecar, {"mass@value": 1.0, "sidecar:settings.gravitas": 2.0})
     assert contents(sidecar.model.parent) == before
 
-    def full(*_):
+    def full(*_: object) -> None:
         raise OSError("no space left on device")
 
     monkeypatch.setattr(os, "replace", full)
@@ -350,7 +378,9 @@ def test_a_rewrite_that_fails_leaves_both_files_whole(write, monkeypatch):
     assert contents(sidecar.model.parent) == before
 
 
-def test_a_rewrite_through_a_link_reaches_the_file_and_keeps_the_link(write, tmp_path):
+def test_a_rewrite_through_a_link_reaches_the_file_and_keeps_the_link(
+    write: Write, tmp_path: Path
+) -> None:
     sidecar = write()
     linked = tmp_path / "linked"
     linked.mkdir()

@@ -2,17 +2,19 @@
 
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 
 from harness.files.bindings import bindings, mismatches, with_literals
 from harness.files.folders import builtin, system_folders
 from harness.files.model_files import model_files
-from harness.files.sidecar import read_sidecar
+from harness.files.sidecar import Sidecar, read_sidecar
+from reference import System
 from reference.load import load_system
-from tests.files.literals import unaccounted
+from tests.files.literals import Number, unaccounted
 
-MODELS = [s for folder in system_folders([]) for s in model_files(folder)]
+MODELS = [s for folder in system_folders([]) for s in model_files(folder) if isinstance(s, Sidecar)]
 
 SYSTEMS = {sidecar.model.parent.name for sidecar in MODELS}
 LEVEL = {"anchored_pair", "free_pair", "mass_spring_damper", "torsional_disc"}
@@ -20,7 +22,7 @@ PAIRS = {"anchored_pair", "free_pair"}
 DRUM, PENDULUM = {"drum_pendulum"}, {"simple_pendulum"}
 
 
-def moments(number):
+def moments(number: str) -> list[tuple[str, str]]:
     return [(f"inertia {axis}", number) for axis in ("ixx", "iyy", "izz")]
 
 
@@ -58,21 +60,21 @@ EXCEPTED = [
 ]  # fmt: skip
 
 
-def excepted(system):
+def excepted(system: str) -> set[Number]:
     """Exceptions for a system: (file, key, number)."""
     return {(file, *item) for _, of, file, items in EXCEPTED if system in of for item in items}
 
 
-def name(sidecar):
+def name(sidecar: Sidecar) -> str:
     return f"{sidecar.model.parent.name}-{sidecar.model.name}"
 
 
 @pytest.fixture(scope="module", params=MODELS, ids=name)
-def model(request):
+def model(request: pytest.FixtureRequest) -> tuple[System, Sidecar]:
     return load_system(request.param.model.parent), request.param
 
 
-def test_every_binding_is_found_and_right_to_the_last_digit(model):
+def test_every_binding_is_found_and_right_to_the_last_digit(model: tuple[System, Sidecar]) -> None:
     system, sidecar = model
     found = bindings(system, sidecar)
     assert found
@@ -80,7 +82,9 @@ def test_every_binding_is_found_and_right_to_the_last_digit(model):
     assert [b.address for b in found if b.correction != b.value] == []
 
 
-def test_every_literal_that_is_off_by_a_few_units_in_the_last_place_is_told(model, tmp_path):
+def test_every_literal_that_is_off_by_a_few_units_in_the_last_place_is_told(
+    model: tuple[System, Sidecar], tmp_path: Path
+) -> None:
     system, sidecar = model
     found = bindings(system, sidecar)
     for b in found:
@@ -89,14 +93,17 @@ def test_every_literal_that_is_off_by_a_few_units_in_the_last_place_is_told(mode
         assert [m.address for m in mismatches(bindings(system, copy))] == [b.address]
 
 
-def test_every_number_that_says_physics_is_bound_or_excepted_with_a_reason(model):
+def test_every_number_that_says_physics_is_bound_or_excepted_with_a_reason(
+    model: tuple[System, Sidecar],
+) -> None:
     system, sidecar = model
     places = {b.address: b.place for b in bindings(system, sidecar)}
     assert unaccounted(sidecar, places, excepted(system.name)) == []
 
 
-def test_no_exception_is_left_over():
-    used, files = set(), set()
+def test_no_exception_is_left_over() -> None:
+    used: set[tuple[str, ...]] = set()
+    files: set[tuple[str, str]] = set()
     for sidecar in MODELS:
         system = load_system(sidecar.model.parent)
         files |= {(system.name, sidecar.model.name), (system.name, f"{sidecar.model.name}.toml")}
@@ -131,7 +138,9 @@ def test_no_exception_is_left_over():
     ("drum_pendulum", "space.py", "(0, -GRAVITY)", "(0, -9.81)",
      ("space.py", "gravity", "9.81")),
 ])  # fmt: skip
-def test_a_number_that_is_added_without_a_binding_is_found(tmp_path, folder, file, old, new, left):
+def test_a_number_that_is_added_without_a_binding_is_found(
+    tmp_path: Path, folder: str, file: str, old: str, new: str, left: Number
+) -> None:
     shutil.copytree(builtin() / folder, tmp_path / folder)
     path = tmp_path / folder / file
     text = path.read_text()

@@ -21,7 +21,7 @@ NAMES = {"m": m, "r": r, "bob.angle": angle, "left arm.x": arm}
     ("sin(bob.angle) + atan2(m, -r)", sp.sin(angle) + sp.atan2(m, -r)),
     ("left arm.x - 1.2", arm - sp.Rational(6, 5)),
 ])  # fmt: skip
-def test_an_expression_is_read_exactly(text, meant):
+def test_an_expression_is_read_exactly(text: str, meant: sp.Expr) -> None:
     assert parse(text, NAMES, "here") == meant
 
 
@@ -42,7 +42,7 @@ def test_an_expression_is_read_exactly(text, meant):
     ("__import__('os').getcwd()", "is neither a number"),
     ("[m for m in (r,)]", "is neither a number"),
 ])  # fmt: skip
-def test_what_is_no_arithmetic_of_declared_names_is_refused(text, sentence):
+def test_what_is_no_arithmetic_of_declared_names_is_refused(text: str, sentence: str) -> None:
     with pytest.raises(SidecarError, match=sentence) as refused:
         parse(text, NAMES, "f.toml: [bindings] a")
     assert str(refused.value).startswith("f.toml: [bindings] a: ")

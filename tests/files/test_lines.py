@@ -1,5 +1,7 @@
 """The line of what an address means: comments and look-alikes don't count."""
 
+from pathlib import Path
+
 import pytest
 
 from harness.files.locations import line_of
@@ -73,11 +75,13 @@ gravity = [0,
         ("m.sdf", "<sdf/>", "sdf", None),
     ],
 )
-def test_the_line_of_an_address_is_that_of_what_it_means(name, text, address, line, tmp_path):
+def test_the_line_of_an_address_is_that_of_what_it_means(
+    name: str, text: str, address: str, line: int | None, tmp_path: Path
+) -> None:
     file = tmp_path / name
     file.write_text(text)
     assert line_of(file, address) == line
 
 
-def test_a_file_that_is_not_there_has_no_lines(tmp_path):
+def test_a_file_that_is_not_there_has_no_lines(tmp_path: Path) -> None:
     assert line_of(tmp_path / "m.xml", "option") is None

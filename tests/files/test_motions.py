@@ -2,21 +2,25 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
 
 from harness.cases.case import load
-from harness.cases.verdict import component_scale, judge
+from harness.cases.verdict import Verdict, component_scale, judge
 from harness.engines.registry import engines
 from harness.files.bindings import at_constants, bindings, with_constants, with_literals
 from harness.files.folders import system_folders
 from harness.files.model_files import model_files
+from harness.files.sidecar import Sidecar
 from harness.numerics.segments import Batch, extrapolate
 from harness.records.outcome import Outcome
+from reference import System
 from reference.derive import derive
 from reference.load import load_system
+from reference.motion import Motion
 from reference.solve import solve
 
 SECONDS = 2.0
@@ -53,12 +57,13 @@ CASES = [
     )
     for folder in system_folders([])
     for sidecar in model_files(folder)
+    if isinstance(sidecar, Sidecar)
     for engine in sidecar.engines
 ]
 
 
 @cache
-def drawn(folder):
+def drawn(folder: Path) -> tuple[System, dict[str, float], Motion]:
     """A system at random constants, its draw, and its free motion."""
     rng = np.random.default_rng(20240817)
     system = load_system(folder)
@@ -68,7 +73,7 @@ def drawn(folder):
 
 
 @cache
-def forced(folder):
+def forced(folder: Path) -> tuple[System, Motion]:
     """A system as declared, and its first motion under a sine; where it has none, a force.
 
     A known force: without, masses and stiffnesses are known but for a common factor.
@@ -80,7 +85,9 @@ def forced(folder):
     return system, solve(derive(system), scenario)
 
 
-def verdict(system, sidecar, engine, motion, resolution):
+def verdict(
+    system: System, sidecar: Sidecar, engine: str, motion: Motion, resolution: float
+) -> Verdict:
     model, coordinates = load(system, sidecar, engine)
     scale = component_scale(motion, [])
     claimed, _ = model.exponents(motion.varying)
@@ -91,13 +98,15 @@ def verdict(system, sidecar, engine, motion, resolution):
 
 
 @pytest.fixture(autouse=True)
-def _installed(engine):
+def _installed(engine: str) -> None:
     if engines()[engine].version() is None:
         pytest.skip(f"{engine} is not installed")
 
 
 @pytest.mark.parametrize(("sidecar", "engine"), CASES)
-def test_a_model_and_equations_at_random_constants_agree(sidecar, engine, tmp_path):
+def test_a_model_and_equations_at_random_constants_agree(
+    sidecar: Sidecar, engine: str, tmp_path: Path
+) -> None:
     nominal = load_system(sidecar.model.parent)
     system, draw, motion = drawn(sidecar.model.parent)
     copy = with_constants(nominal, sidecar, draw, tmp_path / "copy")
@@ -109,8 +118,8 @@ def test_a_model_and_equations_at_random_constants_agree(sidecar, engine, tmp_pa
 
 @pytest.mark.parametrize(("sidecar", "engine"), CASES)
 def test_a_literal_off_by_a_thousandth_differs_unless_no_motion_depends_on_it(
-    sidecar, engine, tmp_path
-):
+    sidecar: Sidecar, engine: str, tmp_path: Path
+) -> None:
     system, motion = forced(sidecar.model.parent)
     expected, outcomes = {}, {}
     for b in bindings(system, sidecar):

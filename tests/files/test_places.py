@@ -1,5 +1,7 @@
 """Addresses: each means the bytes of one number, or is refused with file, line and remedy."""
 
+from pathlib import Path
+
 import pytest
 
 from harness.files.locations import LocationError, find, numbers
@@ -128,7 +130,9 @@ EVERY = [
 
 
 @pytest.mark.parametrize(("file", "text", "end", "address", "number"), EVERY)
-def test_an_address_means_the_bytes_of_its_number(tmp_path, file, text, end, address, number):
+def test_an_address_means_the_bytes_of_its_number(
+    tmp_path: Path, file: str, text: str, end: str, address: str, number: str
+) -> None:
     data = text.replace("\n", end).encode()
     (tmp_path / file).write_bytes(data)
     place = find(tmp_path / file, [address])[address]
@@ -140,7 +144,7 @@ def test_an_address_means_the_bytes_of_its_number(tmp_path, file, text, end, add
     assert str(place) == f"{tmp_path / file}:{place.line}"
 
 
-def test_look_alikes_come_before_the_places_they_look_like():
+def test_look_alikes_come_before_the_places_they_look_like() -> None:
     # Else the test above would not tell a parser from a search for text.
     assert MJCF.index('stiffness="1.0"') < MJCF.index("stiffness = '65.0'")
     assert URDF.index("48 before") < URDF.index("47.0")
@@ -215,7 +219,9 @@ def test_look_alikes_come_before_the_places_they_look_like():
     ("m.xml", '<a b="inf"/>', "a@b", 1, "is 'inf' there, where a decimal number belongs"),
     ("m.xml", '<a b=""/>', "a@b", None, "means 0 numbers"),
 ])  # fmt: skip
-def test_what_means_no_single_number_is_refused(tmp_path, file, text, address, line, sentence):
+def test_what_means_no_single_number_is_refused(
+    tmp_path: Path, file: str, text: str, address: str, line: int | None, sentence: str
+) -> None:
     path = tmp_path / file
     path.write_bytes(text.encode())
     with pytest.raises(LocationError, match=sentence) as refused:
@@ -224,7 +230,7 @@ def test_what_means_no_single_number_is_refused(tmp_path, file, text, address, l
     assert str(refused.value).startswith(where)
 
 
-def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path):
+def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_bytes(b'<a b="\xe9"/>')
     with pytest.raises(LocationError, match=r"m\.xml: byte 6 is no UTF-8"):
         find(tmp_path / "m.xml", ["a@b"])
@@ -232,7 +238,7 @@ def test_a_file_that_is_no_text_or_not_there_is_refused(tmp_path):
         find(tmp_path / "gone.xml", ["a@b"])
 
 
-def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path):
+def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path: Path) -> None:
     source = Source(tmp_path / "m.xml", b'<a b="1.5"/>')
     assert source.place(((6, 9), 1.5), "a@b").text == "1.5"
     with pytest.raises(
@@ -244,7 +250,7 @@ def test_bytes_that_do_not_say_what_the_parser_reads_are_no_place(tmp_path):
 MECHANICS = r"(joint|inertial|mass)@\w+|springStiffness"
 
 
-def test_numbers_are_listed_by_addresses_that_find_them(tmp_path):
+def test_numbers_are_listed_by_addresses_that_find_them(tmp_path: Path) -> None:
     file = tmp_path / "model.xml"
     file.write_text(
         '<mujoco><geom name="g" size="1 2"/><body name="a"><joint name="x" damping="0.1"'
@@ -267,7 +273,7 @@ def test_numbers_are_listed_by_addresses_that_find_them(tmp_path):
     assert [place.value for place in found.values()] == [0.1, 0, 0, 1, 2, 1, 2, 3, 3]
 
 
-def test_numbers_without_an_address_of_their_own_are_left_out(tmp_path):
+def test_numbers_without_an_address_of_their_own_are_left_out(tmp_path: Path) -> None:
     file = tmp_path / "model.urdf"
     file.write_text(
         '<robot><gazebo reference="x"><springStiffness>4</springStiffness></gazebo>'
@@ -276,7 +282,7 @@ def test_numbers_without_an_address_of_their_own_are_left_out(tmp_path):
     assert numbers(file, MECHANICS) == ("gazebo[x]/springStiffness",)
 
 
-def test_numbers_of_python_are_names_at_the_top_level(tmp_path):
+def test_numbers_of_python_are_names_at_the_top_level(tmp_path: Path) -> None:
     file = tmp_path / "space.py"
     file.write_text("A = 1.5\nB: float = -2\nC = A * 2\n\ndef f():\n    D = 3\n")
     assert numbers(file, "unused") == ("A", "B")

@@ -1,5 +1,8 @@
 """Sidecars: what they may say, and how a wrong one is refused."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import pytest
 
 from harness.files.sidecar import SidecarError, read_sidecar
@@ -24,8 +27,8 @@ rest = 0
 
 
 @pytest.fixture
-def write(tmp_path):
-    def make(text):
+def write(tmp_path: Path) -> Callable[[str], Path]:
+    def make(text: str) -> Path:
         (tmp_path / "robot.urdf").write_text("<robot/>")
         path = tmp_path / "robot.urdf.toml"
         path.write_text(text)
@@ -34,7 +37,7 @@ def write(tmp_path):
     return make
 
 
-def test_everything_said_is_read(write):
+def test_everything_said_is_read(write: Callable[[str], Path]) -> None:
     found = read_sidecar(write(GOOD))
     assert found.engines == ("pybullet", "mujoco")
     assert found.coordinates == {"phi": "x / r"}
@@ -42,7 +45,7 @@ def test_everything_said_is_read(write):
     assert found.springs[0].stiffness == 38.0
 
 
-def test_an_engine_sees_its_own_settings_and_no_other(write):
+def test_an_engine_sees_its_own_settings_and_no_other(write: Callable[[str], Path]) -> None:
     found = read_sidecar(write(GOOD))
     assert found.spec("mujoco").settings["integrator"] == "Euler"
     assert "integrator" not in found.spec("pybullet").settings
@@ -63,7 +66,9 @@ def test_an_engine_sees_its_own_settings_and_no_other(write):
     (("{x1 = 1, x2 = -1}", "['x1', 'x2']"), "joints must map joint names"),
     (("step = 0.002", "step = = 1"), "no TOML"),
 ])  # fmt: skip
-def test_a_wrong_sidecar_is_refused_with_its_file_and_place(write, change, sentence):
+def test_a_wrong_sidecar_is_refused_with_its_file_and_place(
+    write: Callable[[str], Path], change: tuple[str, str], sentence: str
+) -> None:
     assert change[0] in GOOD
     path = write(GOOD.replace(*change))
     with pytest.raises(SidecarError, match=sentence) as refused:
@@ -71,7 +76,7 @@ def test_a_wrong_sidecar_is_refused_with_its_file_and_place(write, change, sente
     assert str(path) in str(refused.value)
 
 
-def test_a_sidecar_without_its_model_is_refused(tmp_path):
+def test_a_sidecar_without_its_model_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "gone.urdf.toml"
     path.write_text('engines = ["mujoco"]')
     with pytest.raises(SidecarError, match=r"there is no model file gone\.urdf"):
