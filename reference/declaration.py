@@ -148,6 +148,7 @@ class Scenario:
 
     name: str
     description: str
+    _: KW_ONLY
     q: Mapping[Coordinate, sp.Expr | float] = field(hash=False)
     v: Mapping[Coordinate, sp.Expr | float] = field(hash=False)
     inputs: Mapping[Input, sp.Expr | float] = field(hash=False)
@@ -203,7 +204,7 @@ class PublishedEquation:
     note: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Declaration:
     """A mechanism as it is declared, not yet checked.
 

@@ -12,7 +12,7 @@ from reference.numeric import Array
 from reference.system import System
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AuditTask:
     """What a worker needs to audit one model in one engine; cheaper to send than a `Prepared`."""
 
@@ -34,12 +34,12 @@ def audit_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> AuditTask:
     # Every so many states for contacts, and each component's extremes for limits.
     picked = np.unique(np.concatenate([extremes, np.linspace(0, len(states) - 1, 200).astype(int)]))
     return AuditTask(
-        prepared.system,
-        prepared.equilibria,
-        states[picked],
-        prepared.push,
-        prepared.amplitude,
-        max(m.fastest for m in motions),
-        sidecar,
-        engine,
+        system=prepared.system,
+        equilibria=prepared.equilibria,
+        states=states[picked],
+        push=prepared.push,
+        amplitude=prepared.amplitude,
+        fastest=max(m.fastest for m in motions),
+        sidecar=sidecar,
+        engine=engine,
     )

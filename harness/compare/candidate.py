@@ -130,7 +130,15 @@ def _reads(known: dict[str, Engine], name: str, path: Path) -> bool:
 def _bare(path: Path, engine: Engine) -> tuple[Sidecar, tuple[str, ...]]:
     """A sidecar for a file without one: what its format can't say, at stated values."""
     settings = dict(engine.settings_for(path.suffix))
-    sidecar = Sidecar(path, (engine.name,), settings, {}, {}, {}, ())
+    sidecar = Sidecar(
+        model=path,
+        engines=(engine.name,),
+        settings=settings,
+        engine_settings={},
+        coordinates={},
+        readback={},
+        springs=(),
+    )
     assumed = [_spoken(key, value) for key, value in sorted(settings.items())]
     if not assumed:
         return sidecar, ()

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -129,7 +130,14 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         raise FailureError(Failure(f"{source.name}: {reason}", ""))
     z, w = matched.over(recorded.runs.z, recorded.runs.w)
     runs = replace(recorded.runs, z=z, w=w)
-    trial = _Following(execute, target, recorded, runs, matched, options.resolution)
+    trial = _Following(
+        execute=execute,
+        target=target,
+        recorded=recorded,
+        runs=runs,
+        match=matched,
+        resolution=options.resolution,
+    )
     ones = np.ones(len(matched.names))
     followed, judgement = trial.judged(ones)
     turned, signs, left = _turned(trial, judgement, matched.names)
@@ -171,7 +179,7 @@ def _one(execute: Execute, candidate: Candidate, function: Callable[[T], V], arg
     return value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Following:
     """The target run from the source's states, with joints turned or not."""
 
@@ -234,20 +242,32 @@ def _terms(
     if not len(going):
         return ()
     picked = going[np.unique(np.linspace(0, len(going) - 1, count).astype(int))]
-    shared = (recorded.independent, recorded.unit, recorded.fastest, recorded.typical)
+    task = partial(
+        MechanicsTask,
+        independent=recorded.independent,
+        unit=recorded.unit,
+        fastest=recorded.fastest,
+        typical=recorded.typical,
+    )
     own = recorded.runs
     ones = np.ones(len(signs))
     one = _one(
         execute,
         source,
         mechanics,
-        MechanicsTask(source, matched, ones, own.z[picked], own.w[picked], *shared),
+        task(candidate=source, match=matched, signs=ones, z=own.z[picked], w=own.w[picked]),
     )
     other = _one(
         execute,
         target,
         mechanics,
-        MechanicsTask(target, None, signs, runs.z[picked] * signs, runs.w[picked] * signs, *shared),
+        task(
+            candidate=target,
+            match=None,
+            signs=signs,
+            z=runs.z[picked] * signs,
+            w=runs.w[picked] * signs,
+        ),
     )
     if matched.source == "B":
         one, other = other, one
@@ -289,13 +309,13 @@ def _trials(
         own = recorded.runs if source else runs
         part = Runs(length=own.length, z=own.z[some], w=own.w[some], push=own.push[some])
         return TrialTask(
-            candidate,
-            made,
-            part,
-            matched if source else None,
-            own.z.shape[1],
-            near,
-            matched.periodic,
+            candidate=candidate,
+            edits=made,
+            runs=part,
+            match=matched if source else None,
+            joints=own.z.shape[1],
+            near=near,
+            periodic=matched.periodic,
         )
 
     a = _one(execute, options.a, tried, task(options.a, (), is_source))

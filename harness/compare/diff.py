@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from harness.files.locations.outline import Element, Value, outline
 from harness.records.base import SourceLine
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Edit:
     """One difference between the files of A and B.
 
@@ -76,23 +77,23 @@ class _Xml:
         for one in gone:
             text = self.data_a[one.start : one.end].decode()
             yield Edit(
-                one.label,
-                self._at_a(one.line),
-                self._at_b(b.line),
-                _short(text),
-                "nothing",
-                ((one.start, one.end, b""),),
+                label=one.label,
+                where_a=self._at_a(one.line),
+                where_b=self._at_b(b.line),
+                old=_short(text),
+                new="nothing",
+                changes=((one.start, one.end, b""),),
             )
         for one in new:
             data = self.data_b[one.start : one.end]
             changes = ((a.inner_end, a.inner_end, data),) if a.inner_end else ()
             yield Edit(
-                one.label,
-                self._at_a(a.line),
-                self._at_b(one.line),
-                "nothing",
-                _short(data.decode()),
-                changes,
+                label=one.label,
+                where_a=self._at_a(a.line),
+                where_b=self._at_b(one.line),
+                old="nothing",
+                new=_short(data.decode()),
+                changes=changes,
             )
 
     def _attribute(self, name: str, a: Element, b: Element) -> Iterator[Edit]:
@@ -104,21 +105,21 @@ class _Xml:
         elif other is not None:
             data = b" " + self.data_b[other.outer[0] : other.outer[1]].strip()
             yield Edit(
-                label,
-                self._at_a(a.line),
-                self._at_b(other.line),
-                "nothing",
-                other.text,
-                ((a.tag_end, a.tag_end, data),),
+                label=label,
+                where_a=self._at_a(a.line),
+                where_b=self._at_b(other.line),
+                old="nothing",
+                new=other.text,
+                changes=((a.tag_end, a.tag_end, data),),
             )
         elif one is not None:
             yield Edit(
-                label,
-                self._at_a(one.line),
-                self._at_b(b.line),
-                one.text,
-                "nothing",
-                ((*one.outer, b""),),
+                label=label,
+                where_a=self._at_a(one.line),
+                where_b=self._at_b(b.line),
+                old=one.text,
+                new="nothing",
+                changes=((*one.outer, b""),),
             )
 
     def _value(
@@ -126,16 +127,21 @@ class _Xml:
     ) -> Iterator[Edit]:
         """A word at a time where both are as many numbers, else the whole."""
         old, new = one.text.split(), other.text.split()
-        where = self._at_a(one.line or a.line), self._at_b(other.line or b.line)
+        edit = partial(
+            Edit,
+            where_a=self._at_a(one.line or a.line),
+            where_b=self._at_b(other.line or b.line),
+        )
         numbers = all(map(_is_number, [*old, *new]))
         if not numbers or len(old) != len(new) or len(one.words) != len(old):
             change = (*one.span, self.data_b[other.span[0] : other.span[1]])
-            yield Edit(label, *where, _short(one.text), _short(other.text), (change,))
+            yield edit(label=label, old=_short(one.text), new=_short(other.text), changes=(change,))
             return
         for i, (x, y) in enumerate(zip(old, new, strict=True)):
             if float(x) != float(y):
                 index = f"[{i}]" if len(old) > 1 else ""
-                yield Edit(label + index, *where, x, y, ((*one.words[i], y.encode()),))
+                change = (*one.words[i], y.encode())
+                yield edit(label=label + index, old=x, new=y, changes=(change,))
 
     def _at_a(self, line: int) -> SourceLine:
         return SourceLine(file=str(self.a), line=line)
@@ -179,12 +185,12 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         first = next((i for i, (x, y) in enumerate(both) if x != y), len(both) - 1)
         lines = [s.lines[min(first, len(s.lines) - 1)] for s in shapes]
         yield Edit(
-            "code",
-            SourceLine(file=str(a), line=lines[0]),
-            SourceLine(file=str(b), line=lines[1]),
-            "this",
-            "other code than numbers",
-            ((0, len(data), b.read_bytes()),),
+            label="code",
+            where_a=SourceLine(file=str(a), line=lines[0]),
+            where_b=SourceLine(file=str(b), line=lines[1]),
+            old="this",
+            new="other code than numbers",
+            changes=((0, len(data), b.read_bytes()),),
         )
         return
     names = {
@@ -203,12 +209,12 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         last = starts[(one.end_lineno or 1) - 1] + (one.end_col_offset or 0)
         name = names.get(id(one), "number")
         yield Edit(
-            name,
-            SourceLine(file=str(a), line=one.lineno),
-            SourceLine(file=str(b), line=other.lineno),
-            old,
-            new,
-            ((first, last, new.encode()),),
+            label=name,
+            where_a=SourceLine(file=str(a), line=one.lineno),
+            where_b=SourceLine(file=str(b), line=other.lineno),
+            old=old,
+            new=new,
+            changes=((first, last, new.encode()),),
         )
 
 
@@ -261,13 +267,12 @@ def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
         old, new = one.get(key), other.get(key)
         if old != new:
             yield Edit(
-                f"sidecar:{key}",
-                _toml_line(a, key),
-                _toml_line(b, key),
-                "nothing" if old is None else str(old),
-                "nothing" if new is None else str(new),
-                (),
-                ((key, new),),
+                label=f"sidecar:{key}",
+                where_a=_toml_line(a, key),
+                where_b=_toml_line(b, key),
+                old="nothing" if old is None else str(old),
+                new="nothing" if new is None else str(new),
+                settings=((key, new),),
             )
 
 
@@ -308,12 +313,12 @@ def _bound(a: Candidate, b: Candidate) -> Iterator[Edit]:
                 if abs(place.value - there.value) > 1e-12 * abs(there.value):
                     change = (place.start, place.end, there.text.encode())
                     yield Edit(
-                        f"{address} and {named}, both {expression}",
-                        _line(place),
-                        _line(there),
-                        place.text,
-                        there.text,
-                        (change,),
+                        label=f"{address} and {named}, both {expression}",
+                        where_a=_line(place),
+                        where_b=_line(there),
+                        old=place.text,
+                        new=there.text,
+                        changes=(change,),
                     )
 
 

@@ -48,7 +48,7 @@ class SourceTask:
     resolution: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Recorded:
     """Runs of the source, and where they end.
 
@@ -233,18 +233,18 @@ def _gathered(
     scale = movement(wrapped[kept], start[kept]) if len(kept) else np.ones(2 * m)
     limit = chain[0][1]
     return Recorded(
-        Runs(length=chain[0][0].length, z=z[kept], w=w[kept], push=push[kept]),
-        wrapped[kept],
-        uncertainty[kept],
-        scale,
-        np.not_equal(push[kept], 0.0).any(axis=1),
-        len(z) - len(kept),
-        found.fastest,
-        found.typical,
-        unit,
-        independent,
-        limit.order,
-        limit.order_confirmed,
+        runs=Runs(length=chain[0][0].length, z=z[kept], w=w[kept], push=push[kept]),
+        end=wrapped[kept],
+        uncertainty=uncertainty[kept],
+        scale=scale,
+        driven=np.not_equal(push[kept], 0.0).any(axis=1),
+        lost=len(z) - len(kept),
+        fastest=found.fastest,
+        typical=found.typical,
+        unit=unit,
+        independent=independent,
+        order=limit.order,
+        order_confirmed=limit.order_confirmed,
     )
 
 

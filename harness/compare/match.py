@@ -17,7 +17,7 @@ from harness.files.sidecar import SidecarError
 from reference.numeric import Array, NumericFunction, compile_function
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Match:
     """From the coordinates z of the source, (nz,), to the m coordinates c of the target.
 
@@ -234,14 +234,14 @@ def _compiled(
         if expression != z.get(name)
     ]
     return Match(
-        source,
-        tuple(others),
-        tuple(pairing),
-        tuple(name for name, symbol in z.items() if symbol not in used),
-        not slope.free_symbols,
-        compile_function(value, own),
-        compile_function(list(slope), own),
-        compile_function(list(slope.T * sp.Matrix(forces)), own, forces),
-        compile_function(list(rates), own, w),
-        tuple(bool(e.has(sp.atan2)) for e in value),
+        source=source,
+        names=tuple(others),
+        pairing=tuple(pairing),
+        left_out=tuple(name for name, symbol in z.items() if symbol not in used),
+        constant=not slope.free_symbols,
+        value=compile_function(value, own),
+        slope=compile_function(list(slope), own),
+        push=compile_function(list(slope.T * sp.Matrix(forces)), own, forces),
+        rates=compile_function(list(rates), own, w),
+        periodic=tuple(bool(e.has(sp.atan2)) for e in value),
     )

@@ -29,7 +29,7 @@ BASES = 2
 """States where these are measured."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MechanicsTask:
     """What a worker needs to measure one model.
 
@@ -54,7 +54,7 @@ class MechanicsTask:
     typical: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Mechanics:
     """Measured at N states, of r independent coordinates of the comparison.
 
@@ -88,7 +88,7 @@ def mechanics(task: MechanicsTask) -> Mechanics:
     odd = lens.odd(model)
     rank = tuple(free_directions(one).shape[1] for one in lens.compared)
     # Last: another model ends this one in some engines.
-    return Mechanics(rank, mass, rest, _unweighted(task, lens), odd)
+    return Mechanics(rank=rank, mass=mass, rest=rest, unweighted=_unweighted(task, lens), odd=odd)
 
 
 def _unweighted(task: MechanicsTask, lens: _Lens) -> Estimate | None:

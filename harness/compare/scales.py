@@ -15,7 +15,7 @@ HELD = 1e-6
 """Directions in which a push moves less than this share of the easiest are held."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CharacteristicScales:
     """What a model's responses to small pushes tell.
 
@@ -91,7 +91,14 @@ def characteristic_scales(model: Model, rng: np.random.Generator) -> Characteris
     fastest = max(float(np.max(rates)), plain)
     moving = rates[rates > 1e-3 * fastest]
     typical = float(np.median(moving)) if len(moving) else plain
-    return CharacteristicScales(inverse, tangent, sizes, fastest, max(typical, plain / 3), unit)
+    return CharacteristicScales(
+        inverse=inverse,
+        tangent=tangent,
+        sizes=sizes,
+        fastest=fastest,
+        typical=max(typical, plain / 3),
+        unit=unit,
+    )
 
 
 def _rates(accelerations: Accelerations, start: Array, tangent: Array, plain: float) -> Array:

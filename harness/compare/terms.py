@@ -14,7 +14,7 @@ from harness.numerics.accelerations import Estimate
 EPSILON = float(np.finfo(float).eps)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Term:
     """A term that differs.
 
@@ -78,14 +78,14 @@ def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
     if one != other:
         more, less = ("A", "B") if one > other else ("B", "A")
         yield Term(
-            "constraint",
-            (),
-            f"{max(one, other)} of the joints move by themselves in {more},"
+            kind="constraint",
+            about=(),
+            message=f"{max(one, other)} of the joints move by themselves in {more},"
             f" {min(one, other)} in {less}: one holds them together, the other doesn't",
-            one,
-            other,
-            0.0,
-            1.0,
+            a=one,
+            b=other,
+            uncertainty=0.0,
+            effect=1.0,
         )
 
 
@@ -244,7 +244,15 @@ class _Pair:
         if state is not None:
             place = zip(self.frame.names, self.frame.places[state], strict=True)
             message += " at " + ", ".join(f"{n} = {value:.3g}" for n, value in list(place)[:4])
-        return Term(kind, about, message + told, here, there, doubt, float(effect))
+        return Term(
+            kind=kind,
+            about=about,
+            message=message + told,
+            a=here,
+            b=there,
+            uncertainty=doubt,
+            effect=float(effect),
+        )
 
 
 def _worst(miss: Array, error: Array) -> int | None:

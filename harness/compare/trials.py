@@ -17,7 +17,7 @@ from harness.compare.runs import Runs, quick
 from harness.engines.protocol import Array, EngineError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrialTask:
     """What a worker needs to try some differences at once in one model.
 

@@ -32,7 +32,7 @@ ENOUGH_DIGITS = 6
 single-precision number holds. With fewer, 0.02 would pass for 0.024."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Binding:
     """A literal of a model file, and what it stands for.
 
@@ -101,7 +101,15 @@ def bindings(system: System, sidecar: Sidecar) -> tuple[Binding, ...]:
         if other != address:
             raise SidecarError(f"{where} is the same number as {other!r} ({place}); keep one")
         expected, rounding = _evaluate(system, expression, where)
-        found.append(Binding(address, expression, place, expected, rounding))
+        found.append(
+            Binding(
+                address=address,
+                expression=expression,
+                place=place,
+                expected=expected,
+                rounding=rounding,
+            )
+        )
     return tuple(found)
 
 

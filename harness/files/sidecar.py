@@ -18,7 +18,7 @@ class SidecarError(ValueError):
     """A sidecar that is missing, unreadable or contradicts itself; names file, place and remedy."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sidecar:
     """What a sidecar declares.
 
@@ -84,14 +84,14 @@ def read_sidecar(path: Path) -> Sidecar:
     if not isinstance(springs, list):
         raise SidecarError(f"{path}: springs are tables in an array: [[spring]]")
     return Sidecar(
-        model,
-        tuple(engines),
-        shared,
-        own,
-        _expressions(data, "coordinates", path),
-        _expressions(data, "readback", path),
-        tuple(_spring(s, f"{path}: [[spring]] {i + 1}") for i, s in enumerate(springs)),
-        _expressions(data, "bindings", path),
+        model=model,
+        engines=tuple(engines),
+        settings=shared,
+        engine_settings=own,
+        coordinates=_expressions(data, "coordinates", path),
+        readback=_expressions(data, "readback", path),
+        springs=tuple(_spring(s, f"{path}: [[spring]] {i + 1}") for i, s in enumerate(springs)),
+        bindings=_expressions(data, "bindings", path),
     )
 
 

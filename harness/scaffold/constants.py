@@ -16,7 +16,7 @@ _TAKEN = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Row:
     """A constant to declare."""
 
@@ -80,7 +80,9 @@ class Ledger:
             if place is None
             else (f"{place.file.name}:{place.line}")
         )
-        self.rows.append(Row(own, abs(value), unit, what, source))
+        self.rows.append(
+            Row(name=own, value=abs(value), unit=unit, description=what, source=source)
+        )
         if address is not None:
             self._issued[address] = own
             self.bindings[address] = f"{sign}{own} * 180 / pi" if degrees else f"{sign}{own}"

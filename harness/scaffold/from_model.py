@@ -86,7 +86,13 @@ def _read(model: Path, data: bytes, ledger: Ledger) -> Mechanism:
     mechanism = read_urdf(model, data, ledger)
     g = ledger.name("g")
     ledger.rows.append(
-        Row(g, GRAVITY, "m/s^2", "gravity", f"{model.name}.toml; a URDF states none")
+        Row(
+            name=g,
+            value=GRAVITY,
+            unit="m/s^2",
+            description="gravity",
+            source=f"{model.name}.toml; a URDF states none",
+        )
     )
     ledger.bindings["sidecar:settings.gravity[2]"] = f"-{g}"
     return replace(mechanism, gravity=("0", "0", f"-{g}"))

@@ -15,7 +15,7 @@ class Turn:
     angle: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Joint:
     """A hinge or slide.
 
@@ -44,7 +44,7 @@ class Joint:
     force: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Body:
     """A body, its frame placed in its parent's: shifted, turned, then moved by its joints.
 

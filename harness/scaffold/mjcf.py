@@ -123,17 +123,17 @@ class _Reader:
         frames[i] = self.ledger.name(name, "frame")
         mass, centre, principal, moments, products = self._inertial(body, element, address, name)
         return Body(
-            name,
-            frames[i],
-            frames[body.parent],
-            at,
-            turns,
-            joints,
-            mass,
-            centre,
-            principal,
-            moments,
-            products,
+            name=name,
+            symbol=frames[i],
+            parent=frames[body.parent],
+            at=at,
+            turns=turns,
+            joints=joints,
+            mass=mass,
+            centre=centre,
+            principal=principal,
+            moments=moments,
+            products=products,
         )
 
     def _inertial(
@@ -221,24 +221,24 @@ class _Reader:
         number = self._of_joint(element, name)
         x, y, z = joint.axis
         return Joint(
-            name,
-            symbol,
-            hinge,
-            (x, y, z),
-            self._triple(
+            name=name,
+            symbol=symbol,
+            hinge=hinge,
+            axis=(x, y, z),
+            at=self._triple(
                 joint.at,
                 (name,),
                 "m",
                 f"axis of {name} in its body",
                 self._attribute(element, "pos"),
             ),
-            number(joint.zero, "ref", unit, hinge),
-            number(damping, "damping", f"{force}*s/{unit}", False),
-            number(stiffness, "stiffness", f"{force}/{unit}", False),
-            number(joint.rest, "springref", unit, hinge) if stiffness else "0",
-            number(joint.armature, "armature", inertia, False),
-            joint.limits,
-            f"{self.path.name}:{self.source.line(element.start)}",
+            zero=number(joint.zero, "ref", unit, hinge),
+            damping=number(damping, "damping", f"{force}*s/{unit}", False),
+            stiffness=number(stiffness, "stiffness", f"{force}/{unit}", False),
+            rest=number(joint.rest, "springref", unit, hinge) if stiffness else "0",
+            armature=number(joint.armature, "armature", inertia, False),
+            limits=joint.limits,
+            where=f"{self.path.name}:{self.source.line(element.start)}",
         )
 
     def _first(self, terms: Sequence[float], element: RawElement, what: str) -> float:

@@ -28,7 +28,7 @@ ROOM = 0.02
 """Share of a joint's range that a motion stays away from its ends."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Motion:
     """A scenario: start, forces as (size, rate) of a sine, and duration."""
 
@@ -79,7 +79,19 @@ def provisional(joints: Sequence[Joint]) -> Plan:
     """Any plan: what a declaration needs to be one."""
     middle = tuple(f"{_clipped(0.0, joint):g}" for joint in joints)
     still = tuple((0.0, 1.0) for _ in joints)
-    return Plan(middle, True, (Motion("any", "any", tuple(map(float, middle)), still, 1.0),))
+    return Plan(
+        middle,
+        True,
+        (
+            Motion(
+                name="any",
+                description="any",
+                start=tuple(map(float, middle)),
+                forces=still,
+                duration=1.0,
+            ),
+        ),
+    )
 
 
 def plan(system: System, joints: Sequence[Joint]) -> Plan:
@@ -110,21 +122,21 @@ def plan(system: System, joints: Sequence[Joint]) -> Plan:
     still = tuple((0.0, 1.0) for _ in joints)
     motions = [
         Motion(
-            "free",
-            "released away from where it rests",
-            _start(rest, joints, signs, 0.7),
-            still,
-            duration,
+            name="free",
+            description="released away from where it rests",
+            start=_start(rest, joints, signs, 0.7),
+            forces=still,
+            duration=duration,
         )
     ]
     if any(joint.hinge and _reach(r, joint) > 2 for r, joint in zip(rest, joints, strict=True)):
         motions.append(
             Motion(
-                "large",
-                "released far away from where it rests",
-                _start(rest, joints, signs, 2.2),
-                still,
-                duration,
+                name="large",
+                description="released far away from where it rests",
+                start=_start(rest, joints, signs, 2.2),
+                forces=still,
+                duration=duration,
             )
         )
     pushes = []
@@ -135,11 +147,11 @@ def plan(system: System, joints: Sequence[Joint]) -> Plan:
         pushes.append((float(f"{size:.2g}"), float(f"{rate:.2g}")))
     motions.append(
         Motion(
-            "driven",
-            "a harmonic force on every joint",
-            _start(rest, joints, signs, 0.1),
-            tuple(pushes),
-            duration,
+            name="driven",
+            description="a harmonic force on every joint",
+            start=_start(rest, joints, signs, 0.1),
+            forces=tuple(pushes),
+            duration=duration,
         )
     )
     return Plan(names, search, tuple(_within(equations, m, rest, joints) for m in motions))
@@ -260,13 +272,13 @@ def _free(equations: Equations, motion: Motion, low: Array, high: Array) -> floa
     scenario = Scenario(
         motion.name,
         motion.description,
-        dict(zip(system.coordinates, motion.start, strict=True)),
-        dict.fromkeys(system.coordinates, 0),
-        {
+        q=dict(zip(system.coordinates, motion.start, strict=True)),
+        v=dict.fromkeys(system.coordinates, 0),
+        inputs={
             u: size * sp.sin(rate * t)
             for u, (size, rate) in zip(system.inputs, motion.forces, strict=True)
         },
-        motion.duration,
+        duration=motion.duration,
     )
     whole = replace(
         system,

@@ -124,17 +124,17 @@ class _Reader:
         frames[name] = self.ledger.name(name, "frame")
         parent = frames[_child_link(joint, "parent")]
         return Body(
-            name,
-            frames[name],
-            parent,
-            at,
-            turns,
-            () if moving is None else (moving,),
-            mass,
-            centre,
-            principal,
-            moments,
-            products,
+            name=name,
+            symbol=frames[name],
+            parent=parent,
+            at=at,
+            turns=turns,
+            joints=() if moving is None else (moving,),
+            mass=mass,
+            centre=centre,
+            principal=principal,
+            moments=moments,
+            products=products,
         )
 
     def _tensor(self, element: RawElement, keys: Triple, within: str, name: str) -> Triple:
@@ -196,18 +196,18 @@ class _Reader:
                 )
                 rest = self._text(gazebo, "springReference", name, "rest", unit)
         return Joint(
-            name,
-            symbol,
-            hinge,
-            axis,
-            _ZERO,
-            "0",
-            damping,
-            stiffness,
-            rest,
-            "0",
-            self._limits(joint, kind, name),
-            f"{self.source.file.name}:{self._line(joint)}",
+            name=name,
+            symbol=symbol,
+            hinge=hinge,
+            axis=axis,
+            at=_ZERO,
+            zero="0",
+            damping=damping,
+            stiffness=stiffness,
+            rest=rest,
+            armature="0",
+            limits=self._limits(joint, kind, name),
+            where=f"{self.source.file.name}:{self._line(joint)}",
         )
 
     def _line(self, element: RawElement) -> int:

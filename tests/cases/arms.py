@@ -41,7 +41,12 @@ def arm() -> System:
         equilibria=(Equilibrium("rest", {pan: 0, lift: 0.1}, True, "where it hangs"),),
         scenarios=(
             Scenario(
-                "free", "released", {pan: 0.3, lift: 0.4}, {pan: 0, lift: 0}, {torque: 0}, 2.0
+                "free",
+                "released",
+                q={pan: 0.3, lift: 0.4},
+                v={pan: 0, lift: 0},
+                inputs={torque: 0},
+                duration=2.0,
             ),
         ),
         published=(),

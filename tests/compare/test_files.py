@@ -16,7 +16,22 @@ def between(
 ) -> tuple[list[tuple[str, int | None, int | None, str, str]], str]:
     """Differences of two texts, as (label, line in A, line in B, old, new), and A made B."""
     files = written(folder, f"a{suffix}", one), written(folder, f"b{suffix}", other)
-    sides = [Candidate("A", Sidecar(f, ("any",), {}, {}, {}, {}, ()), "any") for f in files]
+    sides = [
+        Candidate(
+            "A",
+            Sidecar(
+                model=f,
+                engines=("any",),
+                settings={},
+                engine_settings={},
+                coordinates={},
+                readback={},
+                springs=(),
+            ),
+            "any",
+        )
+        for f in files
+    ]
     found = edits(*sides)
     told = [(e.label, e.where_a.line, e.where_b.line, e.old, e.new) for e in found]
     return told, applied(one.encode(), found).decode()

@@ -127,7 +127,15 @@ def bench() -> MakeBench:
     ) -> Bench:
         system = oscillator(damping, drive, duration)
         equations = derive(system)
-        sidecar = Sidecar(Path("test.model"), ("test",), {}, {}, {}, {}, ())
+        sidecar = Sidecar(
+            model=Path("test.model"),
+            engines=("test",),
+            settings={},
+            engine_settings={},
+            coordinates={},
+            readback={},
+            springs=(),
+        )
         model = model or SymplecticEuler(damping=damping)
         return Bench(
             system,

@@ -26,7 +26,15 @@ def pendulum() -> System:
 def sidecar(
     coordinates: dict[str, str] | None = None, readback: dict[str, str] | None = None
 ) -> Sidecar:
-    return Sidecar(Path("m.xml"), ("x",), {}, {}, coordinates or {}, readback or {}, ())
+    return Sidecar(
+        model=Path("m.xml"),
+        engines=("x",),
+        settings={},
+        engine_settings={},
+        coordinates=coordinates or {},
+        readback=readback or {},
+        springs=(),
+    )
 
 
 BOB = sidecar(

@@ -65,7 +65,9 @@ def declared(**changed: Any) -> dict[str, Any]:
         "V": K * X.q**2 / 2,
         "D": C * X.v**2 / 2,
         "equilibria": (Equilibrium("rest", {X: 0}, False, "relaxed"),),
-        "scenarios": (Scenario("free", "released", {X: 0.1}, {X: 0}, {F: 0}, 10.0),),
+        "scenarios": (
+            Scenario("free", "released", q={X: 0.1}, v={X: 0}, inputs={F: 0}, duration=10.0),
+        ),
         "published": (),
     }
     return fields | changed
@@ -89,7 +91,11 @@ def oscillator(
             T=mass * X.v**2 / 2,
             V=stiffness * X.q**2 / 2,
             D=damping * X.v**2 / 2,
-            scenarios=(Scenario("only", "of a test", {X: x}, {X: v}, {F: force}, duration),),
+            scenarios=(
+                Scenario(
+                    "only", "of a test", q={X: x}, v={X: v}, inputs={F: force}, duration=duration
+                ),
+            ),
         )
     )
 
@@ -117,7 +123,16 @@ def pendulum(
         V=-m * gravity * length * cos(theta.q),
         D=0,
         equilibria=(Equilibrium("hanging", {theta: 0}, False, "down"),),
-        scenarios=(Scenario("only", "of a test", {theta: angle}, {theta: speed}, {}, duration),),
+        scenarios=(
+            Scenario(
+                "only",
+                "of a test",
+                q={theta: angle},
+                v={theta: speed},
+                inputs={},
+                duration=duration,
+            ),
+        ),
         published=(),
     )
 
@@ -158,10 +173,10 @@ def cart_with_double_pendulum() -> System:
             Scenario(
                 "free",
                 "released",
-                {x: 0.1, a: 0.4, b: -0.3},
-                dict.fromkeys(every, 0),
-                {force: 0, torque: 0},
-                5.0,
+                q={x: 0.1, a: 0.4, b: -0.3},
+                v=dict.fromkeys(every, 0),
+                inputs={force: 0, torque: 0},
+                duration=5.0,
             ),
         ),
         published=(),

@@ -351,7 +351,7 @@ def test_the_faultless_system_passes() -> None:
 def test_no_field_of_a_system_has_a_default(field: str) -> None:
     fields = declared()
     del fields[field]
-    with pytest.raises(TypeError, match=f"missing 1 required positional argument: '{field}'"):
+    with pytest.raises(TypeError, match=f"missing 1 required keyword-only argument: '{field}'"):
         System(**fields)
 
 

@@ -13,7 +13,7 @@ class LocationError(ValueError):
     """An address that means no number or several; the message names file, line and remedy."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Location:
     """A number in a file.
 
@@ -83,7 +83,9 @@ class Source:
             raise self.error(address, f"is read as {read!r} there, but written {text!r}", start)
         before = re.split(rb"\r\n|\r|\n", self.data[:start])
         column = len(before[-1].decode("utf-8").removeprefix("\ufeff")) + 1
-        return Location(self.file, start, end, len(before), column, text)
+        return Location(
+            file=self.file, start=start, end=end, line=len(before), column=column, text=text
+        )
 
 
 def nearest(wanted: str, known: Iterable[str]) -> str:

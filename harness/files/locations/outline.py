@@ -10,7 +10,7 @@ from harness.files.locations.location import LocationError, Source, Span
 from harness.files.locations.xml import ATTRIBUTE, TAG, RawElement, find_words, read_elements
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Value:
     """What an attribute or an element's text says.
 
@@ -29,7 +29,7 @@ class Value:
     line: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Element:
     """An element with its bytes.
 
@@ -84,7 +84,7 @@ def _element(source: Source, raw: RawElement, key: tuple[str, str | None, int]) 
     close = data.index(b">", at)
     closed = data[at:close].strip() != b"/"
     end = data.index(b">", raw.end) + 1 if closed else close + 1
-    text = Value("", (at, at), (at, at), (), 0)
+    text = Value(text="", span=(at, at), outer=(at, at), words=(), line=0)
     if closed and not raw.children and raw.text.strip():
         inner = close + 1, raw.end
         text = _value(source, raw.text, inner, inner)
@@ -103,17 +103,17 @@ def _element(source: Source, raw: RawElement, key: tuple[str, str | None, int]) 
     ):
         steps, named = steps + 1, named.parent
     return Element(
-        raw.tag,
-        key,
-        raw.spelled(steps),
-        source.line(raw.start),
-        attributes,
-        text,
-        tuple(children),
-        raw.start,
-        end,
-        at,
-        raw.end if closed else 0,
+        tag=raw.tag,
+        key=key,
+        label=raw.spelled(steps),
+        line=source.line(raw.start),
+        attributes=attributes,
+        text=text,
+        children=tuple(children),
+        start=raw.start,
+        end=end,
+        tag_end=at,
+        inner_end=raw.end if closed else 0,
     )
 
 
@@ -122,4 +122,4 @@ def _value(source: Source, text: str, span: Span, outer: Span) -> Value:
         found = tuple(find_words(source, *span, "a value"))
     except LocationError:
         found = ()
-    return Value(text, span, outer, found, source.line(span[0]))
+    return Value(text=text, span=span, outer=outer, words=found, line=source.line(span[0]))
