@@ -94,7 +94,7 @@ def bare_pybullet(sidecar: Sidecar, work: Iterable[Rollout], springs: Sequence[f
 
     p.resetSimulation()
     p.setPhysicsEngineParameter(enableFileCaching=0, numSubSteps=0)
-    p.setGravity(*sidecar.settings["gravity"])
+    p.setGravity(*sidecar.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
     body = p.loadURDF(str(sidecar.model), useFixedBase=1, flags=p.URDF_USE_INERTIA_FROM_FILE)
     joints = [j for j in range(p.getNumJoints(body)) if p.getJointInfo(body, j)[2] != p.JOINT_FIXED]
     for link in range(-1, p.getNumJoints(body)):

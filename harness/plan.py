@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from msgspec.structs import replace
 
@@ -74,6 +74,16 @@ class Options:
     selection: Selection | None = None
 
 
+class _Found(TypedDict, total=False):
+    """Fields of a model's record that a job brings."""
+
+    linearizations: tuple[EngineLinearization, ...]
+    linearization_failure: str
+    audit: tuple[AuditFinding, ...]
+    audit_failure: str
+    diagnosis: Diagnosis
+
+
 class Collected:
     """What the jobs of a run have brought so far, in the order in which they ended.
 
@@ -101,7 +111,7 @@ class Collected:
         self.cases.append(case)
         self._progress(len(self.cases), self._expected, case)
 
-    def amend(self, key: ModelKey, **fields: Any) -> None:
+    def amend(self, key: ModelKey, **fields: Unpack[_Found]) -> None:
         """Put what was found of a model into its record."""
         self.models[key] = replace(self.models[key], **fields)
 

@@ -52,7 +52,7 @@ class NumericFunction:
         function: Callable[..., Any] = namespace["_lambdifygenerated"]
         return function
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         return {"source": self.source, "groups": self.groups, "size": self.size}
 
 

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Container, Mapping
+from typing import TypeVar
 
 import sympy as sp
 
 from reference.declaration import (
     CLAIMS,
     Constant,
+    Coordinate,
     Declaration,
     DeclarationError,
+    Input,
     Output,
     Quantity,
     t,
 )
 from reference.sketch import BODIES, LINKS, Angle, Body, Link, expressions
 from reference.units import ENERGY, POWER, TIME, Dimension, UnitError, dimension_of, parse_unit
+
+Item = TypeVar("Item", Coordinate, Input)
 
 _SMOOTHLESS = (
     sp.Abs, sp.sign, sp.Heaviside, sp.DiracDelta, sp.Piecewise, sp.Max, sp.Min,
@@ -145,7 +149,7 @@ def _check_formula(
     _check_dimension(expression, expected, known, place)
 
 
-def _check_symbols(expression: sp.Expr, known: Mapping[sp.Symbol, Any], place: str) -> None:
+def _check_symbols(expression: sp.Expr, known: Container[sp.Symbol], place: str) -> None:
     for symbol in sorted(expression.free_symbols, key=str):
         if symbol not in known:
             raise DeclarationError(f"{place} uses {symbol}, which is declared nowhere")
@@ -248,14 +252,17 @@ def _check_sketch(system: Declaration, where: str) -> None:
         except (TypeError, ValueError, sp.SympifyError) as error:
             raise DeclarationError(f"{place}: a point is a pair (x, y): {error}") from None
         for name, expression in found.items():
-            _check_symbols(expression, dict.fromkeys(known), f"{place}, {name},")
+            _check_symbols(expression, known, f"{place}, {name},")
             for part in sp.preorder_traversal(expression):
                 if not isinstance(part, DRAWN):
                     raise DeclarationError(f"{place}, {name}: {part} can't be drawn")
 
 
 def _check_map(
-    given: Mapping[Any, Any], wanted: tuple[Any, ...], allowed: set[sp.Symbol], place: str
+    given: Mapping[Item, sp.Expr | float],
+    wanted: tuple[Item, ...],
+    allowed: set[sp.Symbol],
+    place: str,
 ) -> None:
     for item in wanted:
         if item not in given:

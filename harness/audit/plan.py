@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
@@ -47,7 +46,7 @@ def audits(
 
 
 def _folder(folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit]) -> Job[Prepared]:
-    def failed(failure: Failure) -> Iterable[Job[Any]]:
+    def failed(failure: Failure) -> tuple[()]:
         one = ModelId(system=folder.name, model="system.py", engine="-")
         found[one] = ModelAudit(one, failure=failure.reason)
         return ()
@@ -73,11 +72,11 @@ def _models(
 def _audit(
     one: ModelId, prepared: Prepared, sidecar: Sidecar, found: dict[ModelId, ModelAudit]
 ) -> Job[tuple[AuditFinding, ...]]:
-    def done(findings: tuple[AuditFinding, ...]) -> Iterable[Job[Any]]:
+    def done(findings: tuple[AuditFinding, ...]) -> tuple[()]:
         found[one] = ModelAudit(one, findings)
         return ()
 
-    def failed(failure: Failure) -> Iterable[Job[Any]]:
+    def failed(failure: Failure) -> tuple[()]:
         found[one] = ModelAudit(one, failure=failure.reason)
         return ()
 

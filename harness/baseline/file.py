@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -110,13 +110,13 @@ def _as_read(record: S) -> S:
     return msgspec.json.decode(canonical(record), type=type(record))
 
 
-def _line(value: Any) -> str:
+def _line(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
 def _table(record: Record, indent: str) -> str:
     """A record with a line a field."""
-    fields: dict[str, Any] = msgspec.to_builtins(record)
+    fields: dict[str, object] = msgspec.to_builtins(record)
     lines = [f"{indent}  {_line(name)}: {_line(value)}" for name, value in fields.items()]
     return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from harness.compare.candidate import Candidate
 from harness.files.locations import Location, LocationError, find
@@ -34,7 +33,7 @@ class Edit:
     old: str
     new: str
     changes: tuple[tuple[int, int, bytes], ...] = ()
-    settings: tuple[tuple[str, Any], ...] = ()
+    settings: tuple[tuple[str, object], ...] = ()
 
 
 def edits(a: Candidate, b: Candidate) -> tuple[Edit, ...]:
@@ -276,7 +275,7 @@ def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
             )
 
 
-def _stated(candidate: Candidate) -> dict[str, Any]:
+def _stated(candidate: Candidate) -> dict[str, object]:
     spec = candidate.sidecar.spec(candidate.engine)
     found = {f"settings.{key}": value for key, value in spec.settings.items()}
     for i, spring in enumerate(spec.springs):

@@ -14,7 +14,7 @@ from harness.compare.diff import Edit, applied
 from harness.compare.excitation import unwrapped
 from harness.compare.match import Match
 from harness.compare.runs import Runs, quick
-from harness.engines.protocol import Array, EngineError
+from harness.engines.protocol import Array, EngineError, Spring
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ def _edited(candidate: Candidate, edits: Sequence[Edit], folder: Path) -> Candid
         kind, _, name = key.partition(".")
         if kind != "settings":
             index = int(key.removeprefix("spring[").removesuffix("]"))
-            springs[index : index + 1] = [] if value is None else [value]
+            springs[index : index + 1] = [value] if isinstance(value, Spring) else []
         elif value is None:
             settings.pop(name, None)
         else:

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypeGuard
 
 from harness.engines.protocol import ModelSpec, Spring
 
@@ -38,8 +38,8 @@ class Sidecar:
 
     model: Path
     engines: tuple[str, ...]
-    settings: Mapping[str, Any]
-    engine_settings: Mapping[str, Mapping[str, Any]]
+    settings: Mapping[str, object]
+    engine_settings: Mapping[str, Mapping[str, object]]
     coordinates: Mapping[str, str]
     readback: Mapping[str, str]
     springs: tuple[Spring, ...]
@@ -95,14 +95,14 @@ def read_sidecar(path: Path) -> Sidecar:
     )
 
 
-def _table(data: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]:
+def _table(data: Mapping[str, object], key: str, path: Path) -> dict[str, object]:
     value = data.get(key, {})
     if not isinstance(value, dict):
         raise SidecarError(f"{path}: {key} must be a table: [{key}]")
     return value
 
 
-def _expressions(data: Mapping[str, Any], key: str, path: Path) -> dict[str, str]:
+def _expressions(data: Mapping[str, object], key: str, path: Path) -> dict[str, str]:
     table = _table(data, key, path)
     for name, value in table.items():
         if not isinstance(value, (str, int, float)) or isinstance(value, bool):
@@ -110,7 +110,7 @@ def _expressions(data: Mapping[str, Any], key: str, path: Path) -> dict[str, str
     return {name: str(value) for name, value in table.items()}
 
 
-def _check_settings(values: Mapping[str, Any], place: str) -> None:
+def _check_settings(values: Mapping[str, object], place: str) -> None:
     step = values.get("step", 1.0)
     if not _is_number(step) or not 0 < step < math.inf:
         raise SidecarError(f"{place} step is {step!r}, where a positive number of seconds belongs")
@@ -119,7 +119,7 @@ def _check_settings(values: Mapping[str, Any], place: str) -> None:
         raise SidecarError(f"{place} gravity is {gravity!r}, where three numbers belong")
 
 
-def _spring(data: Any, place: str) -> Spring:
+def _spring(data: object, place: str) -> Spring:
     wanted = {"joints", "stiffness", "damping", "rest"}
     if not isinstance(data, dict) or set(data) != wanted:
         raise SidecarError(f"{place} must have {', '.join(sorted(wanted))}, each stated")
@@ -132,5 +132,5 @@ def _spring(data: Any, place: str) -> Spring:
     return Spring(joints, data["stiffness"], data["damping"], data["rest"])
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

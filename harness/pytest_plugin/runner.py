@@ -109,5 +109,4 @@ class CaseRunner:
         with without_main():
             if self._workers is None:
                 self._workers = Workers(1, self._limit).__enter__()
-            value: Value | Failure = self._workers.outcome(self._workers.submit(function, argument))
-            return value
+            return self._workers.outcome(self._workers.submit(function, argument))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Generator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -60,6 +59,6 @@ class CrosscheckSession:
         """End the worker process."""
         self._runner.close(at_once=exitstatus == pytest.ExitCode.INTERRUPTED)
 
-    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Tell how the cases came out, what was accepted, and what was not run."""
         summarize(terminalreporter)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
+
+import pytest
 
 from harness.records.outcome import Outcome
 from harness.text.table import agreement
 
 
-def summarize(reporter: Any) -> None:
+def summarize(reporter: pytest.TerminalReporter) -> None:
     """Write how the cases came out, what passed because it is accepted, and what was skipped.
 
     Everything is taken from the reports, which xdist brings from its workers.

@@ -223,7 +223,7 @@ class Shape(Record, frozen=True, kw_only=True, omit_defaults=True):
 _LINKS = ("spring", "damper", "rod", "line", "wall", "measure")
 
 
-def _trees(shape: Shape) -> list[Any]:
+def _trees(shape: Shape) -> list[SketchTree | None]:
     """Every place and size of a shape.
 
     Raises:
@@ -247,7 +247,7 @@ _OPERANDS = {"^": 2, "sin": 1, "cos": 1, "tan": 1}
 """How many an operation has; `+` and `*` have any number."""
 
 
-def _check(tree: Any, positions: int, depth: int = 0) -> None:
+def _check(tree: object, positions: int, depth: int = 0) -> None:
     """Refuse what is no tree.
 
     Raises:

@@ -6,9 +6,8 @@ computed (the inertia of a shape, say) is a constant without a place.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -247,7 +246,7 @@ class _Reader:
             raise self.refuse(element, f"its {what} is a polynomial; only the first term is read")
         return terms[0]
 
-    def _of_joint(self, element: RawElement, name: str) -> Any:
+    def _of_joint(self, element: RawElement, name: str) -> Callable[[float, str, str, bool], str]:
         degrees = not self._radians()
 
         def number(value: float, key: str, unit: str, angle: bool) -> str:
@@ -309,7 +308,12 @@ class _Reader:
         return None
 
     def _triple(
-        self, values: Any, name: tuple[str, ...], unit: str, what: str, address: str | None
+        self,
+        values: Sequence[float],
+        name: tuple[str, ...],
+        unit: str,
+        what: str,
+        address: str | None,
     ) -> Triple:
         x, y, z = (
             self.ledger.number(
@@ -324,7 +328,11 @@ class _Reader:
         return x, y, z
 
     def _turns(
-        self, quaternion: Any, element: RawElement | None, address: str | None, name: str
+        self,
+        quaternion: Sequence[float],
+        element: RawElement | None,
+        address: str | None,
+        name: str,
     ) -> tuple[Turn, ...]:
         """One turn about one axis; its angle is bound where the file states it as such."""
         w, vector = float(quaternion[0]), np.array(quaternion[1:], dtype=float)

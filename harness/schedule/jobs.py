@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic
 
-from harness.schedule.workers import Failure, Workers
-
-Argument = TypeVar("Argument")
-Value = TypeVar("Value")
+from harness.schedule.workers import Argument, Failure, Value, Workers
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import forkserver
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TypeVar
 
 import pebble
 
@@ -28,6 +28,9 @@ LIMIT = 120.0
 """Seconds that a task may take unless told otherwise."""
 
 MOST_PRINTED = 4000
+
+Argument = TypeVar("Argument")
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -78,22 +81,22 @@ class Workers:
             if len(seen) >= self._jobs:
                 return
 
-    def submit(self, function: Callable[[Any], Any], argument: Any) -> Future[Any]:
+    def submit(self, function: Callable[[Argument], Value], argument: Argument) -> Future[Value]:
         """Start a task; `outcome` turns the finished future into a value or a `Failure`."""
         self._count += 1
         log = self._logs / f"{self._count}.log"
-        future: Future[Any] = self._pool.schedule(
+        future: Future[Value] = self._pool.schedule(
             _captured, args=[function, argument, str(log)], timeout=self._limit
         )
         future.log = log  # type: ignore[attr-defined]  # travels with the future it belongs to
         return future
 
-    def outcome(self, future: Future[Any]) -> Any:
+    def outcome(self, future: Future[Value]) -> Value | Failure:
         """Value of a finished task, or a `Failure` that says what became of it."""
         log: Path = future.log  # type: ignore[attr-defined]  # set by submit
         try:
             value = future.result()
-            return Failure(value.reason, _tail(log)) if isinstance(value, Failure) else value
+            return replace(value, stdout=_tail(log)) if isinstance(value, Failure) else value
         except TimeoutError:
             reason = f"it took more than the {self._limit:g} s allowed and was stopped"
         except pebble.ProcessExpired as error:
@@ -145,7 +148,9 @@ def _nap(seconds: float) -> int:
     return os.getpid()
 
 
-def _captured(function: Callable[[Any], Any], argument: Any, log: str) -> Any:
+def _captured(
+    function: Callable[[Argument], Value], argument: Argument, log: str
+) -> Value | Failure:
     """Run a task with everything printed, C code included, going to a file.
 
     What it raises comes back as a sentence: an exception may be one that can't be sent, and a

@@ -16,7 +16,7 @@ from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar, read_sidecar
 from harness.run import Options, run
 from harness.scaffold.folder import NewError, check_name, example, write_folder
-from harness.scaffold.from_model import from_model
+from harness.scaffold.from_model import _settings, from_model
 from reference.derive import derive
 from reference.load import load_system
 
@@ -171,7 +171,8 @@ def test_a_reading_that_no_engine_shares_is_not_written(
     model = tmp_path / "m.urdf"
     model.write_text(URDF)
     # A fault of the reading: gravity that the sidecar doesn't have.
-    monkeypatch.setattr("harness.scaffold.from_model.GRAVITY", 9.80)
+    settings = [line.replace("9.81", "9.8") for line in _settings(".urdf")]
+    monkeypatch.setattr("harness.scaffold.from_model._settings", lambda _: settings)
     with pytest.raises(NewError, match="no engine agrees with what was read"):
         from_model(model, tmp_path / "read")
     assert os.listdir(tmp_path) == ["m.urdf"]

@@ -44,6 +44,15 @@ def chatter(_: object) -> str:
     return "done"
 
 
+def refused(_: object) -> Failure:
+    return Failure("no such joint", "", usage=True)
+
+
+def failed(value: object) -> Failure:
+    assert isinstance(value, Failure)
+    return value
+
+
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
     with Workers(2, limit=3.0) as pool:
@@ -54,8 +63,8 @@ def test_every_task_beside_a_crash_a_hang_and_an_exit_is_finished(workers: Worke
     good = [workers.submit(square, i) for i in range(12)]
     bad = [workers.submit(f, 0) for f in (crash, leave, hang)]
     good += [workers.submit(square, i) for i in range(12, 24)]
-    assert [workers.outcome(f) for f in good] == [i * i for i in range(24)]
-    crashed, left, hung = (workers.outcome(f) for f in bad)
+    assert list(map(workers.outcome, good)) == [i * i for i in range(24)]
+    crashed, left, hung = map(failed, map(workers.outcome, bad))
     assert "SIGSEGV" in crashed.reason
     assert crashed.stdout.startswith("about to fall")
     assert "exit code 7" in left.reason
@@ -66,8 +75,15 @@ def test_every_task_beside_a_crash_a_hang_and_an_exit_is_finished(workers: Worke
 def test_an_error_of_ours_is_its_sentence_and_any_other_is_told_with_its_kind(
     workers: Workers,
 ) -> None:
-    assert workers.outcome(workers.submit(refuse, 0)).reason == "m.xml: no such joint; name it"
-    assert workers.outcome(workers.submit(stumble, 0)).reason == "ZeroDivisionError: by zero"
+    ours = failed(workers.outcome(workers.submit(refuse, 0)))
+    other = failed(workers.outcome(workers.submit(stumble, 0)))
+    assert ours.reason == "m.xml: no such joint; name it"
+    assert other.reason == "ZeroDivisionError: by zero"
+
+
+def test_wrong_usage_that_a_task_finds_stays_wrong_usage(workers: Workers) -> None:
+    assert failed(workers.outcome(workers.submit(refused, 0))).usage
+    assert not failed(workers.outcome(workers.submit(refuse, 0))).usage
 
 
 def test_what_a_good_task_prints_is_kept_off_the_terminal(

@@ -285,7 +285,7 @@ class MujocoModel(Model):
 
 
 @contextlib.contextmanager
-def _quiet() -> Any:
+def _quiet() -> Iterator[None]:
     """Overflow of a motion that blows up shows in the states; MuJoCo's log file is not wanted."""
     import mujoco
 

@@ -176,5 +176,5 @@ def _at(data: Any, key: _Key) -> Any:
     return data
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 from xml.parsers import expat
 
 from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
@@ -160,7 +159,7 @@ def read_elements(source: Source) -> list[RawElement]:
         if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
             raise LocationError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_: object) -> None:
         line = parser.CurrentLineNumber
         raise LocationError(f"{source.file}:{line}: refused: it declares entities or a DTD")
 
