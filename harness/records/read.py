@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -38,7 +38,7 @@ def decoded(data: bytes, wanted: type[R]) -> R:
         raise DecodeError(f"no JSON: {_said(error)}") from None
 
 
-def _once(pairs: list[tuple[str, Any]]) -> None:
+def _once(pairs: list[tuple[str, object]]) -> None:
     """Refuse an object that has a key twice: of two values, one would be lost."""
     keys = [key for key, _ in pairs]
     for key in keys:

@@ -21,12 +21,18 @@ from harness.scaffold.folder import NewError
 from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 
 _FOREIGN = {
-    "include": "parts in other files", "replicate": "bodies made by repetition",
-    "composite": "bodies made by repetition", "flexcomp": "flexible bodies", "flex": "flexible"
-    " bodies", "attach": "models put into models", "plugin": "plugins", "freejoint": "free joints",
-    "equality": "equalities", "tendon": "tendons", "actuator": "actuators; inputs are applied to"
-    " joints here, so take them out",
-}  # fmt: skip
+    "include": "parts in other files",
+    "replicate": "bodies made by repetition",
+    "composite": "bodies made by repetition",
+    "flexcomp": "flexible bodies",
+    "flex": "flexible bodies",
+    "attach": "models put into models",
+    "plugin": "plugins",
+    "freejoint": "free joints",
+    "equality": "equalities",
+    "tendon": "tendons",
+    "actuator": "actuators; inputs are applied to joints here, so take them out",
+}
 _MASSLESS = {"mesh": "the inertia of meshes", "hfield": "height fields", "sdf": "shapes of plugins"}
 _DIGITS = 1e-15
 

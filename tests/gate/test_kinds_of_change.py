@@ -148,7 +148,7 @@ def changed(pristine: Repository, tmp_path_factory: pytest.TempPathFactory) -> G
     ("index", "name", "status", "kinds", "told"),
     [(i, row[1], *row[4:]) for i, row in enumerate(MODEL_CHANGES)],
     ids=[row[0] for row in MODEL_CHANGES],
-)  # fmt: skip
+)
 def test_a_change_of_a_model_file_is_told_for_what_it_is(
     changed: GateResult, index: int, name: str, status: Any, kinds: set[str], told: str
 ) -> None:
@@ -200,8 +200,9 @@ SYSTEM_CHANGES: list[tuple[str, str, str, Status, set[str], str]] = [
 
 @pytest.mark.parametrize(
     ("old", "new", "status", "kinds", "told"),
-    [row[1:] for row in SYSTEM_CHANGES], ids=[row[0] for row in SYSTEM_CHANGES],
-)  # fmt: skip
+    [row[1:] for row in SYSTEM_CHANGES],
+    ids=[row[0] for row in SYSTEM_CHANGES],
+)
 def test_a_change_of_the_declaration_is_told_for_what_it_is(
     repository: Repository, old: str, new: str, status: Any, kinds: set[str], told: str
 ) -> None:

@@ -19,9 +19,14 @@ from harness.records.write import encoded, write_whole
 
 def some(*cases: Case) -> Results:
     return Results(
-        created="now", versions={"e": "1.0"}, resolution=1e-9, seconds=0.1,
-        systems=(), models=(), cases=cases,
-    )  # fmt: skip
+        created="now",
+        versions={"e": "1.0"},
+        resolution=1e-9,
+        seconds=0.1,
+        systems=(),
+        models=(),
+        cases=cases,
+    )
 
 
 CASE = Case(system="s", folder="f", model="m", engine="e", scenario="a", outcome=Outcome.AGREES)
@@ -29,9 +34,11 @@ CASE = Case(system="s", folder="f", model="m", engine="e", scenario="a", outcome
 
 def test_nan_and_infinity_never_reach_json() -> None:
     found = Convergence(
-        rungs=(1,), h=numbers([1.0]), defect=numbers([float("-inf")]),
+        rungs=(1,),
+        h=numbers([1.0]),
+        defect=numbers([float("-inf")]),
         increments=numbers([float("nan"), None]),
-    )  # fmt: skip
+    )
     read = json.loads(encoded(found), parse_constant=lambda name: pytest.fail(name))
     assert read["defect"] == [None]
     assert read["increments"] == [None, None]

@@ -355,8 +355,10 @@ def test_no_field_of_a_system_has_a_default(field: str) -> None:
         System(**fields)
 
 
-@pytest.mark.parametrize("kind", [Constant, Coordinate, Input, Output, Equilibrium, Scenario,
-                                  PublishedEquation, Quantity])  # fmt: skip
+@pytest.mark.parametrize(
+    "kind",
+    [Constant, Coordinate, Input, Output, Equilibrium, Scenario, PublishedEquation, Quantity],
+)
 def test_no_field_of_a_declared_item_has_a_default(kind: type) -> None:
     for field in dataclasses.fields(kind):
         assert field.default is dataclasses.MISSING

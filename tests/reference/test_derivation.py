@@ -36,7 +36,7 @@ NEWTON = {
         n["m"] * n["l"] ** 2 * n["theta''"]
         - (n["tau"] - n["m"] * n["g"] * n["l"] * sp.sin(n["theta"]))
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", NEWTON)

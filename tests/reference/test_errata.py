@@ -20,7 +20,7 @@ NUMBERS = {*(f"2.{i}" for i in range(1, 49)), *(f"3.{i}" for i in range(1, 15))}
 LEFT_OUT = {
     "3.1": "a series without end, of any function: nothing finite can be held against it, and its"
     " first order is 3.2",
-}  # fmt: skip
+}
 
 PUBLISHED = [(name, i) for name in NAMES for i in range(len(built_in(name).published))]
 

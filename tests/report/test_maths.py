@@ -85,8 +85,14 @@ def test_a_hostile_name_is_text_or_nothing(text: str, written: Callable[[str], s
     assert element.tag in ("math", "code")
     assert {child.tag for child in element.iter()} - {"math", "code"} <= ELEMENTS
     assert {name for child in element.iter() for name in child.attrib} <= {
-        "accent", "display", "fence", "form", "mathvariant", "rspace", "stretchy"
-    }  # fmt: skip
+        "accent",
+        "display",
+        "fence",
+        "form",
+        "mathvariant",
+        "rspace",
+        "stretchy",
+    }
 
 
 @pytest.mark.parametrize(
