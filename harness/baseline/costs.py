@@ -50,12 +50,12 @@ def _error(then: AcceptedCase, now: AcceptedCase, found: Part, settled: bool) ->
     if a is None or b is None:
         if a == b:
             return found
-        finite = "the raw error is finite now" if a is None else "the raw error is not finite"
+        finite = "the global error is finite now" if a is None else "the global error is not finite"
         return Part(messages=(*found.messages, finite), worse=b is None, better=a is None)
     tolerance = max(GLOBAL, min(1.0, a)) * a + 1e-12
     if abs(b - a) <= tolerance or not (settled or found.messages):
         return found
-    message = f"raw error {_percent(a)} -> {_percent(b)}"
+    message = f"global error {_percent(a)} -> {_percent(b)}"
     return Part(messages=(*found.messages, message), worse=b > a, better=b < a)
 
 

@@ -62,7 +62,7 @@ def summarized(entry: AcceptedCase) -> AcceptedCase:
 
     summary = (
         f"{entry.outcome}, E {short(entry.discrepancy, '.0e')}"
-        f" U {short(entry.uncertainty, '.0e')}; raw error {short(entry.global_error, '.2%')}"
+        f" U {short(entry.uncertainty, '.0e')}; global error {short(entry.global_error, '.2%')}"
         f" at {short(entry.shipped_step, 'g')} s, {entry.integrator}"
     )
     return msgspec.structs.replace(entry, summary=summary)

@@ -168,7 +168,7 @@ def _with_full_runs(verdict: Verdict, study: StepStudy, claimed: int) -> tuple[O
     if verdict.outcome is Outcome.AGREES and not study.converges:
         return Outcome.UNRESOLVED, (
             "every segment agrees, but a run from start to end does not converge to the motion"
-            f" (order {study.global_order:.2f} where {claimed} is claimed, raw error"
+            f" (order {study.global_order:.2f} where {claimed} is claimed, global error"
             f" {study.global_error:.1e}, {study.global_residual:.1e} of it left as the step falls):"
             " something is carried from step to step"
         )

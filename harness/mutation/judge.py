@@ -188,4 +188,4 @@ def _global_errors(before: DiagnosisTask, after: DiagnosisTask) -> str:
         off = np.abs(states - motion.at(t))[:, :n]
         error = float(np.max(off / np.maximum(motion.amplitude[:n], 1e-300)))
         errors.append(f"{error:.2%}" if error > 1e-4 else f"{error:.1e}")
-    return f"raw error {errors[0]} -> {errors[1]}"
+    return f"global error {errors[0]} -> {errors[1]}"

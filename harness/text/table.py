@@ -100,7 +100,7 @@ def _print_models(console: Console, cases: Iterable[Case]) -> None:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for name in ("system", "model", "engine", "outcome"):
         table.add_column(name, no_wrap=True)
-    for name in ("discrepancy", "uncertainty", "raw error", "at step", "order", "0.1 % at"):
+    for name in ("discrepancy", "uncertainty", "global error", "at step", "order", "0.1 % at"):
         table.add_column(name, justify="right", no_wrap=True)
     groups = itertools.groupby(cases, lambda case: case.id.of_model)
     rows = [_row(model, list(group)) for model, group in groups]

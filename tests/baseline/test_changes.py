@@ -109,9 +109,9 @@ def test_a_global_error_that_is_large_is_known_to_its_own_share() -> None:
     assert told(then=large, global_error=1.5).status is Status.SAME
     assert told(then=large, global_error=2.0).status is Status.CHANGED
     change = told(global_error=None)
-    assert (change.status, change.messages) == (Status.CHANGED, ("the raw error is not finite",))
+    assert (change.status, change.messages) == (Status.CHANGED, ("the global error is not finite",))
     again = told(then=entry(global_error=None))
-    assert (again.status, again.messages) == (Status.IMPROVED, ("the raw error is finite now",))
+    assert (again.status, again.messages) == (Status.IMPROVED, ("the global error is finite now",))
 
 
 def test_a_step_an_integrator_and_orders_are_numbers() -> None:

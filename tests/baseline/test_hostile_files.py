@@ -232,7 +232,7 @@ def test_a_file_has_a_line_a_quantity_with_names_on_top() -> None:
     begin = lines.index('"system": "spring",', 5)
     names = [line.split('"')[1] for line in lines[begin : begin + 25]]
     assert tuple(names) == AcceptedCase.__struct_fields__[:25]
-    assert lines[begin + 4].startswith('"summary": "AGREES, E 5e-14 U 1e-12; raw error 0.50%')
+    assert lines[begin + 4].startswith('"summary": "AGREES, E 5e-14 U 1e-12; global error 0.50%')
 
 
 def test_a_seal_stays_what_it_is() -> None:

@@ -121,7 +121,7 @@ def test_what_changed_since_is_told_worst_first() -> None:
         ("missing", "gone.xml"),
         ("new", "new.xml"),
     ]
-    assert found.changes[0].message == "raw error 0.5 % -> 5 %"
+    assert found.changes[0].message == "global error 0.5 % -> 5 %"
     assert found.changes[1].message == "it was accepted, and there is no such case now"
 
 

@@ -41,7 +41,7 @@ def test_an_entry_is_a_line_a_quantity_with_a_summary_on_top(repository: Reposit
     entry = text[text.index('"model": "mujoco.xml"') :].splitlines()
     assert [line.strip() for line in entry[1:3]] == ['"scenario": "free",', '"engine": "mujoco",']
     assert entry[3].strip().startswith('"summary": "AGREES, E ')
-    assert "raw error 0." in entry[3]
+    assert "global error 0." in entry[3]
     assert entry[4].strip() == '"reason": "first baseline",'
     assert json.loads(text)["format"] == 2
 

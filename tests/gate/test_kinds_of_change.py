@@ -91,7 +91,7 @@ MODEL_CHANGES: list[tuple[str, str, str, str, Any, set[str], str]] = [
     ("a finer step", "mujoco.xml", 'timestep="0.002"', 'timestep="0.001"',
      IMPROVED, {"numbers"}, "step 0.002 s -> 0.001 s"),
     ("a finer step in a sidecar", "space.py.toml", "step = 0.002", "step = 0.001",
-     IMPROVED, {"numbers"}, "raw error"),
+     IMPROVED, {"numbers"}, "global error"),
     # RK4 gains nothing where a force is held over each step: that one case is a little worse.
     ("an integrator of higher order", "mujoco.xml", '"Euler"', '"RK4"',
      {IMPROVED, CHANGED}, {"numbers"}, "claimed order 1 -> 4"),

@@ -86,7 +86,7 @@ def test_known_mistakes_are_caught_and_named(system: str, names: set[str], few: 
     assert all(0 < (r.first_caught or 0) < 1e-3 for r in found if r.verdict is FaultVerdict.NAMED)
 
 
-def test_another_step_or_integrator_agrees_and_is_told_by_its_raw_error(few: None) -> None:
+def test_another_step_or_integrator_agrees_and_is_told_by_its_global_error(few: None) -> None:
     found = rows(sound(MSD, "mujoco.xml"), lambda fault: fault.sound)
     assert [(r.name, r.kind, r.verdict) for r in found] == [
         ("another time step", FaultKind.NONE, FaultVerdict.AGREES),

@@ -53,7 +53,7 @@ def test_a_sound_model_passes_under_strict_settings_and_leaves_its_numbers(
     told = properties(ran)
     assert told["outcome"] == "AGREES"
     assert 0 < float(told["discrepancy"]) < float(told["uncertainty"]) < 1e-9
-    assert 0 < float(told["raw_error"]) < 0.1
+    assert 0 < float(told["global_error"]) < 0.1
     assert float(told["order"]) == pytest.approx(1, abs=0.05)
 
 
@@ -208,12 +208,12 @@ def test_a_projects_conftest_may_demand_more_of_the_models_below_it(
         "def pytest_crosscheck_case(record):\n"
         "    error = record.full_run.global_error\n"
         "    if error > 0.001 and record.scenario == 'free':\n"
-        "        return f'its raw error is {error:.1%}'\n"
+        "        return f'its global error is {error:.1%}'\n"
     )
     done = project.run("--crosscheck", "models", "--crosscheck", "others")
     done.assert_outcomes(passed=7, failed=1)
     done.stdout.fnmatch_lines(
-        ["AGREES, but its raw error is 0.5%", f"FAILED {MSD}/mujoco.xml/free - *"]
+        ["AGREES, but its global error is 0.5%", f"FAILED {MSD}/mujoco.xml/free - *"]
     )
 
 
