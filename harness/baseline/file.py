@@ -15,7 +15,7 @@ import msgspec
 
 from harness.baseline.seal import S, canonical, sealed, snapshot_key
 from harness.records.base import Record
-from harness.records.baseline import FORMAT, AcceptedCase, Declared, Snapshot
+from harness.records.baseline import FORMAT, AcceptedCase, BaselineFile, Declared, Snapshot
 from harness.records.case import CaseId
 from harness.records.outcome import Outcome
 
@@ -65,15 +65,6 @@ class SystemBaseline:
     def snapshot(self, case: CaseId) -> Snapshot:
         """The snapshot that was accepted of a case."""
         return self.snapshots[self.cases[case].snapshot]
-
-
-class _File(Record, frozen=True, kw_only=True):
-    """A baseline file, whole."""
-
-    format: int
-    declared: Declared
-    cases: tuple[AcceptedCase, ...]
-    snapshots: dict[str, Snapshot]
 
 
 class _Head(msgspec.Struct):
@@ -132,7 +123,7 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
         FileError: for anything that can't be believed.
     """
     _check_format(data)
-    file = _decoded(data, _File)
+    file = _decoded(data, BaselineFile)
     if sealed(file.declared) != file.declared:
         raise FileError(f"declared: {_NOT_BELIEVED}")
     if file.declared.system != system:
@@ -195,7 +186,7 @@ def _decoded(data: bytes, wanted: type[T]) -> T:
         raise FileError(f"no JSON: {error}; {_RESTORE}") from None
 
 
-def _cases(file: _File, system: str) -> dict[CaseId, AcceptedCase]:
+def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
     cases: dict[CaseId, AcceptedCase] = {}
     for entry in file.cases:
         if sealed(entry) != entry:

@@ -14,6 +14,7 @@ class Snapshot(Record, frozen=True, kw_only=True):
     """Picked segments of a scenario, K of them, complete in numbers: a later run can repeat them.
 
     Attributes:
+        scenario: its name.
         components: names of the state's 2n components.
         duration: of the whole scenario, seconds.
         inputs: in words, `F = 7*Heaviside(t - 1)`.
@@ -43,7 +44,12 @@ class Snapshot(Record, frozen=True, kw_only=True):
 
 
 class Identified(Record, frozen=True, kw_only=True):
-    """A constant as a motion tells it."""
+    """A constant as a motion tells it.
+
+    Attributes:
+        value: in the constant's unit.
+        standard_error: of it.
+    """
 
     value: float
     standard_error: float
@@ -85,14 +91,19 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         system, model, scenario, engine: which case it is of.
         summary: all of it in one line, for who reviews it.
         reason: why it was accepted.
-        outcome, outcome_reason: of the case, and the sentence for what is not AGREES.
-        discrepancy ... claimed_order: as in the case's verdict and full run.
-        constants: that the motion identifies.
+        outcome: of the case.
+        outcome_reason: the sentence for what is not AGREES.
+        discrepancy, uncertainty, component, order, claimed_order: as in the case's verdict.
+        constants: that the motion identifies, by name.
+        global_error, shipped_step, integrator: as in its full run.
+        global_order: of the global error.
         engine_version: the name of the engine with its version.
         resolution: of the run.
         numerics: version of this package's numerics.
         files: hashes of what the case depends on, by name, relative to the system's folder.
-        snapshot: key of the snapshot that `end` and `end_uncertainty` belong to.
+        snapshot: key of the snapshot that the ends belong to.
+        end: where the model ends its segments, (K, 2n).
+        end_uncertainty: of these.
         seal: over all of this, its name included.
     """
 
@@ -135,6 +146,7 @@ class Declared(Record, frozen=True, kw_only=True):
     """What a system declared when its cases were accepted.
 
     Attributes:
+        system: its name.
         folder: relative to the baseline's; `builtin:NAME` for an installed one.
         declared: hash of the declaration.
         scenarios: their names.
@@ -148,6 +160,22 @@ class Declared(Record, frozen=True, kw_only=True):
     scenarios: tuple[str, ...]
     constants: dict[str, float]
     seal: str = ""
+
+
+class BaselineFile(Record, frozen=True, kw_only=True):
+    """A system's baseline, whole.
+
+    Attributes:
+        format: of the file.
+        declared: what the system declared.
+        cases: what was accepted of each.
+        snapshots: those that cases refer to, by key: the scenario's name with a hash of the rest.
+    """
+
+    format: int
+    declared: Declared
+    cases: tuple[AcceptedCase, ...]
+    snapshots: dict[str, Snapshot]
 
 
 class GateChange(Record, frozen=True, kw_only=True):

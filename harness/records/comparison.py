@@ -104,6 +104,7 @@ class Compared(Record, frozen=True, kw_only=True):
 
     Attributes:
         discrepancy, uncertainty: of `component`, relative to its movement.
+        component: the one that decides, such as `hip_dot`.
         by_component: the largest discrepancy of each component.
         map: how joints were paired, a sentence each.
         left_out: joints without a partner that follow from others or stay put.

@@ -45,10 +45,12 @@ class CorrectedScenario(Record, frozen=True, kw_only=True):
     """One scenario with the estimates put in; a row a component.
 
     Attributes:
+        scenario: its name.
         t: seconds.
         corrected: the motion.
         segment_t: starts of the segments that the diagnosis stands on, seconds.
-        before, after: their defects, as in a case's series, without and with the estimates.
+        before: their defects, as in a case's series.
+        after: the same with the estimates.
     """
 
     scenario: str

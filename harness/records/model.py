@@ -26,6 +26,7 @@ class EngineLinearization(Record, frozen=True, kw_only=True):
     """An engine's own linearization about an equilibrium, beside Taylor's.
 
     Attributes:
+        equilibrium: its name.
         a, b: the engine's matrices, states in the order of the components.
         a_error, b_error: largest difference from Taylor's in any entry, relative to the largest.
         poles, taylor_poles: paired.
@@ -57,8 +58,8 @@ class Model(Record, frozen=True, kw_only=True):
     """One model file in one engine.
 
     Attributes:
+        system, model, engine: its name, as in `ModelId`.
         folder: of the system.
-        model: the file's name.
         text, sidecar: the file and its sidecar as they were run.
         linearizations: about every equilibrium; empty where they were not asked for, or failed.
         linearization_failure: why there are none; empty otherwise.

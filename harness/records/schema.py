@@ -1,6 +1,6 @@
-"""JSON Schemas of the records that are written, made from the records themselves.
+"""JSON Schemas of the records that are written, and their page, made from the records themselves.
 
-`python -m harness.records.schema docs/schema` writes them; a test says that they are current.
+`python -m harness.records.schema docs/schema` writes all; a test says that they are current.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from typing import Any
 import msgspec
 
 from harness.records.base import Record
-from harness.records.baseline import Gate
+from harness.records.baseline import BaselineFile, Gate
 from harness.records.comparison import Comparison
+from harness.records.fields import File, page
 from harness.records.mutation import Mutations
 from harness.records.results import Results
 from harness.records.write import write_whole
@@ -24,10 +25,20 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 SCHEMAS: dict[str, type[Record]] = {
     "results": Results,
     "gate": Gate,
+    "baseline": BaselineFile,
     "comparison": Comparison,
     "mutations": Mutations,
 }
 """Records by the name of their schema's file, `<name>.schema.json`."""
+
+WRITTEN: dict[str, tuple[str, str]] = {
+    "results": ("results.json", "by `crosscheck run`, in the folder of the report"),
+    "gate": ("gate.json", "by `crosscheck gate`, in `reports/gate/`"),
+    "baseline": ("A baseline", "by `crosscheck accept`, as `reports/baseline/<system>.json`"),
+    "comparison": ("A comparison", "by `crosscheck compare --json FILE`"),
+    "mutations": ("Mutations", "by `crosscheck mutate --json FILE`"),
+}
+"""What each file is called, and who writes it."""
 
 
 def schema(record: type[Record]) -> dict[str, Any]:
@@ -40,8 +51,14 @@ def schema_text(name: str) -> str:
     return json.dumps(schema(SCHEMAS[name]), indent=1, ensure_ascii=False) + "\n"
 
 
+def page_text() -> str:
+    """The committed text of the page that tells of every field."""
+    return page([File(name, *WRITTEN[name], record=record) for name, record in SCHEMAS.items()])
+
+
 def main(folder: Path) -> None:
-    """Write every schema into a folder."""
+    """Write every schema into a folder, and the page."""
+    write_whole(folder / "README.md", page_text())
     for name in SCHEMAS:
         write_whole(folder / f"{name}.schema.json", schema_text(name))
 

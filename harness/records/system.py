@@ -119,7 +119,8 @@ class Linearization(Record, frozen=True, kw_only=True):
     """Taylor's linearization about an equilibrium.
 
     Attributes:
-        position: of the equilibrium.
+        equilibrium: its name.
+        position: of it.
         formula: the linear equations, M a + C v + K q = F u.
         matrices: M, C, K, F and A, B, Cy, D.
         poles: of A.
@@ -314,7 +315,7 @@ class System(Record, frozen=True, kw_only=True):
         source: where it is published.
         coordinates, constants: as declared.
         kind: by the number of inputs and outputs.
-        inputs, outputs, scenarios: likewise.
+        inputs, outputs, scenarios: as declared.
         derivation: None where it was not asked for.
         sketch: None where none is declared.
         seconds: that deriving and solving it took.

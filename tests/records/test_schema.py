@@ -14,8 +14,9 @@ import msgspec
 import pytest
 
 from harness.records.base import Record
+from harness.records.fields import meanings
 from harness.records.results import Results
-from harness.records.schema import SCHEMAS, main, schema
+from harness.records.schema import SCHEMAS, main, page_text, schema
 from tests.records.examples import example, paths, replaced
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "schema"
@@ -40,12 +41,13 @@ def structs(wanted: msgspec.inspect.Type) -> Iterator[msgspec.inspect.StructType
         yield from structs(one)
 
 
-def test_the_committed_schemas_are_those_of_the_records(tmp_path: Path) -> None:
+def test_the_committed_schemas_and_their_page_are_those_of_the_records(tmp_path: Path) -> None:
     main(tmp_path)
     made, committed = (
         {path.name: path.read_text() for path in folder.iterdir()}
         for folder in (tmp_path, COMMITTED)
     )
+    assert made.keys() == {"README.md", *(f"{name}.schema.json" for name in SCHEMAS)}
     assert made == committed, "python -m harness.records.schema docs/schema"
 
 
@@ -63,6 +65,7 @@ def test_every_object_forbids_other_keys_and_describes_its_own(name: str) -> Non
             if not re.search(rf"\b{field.encode_name}\b", told)
         ]
         assert not undescribed, struct.cls.__name__
+        assert meanings(struct.cls).keys() == {field.name for field in struct.fields}, struct.cls
 
 
 @pytest.mark.parametrize("record", SCHEMAS.values(), ids=list(SCHEMAS))
@@ -84,3 +87,17 @@ def test_an_example_is_valid_and_one_with_another_key_anywhere_is_not(
 def test_results_name_the_schema_that_they_follow() -> None:
     properties = schema(Results)["$defs"]["Results"]["properties"]
     assert properties["schema"]["enum"] == [1]
+
+
+def test_the_page_has_a_row_for_every_field_and_a_section_for_every_link() -> None:
+    page = page_text()
+    sections = dict(re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", page, re.MULTILINE | re.DOTALL))
+    for record in SCHEMAS.values():
+        for struct in structs(msgspec.inspect.type_info(record)):
+            rows = re.findall(r"^\| `(\w+)` \|", sections[struct.cls.__name__], re.MULTILINE)
+            assert rows == [field.encode_name for field in struct.fields]
+    links = set(re.findall(r"\]\(#(\w+)\)", page))
+    assert links <= {name.lower() for name in sections}
+    names = re.findall(r"^### (\w+)$", page, re.MULTILINE)
+    assert len(names) == len(set(names))
+    assert "None" not in page
