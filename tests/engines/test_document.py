@@ -1,0 +1,74 @@
+"""`docs/engines.md`: the adapter that it shows is one, and its tables name every hook."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from harness.engines.conformance import CHECKS, conform_samples
+from harness.engines.protocol import Engine, Model
+from harness.engines.registry import engines
+from harness.records.outcome import Outcome
+from tests.faults.known_folder import SYSTEM, by_case, run_folders
+
+PAGE = (Path(__file__).parents[2] / "docs" / "engines.md").read_text()
+TOY = 'names = ["x"]\nm = [1.3]\nc = [0.9]\nk = [{}]\nstep = 0.005\n'
+
+
+def block(language: str) -> str:
+    """The page's one block in a language."""
+    (found,) = re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    return str(found)
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A distribution of the adapter, registered as the page says; where it lies."""
+    place = tmp_path / "site"
+    info = place / "toy-1.0.dist-info"
+    info.mkdir(parents=True)
+    (place / "toy_engine.py").write_text(block("python"))
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1.0\n")
+    points = tomllib.loads(block("toml"))["project"]["entry-points"]["crosscheck.engines"]
+    lines = "".join(f"{name} = {value}\n" for name, value in points.items())
+    (info / "entry_points.txt").write_text(f"[crosscheck.engines]\n{lines}")
+    monkeypatch.syspath_prepend(place)
+    return place
+
+
+@pytest.mark.usefixtures("installed")
+def test_the_adapter_shown_keeps_the_protocol() -> None:
+    assert len(block("python").splitlines()) <= 60
+    (checks,) = conform_samples(engines()["toy"]).values()
+    assert len(checks) == len(CHECKS)
+    assert [str(check) for check in checks if not check.passed] == []
+
+
+def test_a_folder_runs_in_the_adapter_shown_and_a_wrong_number_is_found(
+    installed: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "oscillator"
+    folder.mkdir()
+    (folder / "system.py").write_text(SYSTEM)
+    for name, stiffness in (("good", "47.0"), ("off", "47.000047")):
+        (folder / f"{name}.toy").write_text(TOY.format(stiffness))
+        (folder / f"{name}.toy.toml").write_text('engines = ["toy"]\n')
+    found = run_folders(folder, out=tmp_path / "results.json", first_on_path=[installed])
+    cases = by_case(found)
+    assert {key: case.outcome for key, case in cases.items()} == {
+        (f"{name}.toy", "toy", scenario): outcome
+        for name, outcome in (("good", Outcome.AGREES), ("off", Outcome.DIFFERS))
+        for scenario in ("free", "driven")
+    }
+
+
+def test_every_hook_of_the_protocol_is_in_the_tables() -> None:
+    _, _, tables = PAGE.partition("### What must be there")
+    rows = [line for line in tables.splitlines() if line.startswith("|")]
+    told = {word for row in rows for word in re.findall(r"\w+", row.split("|")[1])}
+    for base in (Engine, Model):
+        hooks = {name for name in (*vars(base), *base.__annotations__) if name[0] != "_"}
+        assert hooks - told == set()

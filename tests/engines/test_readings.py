@@ -1,0 +1,156 @@
+"""What two engines make of one URDF, as `docs/engines.md` tabulates it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines.protocol import Array, EngineError, Model, ModelSpec
+from harness.engines.registry import engines
+
+BOTH = ("mujoco", "pybullet")
+SMALL = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+BODY = f'<inertial><mass value="1"/>{SMALL}</inertial>'
+BELOW = f'<inertial><origin xyz="0 0 -1"/><mass value="1"/>{SMALL}</inertial>'
+H = 1e-4
+
+
+@pytest.fixture(autouse=True)
+def _engines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo logs what it warns of on loading beside the caller
+    for name in BOTH:
+        if engines()[name].version() is None:
+            pytest.skip(f"{name} is not installed")
+
+
+def urdf(
+    in_joint: str = "", *, body: str = BODY, kind: str = "continuous", axis: str = "0 1 0",
+    beside: str = "",
+) -> str:  # fmt: skip
+    """A hinge about y with a body of 1 kg and 0.01 kg m^2."""
+    return (
+        f'<robot name="r"><link name="g">{BODY}</link><link name="a">{body}</link>'
+        f'<joint name="j" type="{kind}"><parent link="g"/><child link="a"/><axis xyz="{axis}"/>'
+        f"{in_joint}</joint>{beside}</robot>"
+    )
+
+
+def limit(lower: float, upper: float, velocity: float = 100) -> str:
+    """A hinge between limits."""
+    inside = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="{velocity}"/>'
+    return urdf(inside, kind="revolute")
+
+
+def load(name: str, text: str, folder: Path, gravity: float = 0.0) -> Model:
+    path = folder / f"{name}.urdf"
+    path.write_text(text)
+    settings = {"step": H, "gravity": [0.0, 0.0, -gravity]}
+    return engines()[name].load(ModelSpec(path, settings=settings))
+
+
+def moved(model: Model, q: float, v: float, seconds: float) -> tuple[float, float]:
+    """Position and velocity of the first joint after a while."""
+    start: Array = np.ones((1, len(model.coordinates)))
+    n = round(seconds / H)
+    z, w = model.rollout(q * start, v * start, H, n, None, n)
+    return float(z[0, 0, 0]), float(w[0, 0, 0])
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_damping_is_applied(name: str, tmp_path: Path) -> None:
+    model = load(name, urdf('<dynamics damping="0.3"/>'), tmp_path)
+    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(np.exp(-0.3), rel=2e-3)
+
+
+@pytest.mark.parametrize(("name", "left"), [("mujoco", 0.8), ("pybullet", 1.0)])
+def test_friction_is_applied_by_one(name: str, left: float, tmp_path: Path) -> None:
+    model = load(name, urdf('<dynamics friction="0.2"/>'), tmp_path)
+    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(left, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_limits_stop_a_joint(name: str, tmp_path: Path) -> None:
+    q, v = moved(load(name, limit(-0.5, 0.5), tmp_path), 0.495, 1.0, 0.1)
+    assert q < 0.5
+    assert v < 0
+
+
+@pytest.mark.parametrize(("name", "q"), [("mujoco", 0.1), ("pybullet", 0.0)])
+def test_equal_limits_hold_a_joint_in_one(name: str, q: float, tmp_path: Path) -> None:
+    assert moved(load(name, limit(0, 0), tmp_path), 0.0, 1.0, 0.1)[0] == pytest.approx(q)
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_crossed_limits_are_none(name: str, tmp_path: Path) -> None:
+    assert moved(load(name, limit(1, -1), tmp_path), 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_limits_of_velocity_are_not_enforced(name: str, tmp_path: Path) -> None:
+    model = load(name, limit(-99, 99, velocity=0.5), tmp_path)
+    assert moved(model, 0.0, 500.0, 0.01)[1] == pytest.approx(500.0)
+
+
+@pytest.mark.parametrize("name", BOTH)
+def test_springs_of_gazebo_pull(name: str, tmp_path: Path) -> None:
+    spring = '<gazebo reference="j"><springStiffness>50</springStiffness></gazebo>'
+    q, _ = moved(load(name, urdf(beside=spring), tmp_path), 0.1, 0.0, 0.01)
+    assert q == pytest.approx(0.1 * np.cos(np.sqrt(5000) * 0.01), rel=5e-3)
+
+
+@pytest.mark.parametrize(("name", "off"), [("mujoco", (1e-6, 1e-3)), ("pybullet", (0.0, 1e-12))])
+def test_a_mimic_is_soft_in_one_and_a_gear_in_the_other(
+    name: str, off: tuple[float, float], tmp_path: Path
+) -> None:
+    follower = (
+        f'<link name="b">{BODY}</link><joint name="k" type="continuous"><parent link="g"/>'
+        '<child link="b"/><axis xyz="0 1 0"/><mimic joint="j" multiplier="2"/></joint>'
+    )
+    model = load(name, urdf(beside=follower), tmp_path)
+    assert model.coordinates == ("j", "k")
+    push = np.zeros((1, 1000, 2))
+    push[:, :, 0] = 0.02
+    still = np.zeros((1, 2))
+    z, _ = model.rollout(still, still, 1e-3, 1000, push, 1000)
+    assert z[0, 0, 0] == pytest.approx(0.02 / 0.05 / 2, rel=5e-3)
+    assert off[0] <= abs(z[0, 0, 1] - 2 * z[0, 0, 0]) <= off[1]
+
+
+@pytest.mark.parametrize(("name", "share"), [("mujoco", 1.0), ("pybullet", 0.5)])
+def test_a_long_axis_is_made_a_unit_vector_by_one(name: str, share: float, tmp_path: Path) -> None:
+    _, once = moved(load(name, urdf(body=BELOW), tmp_path, 9.81), 0.5, 0.0, 0.01)
+    _, twice = moved(load(name, urdf(body=BELOW, axis="0 2 0"), tmp_path, 9.81), 0.5, 0.0, 0.01)
+    assert twice / once == pytest.approx(share, rel=0.01)
+
+
+def test_a_link_without_inertia_is_refused_by_one_and_a_kilogram_in_the_other(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(EngineError, match="mass and inertia"):
+        load("mujoco", urdf(body=""), tmp_path)
+    model = load("pybullet", urdf(body=""), tmp_path)
+    assert moved(model, 0.0, 1.0, 0.01)[1] == 1.0
+    z = np.zeros((1, 1))
+    assert any("takes a mass of 1 kg" in remark.message for remark in model.remarks(z, z))
+
+
+@pytest.mark.parametrize("name", BOTH)
+@pytest.mark.parametrize("body", [
+    BODY.replace('ixx="0.01"', 'ixx="0.1"'), BODY.replace('value="1"', 'value="-1"'),
+], ids=["no triangle", "mass below zero"])  # fmt: skip
+def test_what_is_no_body_is_refused(name: str, body: str, tmp_path: Path) -> None:
+    with pytest.raises(EngineError):
+        load(name, urdf(body=body), tmp_path)
+
+
+def test_step_and_gravity_are_assumed_by_one_and_must_be_stated_for_the_other(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "bare.urdf"
+    path.write_text(urdf())
+    model = engines()["mujoco"].load(ModelSpec(path))
+    assert (model.step, model.gravity) == (0.002, (0.0, 0.0, -9.81))
+    with pytest.raises(EngineError, match="must state step"):
+        engines()["pybullet"].load(ModelSpec(path))
