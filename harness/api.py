@@ -1,6 +1,6 @@
 """`check`, for people who write their own tests: run models, and look at how they came out.
 
-from harness import check
+from physics_crosscheck import check
 
 def test_my_arm():
     result = check("models/arm", resolution=1e-8)

@@ -154,3 +154,43 @@ def test_step_and_gravity_are_assumed_by_one_and_must_be_stated_for_the_other(
     assert (model.step, model.gravity) == (0.002, (0.0, 0.0, -9.81))
     with pytest.raises(EngineError, match="must state step"):
         engines()["pybullet"].load(ModelSpec(path))
+
+
+@pytest.mark.parametrize(("name", "least", "most"), [
+    ("mujoco", 0.0, 1e-13), ("pybullet", 1e-13, 1e-8),
+])  # fmt: skip
+def test_products_of_inertia_lose_digits_in_one(
+    name: str, least: float, most: float, tmp_path: Path
+) -> None:
+    tensor = np.array([[0.07, 0.011, -0.007], [0.011, 0.06, 0.005], [-0.007, 0.005, 0.08]])
+    axis = np.array([0.6, -0.48, 0.64])
+    keys = {
+        "ixx": (0, 0),
+        "iyy": (1, 1),
+        "izz": (2, 2),
+        "ixy": (0, 1),
+        "ixz": (0, 2),
+        "iyz": (1, 2),
+    }
+    words = " ".join(f'{key}="{float(tensor[at])!r}"' for key, at in keys.items())
+    body = f'<inertial><mass value="1"/><inertia {words}/></inertial>'
+    model = load(name, urdf(body=body, axis=" ".join(map(str, axis))), tmp_path)
+    still = np.zeros((1, 1))
+    _, w = model.rollout(still, still, 1e-3, 1, np.ones((1, 1, 1)), 1)
+    off = abs(float(w[0, 0, 0]) / 1e-3 * float(axis @ tensor @ axis) - 1)
+    assert least <= off < most
+
+
+@pytest.mark.parametrize(("name", "touches"), [("mujoco", True), ("pybullet", False)])
+def test_a_fixed_base_touches_its_first_link_in_one(
+    name: str, touches: bool, tmp_path: Path
+) -> None:
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    text = urdf(body=BODY + ball).replace(f'name="g">{BODY}', f'name="g">{BODY}{ball}')
+    assert text.count(ball) == 2
+    model = load(name, text, tmp_path)
+    z = np.zeros((1, 1))
+    told = any("touch along the motions" in remark.message for remark in model.remarks(z, z))
+    assert told is touches
+    if not touches:
+        assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0)
