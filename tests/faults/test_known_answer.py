@@ -122,7 +122,7 @@ def test_a_method_of_order_one_that_claims_two_is_refused_for_its_exponents(ran:
         assert case.verdict.order == pytest.approx(1, abs=0.1)
 
 
-def test_memory_from_step_to_step_shows_in_plain_runs_where_segments_agree(ran: Ran) -> None:
+def test_memory_from_step_to_step_shows_in_full_runs_where_segments_agree(ran: Ran) -> None:
     for case in cases(ran, "drags"):
         assert case.outcome == "UNRESOLVED"
         assert "carried from step to step" in case.reason
