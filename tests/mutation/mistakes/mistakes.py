@@ -80,8 +80,8 @@ APART = (
 # A uniform rod for the pendulum: its centre half a length down, m*l^2/12 about it, m*l^2/3 about
 # the pivot.
 ROD = (
-    (SYSTEM, "T=m * l**2 * theta.v**2 / 2", "T=m * l**2 / 3 * theta.v**2 / 2"),
-    (SYSTEM, "V=-m * g * l * cos", "V=-m * g * l / 2 * cos"),
+    (SYSTEM, "T = m * l**2 * theta.v**2 / 2", "T = m * l**2 / 3 * theta.v**2 / 2"),
+    (SYSTEM, "V = -m * g * l * cos", "V = -m * g * l / 2 * cos"),
     (XML, 'pos="0 0 -0.75" mass="0.45" diaginertia="1e-14 1e-14 1e-14"',
      'pos="0 0 -0.375" mass="0.45" diaginertia="0.02109375 0.02109375 1e-6"'),
 )  # fmt: skip
