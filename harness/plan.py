@@ -30,7 +30,7 @@ from harness.engines.registry import engines
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
 from harness.files.sidecar import Sidecar
 from harness.records.baseline import Measurement, Snapshot
-from harness.records.case import Case, CaseId
+from harness.records.case import Case, CaseId, ModelKey
 from harness.records.finding import AuditFinding, Diagnosis
 from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
@@ -39,9 +39,6 @@ from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import LIMIT, Failure
 
 Jobs = Iterable[Job[Any]]
-
-ModelKey = tuple[str, str, str]
-"""Folder, model file and engine."""
 
 Progress = Callable[[int, int, Case | None], None]
 """Called with (cases done, cases known, the case just done or None)."""
@@ -247,7 +244,7 @@ class Plan:
     def _diagnosis(self, key: ModelKey) -> Iterator[Job[Diagnosis]]:
         """The diagnosis of a model, once its last case is in and one of them differs."""
         task = self._diagnoses.get(key)
-        mine = [c for c in self._found.cases if (c.folder, c.model, c.engine) == key]
+        mine = [c for c in self._found.cases if c.key == key]
         differs = any(case.outcome is Outcome.DIFFERS for case in mine)
         if task is None or not differs or len(mine) < len(task.system.scenarios):
             return

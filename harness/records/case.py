@@ -7,6 +7,9 @@ import msgspec
 from harness.records.base import Count, Number, Numbers, Record, Rows, one_length
 from harness.records.outcome import Outcome
 
+ModelKey = tuple[str, str, str]
+"""Folder, model file and engine: two folders may hold systems of the same name."""
+
 
 class ModelId(Record, frozen=True, kw_only=True, order=True):
     """One model file of a system in one engine.
@@ -270,6 +273,11 @@ class Case(Record, frozen=True, kw_only=True):
         return CaseId(
             system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
         )
+
+    @property
+    def key(self) -> ModelKey:
+        """What tells the case's model in its engine from all others of a run."""
+        return self.folder, self.model, self.engine
 
     @property
     def passes(self) -> bool:

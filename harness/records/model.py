@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from harness.records.base import Number, Numbers, Record, Rows, one_length
-from harness.records.case import ModelId
+from harness.records.case import ModelId, ModelKey
 from harness.records.finding import AuditFinding, Diagnosis
 
 
@@ -86,6 +86,11 @@ class Model(Record, frozen=True, kw_only=True):
     def id(self) -> ModelId:
         """Its name."""
         return ModelId(system=self.system, model=self.model, engine=self.engine)
+
+    @property
+    def key(self) -> ModelKey:
+        """What tells the model in its engine from all others of a run."""
+        return self.folder, self.model, self.engine
 
     @property
     def findings(self) -> tuple[AuditFinding, ...]:

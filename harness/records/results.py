@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Literal
 
 from harness.records.base import Record
@@ -74,19 +73,6 @@ class Results(Record, frozen=True, kw_only=True):
     baseline: BaselineChanges | None = None
     schema: Literal[1] = SCHEMA
 
-    def cases_of(self, model: Model) -> tuple[Case, ...]:
-        """The cases of a model in its engine: of its folder, since two may hold systems alike."""
-        return tuple(case for case in self.cases if _key(case) == _key(model))
-
     def model_of(self, case: Case) -> Model | None:
         """The record of a case's model in its engine; None where it was not run at all."""
-        return next((model for model in self.models if _key(model) == _key(case)), None)
-
-    @property
-    def titles(self) -> Mapping[str, str]:
-        """Titles of the systems by name."""
-        return {system.name: system.title for system in self.systems}
-
-
-def _key(record: Case | Model) -> tuple[str, str, str]:
-    return record.folder, record.model, record.engine
+        return next((model for model in self.models if model.key == case.key), None)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.records.case import Case
+from harness.records.case import Case, ModelKey
 from harness.records.model import Model
 from harness.records.results import Results
 from harness.report.case_charts import OVERLAID, case_charts
-from harness.report.keys import ModelKey, model_key
 from harness.report.model_charts import corrected, hypotheses, reaches, responses
 from harness.report.packs import Chart, Column, Pack
 from harness.report.runs import Run, largest, runs
@@ -55,7 +54,7 @@ class Content:
             system = self._systems.get(model.folder)
             if system is not None:
                 pack = Pack(f"pack-model-{place}")
-                self._linear[model_key(model)] = responses(pack, model, system)
+                self._linear[model.key] = responses(pack, model, system)
                 self._keep(pack, ())
         self._system_packs: dict[str, str] = {}
         for place, system in enumerate(results.systems):
@@ -100,7 +99,7 @@ class Content:
             folder = run.case.folder
             others = [r for r in together[folder, run.case.scenario] if r is not run]
             charts = case_charts(run, others, self._units(run), reach[folder])
-            linear = self._linear.get(model_key(run.case), ())
+            linear = self._linear.get(run.case.key, ())
             reaching = self._packs[self._system_packs[folder]][1] if folder in self._systems else ()
             self._keep(run.pack, (*charts, *linear, *reaching), motion=self._motion(run, others))
 
@@ -137,7 +136,7 @@ class Content:
         own = {
             run.case.scenario: run
             for run in self._runs
-            if run is not None and model_key(run.case) == model_key(model)
+            if run is not None and run.case.key == model.key
         }
         charts = list(hypotheses(pack, diagnosis))
         if own and diagnosis.corrected is not None:

@@ -6,13 +6,12 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.records.case import Case
+from harness.records.case import Case, ModelKey
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChanges
 from harness.report.cases import SYMBOLS, CaseView, digits_of, severity
 from harness.report.diagnoses import DiagnosisView
-from harness.report.keys import ModelKey, model_key
 from harness.report.text import NOTHING, percent, shown
 
 Pair = tuple[Case, CaseView]
@@ -162,7 +161,7 @@ def troubles(
     rows: dict[tuple[ModelKey, Outcome], list[Pair]] = {}
     totals: Counter[ModelKey] = Counter()
     for case, view in worst_first:
-        key = model_key(case)
+        key = case.key
         totals[key] += 1
         if case.outcome not in (Outcome.AGREES, Outcome.ABSENT):
             rows.setdefault((key, case.outcome), []).append((case, view))
@@ -211,8 +210,8 @@ def _audit_troubles(
 ) -> Iterator[Trouble]:
     """Of the models that no case has led to yet."""
     for model in models:
-        view = diagnoses.get(model_key(model))
-        if view is not None and model_key(model) not in diagnosed:
+        view = diagnoses.get(model.key)
+        if view is not None and model.key not in diagnosed:
             yield Trouble(
                 id=view.id,
                 outcome="AUDIT",

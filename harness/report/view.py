@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.records.case import Case
+from harness.records.case import Case, ModelKey
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
@@ -14,7 +14,6 @@ from harness.records.system import System
 from harness.report.cases import SYMBOLS, CaseView, case_view, severity
 from harness.report.content import Content
 from harness.report.diagnoses import DiagnosisView, diagnosis_view
-from harness.report.keys import ModelKey, model_key
 from harness.report.overview import Change, Matrix, Pair, Trouble, changes, matrix, troubles
 from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
@@ -226,16 +225,16 @@ def _diagnoses(
     differing: dict[ModelKey, list[tuple[str, str]]] = {}
     for case, view in pairs:
         if case.outcome is Outcome.DIFFERS:
-            differing.setdefault(model_key(case), []).append((view.id, view.scenario))
+            differing.setdefault(case.key, []).append((view.id, view.scenario))
     found = {}
     for place, model in enumerate(models):
         if model.diagnosis is not None or model.findings:
             name = slug(model.system, model.model, model.engine)
-            found[model_key(model)] = diagnosis_view(
+            found[model.key] = diagnosis_view(
                 model,
                 ids.new(f"diagnosis-{name}"),
                 content.diagnosis_pack(place),
-                differing.get(model_key(model), ()),
+                differing.get(model.key, ()),
             )
     return found
 
@@ -250,7 +249,7 @@ def _model_groups(
     rows: dict[ModelKey, list[Pair]] = {}
     same: dict[str, list[CaseView]] = {}
     for case, view in pairs:
-        rows.setdefault(model_key(case), []).append((case, view))
+        rows.setdefault(case.key, []).append((case, view))
         same.setdefault(case.scenario, []).append(view)
     groups = []
     for key, mine in rows.items():

@@ -58,7 +58,7 @@ def case_notes(results: Results) -> list[Annotation]:
     bad.sort(key=lambda case: (_RANKS.index(case.outcome), -_discrepancy(case)))
     worst: dict[tuple[str, str, str], Case] = {}
     for case in bad:
-        worst.setdefault((case.folder, case.model, case.engine), case)
+        worst.setdefault(case.key, case)
     return [case_note(case, results.model_of(case)) for case in worst.values()]
 
 
