@@ -11,8 +11,11 @@ from reference.numeric import Array
 from reference.signal import Inputs
 
 NODES = 11
-"""Chebyshev-Lobatto points a segment: degree 10 over a twentieth of the fastest period errs below
-2e-14 of the amplitude (measured on every built-in scenario; degree 8 leaves 7e-12)."""
+"""Chebyshev-Lobatto points a segment: degree 10 over a twentieth of the fastest period."""
+
+INTERPOLATION = 2e-14
+"""By which degree 10 errs at most, of the amplitude, as measured on every built-in scenario; degree
+8 leaves 7e-12."""
 
 
 def chebyshev_nodes() -> Array:
@@ -39,7 +42,10 @@ class Motion:
         t: start times of the segments, (K,).
         start: states (q, v) there, (K, 2n), rounded to doubles.
         end: states that the equations reach from `start` at the segments' ends, (K, 2n).
-        bound: bound of the error of `end`, per component, (2n,).
+        bound: bound of the error of `end`, per component, (2n,); that of the inputs' values as
+            doubles, and of the times at which they are taken, included.
+        global_bound: bound of the error of `start`, and of the last end, against the motion that
+            the equations make of the very first state, (K + 1, 2n); infinite where none is known.
         nodes: states at the Chebyshev points of each segment, (K, NODES, 2n).
         spans: how the segments tile the duration.
         inputs: u(t), the right-hand value at a break.
@@ -51,6 +57,7 @@ class Motion:
     start: Array
     end: Array
     bound: Array
+    global_bound: Array
     nodes: Array
     spans: tuple[Span, ...]
     inputs: Inputs
@@ -83,6 +90,16 @@ class Motion:
         """Largest magnitude of each component, (2n,)."""
         size: Array = np.max(np.abs(self.nodes), axis=(0, 1))
         return size
+
+    def global_bound_at(self, times: Array) -> Array:
+        """Bound of the error of `at` against the motion from the start, (len(times), 2n).
+
+        That of the neighbouring states, and of the interpolation between them.
+        """
+        which = np.clip(np.searchsorted(self.t, times, side="right") - 1, 0, len(self.t) - 1)
+        chain = np.maximum(self.global_bound[which], self.global_bound[which + 1])
+        bound: Array = chain + INTERPOLATION * self.amplitude
+        return bound
 
     def at(self, times: Array) -> Array:
         """States at given times within the motion, (len(times), 2n), by barycentric interpolation.

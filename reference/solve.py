@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import sympy as sp
 
+from reference.bounds import bounds
 from reference.closed_form import solve_closed_form
 from reference.declaration import Equilibrium, Scenario, t
 from reference.derive import Equations
@@ -46,16 +47,19 @@ def solve(equations: Equations, scenario: Scenario) -> Motion:
     )
     fastest = _fastest_rate(equations, signals, start, scenario.duration)
     spans = tile(signals, fastest)
-    if is_linear(equations) and all(piece.generators is not None for piece in signals):
+    exact = is_linear(equations) and all(piece.generators is not None for piece in signals)
+    if exact:
         at_zero = Equilibrium("zero", dict.fromkeys(system.coordinates, 0), False, "the origin")
         segments = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
     else:
         segments = solve_numerically(equations, start, signals, spans)
+    found = bounds(equations, signals, spans, segments, exact=exact)
     return Motion(
         t=segments.t,
         start=segments.start,
         end=segments.end,
-        bound=segments.bound,
+        bound=found.bound,
+        global_bound=found.global_bound,
         nodes=segments.nodes,
         spans=spans,
         inputs=numeric_inputs(signals),

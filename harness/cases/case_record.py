@@ -27,6 +27,9 @@ from reference.numeric import Array
 SERIES = 240
 """Samples of a series in results.json: as many as a plot of ordinary width can show."""
 
+DIGITS = 12
+"""Of the reference motion and its times: about what its own bound leaves. A plot needs fewer."""
+
 
 def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verdict:
     """The numbers of a verdict."""
@@ -109,9 +112,9 @@ def series_record(
     uncertainty = (found.limit.uncertainty + motion.bound) / scale
     raw = np.sqrt(np.mean(((found.raw - motion.end) / scale) ** 2, axis=1))
     return Series(
-        t=_row(t, 7),
+        t=_row(t, DIGITS),
         components=components,
-        reference=_rows(motion.at(t).T, 6),
+        reference=_rows(motion.at(t).T, DIGITS),
         engine=_rows(shipped.states[picked].T, 6),
         error=_rows(shipped.error[picked].T, 4),
         segment_t=_row(motion.t[segments], 6),

@@ -276,6 +276,7 @@ def _scenarios(system: System, motions: Mapping[str, Motion]) -> tuple[records.S
             segments=len(motions[each.name].t),
             method=motions[each.name].method,
             bound=number(float(motions[each.name].bound.max())),
+            global_bound=number(float(motions[each.name].global_bound.max())),
         )
         for each in system.scenarios
     )

@@ -185,6 +185,8 @@ class Scenario(Record, frozen=True, kw_only=True):
         segments: of the motion.
         method: of the solution.
         bound: of the solution's error at the end of a segment, largest, in units of the states.
+        global_bound: of its error from the start of the motion on, likewise; None where an error
+            may grow to anything, as in chaos.
     """
 
     name: str
@@ -194,6 +196,7 @@ class Scenario(Record, frozen=True, kw_only=True):
     segments: Count
     method: str
     bound: Number
+    global_bound: Number
 
 
 class Shape(Record, frozen=True, kw_only=True, omit_defaults=True):

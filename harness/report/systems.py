@@ -129,6 +129,7 @@ def _scenario(scenario: Scenario) -> tuple[str, ...]:
         str(scenario.segments),
         shown(scenario.method),
         sci(scenario.bound),
+        sci(scenario.global_bound),
     )
 
 

@@ -100,6 +100,7 @@ def system(name: str, coordinates: int) -> System:
                 segments=300,
                 method="exactly",
                 bound=1e-16,
+                global_bound=1e-13,
             )
             for scenario in SCENARIOS
         ),
