@@ -6,9 +6,11 @@ one that is checked; nothing has a silent default.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
+from numbers import Number
 from typing import Any
 
 import sympy as sp
@@ -19,8 +21,28 @@ t = sp.Symbol("t", real=True)
 """Time, in seconds: the variable of inputs and of explicitly time-dependent energies."""
 
 
-class DeclarationError(ValueError):
+class LocatedError(Exception):
+    """What is wrong with a declaration.
+
+    Attributes:
+        about: what it is wrong with, as it is declared: ("Scenario", its name); None if unknown.
+    """
+
+    about: tuple[str, str] | None = None
+
+
+class DeclarationError(LocatedError, ValueError):
     """A system is declared incompletely or inconsistently; the message names what and how."""
+
+
+@contextmanager
+def about(kind: str, name: str) -> Iterator[None]:
+    """Say of what is found wrong meanwhile that it is about this, unless it is known better."""
+    try:
+        yield
+    except LocatedError as error:
+        error.about = error.about or (kind, name)
+        raise
 
 
 class _Operand:
@@ -76,7 +98,9 @@ class Constant(_Operand):
     def symbol(self) -> sp.Symbol:
         """Its symbol in expressions."""
         # Positive where it is: simplification may then take roots. Others are plain reals.
-        return sp.Symbol(self.name, positive=True) if self.value > 0 else _real(self.name)
+        # What is no number is refused where the system is checked.
+        positive = isinstance(self.value, (int, float)) and self.value > 0
+        return sp.Symbol(self.name, positive=True) if positive else _real(self.name)
 
 
 @dataclass(frozen=True)
@@ -231,7 +255,9 @@ class Declaration:
 
     def __post_init__(self) -> None:
         for name in ("T", "V", "D"):
-            object.__setattr__(self, name, sp.sympify(getattr(self, name)))
+            energy = getattr(self, name)
+            if isinstance(energy, (Number, _Operand)):
+                object.__setattr__(self, name, sp.sympify(energy))
 
     @property
     def q(self) -> tuple[sp.Symbol, ...]:

@@ -14,6 +14,7 @@ import scipy.integrate
 import sympy as sp
 
 from reference.closed_form import Segments
+from reference.declaration import LocatedError
 from reference.derive import Equations
 from reference.motion import Span, chebyshev_nodes
 from reference.numeric import Array
@@ -30,7 +31,7 @@ Field = Callable[[Array, Array], Array]
 """dy/dt of (times (...,), states (..., 2n))."""
 
 
-class ReferenceError(RuntimeError):
+class ReferenceError(LocatedError, RuntimeError):
     """The reference could not be solved to the accuracy that a comparison needs."""
 
 
@@ -76,7 +77,11 @@ def trajectory(
             t_eval=np.append(times[chosen], [] if last and piece.stop in times else piece.stop),
         )
         if not solved.success or not np.isfinite(solved.y).all():
-            raise ReferenceError(f"the equations cannot be integrated past {solved.t[-1]:g} s")
+            raise ReferenceError(
+                f"the equations cannot be integrated past {solved.t[-1]:g} s: the motion blows up,"
+                " or a force is complex or the mass matrix singular there; end it before, or mend"
+                " T, V, D or the start"
+            )
         values[chosen] = solved.y.T[: chosen.sum()]
         state = solved.y[:, -1]
     return values

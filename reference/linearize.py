@@ -12,9 +12,10 @@ import mpmath as mp
 import numpy as np
 import sympy as sp
 
-from reference.declaration import DeclarationError, Equilibrium, t
+from reference.declaration import DeclarationError, Equilibrium, about, t
 from reference.derive import Equations
 from reference.numeric import Array
+from reference.real import shown
 from reference.simplify import LONG, tidy
 
 DIGITS = 60
@@ -52,6 +53,11 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
     Raises:
         DeclarationError: where a stated equilibrium is none, or a search finds none.
     """
+    with about("Equilibrium", equilibrium.name):
+        return _linearized(equations, equilibrium)
+
+
+def _linearized(equations: Equations, equilibrium: Equilibrium) -> Linearization:
     system = equations.system
     at = _position(equations, equilibrium)
     still = dict.fromkeys((*system.v, *system.u), sp.Integer(0))
@@ -74,12 +80,23 @@ def linearize(equations: Equations, equilibrium: Equilibrium) -> Linearization:
         if system.u
         else sp.ImmutableMatrix.zeros(len(outputs), 0)
     )
+    where = f"system {system.name!r}, equilibrium {equilibrium.name!r}"
+    every = mass, damping, stiffness, pushes, seen, through
+    for changing in (entry for matrix in every for entry in matrix if entry.has(t)):
+        raise DeclarationError(
+            f"{where}: the equations linearized about it depend on t, by {shown(changing)};"
+            " energies and outputs must not change with time by themselves, push by an input"
+        )
     with mp.workdps(DIGITS):
         values = system.values
-        m, c, k, f, cy, d = (
-            _numbers(matrix, values) for matrix in (mass, damping, stiffness, pushes, seen, through)
-        )
-        inverse = m**-1
+        m, c, k, f, cy, d = (_numbers(matrix, values, where) for matrix in every)
+        try:
+            inverse = m**-1
+        except ZeroDivisionError:
+            raise DeclarationError(
+                f"{where}: the mass matrix is singular there; state a position at which every"
+                " coordinate has an inertia, or mend T"
+            ) from None
         n, inputs = len(at), f.cols
         a = mp.zeros(2 * n)
         b = mp.zeros(2 * n, inputs) if inputs else mp.matrix(2 * n, 0)
@@ -118,7 +135,13 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
         for coordinate, expression in zip(system.coordinates, pull, strict=True):
             left = expression.xreplace(place)
             # First the number: it is quick, and mostly settles it.
-            if abs(sp.N(left.xreplace(values), 30)) > 1e-12 and (left := sp.simplify(left)) != 0:
+            number = sp.N(left.xreplace(values), 30)
+            if not (number.is_real and number.is_finite):
+                raise DeclarationError(
+                    f"{where}: the force on {coordinate.name} there is {shown(left)}, which is"
+                    " no finite real number; state another position, or mend V"
+                )
+            if abs(number) > 1e-12 and (left := sp.simplify(left)) != 0:
                 raise DeclarationError(
                     f"{where}: is none; the force on {coordinate.name} there is {left};"
                     " state the exact position, or search=True"
@@ -147,13 +170,28 @@ def _position(equations: Equations, equilibrium: Equilibrium) -> tuple[sp.Expr, 
     return tuple(stays[q] if q in held else moved[q] for q in system.q)
 
 
-def _numbers(matrix: sp.Matrix, values: Mapping[sp.Symbol, sp.Rational]) -> mp.matrix:
-    """A matrix of the constants with their values put in, at mpmath's working precision."""
-    if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
-        return to_mp(matrix.subs(values))
-    # One by one they would be put in for minutes.
-    function = sp.lambdify(list(values), sp.Matrix(matrix), modules="mpmath", cse=True)
-    return function(*(mp.mpf(v.p) / v.q for v in values.values()))
+def _numbers(matrix: sp.Matrix, values: Mapping[sp.Symbol, sp.Rational], where: str) -> mp.matrix:
+    """A matrix of the constants with their values put in, at mpmath's working precision.
+
+    Raises:
+        DeclarationError: where an entry is no finite real number.
+    """
+    try:
+        if sum(sp.count_ops(entry) for entry in matrix) <= LONG:
+            found = to_mp(matrix.subs(values))
+        else:
+            # One by one they would be put in for minutes.
+            function = sp.lambdify(list(values), sp.Matrix(matrix), modules="mpmath", cse=True)
+            found = function(*(mp.mpf(v.p) / v.q for v in values.values()))
+        finite = all(isinstance(entry, mp.mpf) and mp.isfinite(entry) for entry in found)
+    except (TypeError, ValueError, ZeroDivisionError):
+        finite = False
+    if not finite:
+        raise DeclarationError(
+            f"{where}: T, V, D or an output has a slope there that is no finite real number;"
+            " state another position, or mend it"
+        )
+    return found
 
 
 def _recognized(root: mp.mpf) -> sp.Expr:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import re
 import sys
 import traceback
 import types
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from reference.declaration import DeclarationError
+from reference.declaration import DeclarationError, LocatedError
 from reference.system import System
 
 
@@ -34,11 +37,40 @@ def load_system(folder: Path) -> System:
         # Compiled from its text: a bytecode cache keeps a file that was rewritten within a second.
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
-        raise DeclarationError(f"{path}:{_line(error, path)}: {_sentence(error)}") from error
+        line = _line_of(error, path) or _line(error, path)
+        raise DeclarationError(f"{path}:{line}: {_sentence(error)}") from error
     system = getattr(module, "system", None)
     if not isinstance(system, System):
         raise DeclarationError(f"{path}: it must end with `system = System(...)`")
     return system
+
+
+@contextmanager
+def told_with_file(folder: Path) -> Iterator[None]:
+    """Say of what is found wrong with a loaded declaration in which file and line it stands."""
+    path = folder / "system.py"
+    try:
+        yield
+    except LocatedError as error:
+        line = _line_of(error, path)
+        place = f"{path}:{line}" if line else str(path)
+        told = type(error)(f"{place}: {error}")
+        told.about = error.about
+        raise told from error
+
+
+def _line_of(error: Exception, path: Path) -> int | None:
+    """Where that stands which an error is about, such as `Scenario("free", ...)`."""
+    if not isinstance(error, LocatedError) or error.about is None:
+        return None
+    kind, name = error.about
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Call) and isinstance(node.func, (ast.Name, ast.Attribute)):
+            called = node.func.id if isinstance(node.func, ast.Name) else node.func.attr
+            first = node.args[:1] or [k.value for k in node.keywords if k.arg == "name"]
+            if called == kind and [getattr(value, "value", None) for value in first] == [name]:
+                return node.lineno
+    return None
 
 
 def _line(error: Exception, path: Path) -> int:

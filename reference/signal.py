@@ -19,6 +19,7 @@ from sympy.core.relational import Relational
 
 from reference.declaration import DeclarationError, Scenario, t
 from reference.numeric import Array, NumericFunction, compile_function
+from reference.real import check_over_time
 from reference.system import System
 
 DIGITS = 40
@@ -53,7 +54,7 @@ class Generator:
         """w = (u, u', ..., u^(d-1)) at a time, at the working precision."""
         derivatives = [sp.diff(self.expression, t, i) for i in range(len(self.coefficients))]
         evaluate = sp.lambdify(t, derivatives, modules="mpmath")
-        return [mp.mpf(mp.re(value)) for value in evaluate(mp.mpf(time))]
+        return [mp.mpf(value) for value in evaluate(mp.mpf(time))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,9 +92,10 @@ def pieces(system: System, scenario: Scenario) -> tuple[Piece, ...]:
     values = system.values
     inputs = [_exact(sp.sympify(scenario.inputs[i]).xreplace(values)) for i in system.inputs]
     breaks = {0.0, float(scenario.duration)}
+    place = f"system {system.name!r}, scenario {scenario.name!r}"
     for declared, expression in zip(system.inputs, inputs, strict=True):
-        place = f"system {system.name!r}, scenario {scenario.name!r}, input {declared.name}"
-        breaks |= {b for b in _breaks(expression, place) if 0 < b < scenario.duration}
+        found = _breaks(expression, f"{place}, input {declared.name}")
+        breaks |= {b for b in found if 0 < b < scenario.duration}
     times = sorted(breaks)
     result = []
     for start, stop in pairwise(times):
@@ -102,11 +104,23 @@ def pieces(system: System, scenario: Scenario) -> tuple[Piece, ...]:
         for declared, expression in zip(system.inputs, smooth, strict=True):
             if expression.atoms(sp.Abs, sp.sign, sp.Max, sp.Min, sp.floor, sp.ceiling, sp.Mod):
                 raise DeclarationError(
-                    f"system {system.name!r}, scenario {scenario.name!r}: the input"
-                    f" {declared.name} is not smooth: {expression}; use Heaviside or Piecewise"
+                    f"{place}: the input {declared.name} is not smooth: {expression};"
+                    " use Heaviside or Piecewise"
                 )
-        result.append(Piece(start=start, stop=stop, expressions=smooth))
+        piece = Piece(start=start, stop=stop, expressions=smooth)
+        _check_values(piece, [i.name for i in system.inputs], place)
+        result.append(piece)
     return tuple(result)
+
+
+def _check_values(piece: Piece, names: Sequence[str], place: str) -> None:
+    for i, (name, expression) in enumerate(zip(names, piece.expressions, strict=True)):
+
+        def values(times: Array, i: int = i) -> Array:
+            found: Array = piece.numeric(times[:, None])[:, i]
+            return found
+
+        check_over_time(expression, values, piece.start, piece.stop, f"{place}: the input {name}")
 
 
 def _exact(expression: sp.Expr) -> sp.Expr:

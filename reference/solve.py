@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import sympy as sp
 
 from reference.bounds import bounds
 from reference.closed_form import solve_closed_form
-from reference.declaration import Equilibrium, Scenario, t
+from reference.declaration import DeclarationError, Equilibrium, Scenario, about, t
 from reference.derive import Equations
 from reference.integrate import ReferenceError, solve_numerically, trajectory
 from reference.linearize import linearize
@@ -19,6 +20,12 @@ from reference.signal import Piece, numeric_inputs, pieces
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200
+MOST_SEGMENTS = 1_000_000
+"""More would take hours."""
+
+LEAST_TURN = 1e-6
+"""Motion of so few rad is lost in the rounding of its states."""
+
 LONG_FORCE = 1000
 """Operations in the forces beyond which their derivatives as formulas take long to make."""
 
@@ -32,9 +39,21 @@ def solve(equations: Equations, scenario: Scenario) -> Motion:
     are integrated twice.
 
     Raises:
-        DeclarationError: for an input that is not smooth between breaks that can be told.
+        DeclarationError: for an input that is not smooth between breaks that can be told, or a
+            motion that can't be: on a singular mass matrix, of no length, without end.
         ReferenceError: where the equations can't be solved to the accuracy needed.
     """
+    with about("Scenario", scenario.name):
+        place = f"system {equations.system.name!r}, scenario {scenario.name!r}"
+        try:
+            motion = _solved(equations, scenario, place)
+        except ReferenceError as error:
+            raise ReferenceError(f"{place}: {error}") from error
+        _check_motion(equations, motion, place)
+        return motion
+
+
+def _solved(equations: Equations, scenario: Scenario, place: str) -> Motion:
     system = equations.system
     signals = pieces(system, scenario)
     values = system.values
@@ -45,7 +64,15 @@ def solve(equations: Equations, scenario: Scenario) -> Motion:
             for c in system.coordinates
         ]
     )
-    fastest = _fastest_rate(equations, signals, start, scenario.duration)
+    duration = float(scenario.duration)
+    slopes = _slopes(equations)
+    fastest = _fastest_rate(equations, slopes, signals, np.zeros(1), start[None])
+    _check_duration(fastest, duration, place)
+    if not is_linear(equations):
+        times = np.linspace(0.0, duration, 400)
+        states = trajectory(equations, start, signals, times, rtol=1e-6)
+        fastest = _fastest_rate(equations, slopes, signals, times, states)
+        _check_duration(fastest, duration, place)
     spans = tile(signals, fastest)
     exact = is_linear(equations) and all(piece.generators is not None for piece in signals)
     if exact:
@@ -66,6 +93,60 @@ def solve(equations: Equations, scenario: Scenario) -> Motion:
         fastest=fastest,
         method=segments.method,
     )
+
+
+def _check_duration(fastest: float, duration: float, place: str) -> None:
+    """Refuse a motion in which nothing moves, or that is cut into more segments than can be solved.
+
+    Raises:
+        DeclarationError: naming the duration, and how fast the motion is.
+    """
+    if not np.isfinite(fastest):
+        raise DeclarationError(
+            f"{place}: the accelerations, or their slopes, are not finite;"
+            " mend T, V, D or the start"
+        )
+    turns = fastest * duration
+    if 0 < turns < LEAST_TURN:
+        raise DeclarationError(
+            f"{place}: nothing moves in the duration of {duration:g} s, where the fastest motion"
+            f" has {fastest:.3g} rad/s; make it longer"
+        )
+    if turns * SEGMENTS_A_PERIOD / (2 * np.pi) > MOST_SEGMENTS:
+        raise DeclarationError(
+            f"{place}: the duration of {duration:g} s holds {turns / (2 * np.pi):.1e} periods of"
+            f" the fastest motion, of {fastest:.3g} rad/s; make it shorter, or stiff parts less so"
+        )
+
+
+def _check_motion(equations: Equations, motion: Motion, place: str) -> None:
+    """Refuse a motion along which a mass matrix is not positive definite, or an energy not real.
+
+    Raises:
+        DeclarationError: naming the time.
+    """
+    n = len(equations.system.q)
+    u = motion.inputs(motion.t)
+    at = motion.start[:, :n], motion.start[:, n:], u, motion.t[:, None]
+    with np.errstate(all="ignore"):
+        mass = equations.compile(list(equations.mass))(*at).reshape(-1, n, n)
+        energies = equations.numeric_power(*at)
+    finite = np.isfinite(np.concatenate([mass.reshape(-1, n * n), energies], axis=1)).all(axis=1)
+    if not finite.all():
+        time = float(motion.t[np.argmin(finite)])
+        raise DeclarationError(
+            f"{place}: T, V or D is no finite real number at t = {time:.4g} s of the motion;"
+            " mend it, or choose a start from which the motion stays where it is one"
+        )
+    # In units of its own diagonal, since a light part beside a heavy one is no singular one.
+    size = np.sqrt(np.maximum(np.einsum("kii->ki", mass), 1e-300))
+    least = np.linalg.eigvalsh(mass / size[:, :, None] / size[:, None, :])[:, 0]
+    if np.min(least) <= 0:
+        time = float(motion.t[np.argmax(least <= 0)])
+        raise DeclarationError(
+            f"{place}: the mass matrix is not positive definite at t = {time:.4g} s of the motion;"
+            " mend T, or choose a start from which the motion does not come there"
+        )
 
 
 def is_linear(equations: Equations) -> bool:
@@ -103,28 +184,38 @@ def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
     return tuple(spans)
 
 
-def _slopes(equations: Equations, states: Array, inputs: Array, times: Array) -> Array:
-    """Derivatives of the accelerations by q and v, (B, n, 2n), at B states.
+Slopes = Callable[[Array, Array, Array], Array]
+"""Derivatives of the accelerations by q and v, (B, n, 2n), at B states, inputs and times."""
 
-    From M da = df - dM a, number by number: the derivatives of M^-1 f as formulas are long.
-    """
+
+def _slopes(equations: Equations) -> Slopes:
+    """From M da = df - dM a, number by number: the derivatives of M^-1 f as formulas are long."""
     variables = (*equations.system.q, *equations.system.v)
     n = len(equations.system.q)
     if sum(sp.count_ops(f) for f in equations.force) > LONG_FORCE:
-        return _differences(equations, states, inputs, times)
+        return partial(_differences, equations)
     mass, force = sp.Matrix(equations.mass), sp.Matrix(equations.force)
-    entries = [
-        *mass,
-        *force,
-        *force.jacobian(variables),
-        *mass.reshape(n * n, 1).jacobian(variables),
-    ]
-    values = equations.compile(entries)(states[:, :n], states[:, n:], inputs, times[:, None])
-    parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
-    m = parts[0].reshape(-1, n, n)
-    a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
-    turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
-    slopes: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
+    compiled = equations.compile(
+        [
+            *mass,
+            *force,
+            *force.jacobian(variables),
+            *mass.reshape(n * n, 1).jacobian(variables),
+        ]
+    )
+
+    def slopes(states: Array, inputs: Array, times: Array) -> Array:
+        values = compiled(states[:, :n], states[:, n:], inputs, times[:, None])
+        parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
+        m = parts[0].reshape(-1, n, n)
+        try:
+            a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
+            turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
+            found: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
+        except np.linalg.LinAlgError:
+            return np.full((len(states), n, 2 * n), np.inf)
+        return found
+
     return slopes
 
 
@@ -143,9 +234,9 @@ def _differences(equations: Equations, states: Array, inputs: Array, times: Arra
 
 
 def _fastest_rate(
-    equations: Equations, signals: Sequence[Piece], start: Array, duration: float
+    equations: Equations, slopes: Slopes, signals: Sequence[Piece], times: Array, states: Array
 ) -> float:
-    """Largest |eigenvalue| of the equations' Jacobian along the motion, rad/s.
+    """Largest |eigenvalue| of the equations' Jacobian at states of a motion, rad/s.
 
     Rates of turning (coordinates in rad) and of the inputs count as well: they too set how fast
     the terms of the equations change.
@@ -153,12 +244,10 @@ def _fastest_rate(
     system = equations.system
     n = len(system.coordinates)
     inputs = numeric_inputs(signals)
-    if is_linear(equations):
-        times, states = np.zeros(1), start[None, :]
-    else:
-        times = np.linspace(0.0, duration, 400)
-        states = trajectory(equations, start, signals, times, rtol=1e-6)
-    lower = _slopes(equations, states, inputs(times), times)
+    with np.errstate(all="ignore"):
+        lower = slopes(states, inputs(times), times)
+    if not np.isfinite(lower).all():
+        return float("inf")
     full = np.zeros((len(times), 2 * n, 2 * n))
     full[:, range(n), range(n, 2 * n)] = 1.0
     full[:, n:] = lower
@@ -169,7 +258,7 @@ def _fastest_rate(
             for i, c in enumerate(system.coordinates)
             if c.unit == "rad"
         ]
-    grid = np.linspace(0.0, duration, 2001)
+    grid = np.linspace(0.0, signals[-1].stop, 2001)
     u = inputs(grid)
     for piece in signals:
         inside = (grid >= piece.start) & (grid < piece.stop)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Container, Mapping
 from typing import TypeVar
 
@@ -17,8 +16,11 @@ from reference.declaration import (
     Input,
     Output,
     Quantity,
+    Scenario,
+    about,
     t,
 )
+from reference.real import SWITCHES, check_plain, check_real, expression_of, number_of
 from reference.sketch import BODIES, LINKS, Angle, Body, Link, expressions
 from reference.units import ENERGY, POWER, TIME, Dimension, UnitError, dimension_of, parse_unit
 
@@ -38,6 +40,7 @@ def check(system: Declaration) -> None:
     """
     where = f"system {system.name!r}"
     _check_names(system, where)
+    _check_values(system, where)
     _check_smooth(system, where)
     _check_units(system, where)
     _check_energies(system, where)
@@ -60,7 +63,8 @@ def _check_names(system: Declaration, where: str) -> None:
             if names.count(name) > 1:
                 raise DeclarationError(f"{where} has two {kind} entries named {name!r}")
     for constant in system.constants:
-        _check_constant(constant, where)
+        with about("Constant", constant.name):
+            _check_constant(constant, where)
 
 
 def _check_symbol_names(system: Declaration, where: str) -> None:
@@ -87,10 +91,26 @@ def _check_constant(constant: Constant, where: str) -> None:
     place = f"{where}: the constant {constant.name}"
     if not constant.source:
         raise DeclarationError(f"{place} states no source")
-    if isinstance(constant.value, bool) or not isinstance(constant.value, (int, float)):
-        raise DeclarationError(f"{place} has no numeric value")
-    if not math.isfinite(constant.value):
-        raise DeclarationError(f"{place} is {constant.value}")
+    check_plain(constant.value, place)
+
+
+def _check_values(system: Declaration, where: str) -> None:
+    """Every value is a number or an expression, and real where that can be read from it."""
+    for name in ("T", "V", "D"):
+        place = f"{where}: {name}"
+        # What is not differentiable is told by that.
+        known = (*_SMOOTHLESS, sp.core.function.AppliedUndef)
+        check_real(expression_of(getattr(system, name), place), place, also=known)
+    for pushed in system.inputs:
+        for coordinate, factor in pushed.on.items():
+            place = f"{where}: the input {pushed.name} on {getattr(coordinate, 'name', coordinate)}"
+            with about("Input", pushed.name):
+                check_real(expression_of(factor, place), place)
+    for kind, items in (("output", system.outputs), ("quantity", system.quantities)):
+        for item in items:
+            place = f"{where}: the {kind} {item.name}"
+            with about(kind.capitalize(), item.name):
+                check_real(expression_of(item.expression, place), place)
 
 
 def dimensions(system: Declaration) -> dict[sp.Symbol, Dimension]:
@@ -214,24 +234,42 @@ def _check_maps(system: Declaration, where: str) -> None:
     constants = {c.symbol for c in system.constants}
     for equilibrium in system.equilibria:
         place = f"{where}, equilibrium {equilibrium.name!r}"
-        _check_map(equilibrium.at, system.coordinates, constants, place)
+        with about("Equilibrium", equilibrium.name):
+            _check_map(equilibrium.at, system.coordinates, constants, place)
+            for coordinate, value in equilibrium.at.items():
+                number_of(value, system.values, f"{place}: the value of {coordinate.name}")
     for scenario in system.scenarios:
-        place = f"{where}, scenario {scenario.name!r}"
-        _check_map(scenario.q, system.coordinates, constants, f"{place}, q")
-        _check_map(scenario.v, system.coordinates, constants, f"{place}, v")
-        _check_map(scenario.inputs, system.inputs, constants | {t}, f"{place}, inputs")
-        if not (math.isfinite(scenario.duration) and scenario.duration > 0):
-            raise DeclarationError(f"{place}: the duration is {scenario.duration}")
-        start = {c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates}
-        mass = sp.hessian(system.T, system.v).xreplace(system.values | {t: sp.Integer(0)})
-        if not mass.xreplace(start).evalf().is_positive_definite:
-            raise DeclarationError(f"{place}: the mass matrix there is not positive definite")
+        with about("Scenario", scenario.name):
+            _check_scenario(system, scenario, f"{where}, scenario {scenario.name!r}")
     for published in system.published:
         if published.states not in CLAIMS:
             raise DeclarationError(
                 f"{where}, Eq. {published.number}: states {published.states!r} is unknown,"
                 f" it may be {list(CLAIMS)}"
             )
+
+
+def _check_scenario(system: Declaration, scenario: Scenario, place: str) -> None:
+    constants = {c.symbol for c in system.constants}
+    for name, start in (("q", scenario.q), ("v", scenario.v)):
+        _check_map(start, system.coordinates, constants, f"{place}, {name}")
+        for coordinate, value in start.items():
+            number_of(value, system.values, f"{place}, {name}: the value of {coordinate.name}")
+    _check_map(scenario.inputs, system.inputs, constants | {t}, f"{place}, inputs")
+    for pushed, value in scenario.inputs.items():
+        of = f"{place}, input {pushed.name}"
+        check_real(expression_of(value, of), of, also=SWITCHES)
+    duration = number_of(scenario.duration, {}, f"{place}: the duration")
+    if duration <= 0:
+        raise DeclarationError(f"{place}: the duration is {scenario.duration}; it must be positive")
+    at = {c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates}
+    mass = sp.hessian(system.T, system.v).xreplace(system.values | {t: sp.Integer(0)})
+    if not mass.xreplace(at).evalf().is_positive_definite:
+        raise DeclarationError(f"{place}: the mass matrix there is not positive definite")
+    at |= {c.v: sp.sympify(scenario.v[c]).xreplace(system.values) for c in system.coordinates}
+    for name in ("T", "V", "D"):
+        here = getattr(system, name).xreplace(at | {t: sp.Integer(0)})
+        number_of(here, system.values, f"{place}: {name} at its start")
 
 
 DRAWN = (sp.Symbol, sp.Number, sp.NumberSymbol, sp.Add, sp.Mul, sp.Pow, sp.sin, sp.cos, sp.tan)
@@ -270,5 +308,6 @@ def _check_map(
     for item, value in given.items():
         if item not in wanted:
             raise DeclarationError(f"{place}: {getattr(item, 'name', item)!r} is unknown here")
-        for symbol in sorted(sp.sympify(value).free_symbols - allowed, key=str):
+        given_as = expression_of(value, f"{place}: the value of {item.name}")
+        for symbol in sorted(given_as.free_symbols - allowed, key=str):
             raise DeclarationError(f"{place}: the value of {item.name} depends on {symbol}")

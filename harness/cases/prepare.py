@@ -15,7 +15,7 @@ from harness.cases.verdict import component_scale
 from harness.records import system as records
 from reference.derive import derive
 from reference.linearize import linearize
-from reference.load import load_system
+from reference.load import load_system, told_with_file
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 from reference.solve import solve
@@ -72,8 +72,9 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
     began = time.perf_counter()
     system = load_system(folder)
     equations = derive(system)
-    linear = tuple(linearize(equations, e) for e in system.equilibria)
-    motions = {s.name: solve(equations, s) for s in system.scenarios}
+    with told_with_file(folder):
+        linear = tuple(linearize(equations, e) for e in system.equilibria)
+        motions = {s.name: solve(equations, s) for s in system.scenarios}
     scales = {
         name: component_scale(motion, [m for other, m in motions.items() if other != name])
         for name, motion in motions.items()

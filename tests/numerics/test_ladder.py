@@ -13,6 +13,8 @@ from harness.numerics import ladder as ladder_module
 from harness.numerics.ladder import EPSILON, RUNGS, exact_weights, limits, observed_order, weights
 from reference.numeric import Array
 
+DECISIONS = Path(__file__).parents[2] / "docs" / "decisions"
+
 ONE = np.ones(1)
 
 
@@ -47,6 +49,16 @@ def test_the_sums_of_the_weights_that_the_rungs_are_described_by_are_theirs() ->
     )
     for count, told in ((8, eight), (9, nine)):
         assert told == f"{float(sum(map(abs, exact_weights(RUNGS[:count], 1, 1)))):.1f}"
+
+
+def test_the_decision_for_the_rungs_quotes_the_sums_of_their_weights() -> None:
+    text = " ".join((DECISIONS / "0002-prime-rungs.md").read_text().split())
+    ((below, consecutive),) = re.findall(r"below (\d+)\..* 1 to 8 .* add up to (\d+)\.", text)
+    ours, plain = (
+        float(sum(map(abs, exact_weights(rungs, 1, 1)))) for rungs in (RUNGS, tuple(range(1, 9)))
+    )
+    assert int(below) - 1 < ours < int(below)
+    assert round(plain, -2) == int(consecutive)
 
 
 def ladder(

@@ -1,0 +1,279 @@
+"""Whatever is complex, infinite or no number is refused by a sentence, wherever it turns up."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sympy as sp
+from sympy import DiracDelta, Heaviside, I, Integral, Piecewise, Rational, exp, log, sin, sqrt, tan
+
+from harness.cases.prepare import prepare
+from reference import DeclarationError, Equilibrium, Output, Scenario, System, t
+from reference.derive import derive
+from reference.integrate import ReferenceError
+from reference.linearize import linearize
+from reference.motion import Motion
+from reference.solve import solve
+from tests.reference.mechanisms import C, F, K, M, X, constant, declared, pendulum
+
+W = constant("w", 2.0, "1/s")
+L = constant("L", 1.0, "m")
+ALL = (M, C, K, W, L)
+x = X.q
+
+
+def scenario(force: Any = 0, q: Any = 0.1, v: Any = 0, duration: Any = 5.0) -> Scenario:
+    return Scenario("only", "of a test", q={X: q}, v={X: v}, inputs={F: force}, duration=duration)
+
+
+def forced(force: Any) -> dict[str, Any]:
+    return declared(scenarios=(scenario(force),))
+
+
+def at(place: Any, search: bool = False) -> dict[str, Any]:
+    return declared(equilibria=(Equilibrium("rest", {X: place}, search, "a rest"),))
+
+
+COMPLEX = {
+    "a complex force": (forced(1 + 2 * I), "input f is complex"),
+    "an imaginary force": (forced(I * sin(t)), "input f is complex"),
+    "a force of Python's complex numbers": (forced(1j * t), "input f is complex"),
+    "a sum that is real, written complex": (
+        forced((exp(I * t) + exp(-I * t)) / 2),
+        "write it in real functions",
+    ),
+    "a root that is complex at first": (forced(sqrt(t - 1)), "complex at t = 0 s: sqrt(t - 1)"),
+    "a root that is complex later": (forced(sqrt(3 - t)), "complex at t = 3.0"),
+    "a root that is complex between two samples": (
+        forced(sqrt((t - 1.001) * (t - 1.002))),
+        "is zero, near t = 1.001 s",
+    ),
+    "another, of no polynomial": (
+        forced(sqrt((sp.cos(t) + 1) ** 2 - Rational(1, 10**12))),
+        "is zero, near t = 3.14",
+    ),
+    "a power of minus one": (forced((-1) ** t), "complex at t = 0.0125 s"),
+    "a logarithm": (forced(log(t - 2)), "complex at t = 0 s"),
+    "an arc sine": (forced(sp.asin(t)), "complex at t = 1.01"),
+    "a start": (declared(scenarios=(scenario(q=0.1 * I),)), "q: the value of x is complex"),
+    "a start that comes out complex": (
+        declared(scenarios=(scenario(q=sqrt(-K / K)),)),
+        "the value of x is",
+    ),
+    "a speed": (declared(scenarios=(scenario(v=I),)), "v: the value of x is complex"),
+    "a duration": (declared(scenarios=(scenario(duration=5j),)), "the duration is complex"),
+    "V": (declared(V=I * K * x**2 / 2), "V is complex"),
+    "T": (declared(T=I * M * X.v**2 / 2), "T is complex"),
+    "D": (declared(D=I * C * X.v**2 / 2), "D is complex"),
+    "V at the start": (
+        declared(constants=ALL, V=K * L**2 * sqrt(x / L - 1)),
+        "V at its start is",
+    ),
+    "V with a complex constant": (
+        declared(constants=ALL, V=K * L**2 * log(x / L - 2)),
+        "which is no real number",
+    ),
+    "an output": (declared(outputs=(Output("x", I * x, "m", "d"),)), "output x is complex"),
+    "an output at an equilibrium": (
+        declared(constants=ALL, outputs=(Output("x", L * sqrt(x / L - 1), "m", "d"),)),
+        "a slope there that is no finite real number",
+    ),
+    "an equilibrium": (at(I), "equilibrium 'rest': the value of x is complex"),
+    "where an equilibrium is searched": (at(I, search=True), "the value of x is complex"),
+    "a constant": (declared(constants=(M, C, constant("k", 1j, "N/m"))), "no numeric value"),  # type: ignore[arg-type]
+}
+INFINITE = {
+    "a force": (forced(sp.oo), "no finite number"),
+    "a force that is no number": (forced(float("nan")), "no finite number"),
+    "a pole at a time that is looked at": (forced(1 / (t - 1)), "no finite number at t = 1 s"),
+    "a pole between": (
+        forced((t - Rational(1, 3)) ** -2),
+        "t - 1/3 is zero, near t = 0.333",
+    ),
+    "a tangent": (forced(tan(t)), "where cos(t) is zero"),
+    "a logarithm": (forced(log(t)), "no finite number at t = 0 s"),
+    "a force too large for a double": (forced(9**9**6), "no finite number"),
+    "an exponential": (forced(exp(t**9)), "no finite number at t = 2.0"),
+    "a Piecewise that ends": (forced(Piecewise((1, t < 1))), "no finite number at t = 1 s"),
+    "a start": (declared(scenarios=(scenario(q=float("nan")),)), "the value of x is nan"),
+    "an infinite start": (declared(scenarios=(scenario(q=float("inf")),)), "the value of x is inf"),
+    "a speed": (declared(scenarios=(scenario(v=sp.nan),)), "v: the value of x is nan"),
+    "a duration": (declared(scenarios=(scenario(duration=float("nan")),)), "duration is nan"),
+    "a duration of 400 digits": (declared(scenarios=(scenario(duration=10**400),)), "too large"),
+    "a constant of 400 digits": (
+        declared(constants=(M, C, constant("k", 10**400, "N/m"))),
+        "the constant k is too large for a double",
+    ),
+    "an equilibrium": (at(float("nan")), "the value of x is nan"),
+    "where one is searched": (at(float("nan"), search=True), "the value of x is nan"),
+    "V": (declared(V=sp.nan), "V is nan"),
+    "a mass that is all but nothing": (
+        declared(constants=(constant("m", 1e-320, "kg"), C, K)),
+        "not finite",
+    ),
+}
+NO_NUMBERS = {
+    "text as a force": (forced("sin(t)"), "value of f is 'sin(t)'"),
+    "nothing as a force": (forced(None), "the value of f is None"),
+    "a truth": (forced(True), "the value of f is True"),
+    "a matrix": (forced(sp.Matrix([1])), "the value of f is Matrix"),
+    "an impulse": (forced(DiracDelta(t - 1)), "has DiracDelta(t - 1), which has no value here"),
+    "a function": (forced(sp.Function("g")(t)), "has g(t), which has no value here"),
+    "an integral": (forced(Integral(sin(t**2), (t, 0, t))), "has Integral("),
+    "a special function": (forced(sp.gamma(t + 1)), "has gamma(t + 1)"),
+    "text as a start": (declared(scenarios=(scenario(q="0.1"),)), "value of x is '0.1'"),
+    "nothing as a start": (declared(scenarios=(scenario(q=None),)), "the value of x is None"),
+    "a truth as a start": (declared(scenarios=(scenario(q=True),)), "the value of x is True"),
+    "text as a duration": (declared(scenarios=(scenario(duration="5"),)), "the duration is '5'"),
+    "nothing as an energy": (declared(T=None), "T is None"),
+    "a comparison as an energy": (declared(V=x > 0), "V is x > 0"),
+    "text as a constant": (declared(constants=(M, C, constant("k", "a", "N/m"))), "is 'a'"),  # type: ignore[arg-type]
+}
+MOTIONS = {
+    "a duration without an end": (
+        declared(scenarios=(scenario(duration=1e300),)),
+        "1e+300 s holds 9.6e+299 periods",
+    ),
+    "a duration of nothing": (
+        declared(scenarios=(scenario(duration=1e-300),)),
+        "nothing moves in the duration of 1e-300 s",
+    ),
+    "a mass that is singular at rest": (
+        declared(constants=ALL, T=M * X.v**2 * x**2 / L**2 / 2),
+        "equilibrium 'rest': the mass matrix is singular there",
+    ),
+    "a mass that comes to nothing in the motion": (
+        declared(constants=ALL, T=M * X.v**2 * (1 - x**2 / L**2) / 2, V=-K * x**2 / 2),
+        "or the mass matrix singular there",
+    ),
+    "a stiffness of its own time": (
+        declared(constants=ALL, V=K * x**2 * (1 + sin(W * t) / 2) / 2),
+        "depend on t",
+    ),
+}
+EVERY = {
+    f"{kind}: {name}": fault
+    for kind, faults in (
+        ("complex", COMPLEX),
+        ("infinite", INFINITE),
+        ("no number", NO_NUMBERS),
+        ("motion", MOTIONS),
+    )
+    for name, fault in faults.items()
+}
+
+
+def prepared(fields: dict[str, Any]) -> list[Motion]:
+    equations = derive(System(**fields))
+    for equilibrium in equations.system.equilibria:
+        linearize(equations, equilibrium)
+    return [solve(equations, each) for each in equations.system.scenarios]
+
+
+@pytest.mark.parametrize(("fields", "sentence"), EVERY.values(), ids=EVERY.keys())
+def test_it_is_refused_by_a_sentence(fields: dict[str, Any], sentence: str) -> None:
+    with pytest.raises((DeclarationError, ReferenceError)) as caught:
+        prepared(fields)
+    told = str(caught.value)
+    assert sentence in told
+    assert told.startswith("system 'oscillator'")
+    assert "\n" not in told
+    assert len(told) < 400
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        sp.re(exp(I * t)),
+        sqrt(t + 1) + 1 / (1 + t**2),
+        Rational(1, 2) ** t,
+        Heaviside(t - 1) * sqrt(t),
+        Piecewise((sin(t), t < 2), (0, True)),
+        sp.atan2(t, 2) * sp.tanh(t),
+        sqrt(1 + sin(t) / 2),
+    ],
+    ids=str,
+)
+def test_what_is_real_throughout_is_taken(force: sp.Expr) -> None:
+    system = System(**forced(force))
+    assert solve(derive(system), system.scenarios[0]).bound.max() < 1e-13
+
+
+def test_a_light_part_beside_a_heavy_one_is_no_singular_mass() -> None:
+    heavy = constant("m", 1e9, "kg")
+    light = constant("n", 1e-9, "kg")
+    y = type(X)("y", "m", "of a speck")
+    fields = declared(
+        coordinates=(X, y),
+        constants=(heavy, light, C, K),
+        T=heavy * X.v**2 / 2 + light * (X.v + y.v) ** 2 / 2,
+        V=K * x**2 / 2 + 1e-18 * K * y.q**2,
+        equilibria=(Equilibrium("rest", {X: 0, y: 0}, False, "relaxed"),),
+        scenarios=(
+            Scenario(
+                "only", "let go", q={X: 0.1, y: 0.1}, v={X: 0, y: 0}, inputs={F: 0}, duration=50
+            ),
+        ),
+    )
+    system = System(**fields)
+    assert solve(derive(system), system.scenarios[0]).duration == pytest.approx(50)
+
+
+def test_a_pendulum_of_two_thousand_seconds_is_not_too_long() -> None:
+    system = pendulum(0.05, 0.0, duration=100.0)
+    assert len(solve(derive(system), system.scenarios[0]).t) > 900
+
+
+FILE = """\
+from sympy import sqrt
+from physics_crosscheck import (
+    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t)
+
+x = Coordinate("x", "m", "displacement")
+m = Constant("m", {mass}, "kg", "mass", "chosen")
+k = Constant("k", 47.0, "N/m", "stiffness", "chosen")
+f = Input("f", "N", "force", on={{x: 1}})
+system = System(
+    name="block",
+    title="A block",
+    source="a test",
+    coordinates=(x,),
+    constants=(m, k),
+    inputs=(f,),
+    outputs=(Output("x", x.q, "m", "displacement"),),
+    T=m * x.v**2 / 2,
+    V=k * x.q**2 / 2,
+    D=0,
+    equilibria=(Equilibrium("rest", at={{x: {rest}}}, search=False, description="relaxed"),),
+    scenarios=(
+        Scenario("still", "let go", q={{x: 0.1}}, v={{x: 0}}, inputs={{f: 0}}, duration=2.0),
+        Scenario("pushed", "let go", q={{x: {start}}}, v={{x: 0}}, inputs={{f: {force}}},
+                 duration=2.0),
+    ),
+    published=(),
+)
+"""
+
+
+@pytest.mark.parametrize(
+    ("changed", "line", "sentence"),
+    [
+        ({"force": "sqrt(t - 1)"}, 23, "scenario 'pushed': the input f is complex at t = 0 s"),
+        ({"force": "1j"}, 23, "scenario 'pushed', input f is complex"),
+        ({"start": "float('nan')"}, 23, "the value of x is nan"),
+        ({"mass": "2j"}, 6, "the constant m has no numeric value: it is 2j"),
+        ({"rest": "0.3"}, 20, "equilibrium 'rest': is none"),
+        ({"force": "1 / 0"}, 23, "ZeroDivisionError: division by zero"),
+    ],
+)
+def test_the_file_and_the_line_of_what_is_wrong_are_told(
+    changed: dict[str, str], line: int, sentence: str, tmp_path: Path
+) -> None:
+    given = {"mass": "1.3", "rest": "0", "start": "0.1", "force": "0"} | changed
+    path = tmp_path / "system.py"
+    path.write_text(FILE.format(**given))
+    with pytest.raises(DeclarationError) as caught:
+        prepare(tmp_path, described=False)
+    assert str(caught.value).startswith(f"{path}:{line}: ")
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)
