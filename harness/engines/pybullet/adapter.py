@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,13 @@ from harness.engines.protocol import (
     StateForce,
     within,
 )
+from harness.engines.pybullet.inertias import (
+    EXACT,
+    axes_cause,
+    axes_remarks,
+    exact_axes,
+    lost_inertias,
+)
 from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
 from harness.engines.remark import Remark
 from harness.engines.urdf import (
@@ -35,13 +44,19 @@ from harness.engines.urdf import (
 )
 
 _REQUIRED = ("step", "gravity")
-_DEFAULTS: Mapping[str, float | bool] = {
+_UNDONE: Mapping[str, float | bool] = {
     # Linear and angular damping of every link; PyBullet's own is 0.04.
     "link_damping": 0.0,
     # Whether every joint keeps its velocity motor, which holds it; PyBullet's own is true.
     "motors": False,
     # Whether inertias are those of the file, not of its collision shapes; PyBullet's own is false.
     "inertia_from_file": True,
+}
+_DEFAULTS: Mapping[str, float | bool] = {
+    **_UNDONE,
+    # Whether tensors with products are turned to principal axes by the adapter, to the last digits,
+    # and not by PyBullet.
+    "exact_axes": False,
 }
 _client: int | None = None
 _loaded: object = None
@@ -104,7 +119,7 @@ class PybulletEngine(Engine):
             Spring({joint: 1.0}, stiffness, 0.0, rest)
             for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
         ]
-        return PybulletModel(spec, [*springs, *spec.springs], mimics(robot, spec.path))
+        return PybulletModel(spec, robot, [*springs, *spec.springs])
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Step and gravity."""
@@ -140,10 +155,10 @@ class PybulletModel(Model):
 
     integrator = "semi-implicit euler"
 
-    def __init__(self, spec: ModelSpec, springs: list[Spring], followers: list[Mimic]) -> None:
+    def __init__(self, spec: ModelSpec, robot: ET.Element, springs: list[Spring]) -> None:
         self.path = str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
-        self._declared = spec, springs, followers
+        self._declared = spec, robot, springs
         self._load()
 
     def _load(self) -> None:
@@ -154,7 +169,7 @@ class PybulletModel(Model):
         if _client is None:
             _client = p.connect(p.DIRECT)
         _loaded = self
-        spec, springs, followers = self._declared
+        spec, robot, springs = self._declared
         p.resetSimulation()
         # Files are cached by name even across a reset: a rewritten file would not be read again.
         # The residual threshold would end the solver early, at 1e-7.
@@ -163,18 +178,41 @@ class PybulletModel(Model):
         )
         self.gravity = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
-        try:
-            # Without the flag the inertia in the file is replaced by one of the collision shapes.
-            own = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
-            self._body = p.loadURDF(self.path, useFixedBase=1, flags=own)
-        except p.error as error:
-            raise EngineError(f"{self.path}: PyBullet can't load it: {error}") from None
+        self._body = self._load_file()
+        self._lost = self._lost_inertias()
         self._joints, names = self._moving_joints()
         self.coordinates = tuple(names)
         self._check_inertias()
         self._free_links()
         self._springs = [self._resolve(spring) for spring in springs]
-        self._gears = [self._gear(mimic) for mimic in followers]
+        self._gears = [self._gear(mimic) for mimic in mimics(robot, spec.path)]
+
+    def _load_file(self) -> int:
+        import pybullet as p
+
+        spec, robot, _ = self._declared
+        # Without the flag the inertia in the file is replaced by one of the collision shapes.
+        own = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
+        turned = exact_axes(robot, spec.path) if self._setting("exact_axes") else None
+        try:
+            with turned or nullcontext(spec.path) as path:
+                return int(p.loadURDF(str(path), useFixedBase=1, flags=own))
+        except p.error as error:
+            raise EngineError(f"{self.path}: PyBullet can't load it: {error}") from None
+
+    def _lost_inertias(self) -> dict[str, float]:
+        """How far the tensors of links are off the file's, relative."""
+        import pybullet as p
+
+        if not self._setting("inertia_from_file"):
+            return {}
+        held = {}
+        for index in range(p.getNumJoints(self._body)):
+            _, _, moments, _, turn = p.getDynamicsInfo(self._body, index)[:5]
+            axes = np.array(p.getMatrixFromQuaternion(turn)).reshape(3, 3)
+            name = p.getJointInfo(self._body, index)[12].decode()
+            held[name] = (axes * np.array(moments)) @ axes.T
+        return lost_inertias(self._declared[1], held)
 
     def _setting(self, key: str) -> float | bool:
         value = self._declared[0].settings.get(key, _DEFAULTS[key])
@@ -182,18 +220,22 @@ class PybulletModel(Model):
         return value
 
     @property
-    def remedies(self) -> dict[str, dict[str, object]]:
+    def remedies(self) -> dict[str, Mapping[str, object]]:
         """What PyBullet adds on its own and the settings let stand, with what undoes it."""
-        return {CAUSES[key]: {key: _DEFAULTS[key]} for key in self._left_on()}
+        found: dict[str, Mapping[str, object]] = {
+            CAUSES[key]: {key: _UNDONE[key]} for key in self._left_on()
+        }
+        return {**found, axes_cause(self._lost): EXACT} if self._lost else found
 
     def _left_on(self) -> list[str]:
-        return [key for key, default in _DEFAULTS.items() if self._setting(key) != default]
+        return [key for key, default in _UNDONE.items() if self._setting(key) != default]
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the URDF says in vain, and what is switched off, or is not."""
-        return model_remarks(
+        yield from model_remarks(
             Path(self.path), self.coordinates, {k: self._setting(k) for k in self._left_on()}, z, w
         )
+        yield from axes_remarks(self._lost)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""
