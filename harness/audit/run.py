@@ -87,9 +87,12 @@ def _explained(found: AuditFinding, rounded: float) -> AuditFinding:
 def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
     """A remark that enters a wrong term is a finding; one that enters right ones is a note."""
     blamed = remark.fault or wrong & set(remark.shows_in)
+    message = remark.message
+    if remark.beside:
+        message += f" ({where(replace(remark, address=remark.beside), task.sidecar, task.engine)})"
     return finding(
         "default",
-        remark.message,
+        message,
         where=where(remark, task.sidecar, task.engine),
         found=remark.value,
         severity="finding" if blamed else "note",

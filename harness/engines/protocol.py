@@ -149,6 +149,11 @@ class Model(ABC):
         """Other ways to step this model, just as sound: name -> settings that choose it."""
         return {}
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the engine has warned of so far, a sentence each; it may be why a motion ends."""
+        return ()
+
     def remarks(self, z: Array, w: Array) -> Iterable[Remark]:
         """What the engine or the format adds or drops, read from the model and not from a motion.
 

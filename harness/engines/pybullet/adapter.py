@@ -29,11 +29,15 @@ from harness.engines.pybullet.inertias import (
     EXACT,
     axes_cause,
     axes_remarks,
+    check_inertias,
     exact_axes,
+    held_inertias,
     lost_inertias,
 )
+from harness.engines.pybullet.printed import printed
 from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
 from harness.engines.remark import Remark
+from harness.engines.source import engine_errors, folded
 from harness.engines.urdf import (
     SETTINGS,
     Mimic,
@@ -103,8 +107,7 @@ class PybulletEngine(Engine):
 
     def load(self, spec: ModelSpec) -> PybulletModel:
         """Load a URDF into this process's physics server."""
-        text = _read(spec)
-        robot = read_urdf(text, spec.path)
+        robot = read_urdf(spec.path)
         unknown = set(spec.settings) - {*_REQUIRED, *_DEFAULTS}
         if unknown:
             raise EngineError(f"{spec.path}.toml: PyBullet has no setting {', '.join(unknown)}")
@@ -119,7 +122,8 @@ class PybulletEngine(Engine):
             Spring({joint: 1.0}, stiffness, 0.0, rest)
             for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
         ]
-        return PybulletModel(spec, robot, [*springs, *spec.springs])
+        with engine_errors(spec.path, self.title):
+            return PybulletModel(spec, robot, [*springs, *spec.springs])
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Step and gravity."""
@@ -132,13 +136,6 @@ class PybulletEngine(Engine):
     def samples(self) -> tuple[Sample, ...]:
         """A URDF."""
         return (sample_urdf(),)
-
-
-def _read(spec: ModelSpec) -> str:
-    try:
-        return spec.path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise EngineError(f"{spec.path}: can't be read: {error}") from None
 
 
 def _check_types(spec: ModelSpec) -> None:
@@ -179,10 +176,12 @@ class PybulletModel(Model):
         self.gravity = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
         self._body = self._load_file()
-        self._lost = self._lost_inertias()
+        # Those of collision shapes are not the file's at all.
+        own = self._setting("inertia_from_file")
+        self._lost = lost_inertias(robot, held_inertias(self._body)) if own else {}
         self._joints, names = self._moving_joints()
         self.coordinates = tuple(names)
-        self._check_inertias()
+        check_inertias(self.path, self._body, self._joints, robot if own else None)
         self._free_links()
         self._springs = [self._resolve(spring) for spring in springs]
         self._gears = [self._gear(mimic) for mimic in mimics(robot, spec.path)]
@@ -195,24 +194,11 @@ class PybulletModel(Model):
         own = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
         turned = exact_axes(robot, spec.path) if self._setting("exact_axes") else None
         try:
-            with turned or nullcontext(spec.path) as path:
+            with turned or nullcontext(spec.path) as path, printed() as said:
                 return int(p.loadURDF(str(path), useFixedBase=1, flags=own))
         except p.error as error:
-            raise EngineError(f"{self.path}: PyBullet can't load it: {error}") from None
-
-    def _lost_inertias(self) -> dict[str, float]:
-        """How far the tensors of links are off the file's, relative."""
-        import pybullet as p
-
-        if not self._setting("inertia_from_file"):
-            return {}
-        held = {}
-        for index in range(p.getNumJoints(self._body)):
-            _, _, moments, _, turn = p.getDynamicsInfo(self._body, index)[:5]
-            axes = np.array(p.getMatrixFromQuaternion(turn)).reshape(3, 3)
-            name = p.getJointInfo(self._body, index)[12].decode()
-            held[name] = (axes * np.array(moments)) @ axes.T
-        return lost_inertias(self._declared[1], held)
+            reason = said[-1] if said else folded(error)
+            raise EngineError(f"{self.path}: PyBullet can't load it: {reason}") from None
 
     def _setting(self, key: str) -> float | bool:
         value = self._declared[0].settings.get(key, _DEFAULTS[key])
@@ -278,33 +264,6 @@ class PybulletModel(Model):
             raise EngineError(f"{self.path}: it has no moving joint")
         return joints, names
 
-    def _check_inertias(self) -> None:
-        """Refuse inertias that PyBullet repairs or gives up on without an error."""
-        import pybullet as p
-
-        for link in self._joints:
-            mass, _, inertia = p.getDynamicsInfo(self._body, link)[:3]
-            if mass > 0 and not any(inertia):
-                name = p.getJointInfo(self._body, link)[12].decode()
-                raise EngineError(
-                    f"{self.path}: PyBullet sets the inertia of link {name!r} to zero: its moments"
-                    " can't be a body's (each must be at most the sum of the other two)"
-                )
-
-        # A joint that moves no inertia stands still in PyBullet, and a mass below zero is taken.
-        for link in self._joints:
-            if p.getDynamicsInfo(self._body, link)[0] < 0:
-                name = p.getJointInfo(self._body, link)[12].decode()
-                raise EngineError(f"{self.path}: the mass of link {name!r} is below zero")
-        moved = p.calculateMassMatrix(self._body, [0.0] * len(self._joints))
-        for index, joint in enumerate(self._joints):
-            if not moved[index][index] > 0:
-                name = p.getJointInfo(self._body, joint)[1].decode()
-                raise EngineError(
-                    f"{self.path}: joint {name!r} moves nothing that has inertia, so that PyBullet"
-                    " holds it still; give its link a mass and moments of inertia"
-                )
-
     def _free_links(self) -> None:
         """Switch off what PyBullet adds on its own, unless asked for: damping, motors, a limit."""
         import pybullet as p
@@ -337,6 +296,11 @@ class PybulletModel(Model):
         for joint in (mimic.leader, mimic.joint):
             if joint not in self.coordinates:
                 raise EngineError(f"{self.path}: <mimic> names {joint!r}, which is no moving joint")
+        if not mimic.multiplier:
+            raise EngineError(
+                f"{self.path}: <mimic> of {mimic.joint!r} has the multiplier 0, which no JOINT_GEAR"
+                " can have; a joint that stands still is fixed"
+            )
         if mimic.offset:
             raise EngineError(f"{self.path}: <mimic> with an offset is not supported by JOINT_GEAR")
         leader, follower = (
@@ -360,10 +324,16 @@ class PybulletModel(Model):
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
         """Step by step: springs and inputs are torques, set from the state before each step."""
-        import pybullet as p
-
         if _loaded is not self:
             raise EngineError(f"{self.path}: another model has been loaded since")
+        with engine_errors(self.path, "PyBullet"):
+            return self._rollout(q, v, h, n, force, every)
+
+    def _rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        import pybullet as p
+
         p.setPhysicsEngineParameter(fixedTimeStep=h)
         out_q = np.empty((len(q), n // every, q.shape[1]))
         out_v = np.empty_like(out_q)

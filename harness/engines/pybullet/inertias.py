@@ -11,13 +11,13 @@ from __future__ import annotations
 import copy
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from harness.engines.protocol import Array
+from harness.engines.protocol import Array, EngineError
 from harness.engines.remark import Remark
 
 PRODUCTS = ("ixy", "ixz", "iyz")
@@ -49,6 +49,66 @@ def lost_inertias(robot: ET.Element, held: Mapping[str, Array]) -> dict[str, flo
             if off > ROUNDING:
                 found[name] = off
     return found
+
+
+def held_inertias(body: int) -> dict[str, Array]:
+    """The tensors of all links but the base as PyBullet holds them, in their links' frames."""
+    import pybullet as p
+
+    held = {}
+    for index in range(p.getNumJoints(body)):
+        _, _, moments, _, turn = p.getDynamicsInfo(body, index)[:5]
+        axes = np.array(p.getMatrixFromQuaternion(turn)).reshape(3, 3)
+        held[_link(body, index)] = (axes * np.array(moments)) @ axes.T
+    return held
+
+
+def check_inertias(path: str, body: int, joints: Sequence[int], robot: ET.Element | None) -> None:
+    """Refuse inertias that PyBullet repairs or gives up on without an error.
+
+    Args:
+        path: of the file.
+        body: as PyBullet knows it.
+        joints: those that move.
+        robot: the file, where its inertias count.
+
+    Raises:
+        EngineError: naming file and link.
+    """
+    import pybullet as p
+
+    stated = set() if robot is None else {e.get("name") for e in robot if _has_moments(e)}
+    for index in range(p.getNumJoints(body)):
+        mass, _, inertia = p.getDynamicsInfo(body, index)[:3]
+        name = _link(body, index)
+        if mass < 0:  # it is taken
+            raise EngineError(f"{path}: the mass of link {name!r} is below zero")
+        if mass > 0 and not any(inertia) and (index in joints or name in stated):
+            raise EngineError(
+                f"{path}: PyBullet sets the inertia of link {name!r} to zero: its moments"
+                " can't be a body's (each must be at most the sum of the other two)"
+            )
+    # A joint that moves no inertia stands still in PyBullet.
+    moved = p.calculateMassMatrix(body, [0.0] * len(joints))
+    for index, joint in enumerate(joints):
+        if not moved[index][index] > 0:
+            name = p.getJointInfo(body, joint)[1].decode()
+            raise EngineError(
+                f"{path}: joint {name!r} moves nothing that has inertia, so that PyBullet"
+                " holds it still; give its link a mass and moments of inertia"
+            )
+
+
+def _link(body: int, index: int) -> str:
+    import pybullet as p
+
+    name: str = p.getJointInfo(body, index)[12].decode()
+    return name
+
+
+def _has_moments(link: ET.Element) -> bool:
+    inertia = link.find("inertial/inertia")
+    return inertia is not None and any(float(inertia.get(key, "0")) for key in _PLACES)
 
 
 def axes_cause(lost: Mapping[str, float]) -> str:

@@ -37,7 +37,11 @@ _LEFT_ON: Mapping[str, tuple[str, tuple[str, ...]]] = {
 """What each does where it is left on, and the compiled terms that it may rightly be part of."""
 
 _URDF = UrdfReader(
-    name="pybullet", no_inertial="a mass of 1 kg", equal_bounds=True, no_friction="PyBullet"
+    name="pybullet",
+    no_inertial="a mass of 1 kg",
+    equal_bounds=True,
+    no_friction="PyBullet",
+    long_axes="PyBullet",
 )
 
 
@@ -64,8 +68,8 @@ def model_remarks(
 def products_caveat(path: Path) -> tuple[str, ...]:
     """A word on products of inertia, where a URDF has some."""
     try:
-        robot = read_urdf(path.read_text(encoding="utf-8"), path)
-    except (OSError, UnicodeDecodeError, EngineError):
+        robot = read_urdf(path)
+    except EngineError:
         return ()  # loading it will say so
     products = (inertia.get(key, "0") for inertia in robot.iter("inertia") for key in PRODUCTS)
     if not any(word.strip("+-0. \n\t") for word in products):
