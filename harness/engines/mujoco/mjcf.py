@@ -9,7 +9,7 @@ from pathlib import Path
 
 from harness.engines.protocol import EngineError, ModelSpec
 from harness.engines.remark import PULL, Remark
-from harness.engines.source import NoXmlError, XmlSource, read_source, read_xml
+from harness.engines.source import NoXmlError, XmlSource, folded, read_source, read_xml
 
 _OVERRIDING = {"step": "timestep", "gravity": "gravity", "integrator": "integrator"}
 """Settings of a sidecar, and what each overrides of an `<option>`."""
@@ -85,23 +85,28 @@ def checked_numbers(arrays: Mapping[str, object], found: Sequence[XmlSource], pa
     """
     if not arrays:
         return
-    numbers = [
-        (abs(value), f"{source.path}:{source.lines[element]}: <{element.tag} {key}> has {word!r}")
-        for source in found
-        for element in source.root.iter()
-        for key, words in element.attrib.items()
-        if key not in ("name", "class") and "range" not in key
-        for word, value in _numbers(words)
-    ]
-    worst = [text for value, text in numbers if not math.isfinite(value)]
-    if worst:
-        raise EngineError(f"{worst[0]}, where a finite number belongs")
-    largest = max(numbers, default=(0.0, f"{path}: its numbers"))[1]
+    words = list(_words(found))
+    for value, text in words:
+        if not math.isfinite(value):
+            raise EngineError(f"{text}, where a finite number belongs")
+    largest = max(words, default=(0.0, f"{path}: its numbers"))[1]
     fields = ", ".join(arrays)
     raise EngineError(
         f"{largest}; {fields} of the compiled model {'is' if len(arrays) == 1 else 'are'} not"
         " finite"
     )
+
+
+def _words(found: Sequence[XmlSource]) -> Iterator[tuple[float, str]]:
+    """The size of every number, and where it stands."""
+    for source in found:
+        for element in source.root.iter():
+            for key, words in element.attrib.items():
+                if key in ("name", "class") or "range" in key:
+                    continue
+                for word, value in _numbers(words):
+                    place = f"{source.path}:{source.lines[element]}"
+                    yield abs(value), f"{place}: <{element.tag} {key}> has {word!r}"
 
 
 def _numbers(words: str) -> Iterator[tuple[str, float]]:
@@ -151,7 +156,10 @@ def _same(words: str, given: object) -> bool:
 
 def refusal(error: Exception, path: Path, found: Sequence[XmlSource]) -> EngineError:
     """What MuJoCo says on several lines, on one, and at its line where that is in this file."""
-    reason = " ".join(str(error).split())
+    for value, text in _words(found):
+        if not math.isfinite(value):
+            return EngineError(f"{text}, where a finite number belongs")
+    reason = folded(error)
     line = re.search(r",? line (\d+)", reason)
     alone = len(found) == 1 and not any(True for _ in found[0].root.iter("include"))
     where = f"{path}:{line[1]}" if line and alone else str(path)
