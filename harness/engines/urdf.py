@@ -130,6 +130,12 @@ def urdf_remarks(
                 fault=True,
                 address=f"robot/link[{name}]",
             )
+    for tag in ("transmission", "joint/safety_controller"):
+        for _ in robot.findall(tag)[:1]:
+            yield Remark(
+                message=f"<{tag.split('/')[-1]}> is read over: nothing is driven or held by it",
+                address="",
+            )
     for joint in robot.findall("joint"):
         name = joint.get("name", "")
         if name in joints:

@@ -113,6 +113,9 @@ def told(name: str, text: str, folder: Path) -> list[str]:
         ("mujoco", ('"revolute"', '"continuous"'), "[-1, 1] of j hold nothing: it is continuous"),
         ("pybullet", ('"revolute"', '"continuous"'), "[-1, 1] of j hold nothing: it is continuous"),
         ("pybullet", ('xyz="0 1 0"', 'xyz="0 2 0"'), "the axis of j has the length 2"),
+        ("mujoco", beside('<transmission name="t"/>'), "<transmission> is read over"),
+        ("pybullet", ("</joint>", '<safety_controller k_velocity="1"/></joint>'),
+         "<safety_controller> is read over"),
     ],
 )  # fmt: skip
 def test_what_an_engine_reads_over_is_said(

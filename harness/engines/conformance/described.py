@@ -47,7 +47,7 @@ def model_is_described(asked: Asked) -> None:
 
 
 def hooks_have_their_shapes(asked: Asked) -> None:
-    """home, reach, gravity, remedies, integrators, warnings, remarks are as the protocol has them."""
+    """home, reach, gravity, remedies, integrators, warnings, remarks are as the protocol says."""
     model = asked.load().model
     size = len(model.coordinates)
     good = model.home.shape == (size,) and bool(np.isfinite(model.home).all())
