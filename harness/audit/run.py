@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Sequence, Set
+from dataclasses import replace
 
 import msgspec
 
@@ -32,9 +33,46 @@ def run_audit(task: AuditTask) -> tuple[AuditFinding, ...]:
         _explained(one, rounded) for one in Compiled.of(task, model, coordinates).findings()
     ]
     z, w = coordinates.to_engine(task.states)
-    wrong = {one.kind for one in compiled if one.severity == "finding"}
-    defaults = (_default(remark, wrong, task) for remark in model.remarks(z, w))
+    remarks = tuple(model.remarks(z, w))
+    compiled = _without_lost_digits(compiled, remarks, task)
+    wrong = _wrong(compiled)
+    defaults = (_default(remark, wrong, task) for remark in remarks)
     return (*literals, *compiled, *defaults)
+
+
+def _wrong(compiled: Sequence[AuditFinding]) -> set[str]:
+    return {one.kind for one in compiled if one.severity == "finding"}
+
+
+def _without_lost_digits(
+    compiled: list[AuditFinding], remarks: Sequence[Remark], task: AuditTask
+) -> list[AuditFinding]:
+    """Notes for the differences that are gone where the engine loses no digits of its own."""
+    wrong = _wrong(compiled)
+    undo = {k: v for r in remarks if wrong & set(r.shows_in) for k, v in r.undone_by.items()}
+    if not undo:
+        return compiled
+    spec = task.sidecar.spec(task.engine)
+    model = engines()[task.engine].load(replace(spec, settings={**spec.settings, **undo}))
+    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    left = list(Compiled.of(task, model, coordinates).findings())
+    shown = {kind for remark in remarks if remark.undone_by for kind in remark.shows_in}
+    return [
+        one
+        if one.kind not in shown or any(_same(one, other) for other in left)
+        else _note(one, "no more than the engine's own loss of digits")
+        for one in compiled
+    ]
+
+
+def _same(one: AuditFinding, other: AuditFinding) -> bool:
+    """Whether two findings are about one term; accelerations are told at the worst state alone."""
+    return one.kind == other.kind and (one.kind == "acceleration" or one.expected == other.expected)
+
+
+def _note(found: AuditFinding, why: str) -> AuditFinding:
+    message = f"{found.message}; {why}"
+    return msgspec.structs.replace(found, message=message, severity="note")
 
 
 def _explained(found: AuditFinding, rounded: float) -> AuditFinding:
@@ -43,16 +81,18 @@ def _explained(found: AuditFinding, rounded: float) -> AuditFinding:
         return found
     if abs(found.found - found.expected) > 10 * rounded * abs(found.expected):
         return found
-    message = f"{found.message}; no more than its rounded literals"
-    return msgspec.structs.replace(found, message=message, severity="note")
+    return _note(found, "no more than its rounded literals")
 
 
 def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
     """A remark that enters a wrong term is a finding; one that enters right ones is a note."""
     blamed = remark.fault or wrong & set(remark.shows_in)
+    message = remark.message
+    if remark.beside:
+        message += f" ({where(replace(remark, address=remark.beside), task.sidecar, task.engine)})"
     return finding(
         "default",
-        remark.message,
+        message,
         where=where(remark, task.sidecar, task.engine),
         found=remark.value,
         severity="finding" if blamed else "note",

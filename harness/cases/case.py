@@ -21,7 +21,7 @@ from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
 from harness.numerics.full_run import StepStudy, study_step
 from harness.numerics.linearization import linearize_engine
-from harness.numerics.segments import Batch, extrapolate
+from harness.numerics.segments import Batch, BlownUpError, extrapolate
 from harness.records.case import Case, CaseId
 from harness.records.model import EngineLinearization
 from harness.records.outcome import FLOOR, Outcome
@@ -124,13 +124,18 @@ def run_case(task: CaseTask) -> Case:
     motion = task.motion
     claimed = model.exponents(motion.varying)[0]
     batch = Batch.of(motion, task.scale)
-    found = extrapolate(model, coordinates, batch, resolution=task.resolution)
+    try:
+        found = extrapolate(model, coordinates, batch, resolution=task.resolution)
+    except BlownUpError as error:
+        raise BlownUpError(_warned(str(error), model)) from None
     verdict = judge(found.limit, motion, task.scale, task.components, claimed, task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
     study = study_step(
         model, coordinates, motion, power=task.power, amplitude=amplitude, claimed=claimed
     )
     outcome, reason = _with_full_runs(verdict, study, claimed)
+    if outcome is Outcome.FAILED:
+        reason = _warned(reason, model)
     return Case(
         system=task.system.name,
         model=task.sidecar.model.name,
@@ -151,6 +156,11 @@ def run_case(task: CaseTask) -> Case:
         ),
         seconds=time.perf_counter() - began,
     )
+
+
+def _warned(reason: str, model: Model) -> str:
+    """A reason with what the engine warned of: it may know why."""
+    return "; the engine warns: ".join((reason, *model.warnings))
 
 
 def _with_full_runs(verdict: Verdict, study: StepStudy, claimed: int) -> tuple[Outcome, str]:

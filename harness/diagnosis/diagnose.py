@@ -36,6 +36,10 @@ SETTLED = 1e-6
 """A cause that leaves at most this share, or the uncertainty, is all there is; what leaves more may
 hide a second one."""
 
+UNSEEN, FELT = 1e-9, 1e-3
+"""No motion depends on a number whose change by its own size does no more than this; on a switch
+that does no more than this share of the discrepancy."""
+
 REFINED = 6
 """Single hypotheses that are fitted: the best by the linear fit, and those that look like them."""
 
@@ -67,14 +71,20 @@ def diagnose(problem: Problem, uncertainty: Array) -> Ranking:
     hypotheses, floor = whole.hypotheses, whole.floor
     accepted, settled = max(NAMED, 2 * floor), max(SETTLED, 3 * floor)
     lengths = np.linalg.norm(slopes, axis=1)
-    seen = [i for i in range(len(hypotheses)) if lengths[i] * hypotheses[i].size > 1e-9]
+    # A switch makes all of its change, however small: what an engine rounds may be all there is.
+    small = min(UNSEEN, FELT * float(np.linalg.norm(defect)))
+    least = [small if hypothesis.switch else UNSEEN for hypothesis in hypotheses]
+    seen = [i for i, h in enumerate(hypotheses) if lengths[i] * h.size > least[i]]
     left = {i: left_linear(defect, [hypotheses[i]], slopes[[i]]) for i in seen}
     order = sorted(seen, key=lambda i: left[i])
     # Whatever looks like the best is told with it, though it ranked below by the linear fit.
     alike = [
         i for i in order[REFINED:] if any(_alike(whole, slopes, i, j) for j in order[:REFINED])
     ]
-    tries = [Try(left[i], {i: _start(hypotheses[i])}, slopes) for i in (*order[:REFINED], *alike)]
+    # So is what holds or doesn't, and leaves as little: that is no coincidence.
+    told = [i for i in order[REFINED:] if hypotheses[i].switch and left[i] <= accepted]
+    chosen = (*order[:REFINED], *alike, *told)
+    tries = [Try(left[i], {i: _start(hypotheses[i])}, slopes) for i in chosen]
     found = refine_each(whole, tries, settled)
     if not found:
         return Ranking((), False, floor)

@@ -149,6 +149,11 @@ class Model(ABC):
         """Other ways to step this model, just as sound: name -> settings that choose it."""
         return {}
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the engine has warned of so far, a sentence each; it may be why a motion ends."""
+        return ()
+
     def remarks(self, z: Array, w: Array) -> Iterable[Remark]:
         """What the engine or the format adds or drops, read from the model and not from a motion.
 
@@ -172,6 +177,8 @@ class Engine(ABC):
         unstated: the step and gravity that it takes where neither a file nor its sidecar says.
         stated_settings: those that a new sidecar states, though it has a default for each.
         bare_link: the mass that it takes for a URDF's resting link without one; empty: none.
+        takes_springs: the formats in which it heeds the springs of a sidecar; in others they are
+            refused before a file is loaded.
         ignores: numbers of its formats that it reads over, such as "dynamics@friction".
         compiles: the formats that `compiled` takes apart.
         usual_mistakes: those that its users make and no format is to blame for.
@@ -186,6 +193,7 @@ class Engine(ABC):
     unstated: str = ""
     stated_settings: Mapping[str, object] = MappingProxyType({})
     bare_link: str = ""
+    takes_springs: tuple[str, ...] = ()
     ignores: frozenset[str] = frozenset()
     compiles: tuple[str, ...] = ()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()

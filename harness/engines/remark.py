@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,16 +18,21 @@ class Remark:
             `PinJoint()` for a call, `Space().damping` for an attribute of what it makes. With
             `sidecar:settings.` before it, a setting of the sidecar. Where nothing in the file is
             so called, the file is meant; empty: the file as a whole; None: nothing in it.
+        beside: another such number, whose line is told in the message.
         value: the number, where it is about one.
         shows_in: kinds of compiled terms that it enters; where one of these differs from the
             equations it is to blame, otherwise it is as it should be.
+        undone_by: settings that undo it, where it is a loss of digits that no number of the file
+            can mend: what of `shows_in` is right with these is the engine's own, and no fault.
     """
 
     message: str
     fault: bool = False
     address: str | None = None
+    beside: str = ""
     value: float | None = None
     shows_in: tuple[str, ...] = ()
+    undone_by: Mapping[str, object] = field(default_factory=dict)
 
 
 PULL = ("rest", "stiffness")

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-import defusedxml.ElementTree
-from defusedxml import DefusedXmlException
-
 from harness.engines.protocol import Array, EngineError, Sample
 from harness.engines.remark import Remark, limit_remarks
+from harness.engines.source import read_source, read_xml
+from harness.engines.urdf_check import check_urdf
 
 SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
 """What a URDF without a sidecar runs with: it can say neither."""
+
+
+ROUNDED, FELT = 1e-15, 1e-9
+"""By how much an axis may miss the length 1: for the last digits, and for those of the file."""
 
 
 @dataclass(frozen=True)
@@ -28,22 +32,15 @@ class Mimic:
     offset: float
 
 
-def read_urdf(text: str, path: Path) -> ET.Element:
-    """Parse a URDF, entity expansion off.
+def read_urdf(path: Path) -> ET.Element:
+    """Parse a URDF that has one meaning, entity expansion off.
 
     Raises:
         EngineError: naming file and line.
     """
-    try:
-        robot: ET.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
-    except ET.ParseError as error:
-        line, column = error.position
-        raise EngineError(f"{path}:{line}: no XML at column {column}: {error.msg}") from None
-    except DefusedXmlException as error:
-        raise EngineError(f"{path}: refused: it declares entities or a DTD ({error})") from None
-    if robot.tag != "robot":
-        raise EngineError(f"{path}:1: the root is <{robot.tag}>, not <robot>: no URDF")
-    return robot
+    source = read_xml(read_source(path), path)
+    check_urdf(source)
+    return source.root
 
 
 def joint_springs(robot: ET.Element, path: Path) -> dict[str, tuple[float, float]]:
@@ -104,19 +101,21 @@ class UrdfReader:
         no_inertial: what it takes for a link that moves and has none.
         equal_bounds: whether a joint whose bounds are equal is held there, not free.
         no_friction: its title, if it reads over the friction of joints.
+        long_axes: its title, if it takes axes of joints as they are, not for their direction alone.
     """
 
     name: str
     no_inertial: str
     equal_bounds: bool = False
     no_friction: str = ""
+    long_axes: str = ""
 
 
 def urdf_remarks(
     reader: UrdfReader, file: Path, joints: Sequence[str], z: Array, w: Array
 ) -> Iterator[Remark]:
     """What is to be said of a URDF in an engine along the states (z, w) of its joints."""
-    robot = read_urdf(file.read_text(encoding="utf-8"), file)
+    robot = read_urdf(file)
     moved = {
         child.get("link")
         for joint in robot.findall("joint")
@@ -131,35 +130,76 @@ def urdf_remarks(
                 fault=True,
                 address=f"robot/link[{name}]",
             )
+    for tag in ("transmission", "joint/safety_controller"):
+        for _ in robot.findall(tag)[:1]:
+            yield Remark(
+                message=f"<{tag.split('/')[-1]}> is read over: nothing is driven or held by it",
+                address="",
+            )
     for joint in robot.findall("joint"):
         name = joint.get("name", "")
         if name in joints:
             i = joints.index(name)
             yield from _limits(reader, joint, z[:, i], w[:, i])
             yield from _friction(reader, joint)
+            yield from _axis(reader, joint)
 
 
 def _limits(reader: UrdfReader, joint: ET.Element, z: Array, w: Array) -> Iterator[Remark]:
     limit, name = joint.find("limit"), joint.get("name", "")
-    if limit is None or joint.get("type") not in ("revolute", "prismatic"):
+    if limit is None:
         return
     # Without bounds no engine holds it, though each takes others for them.
-    lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-    stated = "lower" in limit.attrib and "upper" in limit.attrib
-    if stated and (lower < upper or (reader.equal_bounds and lower == upper)):
-        yield from limit_remarks(
-            name,
-            bounds=(lower, upper),
-            reached=(float(z.min()), float(z.max())),
-            address=f"robot/joint[{name}]",
-        )
+    if "lower" in limit.attrib and "upper" in limit.attrib:
+        bounds = float(limit.attrib["lower"]), float(limit.attrib["upper"])
+        yield from _bounds(reader, joint, bounds, (float(z.min()), float(z.max())))
     velocity, quick = float(limit.get("velocity", "inf")), float(abs(w).max())
-    if quick >= velocity:
+    if quick >= velocity and joint.get("type") != "continuous":
         yield Remark(
             message=f"<limit velocity> of {name} is {velocity:g} and the motions reach {quick:.4g};"
             f" {reader.name} does not hold it to that here",
             address=f"robot/joint[{name}]",
             value=velocity,
+        )
+
+
+def _bounds(
+    reader: UrdfReader, joint: ET.Element, bounds: tuple[float, float], reached: tuple[float, float]
+) -> Iterator[Remark]:
+    (lower, upper), name = bounds, joint.get("name", "")
+    why = _read_over(reader, joint.get("type") == "continuous", lower, upper)
+    if why:
+        yield Remark(
+            message=f"the limits [{lower:g}, {upper:g}] of {name} hold nothing: {why}",
+            address=f"robot/joint[{name}]/limit",
+        )
+    elif joint.get("type") != "continuous":
+        yield from limit_remarks(
+            name, bounds=bounds, reached=reached, address=f"robot/joint[{name}]"
+        )
+
+
+def _read_over(reader: UrdfReader, continuous: bool, lower: float, upper: float) -> str:
+    """Why limits hold nothing; empty where they do, or were never meant."""
+    if continuous:
+        return "it is continuous" if lower or upper else ""
+    if lower > upper:
+        return "the lower is above the upper"
+    held = lower < upper or reader.equal_bounds
+    return "" if held else f"{reader.name} reads over equal ones, and the joint is free"
+
+
+def _axis(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
+    axis, name = joint.find("axis"), joint.get("name", "")
+    stated = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+    length = math.hypot(*map(float, stated.split()))
+    if reader.long_axes and abs(length - 1) > ROUNDED:
+        yield Remark(
+            message=f"the axis of {name} has the length {length:.15g}: {reader.long_axes} takes it"
+            " as it is, and accelerates a hinge by so much less",
+            fault=abs(length - 1) > FELT,
+            address=f"robot/joint[{name}]/axis@xyz",
+            value=length,
         )
 
 

@@ -183,3 +183,16 @@ def test_a_setting_of_one_engine_is_found_in_its_own_table() -> None:
     assert where(Remark(message="", address=None), shared, "mujoco") is None
     missing = Remark(message="", address="sidecar:settings.step")
     assert where(missing, shared, "mujoco") == SourceLine(file=f"{sidecar.model}.toml")
+
+
+def test_a_gravity_that_a_sidecar_overrides_is_told_with_both_lines(
+    look: Look, tmp_path: Path
+) -> None:
+    change = ("[bindings]", "[settings]\ngravity = [0, 0, -1.62]\n\n[bindings]")
+    found = look("simple_pendulum", "mujoco.xml", "mujoco", change)
+    (one,) = [f for f in found if "counts" in f.message]
+    file, beside = tmp_path / "mujoco.xml", tmp_path / "mujoco.xml.toml"
+    assert one.where == SourceLine(file=str(file), line=line_with(file, "gravity="))
+    assert "0 0 -9.81" in one.message
+    assert one.message.endswith(f"({beside}:{line_with(beside, 'gravity =')})")
+    assert one.severity == "finding"  # the equations have another

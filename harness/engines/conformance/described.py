@@ -25,7 +25,7 @@ def engine_is_described(asked: Asked) -> None:
     ask(all(isinstance(word, str) for word in engine.capabilities), "capabilities are phrases")
     version = engine.version()
     ask(version is None or isinstance(version, str), "version() must be text, or None")
-    for extra in (*engine.preferred, *engine.compiles):
+    for extra in (*engine.preferred, *engine.compiles, *engine.takes_springs):
         ask(extra in engine.formats, f"{extra} is not among its formats {engine.formats}")
 
 
@@ -47,7 +47,7 @@ def model_is_described(asked: Asked) -> None:
 
 
 def hooks_have_their_shapes(asked: Asked) -> None:
-    """home, reach, gravity, remedies, integrators and remarks have the shapes of the protocol."""
+    """home, reach, gravity, remedies, integrators, warnings, remarks are as the protocol says."""
     model = asked.load().model
     size = len(model.coordinates)
     good = model.home.shape == (size,) and bool(np.isfinite(model.home).all())
@@ -61,6 +61,9 @@ def hooks_have_their_shapes(asked: Asked) -> None:
     for hook, given in (("remedies", model.remedies), ("integrators", model.integrators)):
         for key, settings in given.items():
             ask(isinstance(key, str) and bool(dict(settings)), f"{hook} must map names to settings")
+    told = model.warnings
+    good = isinstance(told, tuple) and all(isinstance(word, str) for word in told)
+    ask(good, "warnings must be a tuple of sentences")
     z = model.home[None]
     for remark in model.remarks(z, 0 * z):
         ask(isinstance(remark, Remark), f"remarks() must give Remarks, not {remark!r}")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.metadata
 import importlib.util
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -15,8 +15,10 @@ import numpy as np
 
 from harness.engines.compiled import CompiledTree
 from harness.engines.mistake import LeftOut
+from harness.engines.mujoco.mjcf import checked_numbers, checked_step, refusal, sources
 from harness.engines.mujoco.remarks import model_remarks
 from harness.engines.mujoco.tree import compiled_tree
+from harness.engines.mujoco.warnings import Warnings
 from harness.engines.protocol import (
     Array,
     Engine,
@@ -29,6 +31,7 @@ from harness.engines.protocol import (
     within,
 )
 from harness.engines.remark import Remark
+from harness.engines.source import XmlSource, engine_errors
 from harness.engines.urdf import SETTINGS, joint_springs, read_urdf, sample_urdf
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
@@ -62,6 +65,7 @@ class MujocoEngine(Engine):
         "batched rollouts in C",
     )  # fmt: skip
     unstated = "2 ms and -9.81"
+    takes_springs = (".urdf",)
     stated_settings = MappingProxyType({"integrator": "Euler"})
     compiles = (".xml",)
     usual_mistakes = (
@@ -80,15 +84,21 @@ class MujocoEngine(Engine):
         """Load an MJCF or URDF file."""
         import mujoco
 
+        robot = read_urdf(spec.path) if spec.path.suffix == ".urdf" else None
+        found, warnings = sources(spec.path), Warnings()
         try:
-            text = spec.path.read_text(encoding="utf-8")
-            tree = mujoco.MjSpec.from_file(str(spec.path))
-            if spec.path.suffix == ".urdf":
-                _complete_urdf(tree, spec, text)
-            _apply_settings(tree, spec)
-            model = tree.compile()
-        except (ValueError, OSError, UnicodeDecodeError, mujoco.FatalError) as error:
-            raise EngineError(f"{spec.path}: MuJoCo can't load it: {error}") from None
+            with warnings.heard():
+                tree = mujoco.MjSpec.from_file(str(spec.path))
+                if robot is not None:
+                    _complete_urdf(tree, spec, robot)
+                _apply_settings(tree, spec)
+                model = tree.compile()
+        except EngineError:
+            raise
+        except Exception as error:
+            raise refusal(error, spec.path, found) from None
+        checked_step(model.opt.timestep, found, spec, mujoco.mjMINVAL)
+        checked_numbers(_not_finite(model), found, spec.path)
         for joint in range(model.njnt):
             kind = mujoco.mjtJoint(model.jnt_type[joint])
             if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
@@ -103,7 +113,7 @@ class MujocoEngine(Engine):
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
         # rung would agree with itself.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        return MujocoModel(model, spec)
+        return MujocoModel(model, spec, found, warnings)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Of a URDF, step and gravity; MuJoCo's own are the same."""
@@ -120,9 +130,20 @@ class MujocoEngine(Engine):
         return (*mjcf, sample_urdf())
 
 
-def _complete_urdf(tree: Any, spec: ModelSpec, text: str) -> None:
+def _not_finite(model: Any) -> dict[str, object]:
+    """Fields of a compiled model that are not finite; ranges may well be."""
+    fields = {
+        name: value
+        for part in (model, model.opt)
+        for name in dir(part)
+        if name[0] != "_" and "range" not in name
+        if isinstance(value := getattr(part, name), np.ndarray) and value.dtype.kind == "f"
+    }
+    return {name: value for name, value in fields.items() if not np.isfinite(value).all()}
+
+
+def _complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:
     """Add what a URDF cannot say to MuJoCo: Gazebo's joint springs, and the sidecar's springs."""
-    robot = read_urdf(text, spec.path)
     for joint, (stiffness, rest) in joint_springs(robot, spec.path).items():
         element = tree.joint(joint)
         if element is None:
@@ -173,10 +194,12 @@ def _apply_settings(tree: Any, spec: ModelSpec) -> None:
 class MujocoModel(Model):
     """A compiled model of slides and hinges, whose state is (qpos, qvel)."""
 
-    def __init__(self, model: Any, spec: ModelSpec) -> None:
+    def __init__(
+        self, model: Any, spec: ModelSpec, found: tuple[XmlSource, ...], warnings: Warnings
+    ) -> None:
         import mujoco
 
-        self.model, self._spec = model, spec
+        self.model, self._spec, self._sources, self._warnings = model, spec, found, warnings
         # In the order of qpos.
         self.coordinates = tuple(model.joint(i).name for i in range(model.njnt))
         # The step is read now: every rollout sets another.
@@ -214,7 +237,15 @@ class MujocoModel(Model):
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What MuJoCo and its formats add or drop."""
-        return model_remarks(self.model, self._spec, z, w)
+        with self._warnings.heard():
+            yield from model_remarks(self.model, self._spec, self._sources, z, w)
+        for warning in self._warnings:
+            yield Remark(message=f"MuJoCo warns: {warning}", address="")
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What MuJoCo has warned of, on loading and since."""
+        return tuple(self._warnings)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """RK4 keeps order 4 until an input is held over the step; the others have order 1."""
@@ -237,10 +268,17 @@ class MujocoModel(Model):
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
         """Batched in C (`mujoco.rollout`), each state with a fresh warm start."""
+        quiet = np.errstate(all="ignore")
+        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard(), quiet:
+            if isinstance(force, StateForce):
+                return self._step_by_state(q, v, h, n, force, every)
+            return self._step_all(q, v, h, n, force, every)
+
+    def _step_all(
+        self, q: Array, v: Array, h: float, n: int, force: Array | None, every: int
+    ) -> tuple[Array, Array]:
         import mujoco
 
-        if isinstance(force, StateForce):
-            return self._step_by_state(q, v, h, n, force, every)
         self.model.opt.timestep = h
         # A rollout without controls keeps the forces that an earlier one left in its data.
         mujoco.mj_resetData(self.model, self._data)
@@ -248,15 +286,14 @@ class MujocoModel(Model):
         # The full physics state is (time, qpos, qvel) for slides and hinges without activations.
         state = np.zeros((batch, 1 + 2 * size))
         state[:, 1 : 1 + size], state[:, 1 + size :] = q, v
-        with _quiet():
-            states, _ = self._rollout.rollout(
-                self.model,
-                self._data,
-                state,
-                force,
-                nstep=n,
-                control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
-            )
+        states, _ = self._rollout.rollout(
+            self.model,
+            self._data,
+            state,
+            force,
+            nstep=n,
+            control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
+        )
         # A run that blows up ends early, and its last state fills the rest: its clock stands still.
         states[states[:, :, 0] < h * (np.arange(n) + 0.5)] = np.nan
         kept = states[:, every - 1 :: every]
@@ -271,26 +308,13 @@ class MujocoModel(Model):
         data = self._data
         out_q = np.empty((len(q), n // every, q.shape[1]))
         out_v = np.empty_like(out_q)
-        with _quiet():
-            for b in range(len(q)):
-                mujoco.mj_resetData(self.model, data)
-                data.qpos[:], data.qvel[:] = q[b], v[b]
-                held = force.inputs[b].tolist()
-                for i in range(n):
-                    data.qfrc_applied[:] = force.at(data.qpos.tolist(), held[i])
-                    mujoco.mj_step(self.model, data)
-                    if (i + 1) % every == 0:
-                        out_q[b, i // every], out_v[b, i // every] = data.qpos, data.qvel
+        for b in range(len(q)):
+            mujoco.mj_resetData(self.model, data)
+            data.qpos[:], data.qvel[:] = q[b], v[b]
+            held = force.inputs[b].tolist()
+            for i in range(n):
+                data.qfrc_applied[:] = force.at(data.qpos.tolist(), held[i])
+                mujoco.mj_step(self.model, data)
+                if (i + 1) % every == 0:
+                    out_q[b, i // every], out_v[b, i // every] = data.qpos, data.qvel
         return out_q, out_v
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Overflow of a motion that blows up shows in the states; MuJoCo's log file is not wanted."""
-    import mujoco
-
-    mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(None)

@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import ParseError
 
-import defusedxml.ElementTree
 import numpy as np
-from defusedxml import DefusedXmlException
 
+from harness.engines.mujoco.mjcf import doubled_remarks, override_remarks, stated
 from harness.engines.protocol import Array, ModelSpec
 from harness.engines.remark import PULL, Remark, limit_remarks
+from harness.engines.source import XmlSource
 from harness.engines.urdf import UrdfReader, urdf_remarks
 
 _URDF = UrdfReader(name="mujoco", no_inertial="its geoms' masses, or none")
 
 
-def model_remarks(m: Any, spec: ModelSpec, z: Array, w: Array) -> Iterator[Remark]:
-    """All there is to say of a compiled model along the states (z, w), (K, nz) each."""
+def model_remarks(
+    m: Any, spec: ModelSpec, found: Sequence[XmlSource], z: Array, w: Array
+) -> Iterator[Remark]:
+    """All there is to say of a compiled model along the states (z, w), (K, nz) each.
+
+    `found`: its files, as far as they are XML.
+    """
     urdf = spec.path.suffix == ".urdf"
     if urdf:
         names = [m.joint(i).name for i in range(m.njnt)]
         yield from urdf_remarks(_URDF, spec.path, names, z, w)
     for i in range(m.njnt):
         yield from _joint(m, i, "robot" if urdf else "body", z[:, i])
-    yield from _options(m, spec)
+    yield from _options(m, spec, found)
+    yield from override_remarks(found, spec)
+    yield from doubled_remarks(found)
     yield from _equalities(m, urdf)
     if not urdf:  # there they are the sidecar's, with a rest of their own
         yield from _tendons(m, spec.path)
@@ -53,8 +58,14 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
             address=f"{address}@frictionloss",
             value=value,
         )
+    lower, upper = map(float, m.jnt_range[i])
+    if parent == "body" and not m.jnt_limited[i] and lower > upper:
+        yield Remark(
+            message=f"the range [{lower:g}, {upper:g}] of {name} holds nothing: the lower is above"
+            " the upper",
+            address=f"{address}@range",
+        )
     if m.jnt_limited[i] and parent == "body":
-        lower, upper = map(float, m.jnt_range[i])
         yield from limit_remarks(
             name,
             bounds=(lower, upper),
@@ -79,7 +90,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
         )
 
 
-def _options(m: Any, spec: ModelSpec) -> Iterator[Remark]:
+def _options(m: Any, spec: ModelSpec, found: Sequence[XmlSource]) -> Iterator[Remark]:
     gravity = [float(g) for g in m.opt.gravity]
     shown = ", ".join(f"{g:g}" for g in gravity)
     if sum(g != 0 for g in gravity) > 1:
@@ -88,7 +99,8 @@ def _options(m: Any, spec: ModelSpec) -> Iterator[Remark]:
             address=f"{'sidecar:settings.' if 'gravity' in spec.settings else 'option@'}gravity",
             shows_in=PULL,
         )
-    if "gravity" not in spec.settings and not _states_gravity(spec.path, spec.path.parent):
+    # What only MuJoCo can read may well state it.
+    if "gravity" not in spec.settings and found and not any(stated(found, "gravity")):
         yield Remark(
             message=f"no gravity is stated: MuJoCo takes ({shown})", address="", shows_in=PULL
         )
@@ -99,17 +111,6 @@ def _options(m: Any, spec: ModelSpec) -> Iterator[Remark]:
             fault=True,
             address=f"option@{acting[0]}",
         )
-
-
-def _states_gravity(file: Path, folder: Path) -> bool:
-    """Whether a file states it, or one that it includes; these stand beside the first."""
-    with suppress(OSError, ParseError, DefusedXmlException):
-        root = defusedxml.ElementTree.fromstring(file.read_bytes())
-        return any("gravity" in option.attrib for option in root.iter("option")) or any(
-            _states_gravity(folder / include.get("file", ""), folder)
-            for include in root.iter("include")
-        )
-    return True  # what only MuJoCo can read may well state it
 
 
 def _equalities(m: Any, urdf: bool) -> Iterator[Remark]:

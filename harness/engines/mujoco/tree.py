@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from harness.engines.compiled import CompiledBody, CompiledJoint, CompiledTree, Numbers
-from harness.engines.protocol import EngineError
+from harness.engines.mujoco.mjcf import refusal, sources
+from harness.engines.mujoco.warnings import Warnings
 
 
 def compiled_tree(path: Path) -> CompiledTree:
@@ -19,11 +20,12 @@ def compiled_tree(path: Path) -> CompiledTree:
     """
     import mujoco
 
+    found = sources(path)
     try:
-        m: Any = mujoco.MjSpec.from_file(str(path)).compile()
-    except (ValueError, mujoco.FatalError) as error:
-        reason = " ".join(str(error).split())
-        raise EngineError(f"{path}: MuJoCo can't load it: {reason}") from None
+        with Warnings().heard():
+            m: Any = mujoco.MjSpec.from_file(str(path)).compile()
+    except Exception as error:
+        raise refusal(error, path, found) from None
     x, y, z = map(float, m.opt.gravity)
     return CompiledTree(
         bodies=tuple(_body(m, i) for i in range(1, m.nbody)),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +25,19 @@ from harness.engines.protocol import (
     StateForce,
     within,
 )
+from harness.engines.pybullet.inertias import (
+    EXACT,
+    axes_cause,
+    axes_remarks,
+    check_inertias,
+    exact_axes,
+    held_inertias,
+    lost_inertias,
+)
+from harness.engines.pybullet.printed import printed
 from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
 from harness.engines.remark import Remark
+from harness.engines.source import engine_errors, folded
 from harness.engines.urdf import (
     SETTINGS,
     Mimic,
@@ -35,13 +48,19 @@ from harness.engines.urdf import (
 )
 
 _REQUIRED = ("step", "gravity")
-_DEFAULTS: Mapping[str, float | bool] = {
+_UNDONE: Mapping[str, float | bool] = {
     # Linear and angular damping of every link; PyBullet's own is 0.04.
     "link_damping": 0.0,
     # Whether every joint keeps its velocity motor, which holds it; PyBullet's own is true.
     "motors": False,
     # Whether inertias are those of the file, not of its collision shapes; PyBullet's own is false.
     "inertia_from_file": True,
+}
+_DEFAULTS: Mapping[str, float | bool] = {
+    **_UNDONE,
+    # Whether tensors with products are turned to principal axes by the adapter, to the last digits,
+    # and not by PyBullet.
+    "exact_axes": False,
 }
 _client: int | None = None
 _loaded: object = None
@@ -60,6 +79,7 @@ class PybulletEngine(Engine):
     preferred = (".urdf",)
     unstated = "1/240 s and no gravity"
     bare_link = "1 kg"
+    takes_springs = (".urdf",)
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (
         DefaultLeftOn(
@@ -87,8 +107,7 @@ class PybulletEngine(Engine):
 
     def load(self, spec: ModelSpec) -> PybulletModel:
         """Load a URDF into this process's physics server."""
-        text = _read(spec)
-        robot = read_urdf(text, spec.path)
+        robot = read_urdf(spec.path)
         unknown = set(spec.settings) - {*_REQUIRED, *_DEFAULTS}
         if unknown:
             raise EngineError(f"{spec.path}.toml: PyBullet has no setting {', '.join(unknown)}")
@@ -103,7 +122,8 @@ class PybulletEngine(Engine):
             Spring({joint: 1.0}, stiffness, 0.0, rest)
             for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
         ]
-        return PybulletModel(spec, [*springs, *spec.springs], mimics(robot, spec.path))
+        with engine_errors(spec.path, self.title):
+            return PybulletModel(spec, robot, [*springs, *spec.springs])
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Step and gravity."""
@@ -116,13 +136,6 @@ class PybulletEngine(Engine):
     def samples(self) -> tuple[Sample, ...]:
         """A URDF."""
         return (sample_urdf(),)
-
-
-def _read(spec: ModelSpec) -> str:
-    try:
-        return spec.path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise EngineError(f"{spec.path}: can't be read: {error}") from None
 
 
 def _check_types(spec: ModelSpec) -> None:
@@ -139,10 +152,10 @@ class PybulletModel(Model):
 
     integrator = "semi-implicit euler"
 
-    def __init__(self, spec: ModelSpec, springs: list[Spring], followers: list[Mimic]) -> None:
+    def __init__(self, spec: ModelSpec, robot: ET.Element, springs: list[Spring]) -> None:
         self.path = str(spec.path)
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked by the sidecar
-        self._declared = spec, springs, followers
+        self._declared = spec, robot, springs
         self._load()
 
     def _load(self) -> None:
@@ -153,7 +166,7 @@ class PybulletModel(Model):
         if _client is None:
             _client = p.connect(p.DIRECT)
         _loaded = self
-        spec, springs, followers = self._declared
+        spec, robot, springs = self._declared
         p.resetSimulation()
         # Files are cached by name even across a reset: a rewritten file would not be read again.
         # The residual threshold would end the solver early, at 1e-7.
@@ -162,18 +175,30 @@ class PybulletModel(Model):
         )
         self.gravity = tuple(spec.settings["gravity"])  # type: ignore[arg-type]  # checked
         p.setGravity(*spec.settings["gravity"])  # type: ignore[misc]  # checked by the sidecar
-        try:
-            # Without the flag the inertia in the file is replaced by one of the collision shapes.
-            own = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
-            self._body = p.loadURDF(self.path, useFixedBase=1, flags=own)
-        except p.error as error:
-            raise EngineError(f"{self.path}: PyBullet can't load it: {error}") from None
+        self._body = self._load_file()
+        # Those of collision shapes are not the file's at all.
+        own = self._setting("inertia_from_file")
+        self._lost = lost_inertias(robot, held_inertias(self._body)) if own else {}
         self._joints, names = self._moving_joints()
         self.coordinates = tuple(names)
-        self._check_inertias()
+        check_inertias(self.path, self._body, self._joints, robot if own else None)
         self._free_links()
         self._springs = [self._resolve(spring) for spring in springs]
-        self._gears = [self._gear(mimic) for mimic in followers]
+        self._gears = [self._gear(mimic) for mimic in mimics(robot, spec.path)]
+
+    def _load_file(self) -> int:
+        import pybullet as p
+
+        spec, robot, _ = self._declared
+        # Without the flag the inertia in the file is replaced by one of the collision shapes.
+        own = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
+        turned = exact_axes(robot, spec.path) if self._setting("exact_axes") else None
+        try:
+            with turned or nullcontext(spec.path) as path, printed() as said:
+                return int(p.loadURDF(str(path), useFixedBase=1, flags=own))
+        except p.error as error:
+            reason = said[-1] if said else folded(error)
+            raise EngineError(f"{self.path}: PyBullet can't load it: {reason}") from None
 
     def _setting(self, key: str) -> float | bool:
         value = self._declared[0].settings.get(key, _DEFAULTS[key])
@@ -181,18 +206,22 @@ class PybulletModel(Model):
         return value
 
     @property
-    def remedies(self) -> dict[str, dict[str, object]]:
+    def remedies(self) -> dict[str, Mapping[str, object]]:
         """What PyBullet adds on its own and the settings let stand, with what undoes it."""
-        return {CAUSES[key]: {key: _DEFAULTS[key]} for key in self._left_on()}
+        found: dict[str, Mapping[str, object]] = {
+            CAUSES[key]: {key: _UNDONE[key]} for key in self._left_on()
+        }
+        return {**found, axes_cause(self._lost): EXACT} if self._lost else found
 
     def _left_on(self) -> list[str]:
-        return [key for key, default in _DEFAULTS.items() if self._setting(key) != default]
+        return [key for key, default in _UNDONE.items() if self._setting(key) != default]
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the URDF says in vain, and what is switched off, or is not."""
-        return model_remarks(
+        yield from model_remarks(
             Path(self.path), self.coordinates, {k: self._setting(k) for k in self._left_on()}, z, w
         )
+        yield from axes_remarks(self._lost)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""
@@ -235,33 +264,6 @@ class PybulletModel(Model):
             raise EngineError(f"{self.path}: it has no moving joint")
         return joints, names
 
-    def _check_inertias(self) -> None:
-        """Refuse inertias that PyBullet repairs or gives up on without an error."""
-        import pybullet as p
-
-        for link in self._joints:
-            mass, _, inertia = p.getDynamicsInfo(self._body, link)[:3]
-            if mass > 0 and not any(inertia):
-                name = p.getJointInfo(self._body, link)[12].decode()
-                raise EngineError(
-                    f"{self.path}: PyBullet sets the inertia of link {name!r} to zero: its moments"
-                    " can't be a body's (each must be at most the sum of the other two)"
-                )
-
-        # A joint that moves no inertia stands still in PyBullet, and a mass below zero is taken.
-        for link in self._joints:
-            if p.getDynamicsInfo(self._body, link)[0] < 0:
-                name = p.getJointInfo(self._body, link)[12].decode()
-                raise EngineError(f"{self.path}: the mass of link {name!r} is below zero")
-        moved = p.calculateMassMatrix(self._body, [0.0] * len(self._joints))
-        for index, joint in enumerate(self._joints):
-            if not moved[index][index] > 0:
-                name = p.getJointInfo(self._body, joint)[1].decode()
-                raise EngineError(
-                    f"{self.path}: joint {name!r} moves nothing that has inertia, so that PyBullet"
-                    " holds it still; give its link a mass and moments of inertia"
-                )
-
     def _free_links(self) -> None:
         """Switch off what PyBullet adds on its own, unless asked for: damping, motors, a limit."""
         import pybullet as p
@@ -294,6 +296,11 @@ class PybulletModel(Model):
         for joint in (mimic.leader, mimic.joint):
             if joint not in self.coordinates:
                 raise EngineError(f"{self.path}: <mimic> names {joint!r}, which is no moving joint")
+        if not mimic.multiplier:
+            raise EngineError(
+                f"{self.path}: <mimic> of {mimic.joint!r} has the multiplier 0, which no JOINT_GEAR"
+                " can have; a joint that stands still is fixed"
+            )
         if mimic.offset:
             raise EngineError(f"{self.path}: <mimic> with an offset is not supported by JOINT_GEAR")
         leader, follower = (
@@ -317,10 +324,16 @@ class PybulletModel(Model):
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
         """Step by step: springs and inputs are torques, set from the state before each step."""
-        import pybullet as p
-
         if _loaded is not self:
             raise EngineError(f"{self.path}: another model has been loaded since")
+        with engine_errors(self.path, "PyBullet"):
+            return self._rollout(q, v, h, n, force, every)
+
+    def _rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        import pybullet as p
+
         p.setPhysicsEngineParameter(fixedTimeStep=h)
         out_q = np.empty((len(q), n // every, q.shape[1]))
         out_v = np.empty_like(out_q)

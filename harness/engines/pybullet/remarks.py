@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from harness.engines.protocol import Array, EngineError
+from harness.engines.pybullet.inertias import PRODUCTS
 from harness.engines.remark import Remark
 from harness.engines.urdf import UrdfReader, read_urdf, urdf_remarks
 
@@ -36,13 +37,12 @@ _LEFT_ON: Mapping[str, tuple[str, tuple[str, ...]]] = {
 """What each does where it is left on, and the compiled terms that it may rightly be part of."""
 
 _URDF = UrdfReader(
-    name="pybullet", no_inertial="a mass of 1 kg", equal_bounds=True, no_friction="PyBullet"
+    name="pybullet",
+    no_inertial="a mass of 1 kg",
+    equal_bounds=True,
+    no_friction="PyBullet",
+    long_axes="PyBullet",
 )
-
-_PRODUCTS = ("ixy", "ixz", "iyz")
-"""Products of inertia in a URDF. Bullet turns them into principal axes by an iteration that stops
-short: against the file's own numbers, 16 random links were up to 6e-11 off, a chain's accelerations
-up to 3e-9."""
 
 
 def model_remarks(
@@ -68,10 +68,10 @@ def model_remarks(
 def products_caveat(path: Path) -> tuple[str, ...]:
     """A word on products of inertia, where a URDF has some."""
     try:
-        robot = read_urdf(path.read_text(encoding="utf-8"), path)
-    except (OSError, UnicodeDecodeError, EngineError):
+        robot = read_urdf(path)
+    except EngineError:
         return ()  # loading it will say so
-    products = (inertia.get(key, "0") for inertia in robot.iter("inertia") for key in _PRODUCTS)
+    products = (inertia.get(key, "0") for inertia in robot.iter("inertia") for key in PRODUCTS)
     if not any(word.strip("+-0. \n\t") for word in products):
         return ()
     return (

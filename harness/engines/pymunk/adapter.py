@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
 import importlib.util
 import math
-import sys
-import traceback
-import types
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -25,7 +22,9 @@ from harness.engines.protocol import (
     Sample,
     StateForce,
 )
+from harness.engines.pymunk.own_step import callbacks_heard, has_own_step, step_whole
 from harness.engines.pymunk.remarks import space_remarks
+from harness.engines.pymunk.script import blamed, run_file, script_errors
 from harness.engines.remark import Remark
 
 _KINDS = ("x", "y", "angle")
@@ -107,13 +106,11 @@ class PymunkModel(Model):
         self._gravity: Any = spec.settings.get("gravity")
         # Likewise Space.damping, the share of its velocity that a body keeps in a second.
         self._damping: Any = spec.settings.get("damping")
-        self._module = _run_file(spec)
+        self._module = run_file(spec.path)
         self._build()
-        try:
-            # pymunk's own step checks masses and moments; the call beneath it does not.
+        # pymunk's own step checks masses and moments; the call beneath it does not.
+        with self._heard("the first step"):
             self._space.step(self.step)
-        except AssertionError as error:
-            raise EngineError(f"{self.path}: {error}") from None
         if not self._reusable:
             self._build()
 
@@ -139,20 +136,18 @@ class PymunkModel(Model):
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What a Space as the file builds it, moved by nothing, adds on its own."""
-        space, _ = self._module.build()
+        with script_errors(self._spec.path, "build()"):
+            space, _ = self._module.build()
         return space_remarks(space, self._spec.settings)
 
     def _build(self) -> None:
         import pymunk
 
-        try:
-            space, bodies = self._module.build()
-        except Exception as error:
-            raise EngineError(
-                f"{self.path}:{_line(error, self.path)}: build() fails: {error}"
-            ) from None
-        if not isinstance(space, pymunk.Space) or not isinstance(bodies, dict):
+        with script_errors(self._spec.path, "build()"):
+            made = self._module.build()
+        if not isinstance(made, tuple) or [*map(_kind, made)] != [pymunk.Space, dict]:
             raise EngineError(f"{self.path}: build() must return (Space, {{name: Body}})")
+        space, bodies = made
         if not bodies or not all(isinstance(body, pymunk.Body) for body in bodies.values()):
             raise EngineError(f"{self.path}: build() must name at least one Body")
         for name, body in bodies.items():
@@ -168,7 +163,8 @@ class PymunkModel(Model):
         self._handles = [body._body for body in bodies.values()]
         self.coordinates = tuple(f"{name}.{kind}" for name in bodies for kind in _KINDS)
         self._home = self._places()
-        self._reusable = _reusable(space, list(bodies.values()))
+        self._own_step = has_own_step(space)
+        self._reusable = not self._own_step and _reusable(space, list(bodies.values()))
         self._joints = [
             (c._constraint, c.max_force) for c in space.constraints if type(c) in _caching()
         ]
@@ -182,11 +178,24 @@ class PymunkModel(Model):
         for b, (start, rate) in enumerate(zip(q.tolist(), v.tolist(), strict=True)):
             self._forget(h)
             self._set(start, rate)
-            self._run(b, h, n, force, every, places, rates)
+            with self._heard("a step"):
+                self._run(b, h, n, force, every, places, rates)
             # What is not a number may stay in the joints for good.
             self._reusable &= math.isfinite(sum(places[-1]) + sum(rates[-1]))
         shape = (len(q), n // every, q.shape[1])
         return np.array(places).reshape(shape), np.array(rates).reshape(shape)
+
+    @contextmanager
+    def _heard(self, what: str) -> Iterator[None]:
+        """Whatever is raised meanwhile is an error that names the file, callbacks included."""
+        if not self._own_step:
+            with script_errors(self._spec.path, what):
+                yield
+            return
+        with callbacks_heard() as raised, script_errors(self._spec.path, what):
+            yield
+        if raised:
+            raise blamed(raised[0], self._spec.path, "a callback")
 
     def _forget(self, h: float) -> None:
         """Clear the impulses that joints keep from step to step, as in a Space just built.
@@ -228,6 +237,7 @@ class PymunkModel(Model):
         from pymunk._chipmunk_cffi import lib
 
         step, space = lib.cpSpaceStep, self._space._space
+        own = self._space if self._own_step else None
         set_force, set_torque = lib.cpBodySetForce, lib.cpBodySetTorque
         by_state = force if isinstance(force, StateForce) else None
         held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
@@ -238,11 +248,14 @@ class PymunkModel(Model):
                 push = by_state.at(self._places(), inputs[i])
             elif held is not None:
                 push = held[i]
-            if push is not None:
-                for j, body in enumerate(self._handles):
-                    set_force(body, (push[3 * j], push[3 * j + 1]))
-                    set_torque(body, push[3 * j + 2])
-            step(space, h)
+            if own is not None:
+                step_whole(own, self._handles, h, push)
+            else:
+                if push is not None:
+                    for j, body in enumerate(self._handles):
+                        set_force(body, (push[3 * j], push[3 * j + 1]))
+                        set_torque(body, push[3 * j + 2])
+                step(space, h)
             if (i + 1) % every == 0:
                 places.append(self._places())
                 rates.append(self._rates())
@@ -266,6 +279,13 @@ class PymunkModel(Model):
         return values
 
 
+def _kind(made: object) -> type:
+    """A Space, a dict, or what else `build` has returned."""
+    import pymunk
+
+    return next((kind for kind in (pymunk.Space, dict) if isinstance(made, kind)), type(made))
+
+
 def _caching() -> tuple[type, ...]:
     """Constraints whose one memory is the impulse of the last step, from which they start."""
     from pymunk import constraints as c
@@ -282,7 +302,10 @@ def _caching() -> tuple[type, ...]:
 
 
 def _reusable(space: Any, bodies: list[Any]) -> bool:
-    """Whether the cached impulses and the named bodies' states are all that a Space remembers."""
+    """Whether the cached impulses and the named bodies' states are all that a Space remembers.
+
+    One with functions of the user's own (`has_own_step`) may remember anything.
+    """
     import pymunk
 
     springs = (pymunk.DampedSpring, pymunk.DampedRotarySpring)
@@ -290,39 +313,6 @@ def _reusable(space: Any, bodies: list[Any]) -> bool:
     return (
         all(body in bodies for body in space.bodies if body.body_type != still)
         and all(type(c) in (*springs, *_caching()) for c in space.constraints)
-        and not any(c.pre_solve or c.post_solve for c in space.constraints)
-        # Functions of the user's own may remember anything.
-        and all(
-            body.velocity_func == pymunk.Body.update_velocity
-            and body.position_func == pymunk.Body.update_position
-            for body in bodies
-        )
         # Shapes that can touch keep contacts.
         and all(shape.sensor or shape.filter.mask == 0 for shape in space.shapes)
     )
-
-
-def _run_file(spec: ModelSpec) -> Any:
-    digest = hashlib.sha256(str(spec.path.resolve()).encode()).hexdigest()[:12]
-    name = f"_crosscheck_space_{digest}"
-    module = types.ModuleType(name)
-    module.__file__ = str(spec.path)
-    sys.modules[name] = module
-    try:
-        # Compiled from its text: a bytecode cache keeps a file that was rewritten within a second.
-        exec(compile(spec.path.read_bytes(), str(spec.path), "exec"), module.__dict__)
-    except OSError as error:
-        raise EngineError(f"{spec.path}: can't be read: {error.strerror}") from None
-    except Exception as error:
-        line = _line(error, str(spec.path))
-        raise EngineError(f"{spec.path}:{line}: {type(error).__name__}: {error}") from None
-    if not callable(getattr(module, "build", None)):
-        raise EngineError(f"{spec.path}: it must define build() -> (Space, {{name: Body}})")
-    return module
-
-
-def _line(error: Exception, path: str) -> int:
-    if isinstance(error, SyntaxError) and error.lineno:
-        return error.lineno
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == path]
-    return lines[-1] or 1 if lines else 1

@@ -5,11 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from harness.engines.pymunk.own_step import has_own_step
 from harness.engines.remark import PULL, Remark
 
 
 def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:
     """All there is to say of a Space as its file builds it, under the adapter's settings."""
+    yield from _overridden(space, settings)
+    if has_own_step(space):
+        yield Remark(
+            message="the Space has a step, callbacks or threads of its own: it is stepped through"
+            " its own step",
+            address="",
+        )
     damping: Any = settings.get("damping", space.damping)
     if damping != 1:
         value = float(damping)
@@ -35,6 +43,23 @@ def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark
         yield Remark(
             message=f"{len(shapes)} shapes can collide: their filters let them", address=""
         )
+
+
+def _overridden(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:
+    """What the script sets and the sidecar's settings override; pymunk's own values are none."""
+    for name, own, plain, shows_in in (
+        ("gravity", tuple(map(float, space.gravity)), (0.0, 0.0), PULL),
+        ("damping", float(space.damping), 1.0, ("damping",)),
+    ):
+        given: Any = settings.get(name, own)
+        counts = tuple(map(float, given[:2])) if name == "gravity" else float(given)
+        if own not in (plain, counts):
+            yield Remark(
+                message=f"the file's own {name} is {own}; the sidecar's, {counts}, counts",
+                address=f"Space().{name}",
+                beside=f"sidecar:settings.{name}",
+                shows_in=shows_in,
+            )
 
 
 def _address(name: str, settings: Mapping[str, object]) -> str:

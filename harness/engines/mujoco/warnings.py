@@ -1,0 +1,39 @@
+"""What MuJoCo warns of: kept, and not written to a log file in the working folder."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+MOST = 20
+"""Warnings that are kept, each kind once."""
+
+_TIME = re.compile(r"\s*Time = \S+$")
+
+
+class Warnings:
+    """Sentences, each kind of them once, in the order in which they came."""
+
+    def __init__(self) -> None:
+        self._kinds: dict[str, str] = {}
+
+    def __call__(self, message: str) -> None:
+        """Take one from MuJoCo."""
+        sentence = " ".join(message.split())
+        if len(self._kinds) < MOST:
+            self._kinds.setdefault(_TIME.sub("", sentence), sentence)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._kinds.values())
+
+    @contextmanager
+    def heard(self) -> Iterator[None]:
+        """Take all that MuJoCo warns of meanwhile."""
+        import mujoco
+
+        mujoco.set_mju_user_warning(self)
+        try:
+            yield
+        finally:
+            mujoco.set_mju_user_warning(None)

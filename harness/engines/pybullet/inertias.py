@@ -1,0 +1,214 @@
+"""What PyBullet makes of a link's tensor of inertia, and a URDF that spares it the making.
+
+A tensor with products is turned to its principal axes by Jacobi sweeps that end a step after all
+that is off the diagonal is below 1e-6 of the trace (`btMatrix3x3::diagonalize`, as
+`BulletURDFImporter::getMassAndInertia2` calls it); what is left there is dropped. No number of the
+file can mend it, short of principal axes in the `<origin>` of the `<inertial>`.
+"""
+
+from __future__ import annotations
+
+import copy
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from harness.engines.protocol import Array, EngineError
+from harness.engines.remark import Remark
+
+PRODUCTS = ("ixy", "ixz", "iyz")
+"""Products of inertia in a URDF."""
+
+_PLACES = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+
+ROUNDING = 1e-14
+"""Relative difference of tensors below which nothing was lost but by rounding."""
+
+EXACT: Mapping[str, object] = {"exact_axes": True}
+"""The adapter's setting that loads the file with principal axes found to the last digits."""
+
+
+def lost_inertias(robot: ET.Element, held: Mapping[str, Array]) -> dict[str, float]:
+    """How far PyBullet's tensor of each link is off the file's, relative, where it is.
+
+    Args:
+        robot: the URDF.
+        held: tensors as PyBullet holds them, in their links' frames, (3, 3) each.
+    """
+    found = {}
+    for link in robot.findall("link"):
+        name, inertial = link.get("name", ""), _with_products(link)
+        if inertial is not None and name in held:
+            turn = _rotation(_origin(inertial))
+            stated = turn @ _tensor(inertial) @ turn.T
+            off = float(np.max(np.abs(held[name] - stated)) / np.max(np.abs(stated)))
+            if off > ROUNDING:
+                found[name] = off
+    return found
+
+
+def held_inertias(body: int) -> dict[str, Array]:
+    """The tensors of all links but the base as PyBullet holds them, in their links' frames."""
+    import pybullet as p
+
+    held = {}
+    for index in range(p.getNumJoints(body)):
+        _, _, moments, _, turn = p.getDynamicsInfo(body, index)[:5]
+        axes = np.array(p.getMatrixFromQuaternion(turn)).reshape(3, 3)
+        held[_link(body, index)] = (axes * np.array(moments)) @ axes.T
+    return held
+
+
+def check_inertias(path: str, body: int, joints: Sequence[int], robot: ET.Element | None) -> None:
+    """Refuse inertias that PyBullet repairs or gives up on without an error.
+
+    Args:
+        path: of the file.
+        body: as PyBullet knows it.
+        joints: those that move.
+        robot: the file, where its inertias count.
+
+    Raises:
+        EngineError: naming file and link.
+    """
+    import pybullet as p
+
+    stated = set() if robot is None else {e.get("name") for e in robot if _has_moments(e)}
+    for index in range(p.getNumJoints(body)):
+        mass, _, inertia = p.getDynamicsInfo(body, index)[:3]
+        name = _link(body, index)
+        if mass < 0:  # it is taken
+            raise EngineError(f"{path}: the mass of link {name!r} is below zero")
+        if mass > 0 and not any(inertia) and (index in joints or name in stated):
+            raise EngineError(
+                f"{path}: PyBullet sets the inertia of link {name!r} to zero: its moments"
+                " can't be a body's (each must be at most the sum of the other two)"
+            )
+    # A joint that moves no inertia stands still in PyBullet.
+    moved = p.calculateMassMatrix(body, [0.0] * len(joints))
+    for index, joint in enumerate(joints):
+        if not moved[index][index] > 0:
+            name = p.getJointInfo(body, joint)[1].decode()
+            raise EngineError(
+                f"{path}: joint {name!r} moves nothing that has inertia, so that PyBullet"
+                " holds it still; give its link a mass and moments of inertia"
+            )
+
+
+def _link(body: int, index: int) -> str:
+    import pybullet as p
+
+    name: str = p.getJointInfo(body, index)[12].decode()
+    return name
+
+
+def _has_moments(link: ET.Element) -> bool:
+    inertia = link.find("inertial/inertia")
+    return inertia is not None and any(float(inertia.get(key, "0")) for key in _PLACES)
+
+
+def axes_cause(lost: Mapping[str, float]) -> str:
+    """What a diagnosis calls it."""
+    whose = "an" if len(lost) > 1 else "its"
+    off = max(lost.values())
+    return f"PyBullet's own principal axes of {', '.join(lost)}, {off:.1e} of {whose} inertia off"
+
+
+def axes_remarks(lost: Mapping[str, float]) -> Iterator[Remark]:
+    """A remark a link."""
+    for name, off in lost.items():
+        yield Remark(
+            message=f"PyBullet's own principal axes of link {name}, by sweeps that stop early,"
+            f" leave its tensor {off:.1e} of itself off: no number of the file can mend it, the"
+            " setting exact_axes = true does",
+            address=f"robot/link[{name}]",
+            value=off,
+            shows_in=("inertia", "acceleration"),
+            undone_by=EXACT,
+        )
+
+
+@contextmanager
+def exact_axes(robot: ET.Element, path: Path) -> Iterator[Path]:
+    """A copy of a URDF whose tensors have no products, gone afterwards.
+
+    Each `<inertial>` is turned to principal axes that are found to the last digits; relative names
+    of files are made absolute.
+    """
+    robot = copy.deepcopy(robot)
+    for link in robot.findall("link"):
+        inertial = _with_products(link)
+        if inertial is not None:
+            _diagonalize(inertial)
+    for element in robot.iter():
+        name = element.get("filename", "")
+        if name and "://" not in name and (path.parent / name).is_file():
+            element.set("filename", str((path.parent / name).resolve()))
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        file = Path(folder) / path.name
+        file.write_text(ET.tostring(robot, encoding="unicode"), encoding="utf-8")
+        yield file
+
+
+def _with_products(link: ET.Element) -> ET.Element | None:
+    """A link's `<inertial>`, if its tensor has products."""
+    inertial = link.find("inertial")
+    inertia = inertial.find("inertia") if inertial is not None else None
+    if inertia is None or not any(float(inertia.get(key, "0")) for key in PRODUCTS):
+        return None
+    return inertial
+
+
+def _tensor(inertial: ET.Element) -> Array:
+    tensor = np.zeros((3, 3))
+    inertia = inertial.find("inertia")
+    assert inertia is not None  # it has products
+    for key, (i, j) in _PLACES.items():
+        tensor[i, j] = tensor[j, i] = float(inertia.get(key, "0"))
+    return tensor
+
+
+def _origin(inertial: ET.Element) -> list[float]:
+    """Roll, pitch and yaw of the frame of inertia in the link's."""
+    origin = inertial.find("origin")
+    return [float(word) for word in ("" if origin is None else origin.get("rpy", "")).split()]
+
+
+def _rotation(rpy: list[float]) -> Array:
+    """Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = rpy or [0.0, 0.0, 0.0]
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _diagonalize(inertial: ET.Element) -> None:
+    """Turn an `<inertial>` to its principal axes."""
+    moments, axes = np.linalg.eigh(_tensor(inertial))  # ascending
+    axes[:, 0] *= np.linalg.det(axes)  # right-handed
+    # PyBullet zeroes what rounding takes beyond the sum of the others, as of a flat body.
+    beyond = float(moments[2] - (moments[0] + moments[1]))
+    if 0 < beyond <= ROUNDING * float(moments[2]):
+        moments[2] = moments[0] + moments[1]
+    turn = _rotation(_origin(inertial)) @ axes
+    roll = np.arctan2(turn[2, 1], turn[2, 2])
+    pitch = np.arctan2(-turn[2, 0], np.hypot(turn[2, 1], turn[2, 2]))
+    yaw = np.arctan2(turn[1, 0], turn[0, 0])
+    origin, inertia = inertial.find("origin"), inertial.find("inertia")
+    if origin is None:
+        origin = ET.SubElement(inertial, "origin")
+    origin.set("rpy", " ".join(repr(float(angle)) for angle in (roll, pitch, yaw)))
+    assert inertia is not None  # it has products
+    for key, moment in zip(("ixx", "iyy", "izz"), moments.tolist(), strict=True):
+        inertia.set(key, repr(moment))
+    for key in PRODUCTS:
+        inertia.set(key, "0")

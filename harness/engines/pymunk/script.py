@@ -1,0 +1,73 @@
+"""The Python file that builds a Space: run, and blamed by its lines."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import traceback
+import types
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from harness.engines.protocol import EngineError
+from harness.engines.source import folded, read_source
+
+
+def run_file(path: Path) -> Any:
+    """The file as a module.
+
+    Raises:
+        EngineError: naming file and line.
+    """
+    text = read_source(path)
+    digest = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:12]
+    name = f"_crosscheck_space_{digest}"
+    module = types.ModuleType(name)
+    module.__file__ = str(path)
+    sys.modules[name] = module
+    with script_errors(path, ""):
+        # Compiled from its text: a bytecode cache keeps a file that was rewritten within a second.
+        exec(compile(text, str(path), "exec"), module.__dict__)
+    if not callable(getattr(module, "build", None)):
+        raise EngineError(f"{path}: it must define build() -> (Space, {{name: Body}})")
+    return module
+
+
+@contextmanager
+def script_errors(path: Path, what: str) -> Iterator[None]:
+    """Whatever a script raises is an error with its line: an exit, or an interruption that it
+    raises itself, must not end what runs beside it.
+    """
+    try:
+        yield
+    except EngineError as error:
+        raise error if str(path) in str(error) else EngineError(f"{path}: {error}") from None
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt) and not _raised_by(error, path):
+            raise
+        raise blamed(error, path, what) from None
+
+
+def blamed(error: BaseException, path: Path, what: str) -> EngineError:
+    """An error of a script, at its line."""
+    said = folded(error)
+    kind = type(error).__name__
+    sentence = f"{what} fails: {said or kind}" if what else f"{kind}: {said}".rstrip(": ")
+    return EngineError(f"{path}:{_line(error, path)}: {sentence}")
+
+
+def _line(error: BaseException, path: Path) -> int:
+    if isinstance(error, SyntaxError) and error.lineno:
+        return error.lineno
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+    return lines[-1] or 1 if lines else 1
+
+
+def _raised_by(error: BaseException, path: Path) -> bool:
+    """Whether the script says `raise`, rather than someone having pressed Ctrl-C."""
+    frames = traceback.extract_tb(error.__traceback__)
+    last = frames[-1] if frames else None
+    return last is not None and last.filename == str(path) and "raise" in (last.line or "")

@@ -1,0 +1,131 @@
+"""A model file before its engine sees it: what makes it hang or crash is refused here, by line."""
+
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from xml.parsers import expat
+
+import defusedxml.ElementTree
+
+from harness.engines.protocol import EngineError
+
+LARGEST = 64_000_000
+"""Bytes of a model file: what is larger is none."""
+
+DEEPEST = 200
+"""Nested elements: engines' parsers call themselves for each, and crash on thousands."""
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+class NoXmlError(EngineError):
+    """A file that is no XML; `second_root`: but for what follows its root."""
+
+    def __init__(self, message: str, second_root: bool) -> None:
+        super().__init__(message)
+        self.second_root = second_root
+
+
+@dataclass(frozen=True)
+class XmlSource:
+    """A file of XML, with the line of every element."""
+
+    path: Path
+    root: ET.Element
+    lines: dict[ET.Element, int]
+
+    def refused(self, element: ET.Element, sentence: str) -> EngineError:
+        """An error about an element."""
+        return EngineError(f"{self.path}:{self.lines[element]}: {sentence}")
+
+
+def read_source(path: Path) -> str:
+    """The text of a model file.
+
+    Raises:
+        EngineError: for what is no regular file of text, such as a pipe, which would be waited for.
+    """
+    try:
+        if path.exists() and not path.is_file():
+            raise EngineError(f"{path}: can't be read: it is no regular file")
+        if path.stat().st_size > LARGEST:
+            raise EngineError(f"{path}: can't be read: it has more than {LARGEST:,} bytes")
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise EngineError(f"{path}: can't be read: {error}") from None
+
+
+def read_xml(text: str, path: Path) -> XmlSource:
+    """Parse XML, entity expansion off.
+
+    Raises:
+        NoXmlError, EngineError: naming file and line.
+    """
+    lines = _lines(text, path)
+    root: ET.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
+    return XmlSource(path, root, dict(zip(root.iter(), lines, strict=True)))
+
+
+def _lines(text: str, path: Path) -> list[int]:
+    """Where each element begins, in their order; no entity is expanded, since none is declared."""
+    found: list[int] = []
+    depth = 0
+    parser = expat.ParserCreate()
+
+    def start(_name: str, _attributes: object) -> None:
+        nonlocal depth
+        depth += 1
+        found.append(parser.CurrentLineNumber)
+        if depth > DEEPEST:
+            raise EngineError(f"{path}:{found[-1]}: elements are nested more than {DEEPEST} deep")
+
+    def end(_name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def declared(*_: object) -> None:
+        raise EngineError(
+            f"{path}:{parser.CurrentLineNumber}: refused: it declares entities or a DTD"
+        )
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = declared
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        raise NoXmlError(
+            f"{path}:{error.lineno}: no XML at column {error.offset}: {reason}",
+            reason == expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT,
+        ) from None
+    return found
+
+
+def finite_numbers(words: str) -> list[float] | None:
+    """The numbers that an attribute lists; None where one is no number, or not a finite one."""
+    numbers = [float(w) if _NUMBER.fullmatch(w) else math.nan for w in words.split()]
+    return numbers if all(map(math.isfinite, numbers)) else None
+
+
+def folded(error: object) -> str:
+    """What an engine says, on one line."""
+    return " ".join(str(error).split())
+
+
+@contextmanager
+def engine_errors(path: Path | str, title: str) -> Iterator[None]:
+    """Whatever an engine raises names the file."""
+    try:
+        yield
+    except EngineError:
+        raise
+    except Exception as error:
+        raise EngineError(
+            f"{path}: {title} ends in {type(error).__name__}: {folded(error)}"
+        ) from error

@@ -1,0 +1,122 @@
+"""What no URDF may have, refused by line: engines read it each in another way, or crash on it.
+
+PyBullet ends its process by a segmentation fault on two root links, on a link with two parents, on
+a cycle and on a joint's name used twice; it takes "abc" for 0, "1,5" for 1, and the first of two
+elements. MuJoCo takes two root links, and a joint's name used twice for none.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+from harness.engines.source import XmlSource, finite_numbers
+
+_COUNTS = {
+    **dict.fromkeys((("origin", "xyz"), ("origin", "rpy"), ("axis", "xyz")), 3),
+    **{("inertia", key): 1 for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")},
+    **{("limit", key): 1 for key in ("lower", "upper", "velocity", "effort")},
+    **{("dynamics", key): 1 for key in ("damping", "friction")},
+    **{("mimic", key): 1 for key in ("multiplier", "offset")},
+    ("mass", "value"): 1,
+}
+"""How many numbers an attribute has."""
+
+_ONCE = {
+    "link": ("inertial",),
+    "inertial": ("origin", "mass", "inertia"),
+    "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
+}
+"""What an element may have once."""
+
+
+def check_urdf(source: XmlSource) -> None:
+    """Refuse what is no URDF, or none that has one meaning.
+
+    Raises:
+        EngineError: naming file and line.
+    """
+    root = source.root
+    if root.tag != "robot":
+        raise source.refused(root, f"the root is <{root.tag}>, not <robot>: no URDF")
+    for element in (*root.findall("link"), *root.findall("joint")):
+        for part in element.iter():
+            _check_numbers(source, part)
+            _check_once(source, part)
+    for robot in root.findall("robot"):
+        raise source.refused(robot, "a <robot> within the <robot> is read over by every engine")
+    links = _named(source, "link")
+    joints = _named(source, "joint")
+    parents: dict[str, str] = {}
+    for name, joint in joints.items():
+        ends = [_end(source, joint, name, tag, links) for tag in ("parent", "child")]
+        if ends[1] in parents:
+            raise source.refused(joint, f"link {ends[1]!r} has a second parent, by joint {name!r}")
+        parents[ends[1]] = ends[0]
+        _check_joint(source, joint, name)
+    roots = [name for name in links if name not in parents]
+    if len(roots) > 1:
+        names = ", ".join(map(repr, roots))
+        raise source.refused(
+            links[roots[1]], f"it has {len(roots)} root links, {names}: all but one need a joint"
+        )
+    for name in links:
+        if not _hangs(name, parents):
+            raise source.refused(links[name], f"link {name!r} hangs from itself, by its joints")
+
+
+def _check_numbers(source: XmlSource, element: ET.Element) -> None:
+    for key, words in element.attrib.items():
+        count = _COUNTS.get((element.tag, key))
+        if count is None:
+            continue
+        numbers = finite_numbers(words)
+        if numbers is None or len(numbers) != count:
+            wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
+            raise source.refused(element, f"<{element.tag} {key}> is {words!r}, where {wanted}")
+
+
+def _check_once(source: XmlSource, element: ET.Element) -> None:
+    for tag in _ONCE.get(element.tag, ()):
+        for second in element.findall(tag)[1:]:
+            raise source.refused(second, f"a second <{tag}> of one <{element.tag}>")
+
+
+def _named(source: XmlSource, tag: str) -> dict[str, ET.Element]:
+    """Elements by their names, which must be there and their own."""
+    found: dict[str, ET.Element] = {}
+    for element in source.root.findall(tag):
+        name = element.get("name", "")
+        if not name:
+            raise source.refused(element, f"a <{tag}> has no name")
+        if name in found:
+            raise source.refused(element, f"a second {tag} is called {name!r}")
+        found[name] = element
+    return found
+
+
+def _end(
+    source: XmlSource, joint: ET.Element, name: str, tag: str, links: dict[str, ET.Element]
+) -> str:
+    end = joint.find(tag)
+    link = "" if end is None else end.get("link", "")
+    if link not in links:
+        raise source.refused(joint, f"the {tag} of joint {name!r} is {link!r}, which is no link")
+    return link
+
+
+def _check_joint(source: XmlSource, joint: ET.Element, name: str) -> None:
+    axis, mimic = joint.find("axis"), joint.find("mimic")
+    moves = joint.get("type") in ("revolute", "continuous", "prismatic")
+    if moves and axis is not None and not any(finite_numbers(axis.get("xyz", "1 0 0")) or ()):
+        raise source.refused(axis, f"the axis of joint {name!r} has no length")
+    if mimic is not None and mimic.get("joint") == name:
+        raise source.refused(mimic, f"joint {name!r} mimics itself")
+
+
+def _hangs(name: str, parents: dict[str, str]) -> bool:
+    """Whether the way up from a link ends."""
+    for _ in range(len(parents) + 1):
+        if name not in parents:
+            return True
+        name = parents[name]
+    return False

@@ -1,0 +1,128 @@
+"""What makes no model in an MJCF is refused by line; what is overridden or warned of is told."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines.protocol import EngineError, Model, ModelSpec
+from harness.engines.registry import engines
+
+pytest.importorskip("mujoco")
+
+INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+GOOD = """<mujoco>
+<option timestep="0.002" gravity="0 0 -1.62"/>
+<worldbody><body>
+<joint name="q" type="slide" axis="1 0 0" stiffness="3"/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+</body></worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture(autouse=True)
+def _no_log_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def load(folder: Path, *change: str, **settings: object) -> Model:
+    path = folder / "model.xml"
+    path.write_text(GOOD.replace(change[0], change[1], 1) if change else GOOD)
+    return engines()["mujoco"].load(ModelSpec(path, settings=settings))
+
+
+def told(model: Model) -> list[str]:
+    z = np.zeros((1, 1))
+    return [remark.message for remark in model.remarks(z, z)]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("0.002", "0"), ":2: the step is 0 s"),
+        (("0.002", "-0.1"), ":2: the step is -0.1 s"),
+        (("0.002", "nan"), ":2: the step is nan s"),
+        (("0.002", "inf"), ":2: the step is inf s"),
+        (("0.002", "1e-30"), ":2: the step is 1e-30 s"),
+        (("0.002", "1e999"), ":2: <option timestep> has '1e999'"),
+        (('stiffness="3"', 'stiffness="nan"'), ":4: <joint stiffness> has 'nan'"),
+        (('axis="1 0 0"', 'axis="1 0 nan"'), ":4: <joint axis> has 'nan'"),
+        (("-1.62", "inf"), ":2: <option gravity> has 'inf'"),
+        (('mass="1"', 'mass="inf"'), ":5: <inertial mass> has 'inf'"),
+        (('mass="1"', 'mass="nan"'), ":5: <inertial mass> has 'nan'"),
+        (('axis="1 0 0"', 'axis="1 a"'), ":4: MuJoCo can't load it: XML Error: bad format"),
+        ((INERTIAL, '<geom size="1e200"/>'), ":5: <geom size> has '1e200'"),
+        (("<mujoco>", "<!DOCTYPE mujoco>\n<mujoco>"), ":1: refused: it declares entities or a DTD"),
+        (("</mujoco>", "</mujoco><mujoco/>"), ":7: no XML at column 9: junk after document"),
+        (("</mujoco>", "<custom>" * 300), ":7: elements are nested"),
+    ],
+)
+def test_what_makes_no_model_is_refused_on_one_line(
+    change: tuple[str, str], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(EngineError) as caught:
+        load(tmp_path, *change)
+    assert f"model.xml{message}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert os.listdir(tmp_path) == ["model.xml"]
+
+
+def test_a_dtd_or_a_pipe_is_not_hidden_by_an_include(tmp_path: Path) -> None:
+    other = tmp_path / "other.txt"
+    other.write_text("<!DOCTYPE mujoco>\n<mujoco/>\n")
+    change = ("<worldbody>", '<include file="other.txt"/>\n<worldbody>')
+    with pytest.raises(EngineError, match=r"other.txt:1: refused"):
+        load(tmp_path, *change)
+    other.unlink()
+    os.mkfifo(other)
+    with pytest.raises(EngineError, match=r"other.txt: can't be read"):
+        load(tmp_path, *change)
+
+
+def test_what_mujoco_alone_reads_is_read(tmp_path: Path) -> None:
+    model = load(tmp_path, "<worldbody>", "<!-- -- <!DOCTYPE x> -- -->\n<worldbody>")
+    assert model.coordinates == ("q",)
+    assert not any("no gravity is stated" in message for message in told(model))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "shown"),
+    [("gravity", [0, 0, -9.81], "gravity is 0 0 -1.62"), ("step", 0.001, "timestep is 0.002")],
+)
+def test_what_a_sidecar_overrides_is_told(
+    key: str, value: object, shown: str, tmp_path: Path
+) -> None:
+    (note,) = [m for m in told(load(tmp_path, **{key: value})) if "counts" in m]
+    assert shown in note
+    assert f"{key} = {value}" in note
+    same = {"gravity": [0, 0, -1.62], "step": 0.002}[key]
+    assert not any("counts" in m for m in told(load(tmp_path, **{key: same})))
+
+
+def test_second_elements_and_crossed_ranges_are_told(tmp_path: Path) -> None:
+    model = load(tmp_path, "</mujoco>", '<option timestep="0.01"/></mujoco>')
+    assert model.step == 0.01
+    assert any("a second <option> at model.xml:7" in message for message in told(model))
+    crossed = load(tmp_path, 'stiffness="3"', 'range="1 -1"')
+    assert any("the range [1, -1] of q holds nothing" in message for message in told(crossed))
+
+
+def test_what_mujoco_warns_of_is_kept_and_no_log_file_is_left(tmp_path: Path) -> None:
+    model = load(tmp_path, 'stiffness="3"', 'stiffness="1e308"')
+    start = np.ones((1, 1))
+    z, _ = model.rollout(start, start, 0.002, 5, None, 5)
+    assert np.isnan(z).all()
+    (warning,) = model.warnings
+    assert "QACC" in warning
+    assert any(f"MuJoCo warns: {warning}" == message for message in told(model))
+    assert os.listdir(tmp_path) == ["model.xml"]
+
+
+def test_what_is_raised_in_a_rollout_names_the_file(tmp_path: Path) -> None:
+    start = np.ones((1, 1))
+    with pytest.raises(EngineError, match=r"model.xml: MuJoCo ends in ValueError"):
+        load(tmp_path).rollout(start, start, 0.002, 5, np.ones((1, 7, 3)), 5)

@@ -1,0 +1,168 @@
+"""What PyBullet's sweeps lose of a tensor: told with its size, undone, and told from a fault."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.audit.run import run_audit
+from harness.audit.task import audit_task
+from harness.cases.case import case_task, run_case
+from harness.cases.prepare import Prepared, prepare
+from harness.diagnosis.diagnose import Ranking
+from harness.diagnosis.task import diagnosis_task, ranked
+from harness.engines.protocol import ModelSpec
+from harness.engines.registry import engines
+from harness.files.bindings import with_literals
+from harness.files.sidecar import Sidecar, read_sidecar
+from harness.records.finding import AuditFinding
+from harness.records.outcome import Outcome
+from tests.audit.models import grave, said
+
+pytest.importorskip("pybullet")
+
+SYSTEM = '''
+"""A body of any shape on a hinge that lies level."""
+
+from sympy import cos
+
+from physics_crosscheck import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System
+
+theta = Coordinate("theta", "rad", "angle")
+m, l, g = (Constant(n, v, u, n, "chosen")
+           for n, v, u in (("m", 0.3, "kg"), ("l", 0.2, "m"), ("g", 9.81, "m/s^2")))
+I = [Constant(n, v, "kg*m^2", n, "chosen")
+     for n, v in (("Ixx", 0.07), ("Iyy", 0.06), ("Izz", 0.08),
+                  ("Ixy", 0.011), ("Ixz", -0.007), ("Iyz", 0.005))]
+tau = Input("tau", "N*m", "torque", on={theta: 1})
+J = (9 * I[0] + 16 * I[1] + 24 * I[3]) / 25
+system = System(
+    name="hinge", title="Hinge", source="a test", coordinates=(theta,), constants=(m, l, g, *I),
+    inputs=(tau,), outputs=(Output("theta", theta.q, "rad", "angle"),),
+    T=(J + m * l**2) * theta.v**2 / 2, V=-m * g * l * cos(theta.q), D=0,
+    equilibria=(Equilibrium("rest", {theta: 0}, False, "hanging"),),
+    scenarios=(Scenario("free", "released", q={theta: 0.9}, v={theta: -0.4}, inputs={tau: 0},
+                        duration=2.0),
+               Scenario("pushed", "pushed", q={theta: 0.1}, v={theta: 0}, inputs={tau: 0.4},
+                        duration=2.0)),
+    published=(),
+)
+'''
+
+URDF = """<robot name="hinge">
+<link name="ground"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="body"><inertial><origin xyz="0 0 -0.2"/><mass value="0.3"/>
+<inertia ixx="0.07" iyy="0.06" izz="0.08" ixy="0.011" ixz="-0.007" iyz="0.005"/></inertial></link>
+<joint name="theta" type="continuous"><parent link="ground"/><child link="body"/>
+<axis xyz="0.6 0.8 0"/></joint></robot>
+"""
+
+BODY = "robot/link[body]/inertial/"
+KEYS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+SIDECAR = (
+    'engines = ["pybullet"]\n[settings]\nstep = 0.002\ngravity = [0, 0, -9.81]\n[bindings]\n'
+    f'"{BODY}mass@value" = "m"\n"{BODY}origin@xyz[2]" = "-l"\n'
+    + "".join(f'"{BODY}inertia@{key}" = "I{key[1:]}"\n' for key in KEYS)
+)
+NAME = "PyBullet's own principal axes of body"
+
+
+@pytest.fixture(scope="module")
+def hinge(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
+    folder = tmp_path_factory.mktemp("hinge")
+    (folder / "system.py").write_text(SYSTEM)
+    (folder / "body.urdf").write_text(URDF)
+    (folder / "body.urdf.toml").write_text(SIDECAR)
+    return prepare(folder)
+
+
+@pytest.fixture(scope="module")
+def right(hinge: Prepared) -> Sidecar:
+    return read_sidecar(hinge.folder / "body.urdf.toml")
+
+
+def exact(sidecar: Sidecar) -> Sidecar:
+    return replace(sidecar, engine_settings={"pybullet": {"exact_axes": True}})
+
+
+def wrong(sidecar: Sidecar, changes: Mapping[str, float], into: Path) -> Sidecar:
+    return with_literals(sidecar, {f"{BODY}{key}": value for key, value in changes.items()}, into)
+
+
+def audit(hinge: Prepared, sidecar: Sidecar) -> tuple[AuditFinding, ...]:
+    return run_audit(audit_task(hinge, sidecar, "pybullet"))
+
+
+def diagnosis(hinge: Prepared, sidecar: Sidecar) -> Ranking:
+    return ranked(diagnosis_task(hinge, sidecar, "pybullet"))
+
+
+def test_a_right_file_differs_by_the_engines_own_sweeps_and_agrees_without_them(
+    hinge: Prepared, right: Sidecar
+) -> None:
+    for sidecar, outcome in ((right, Outcome.DIFFERS), (exact(right), Outcome.AGREES)):
+        assert run_case(case_task(hinge, sidecar, "pybullet", "free", 1e-11)).outcome is outcome
+
+
+def test_the_cause_is_named_with_its_size_and_no_literal(hinge: Prepared, right: Sidecar) -> None:
+    found = diagnosis(hinge, right)
+    assert found.explained
+    (cause,) = found.fits[0].causes
+    assert cause.kind == "default"
+    assert cause.subject[0].startswith(NAME)
+    assert "e-09 of its inertia off" in cause.subject[0]
+    assert found.fits[0].remaining < 1e-2
+
+
+def test_a_fault_of_a_thousandth_beside_it_is_named(
+    hinge: Prepared, right: Sidecar, tmp_path: Path
+) -> None:
+    found = diagnosis(hinge, wrong(right, {"mass@value": 0.3003}, tmp_path))
+    assert found.explained
+    assert [cause.subject for cause in found.fits[0].causes] == [(f"{BODY}mass@value",)]
+
+
+def test_the_audit_tells_the_size_and_finds_nothing_wrong(hinge: Prepared, right: Sidecar) -> None:
+    found = audit(hinge, right)
+    assert grave(list(found)) == []
+    (remark,) = [one for one in found if one.message.startswith("PyBullet's own principal axes")]
+    assert remark.severity == "note"
+    assert remark.found is not None
+    assert 1e-13 < remark.found < 1e-8
+    assert remark.where is not None
+    assert remark.where.line == 4
+    assert "the engine's own loss of digits" in said(found, "inertia", "note")
+    assert "loss of digits" not in "".join(one.message for one in audit(hinge, exact(right)))
+
+
+def test_the_audit_still_finds_a_fault_beside_it(
+    hinge: Prepared, right: Sidecar, tmp_path: Path
+) -> None:
+    found = audit(hinge, wrong(right, {"inertia@iyy": 0.06006}, tmp_path))
+    assert "inertia of theta" in said(found, "inertia")
+    assert "loss of digits" not in said(found, "inertia")
+
+
+def test_a_flat_bodys_tensor_keeps_the_triangle_rule(tmp_path: Path) -> None:
+    flat = URDF
+    for key, value in zip(KEYS, ("0.03", "0.05", "0.08", "0.01", "0", "0"), strict=True):
+        old = flat.split('body"><inertial>')[1].split(f'{key}="')[1].split('"')[0]
+        head, tail = flat.split('name="body"')
+        flat = head + 'name="body"' + tail.replace(f'{key}="{old}"', f'{key}="{value}"')
+    path = tmp_path / "flat.urdf"
+    path.write_text(flat)
+    settings = {"step": 0.002, "gravity": [0, 0, 0], "exact_axes": True}
+    model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
+    assert not model.remedies
+
+
+def test_exact_axes_is_true_or_false(tmp_path: Path) -> None:
+    path = tmp_path / "body.urdf"
+    path.write_text(URDF)
+    settings = {"step": 0.002, "gravity": [0, 0, 0], "exact_axes": 1.0}
+    with pytest.raises(RuntimeError, match="true or false"):
+        engines()["pybullet"].load(ModelSpec(path, settings=settings))

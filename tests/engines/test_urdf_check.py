@@ -1,0 +1,145 @@
+"""A URDF of more than one meaning, or of none, is refused by its line before an engine sees it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines.protocol import EngineError, ModelSpec
+from harness.engines.registry import engines
+from harness.engines.urdf import read_urdf
+
+INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
+BODY = f'<inertial><mass value="1"/>{INERTIA}</inertial>'
+GOOD = f"""<robot name="r">
+<link name="g">{BODY}</link>
+<link name="a">{BODY}</link>
+<joint name="j" type="revolute"><parent link="g"/><child link="a"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="1" velocity="9"/><dynamics damping="0.1"/></joint>
+</robot>
+"""
+
+
+def joint(name: str, parent: str, child: str) -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="continuous">{ends}</joint>'
+
+
+def beside(text: str) -> tuple[str, str]:
+    return "</robot>", f"{text}\n</robot>"
+
+
+LOOP = '<link name="b"/><link name="c"/>' + joint("k", "b", "c") + joint("l", "c", "b")
+REFUSED = [
+    (beside('<link name="z"/>'), ":6: it has 2 root links, 'g', 'z'"),
+    (beside('<link name="a"/>'), ":6: a second link is called 'a'"),
+    (beside('<link name="b"/>' + joint("j", "g", "b")), ":6: a second joint is called 'j'"),
+    (beside(joint("k", "g", "a")), ":6: link 'a' has a second parent, by joint 'k'"),
+    (beside(LOOP), ":6: link 'b' hangs from itself"),
+    (beside('<link name="b"/>' + joint("k", "no", "b")), ":6: the parent of joint 'k' is 'no'"),
+    (beside('<robot name="q"/>'), ":6: a <robot> within the <robot>"),
+    (('name="j" type', "type"), ":4: a <joint> has no name"),
+    (('lower="-1"', 'lower="nan"'), ":5: <limit lower> is 'nan', where a finite number belongs"),
+    (('damping="0.1"', 'damping="0,1"'), ":5: <dynamics damping> is '0,1'"),
+    (('xyz="0 1 0"', 'xyz="0 1"'), ":4: <axis xyz> is '0 1', where 3 finite numbers belong"),
+    (('xyz="0 1 0"', 'xyz="0 0 0"'), ":4: the axis of joint 'j' has no length"),
+    (('<mass value="1"/>', '<mass value="inf"/>'), ":2: <mass value> is 'inf'"),
+    (('<mass value="1"/>', '<mass value="1e999"/>'), ":2: <mass value> is '1e999'"),
+    (('ixx="0.01"', 'ixx="1_0"'), ":2: <inertia ixx> is '1_0'"),
+    ((INERTIA, INERTIA + INERTIA), ":2: a second <inertia> of one <inertial>"),
+    (("</joint>", '<axis xyz="1 0 0"/></joint>'), ":5: a second <axis> of one <joint>"),
+    (("</joint>", '<mimic joint="j"/></joint>'), ":5: joint 'j' mimics itself"),
+    (("</robot>", "</robot><robot/>"), ":6: no XML at column 8: junk after document element"),
+    (beside("<a>" * 300 + "</a>" * 300), ":6: elements are nested more than 200 deep"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), REFUSED)
+def test_it_is_refused_by_its_line(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD)
+    read_urdf(path)
+    assert change[0] in GOOD
+    path.write_text(GOOD.replace(*change, 1))
+    with pytest.raises(EngineError) as caught:
+        read_urdf(path)
+    assert f"{path}{message}" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["mujoco", "pybullet"])
+def test_no_engine_gets_to_see_it(name: str, tmp_path: Path) -> None:
+    pytest.importorskip(name)
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD.replace(*beside('<link name="z"/>')))
+    settings = {"step": 0.002, "gravity": [0, 0, 0]}
+    with pytest.raises(EngineError, match="2 root links"):
+        engines()[name].load(ModelSpec(path, settings=settings))
+
+
+@pytest.mark.parametrize(
+    ("name", "ending"),
+    [("mujoco", ".xml"), ("mujoco", ".urdf"), ("pybullet", ".urdf"), ("pymunk", ".py")],
+)
+def test_no_adapter_waits_for_a_pipe(name: str, ending: str, tmp_path: Path) -> None:
+    pytest.importorskip(name)
+    path = tmp_path / f"pipe{ending}"
+    os.mkfifo(path)
+    settings: dict[str, object] = {"step": 0.002}
+    if ending == ".urdf":
+        settings["gravity"] = [0, 0, 0]
+    with pytest.raises(EngineError, match=r"pipe.*no regular file"):
+        engines()[name].load(ModelSpec(path, settings=settings))
+
+
+def told(name: str, text: str, folder: Path) -> list[str]:
+    pytest.importorskip(name)
+    path = folder / "robot.urdf"
+    path.write_text(text)
+    settings = {"step": 0.002, "gravity": [0, 0, 0]}
+    model = engines()[name].load(ModelSpec(path, settings=settings))
+    z = np.zeros((1, 1))
+    return [remark.message for remark in model.remarks(z, z)]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("mujoco", ('lower="-1" upper="1"', 'lower="0" upper="0"'), "[0, 0] of j hold nothing"),
+        ("mujoco", ('lower="-1" upper="1"', 'lower="1" upper="-1"'), "[1, -1] of j hold nothing"),
+        ("pybullet", ('lower="-1" upper="1"', 'lower="1" upper="-1"'), "[1, -1] of j hold nothing"),
+        ("mujoco", ('"revolute"', '"continuous"'), "[-1, 1] of j hold nothing: it is continuous"),
+        ("pybullet", ('"revolute"', '"continuous"'), "[-1, 1] of j hold nothing: it is continuous"),
+        ("pybullet", ('xyz="0 1 0"', 'xyz="0 2 0"'), "the axis of j has the length 2"),
+        ("mujoco", beside('<transmission name="t"/>'), "<transmission> is read over"),
+        ("pybullet", ("</joint>", '<safety_controller k_velocity="1"/></joint>'),
+         "<safety_controller> is read over"),
+    ],
+)  # fmt: skip
+def test_what_an_engine_reads_over_is_said(
+    name: str, change: tuple[str, str], message: str, tmp_path: Path
+) -> None:
+    assert message not in "\n".join(told(name, GOOD, tmp_path))
+    assert message in "\n".join(told(name, GOOD.replace(*change), tmp_path))
+
+
+def test_why_pybullet_cannot_load_a_file_is_in_the_message(tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match="REVOLUTE but it does not specify limits"):
+        told("pybullet", GOOD.replace('<limit lower="-1" upper="1" effort="1" velocity="9"/>', ""),
+             tmp_path)  # fmt: skip
+
+
+def test_a_fixed_links_inertia_that_pybullet_zeroes_is_refused_too(tmp_path: Path) -> None:
+    thin = BODY.replace('ixx="0.01"', 'ixx="0.1"')
+    fixed = joint("f", "a", "b").replace("continuous", "fixed")
+    text = GOOD.replace(*beside(f'<link name="b">{thin}</link>{fixed}'))
+    with pytest.raises(EngineError, match="inertia of link 'b' to zero"):
+        told("pybullet", text, tmp_path)
+
+
+def test_a_gear_of_nothing_is_refused(tmp_path: Path) -> None:
+    follower = joint("k", "g", "b").replace("</joint>", '<mimic joint="j" multiplier="0"/></joint>')
+    with pytest.raises(EngineError, match="multiplier 0"):
+        told("pybullet", GOOD.replace(*beside(f'<link name="b">{BODY}</link>{follower}')), tmp_path)
