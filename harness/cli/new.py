@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from harness.cli.exit_codes import AGREE, FAIL, USAGE
+from harness.files.names import shown
 from harness.scaffold.folder import NewError, check_name, example, write_folder
 
 
@@ -44,6 +45,6 @@ def main(options: argparse.Namespace) -> int:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
     for path in sorted(target.iterdir()):
-        print(path)
+        print(shown(str(path)))
     print(f"\nnext: crosscheck run {target}\n      crosscheck derive {target}")
     return AGREE

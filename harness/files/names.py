@@ -1,0 +1,26 @@
+"""Names of files and folders as a person is to see them: nothing in one may write to a terminal."""
+
+from __future__ import annotations
+
+import unicodedata
+
+_TURNING = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
+"""Characters that change the direction of what is shown (Unicode's bidirectional controls)."""
+
+
+def odd_name(name: str) -> str | None:
+    """What a name has in it that no name of a file here may have; None where it is in order."""
+    for c in name:
+        match unicodedata.category(c):
+            case "Cc" | "Zl" | "Zp":
+                return f"a control character ({ascii(c)})"
+            case "Cs":
+                return "bytes that are no UTF-8"
+        if c in _TURNING:
+            return f"a character that turns the text around ({ascii(c)})"
+    return None
+
+
+def shown(text: str) -> str:
+    """A text with what no name may have in it as escapes, such as `\\x1b`; line ends too."""
+    return "".join(ascii(c)[1:-1] if odd_name(c) else c for c in text)
