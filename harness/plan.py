@@ -210,7 +210,7 @@ class Plan:
             self._found.measured[task.folder, task.id] = value
             return ()
 
-        measuring = measure_task(task, prepared.variants, snapshots.get(task.id))
+        measuring = measure_task(task, prepared, snapshots.get(task.id))
         yield Job(task=Task(measure, measuring), done=done, failed=done)
 
     def _linearizations(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from harness.baseline.changes import Status, compare
 from harness.baseline.entry import entry_of
 from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles, dependencies
+from harness.baseline.fingerprint import FolderFiles, as_now, dependencies, with_reads
 from harness.records.baseline import AcceptedCase, Measurement
 from harness.records.case import Case, CaseId
 from harness.records.outcome import Outcome
@@ -76,7 +76,11 @@ def classify(
     """
     id_ = CaseId(system=system, model=case.model, scenario=case.scenario, engine=case.engine)
     entry = one.cases.get(id_) if one else None
-    files = next((m.hashes for m in scan.models if m.model == case.model), {})
+    model = next((m for m in scan.models if m.model == case.model), None)
+    if isinstance(measured, Measurement):
+        files = with_reads(model, measured.reads)
+    else:
+        files = {} if model is None else as_now(model, entry.files if entry else {})
     if not isinstance(measured, Measurement) or stale or _failed(case):
         return Change(
             id=id_,

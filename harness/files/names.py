@@ -13,14 +13,14 @@ def odd_name(name: str) -> str | None:
     for c in name:
         match unicodedata.category(c):
             case "Cc" | "Zl" | "Zp":
-                return f"a control character ({ascii(c)})"
+                return f"a control character ({c!a})"
             case "Cs":
                 return "bytes that are no UTF-8"
         if c in _TURNING:
-            return f"a character that turns the text around ({ascii(c)})"
+            return f"a character that turns the text around ({c!a})"
     return None
 
 
 def shown(text: str) -> str:
-    """A text with what no name may have in it as escapes, such as `\\x1b`; line ends too."""
+    """A text in which what no name may have is escaped, line ends too."""
     return "".join(ascii(c)[1:-1] if odd_name(c) else c for c in text)

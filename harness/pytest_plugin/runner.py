@@ -69,7 +69,7 @@ class CaseRunner:
         before = self._accepted[folder]
         if before is None or case.id not in before.snapshots:
             return case
-        measuring = measure_task(task, found.variants, before.snapshots[case.id])
+        measuring = measure_task(task, found, before.snapshots[case.id])
         measured = self._run(measure, measuring)
         (case,) = mark_known((case,), {(case.folder, case.id): measured}, before)
         return case

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from harness.records.base import Number, Record, Rows
 from harness.records.case import CaseId
 from harness.records.outcome import Outcome
@@ -75,6 +77,7 @@ class Measurement(Record, frozen=True, kw_only=True):
         end, uncertainty: of the model on `snapshot`, (K, 2n).
         constants: that the motion identifies, by name.
         on_accepted: None where nothing comparable was accepted.
+        reads: hashes of what the folder's code has read, by name relative to the folder.
     """
 
     snapshot: Snapshot
@@ -82,6 +85,7 @@ class Measurement(Record, frozen=True, kw_only=True):
     uncertainty: Rows
     constants: dict[str, Identified]
     on_accepted: OnAccepted | None
+    reads: dict[str, str] = msgspec.field(default_factory=dict)
 
 
 class AcceptedCase(Record, frozen=True, kw_only=True):
@@ -100,7 +104,8 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         engine_version: the name of the engine with its version.
         resolution: of the run.
         numerics: version of this package's numerics.
-        files: hashes of what the case depends on, by name, relative to the system's folder.
+        files: hashes of what the case depends on, by name, relative to the system's folder; what
+            its code has read elsewhere is among them.
         snapshot: key of the snapshot that the ends belong to.
         end: where the model ends its segments, (K, 2n).
         end_uncertainty: of these.

@@ -39,7 +39,9 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
         path = PurePosixPath(_folder(element, folders), name)
         where = f"{model}:{source.line(element.start)}: it needs {name}"
         if path.suffix in _MEANT:
-            raise NewError(f"{where}; in a folder, files that end with {path.suffix} are run or read")
+            raise NewError(
+                f"{where}; in a folder, files that end with {path.suffix} are run or read"
+            )
         if path.is_absolute() or ".." in path.parts or ":" in str(path):
             raise NewError(f"{where}, which is not below its folder; a folder holds all it needs")
         try:

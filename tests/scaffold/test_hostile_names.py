@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import os
 import tomllib
+from contextlib import suppress
 from html import escape
 from pathlib import Path
 
@@ -20,7 +21,8 @@ CODE = 'open("PWNED","w")'
 NAMES = (
     f'a"""+str({CODE})+"""c', f"a'''+str({CODE})+'''c", f'a"+str({CODE})+"c', f"a' + {CODE} + 'c",
     'ends with a backslash\\', '\\"""', "{" + CODE + "}", "{{x}}", "%s%n", "${x}", "`x`", "#[[",
-    "new\nline", "carriage\rreturn", "tab\tstop", "u2028\u2028" + CODE, "next\x85line", "\u202ebidi",
+    "new\nline", "carriage\rreturn", "tab\tstop", "u2028\u2028" + CODE, "next\x85line",
+    "\u202ebidi",
     "E", "I", "N", "S", "lambda", "None", "__import__('os')", "__class__", "sin", "pi", "t", "T",
     "system", "ground", "a.b", "left arm", "a - b", "é", "\U0001f916", "]]\n[settings]\nstep = 1",
     '"""', "'''", "<b>&amp;", "::error::x", "x" * 300, "-", ".", "print(1)", "q1; import os",
@@ -75,12 +77,11 @@ def test_names_within_a_file_are_strings_and_nothing_else(
     model = tmp_path / f"model.{ending}"
     comment = "".join(c for c in name if c.isprintable()).replace("--", "")
     model.write_text(text.format(name=attribute(name), comment=comment), encoding="utf-8")
-    try:
+    with suppress(NewError):
         from_model(model, tmp_path / "made")
-    except NewError as error:
+    if not (tmp_path / "made").exists():
         # MuJoCo's own reader stops at some; that is said and nothing is written.
-        assert ending == "xml", error
-        assert not (tmp_path / "made").exists()
+        assert ending == "xml"
         return
     assert "PWNED" not in os.listdir(tmp_path)
     strings, _ = strings_and_code((tmp_path / "made" / "system.py").read_text(encoding="utf-8"))
@@ -99,13 +100,11 @@ def test_the_name_of_a_file_is_a_string_and_nothing_else(tmp_path: Path) -> None
         model = tmp_path / f"{name.replace('/', '_')[:200]}.urdf"
         model.write_text(URDF.format(name="joint", comment=""))
         made = tmp_path / f"made_{i}"
-        try:
-            from_model(model, made)
-        except NewError as error:
-            assert "rename it" in str(error)
-            assert "\n" not in str(error)
-            assert not name.isprintable()
+        if not name.isprintable():
+            with pytest.raises(NewError, match=r"^[^\n]*; rename it$"):
+                from_model(model, made)
             continue
+        from_model(model, made)
         _, code = strings_and_code((made / "system.py").read_text(encoding="utf-8"))
         # The same code for every name: what differs are strings and comments alone.
         trees.add(code)
@@ -131,7 +130,7 @@ def test_a_number_that_is_none_is_refused_and_not_written_as_a_name(
     for plain in ('mass value="1.5"', 'damping="0.1"', 'xyz="0 0 -0.5"', 'axis xyz="0 1 0"'):
         old = plain.split('"')[1].split()[-1]
         model.write_text(text.replace(plain, plain.replace(old, number)))
-        with pytest.raises(NewError, match=rf"model\.urdf:\d+: .*number"):
+        with pytest.raises(NewError, match=r"model\.urdf:\d+: .*number"):
             from_model(model, tmp_path / "made")
 
 
@@ -142,7 +141,7 @@ def test_no_mesh_becomes_code_of_the_folder(tmp_path: Path, mesh: str) -> None:
     model = tmp_path / "model.urdf"
     geometry = f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual></link>'
     model.write_text(URDF.format(name="joint", comment="").replace("</link>", geometry, 1))
-    with pytest.raises(NewError, match="files that end with"):
+    with pytest.raises(NewError, match="has a meaning in a folder"):
         from_model(model, tmp_path / "made")
 
 
