@@ -187,7 +187,7 @@ class Plan:
             yield from self._measurement(prepared, task)
         if selection is None:
             yield self._linearizations(key, prepared, sidecar)
-            yield self._audit(key, prepared, sidecar)
+        yield self._audit(key, prepared, sidecar)
 
     def _case(self, key: ModelKey, task: CaseTask) -> Job[Case]:
         def done(case: Case) -> Jobs:
