@@ -172,6 +172,8 @@ class Engine(ABC):
         unstated: the step and gravity that it takes where neither a file nor its sidecar says.
         stated_settings: those that a new sidecar states, though it has a default for each.
         bare_link: the mass that it takes for a URDF's resting link without one; empty: none.
+        takes_springs: the formats in which it heeds the springs of a sidecar; in others they are
+            refused before a file is loaded.
         ignores: numbers of its formats that it reads over, such as "dynamics@friction".
         compiles: the formats that `compiled` takes apart.
         usual_mistakes: those that its users make and no format is to blame for.
@@ -186,6 +188,7 @@ class Engine(ABC):
     unstated: str = ""
     stated_settings: Mapping[str, object] = MappingProxyType({})
     bare_link: str = ""
+    takes_springs: tuple[str, ...] = ()
     ignores: frozenset[str] = frozenset()
     compiles: tuple[str, ...] = ()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()

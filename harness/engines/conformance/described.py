@@ -25,7 +25,7 @@ def engine_is_described(asked: Asked) -> None:
     ask(all(isinstance(word, str) for word in engine.capabilities), "capabilities are phrases")
     version = engine.version()
     ask(version is None or isinstance(version, str), "version() must be text, or None")
-    for extra in (*engine.preferred, *engine.compiles):
+    for extra in (*engine.preferred, *engine.compiles, *engine.takes_springs):
         ask(extra in engine.formats, f"{extra} is not among its formats {engine.formats}")
 
 

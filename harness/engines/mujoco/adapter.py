@@ -62,6 +62,7 @@ class MujocoEngine(Engine):
         "batched rollouts in C",
     )  # fmt: skip
     unstated = "2 ms and -9.81"
+    takes_springs = (".urdf",)
     stated_settings = MappingProxyType({"integrator": "Euler"})
     compiles = (".xml",)
     usual_mistakes = (

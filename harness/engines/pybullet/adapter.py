@@ -60,6 +60,7 @@ class PybulletEngine(Engine):
     preferred = (".urdf",)
     unstated = "1/240 s and no gravity"
     bare_link = "1 kg"
+    takes_springs = (".urdf",)
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (
         DefaultLeftOn(
