@@ -91,7 +91,8 @@ def read_sidecar(path: Path) -> Sidecar:
         _check_settings(values, f"{path}: [{name}]")
     for name in own:
         if name not in engines:
-            raise SidecarError(f"{path}: [settings.{name}] is for an engine not in engines")
+            where = f"{path}: [settings] {brief(name)}"
+            raise SidecarError(f"{where} is for an engine not in engines")
     springs = data.get("spring", [])
     if not isinstance(springs, list):
         raise SidecarError(f"{path}: springs are tables in an array: [[spring]]")
@@ -135,7 +136,9 @@ def _expressions(data: Mapping[str, object], key: str, path: Path) -> dict[str, 
     table = _table(data, key, path)
     for name, value in table.items():
         if not isinstance(value, (str, int, float)) or isinstance(value, bool):
-            raise SidecarError(f"{path}: [{key}] {name} must be an expression, such as 'x / r'")
+            raise SidecarError(
+                f"{path}: [{key}] {brief(name)} must be an expression, such as 'x / r'"
+            )
     return {name: str(value) for name, value in table.items()}
 
 

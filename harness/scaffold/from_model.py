@@ -8,7 +8,6 @@ from pathlib import Path
 
 from harness.audit.plan import audits
 from harness.engines.registry import readers
-from harness.files.names import odd_name, shown
 from harness.files.reading import read_regular
 from harness.scaffold.assets import neighbours
 from harness.scaffold.constants import Ledger, Row
@@ -18,6 +17,7 @@ from harness.scaffold.mjcf import read_mjcf
 from harness.scaffold.scenarios import plan, provisional
 from harness.scaffold.text import sidecar_text, system_text
 from harness.scaffold.urdf import read_urdf
+from harness.text.visible import odd_name, visible
 from reference.system import System
 
 _FORMATS = (".urdf", ".xml")
@@ -36,7 +36,7 @@ def from_model(model: Path, target: Path) -> tuple[str, ...]:
     if model.suffix not in _FORMATS:
         raise NewError(f"{model}: a model file is a .urdf, or an MJCF ending with .xml")
     if (why := odd_name(model.name)) is not None:
-        raise NewError(f"{shown(str(model))}: its name has {why}; rename it")
+        raise NewError(f"{visible(str(model))}: its name has {why}; rename it")
     try:
         data = read_regular(model)
     except OSError as error:
