@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.engines.protocol import Engine
 from harness.engines.registry import engines, model_formats, readers
 from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
@@ -36,7 +37,10 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
             yield UnreadModel(model=visible(name), reason=_renamed(path, why))
             continue
         try:
-            yield _heeded(read_sidecar(path))
+            sidecar = read_sidecar(path)
+            for engine in filter(None, map(engines().get, sidecar.engines)):
+                check_springs(sidecar, engine)
+            yield sidecar
         except SidecarError as error:
             yield UnreadModel(model=name, reason=str(error))
     formats = model_formats()
@@ -60,23 +64,19 @@ def _renamed(path: Path, why: str) -> str:
     return f"{visible(str(path))}: its name has {why}; rename it"
 
 
-def _heeded(sidecar: Sidecar) -> Sidecar:
-    """A sidecar of which nothing is read over by an engine that is to run it.
+def check_springs(sidecar: Sidecar, engine: Engine) -> None:
+    """Refuse springs that an engine would read over.
 
     Raises:
         SidecarError: for springs in a format that has words of its own for them.
     """
-    known = engines()
-    for name in sidecar.engines if sidecar.springs else ():
-        engine = known.get(name)
-        if engine is not None and sidecar.model.suffix not in engine.takes_springs:
-            at = line_of(Path(f"{sidecar.model}.toml"), "spring")
-            where = f"{sidecar.model}.toml" + ("" if at is None else f":{at}")
-            raise SidecarError(
-                f"{where}: [[spring]]: {engine.title} takes no springs beside a"
-                f" {sidecar.model.suffix} file; write them into {sidecar.model.name} itself"
-            )
-    return sidecar
+    if sidecar.springs and sidecar.model.suffix not in engine.takes_springs:
+        at = line_of(Path(f"{sidecar.model}.toml"), "spring")
+        where = f"{sidecar.model}.toml" + ("" if at is None else f":{at}")
+        raise SidecarError(
+            f"{where}: [[spring]]: {engine.title} takes no springs beside a"
+            f" {sidecar.model.suffix} file; write them into {sidecar.model.name} itself"
+        )
 
 
 def chosen_engines(sidecar: Sidecar, only: Sequence[str]) -> list[str]:
