@@ -38,7 +38,8 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
             continue
         try:
             sidecar = read_sidecar(path)
-            for engine in filter(None, map(engines().get, sidecar.engines)):
+            known = engines() if sidecar.springs else {}
+            for engine in filter(None, map(known.get, sidecar.engines)):
                 check_springs(sidecar, engine)
             yield sidecar
         except SidecarError as error:

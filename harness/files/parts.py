@@ -84,8 +84,9 @@ def check_parts(model: Path) -> None:
 
 
 def _is_xml(model: Path) -> bool:
-    like = (e.written_like.get(model.suffix) for e in readers(model.suffix))
-    return model.suffix in _MODEL or ".xml" in like
+    if model.suffix in (*_MODEL, ".py", ".toml"):
+        return model.suffix in _MODEL
+    return ".xml" in (e.written_like.get(model.suffix) for e in readers(model.suffix))
 
 
 def _walk(model: Path) -> tuple[dict[Path, bool], int]:
