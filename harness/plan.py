@@ -28,6 +28,7 @@ from harness.cases.prepare import Prepared, prepare
 from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
+from harness.files.reading import read_regular
 from harness.files.sidecar import Sidecar
 from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId, ModelKey
@@ -187,7 +188,7 @@ class Plan:
             yield from self._measurement(prepared, task)
         if selection is None:
             yield self._linearizations(key, prepared, sidecar)
-            yield self._audit(key, prepared, sidecar)
+        yield self._audit(key, prepared, sidecar)
 
     def _case(self, key: ModelKey, task: CaseTask) -> Job[Case]:
         def done(case: Case) -> Jobs:
@@ -210,7 +211,7 @@ class Plan:
             self._found.measured[task.folder, task.id] = value
             return ()
 
-        measuring = measure_task(task, prepared.variants, snapshots.get(task.id))
+        measuring = measure_task(task, prepared, snapshots.get(task.id))
         yield Job(task=Task(measure, measuring), done=done, failed=done)
 
     def _linearizations(
@@ -267,6 +268,14 @@ def model_record(prepared: Prepared, sidecar: Sidecar, engine: str) -> Model:
         model=sidecar.model.name,
         engine=engine,
         folder=str(prepared.folder),
-        text=sidecar.model.read_text("utf-8", errors="replace"),
-        sidecar=beside.read_text("utf-8", errors="replace"),
+        text=_text(sidecar.model),
+        sidecar=_text(beside),
     )
+
+
+def _text(path: Path) -> str:
+    """A file's text; of one that has gone meanwhile none, and its cases say so."""
+    try:
+        return read_regular(path).decode("utf-8", errors="replace")
+    except OSError:
+        return ""

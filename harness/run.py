@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.baseline.audits import mark_models
 from harness.baseline.known import accepted, changes_since, mark_known
 from harness.engines.registry import engines
 from harness.plan import Collected, Options, Plan, Progress, Selection
@@ -59,7 +60,7 @@ def run(folders: Sequence[Path], options: Options, progress: Progress) -> Run:
         work((plan.folder(folder) for folder in folders), workers)
     order = {str(folder): i for i, folder in enumerate(folders)}
     cases = mark_known(_sorted_cases(found, order), found.measured, before)
-    models = found.models.values()
+    models = mark_models(found.models.values(), {} if before is None else before.systems)
     results = Results(
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         versions=_versions(),

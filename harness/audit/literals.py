@@ -12,22 +12,33 @@ from harness.files.sidecar import Sidecar, SidecarError
 from harness.records.finding import AuditFinding
 from reference.system import System
 
+MOST_LOST = 10
+"""Bindings that can't be read and are told one by one."""
+
 
 def declared_bindings(
     system: System, sidecar: Sidecar
 ) -> tuple[tuple[Binding, ...], tuple[AuditFinding, ...]]:
-    """Every binding that can be read, and a finding for each that can't."""
+    """Every binding that can be read, and a finding for each that can't.
+
+    Beyond some that can't, the rest are not looked at: one finding says how many they are.
+    """
     try:
         return bindings(system, sidecar), ()
     except (LocationError, SidecarError):
         found: list[Binding] = []
-        lost = []
-        for address, expression in sidecar.bindings.items():
+        lost: list[AuditFinding] = []
+        for i, (address, expression) in enumerate(sidecar.bindings.items()):
             try:
                 alone = replace(sidecar, bindings={address: expression})
                 found += bindings(system, alone)
             except (LocationError, SidecarError) as error:
                 lost.append(finding("literal", f"the binding can't be read: {error}"))
+            if len(lost) == MOST_LOST and i + 1 < len(sidecar.bindings):
+                left = len(sidecar.bindings) - i - 1
+                rest = f"{left} more bindings were not looked at, after {MOST_LOST} that can't be"
+                lost.append(finding("literal", f"{rest} read; mend these first"))
+                break
         if not lost:
             raise  # what is wrong is between two of them
         return tuple(found), tuple(lost)

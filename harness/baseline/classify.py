@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 from harness.baseline.changes import Status, compare
 from harness.baseline.entry import entry_of
 from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles, dependencies
+from harness.baseline.fingerprint import FolderFiles, as_now, dependencies, with_reads
 from harness.records.baseline import AcceptedCase, Measurement
 from harness.records.case import Case, CaseId
+from harness.records.finding import AuditFinding
 from harness.records.outcome import Outcome
 
 if TYPE_CHECKING:  # it brings the pool of workers, which an unchanged gate does without
@@ -33,6 +34,7 @@ class Change:
         entry: what was accepted, where there is something.
         now: what would be accepted, where the case was judged and measured.
         files: hashes of what the case depends on now.
+        findings: what the audit of its model finds wrong, and was not accepted.
     """
 
     id: CaseId
@@ -45,6 +47,7 @@ class Change:
     entry: AcceptedCase | None = field(default=None, repr=False)
     now: AcceptedCase | None = field(default=None, repr=False)
     files: Mapping[str, str] = field(default_factory=dict, repr=False)
+    findings: tuple[AuditFinding, ...] = field(default=(), repr=False)
 
 
 def unaccepted(case: Case) -> str:
@@ -76,7 +79,11 @@ def classify(
     """
     id_ = CaseId(system=system, model=case.model, scenario=case.scenario, engine=case.engine)
     entry = one.cases.get(id_) if one else None
-    files = next((m.hashes for m in scan.models if m.model == case.model), {})
+    model = next((m for m in scan.models if m.model == case.model), None)
+    if isinstance(measured, Measurement):
+        files = with_reads(model, measured.reads)
+    else:
+        files = {} if model is None else as_now(model, entry.files if entry else {})
     if not isinstance(measured, Measurement) or stale or _failed(case):
         return Change(
             id=id_,

@@ -15,8 +15,15 @@ import msgspec
 
 from harness.baseline.seal import S, canonical, sealed, snapshot_key
 from harness.records.base import Record
-from harness.records.baseline import FORMAT, AcceptedCase, BaselineFile, Declared, Snapshot
-from harness.records.case import CaseId
+from harness.records.baseline import (
+    FORMAT,
+    AcceptedAudit,
+    AcceptedCase,
+    BaselineFile,
+    Declared,
+    Snapshot,
+)
+from harness.records.case import CaseId, ModelId
 from harness.records.outcome import Outcome
 
 T = TypeVar("T")
@@ -44,11 +51,13 @@ class SystemBaseline:
         declared: what it declared then, and its folder.
         snapshots: those that cases refer to, by key.
         cases: what was accepted of each.
+        audits: what was accepted though the audit finds it wrong, by model.
     """
 
     declared: Declared
     snapshots: Mapping[str, Snapshot] = field(repr=False)
     cases: Mapping[CaseId, AcceptedCase] = field(repr=False)
+    audits: Mapping[ModelId, AcceptedAudit] = field(default_factory=dict, repr=False)
 
     @property
     def system(self) -> str:
@@ -85,12 +94,17 @@ def file_text(one: SystemBaseline) -> str:
     cases = [
         f"    {_table(sealed(_as_read(one.cases[case])), '    ')}" for case in sorted(one.cases)
     ]
+    audits = [
+        f"    {_table(sealed(_as_read(one.audits[model])), '    ')}" for model in sorted(one.audits)
+    ]
+    accepted = f'  "audits": {_block("[", audits, "]")},\n' if audits else ""
     snapshots = [f"    {_line(key)}: {_table(one.snapshots[key], '    ')}" for key in needed]
     return (
         "{\n"
         f'  "format": {FORMAT},\n'
         f'  "declared": {_table(sealed(_as_read(one.declared)), "  ")},\n'
         f'  "cases": {_block("[", cases, "]")},\n'
+        f"{accepted}"
         f'  "snapshots": {_block("{", snapshots, "}")}\n'
         "}\n"
     )
@@ -134,7 +148,10 @@ def read_file(data: bytes, system: str) -> SystemBaseline:
         if not _is_whole(snapshot):
             raise FileError(f"{key}: is not whole: its tables are not of one size; {_RESTORE}")
     return SystemBaseline(
-        declared=file.declared, snapshots=file.snapshots, cases=_cases(file, system)
+        declared=file.declared,
+        snapshots=file.snapshots,
+        cases=_cases(file, system),
+        audits=_audits(file, system),
     )
 
 
@@ -193,6 +210,8 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
             raise FileError(f"{entry.id}: {_NOT_BELIEVED}")
         if entry.system != system:
             raise FileError(f"{entry.id}: is of another system; {_RESTORE}")
+        if not (entry.model and entry.scenario and entry.engine):
+            raise FileError(f"{entry.id}: names no model, scenario or engine; {_RESTORE}")
         if entry.id in cases:
             raise FileError(f"{entry.id}: is there twice; {_RESTORE}")
         snapshot = file.snapshots.get(entry.snapshot)
@@ -202,6 +221,19 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
             raise FileError(f"{entry.id}: is not whole: it has other segments than its snapshot")
         cases[entry.id] = entry
     return cases
+
+
+def _audits(file: BaselineFile, system: str) -> dict[ModelId, AcceptedAudit]:
+    audits: dict[ModelId, AcceptedAudit] = {}
+    for audit in file.audits:
+        if sealed(audit) != audit:
+            raise FileError(f"the audit of {audit.id}: {_NOT_BELIEVED}")
+        if audit.system != system:
+            raise FileError(f"the audit of {audit.id}: is of another system; {_RESTORE}")
+        if audit.id in audits:
+            raise FileError(f"the audit of {audit.id}: is there twice; {_RESTORE}")
+        audits[audit.id] = audit
+    return audits
 
 
 def _is_whole(one: Snapshot) -> bool:

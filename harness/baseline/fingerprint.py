@@ -7,31 +7,22 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from harness.engines.registry import model_formats
-from harness.files.locations import LocationError
-from harness.files.locations.location import Source
-from harness.files.locations.xml import read_elements
+from harness.files.parts import named_files
+from harness.files.reading import read_regular
 from harness.files.sidecar import SidecarError, read_sidecar
 from harness.numerics.version import VERSION
 
 BESIDE = "(beside)"
 """Stands for the files of a folder that no model file names: a `space.py` may open any of them."""
 
-_FILES = ("file", "filename")
-_FOLDERS = ("meshdir", "texturedir", "assetdir")
-_PARTS = ("include", "model")
-"""Elements whose files are read for further names, whatever these end with."""
 
-_MAY_NAME = re.compile(rb"file|dir|\0")
-"""What a file has in it that names others; most have not, and need no parser."""
-
-_QUOTED = re.compile(r"""(?<=["'])[^"'\0\n]{1,255}(?=["'])""")
-_MODEL = (".xml", ".urdf")
+UNREADABLE = "can't be read"
+"""In the place of a hash; never as accepted."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +35,7 @@ class ModelFiles:
         engines: those that run it.
         hashes: name of each file, relative to the folder, and the hash of its content.
         copies: of these, the ones that a reader may want to see the differences of.
+        beside: names of the files that are in these hashes, alone or together.
     """
 
     folder: Path
@@ -51,6 +43,7 @@ class ModelFiles:
     engines: tuple[str, ...]
     hashes: dict[str, str]
     copies: tuple[str, ...]
+    beside: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -120,21 +113,54 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
         copies = (name, f"{name}.toml", "system.py")
         hashes = {copy: digest(folder / copy) for copy in copies}
         named = {}
-        for path in _named_by(sidecar.model):
+        for path in named_files(sidecar.model):
             where = Path(os.path.relpath(path, folder)).as_posix()
             if where not in hashes:
                 named[where] = digest(path)
         rest = {other: beside[other] for other in beside if other not in named}
         if rest:
             named[BESIDE] = _together(rest)
-        found.append(ModelFiles(folder, name, sidecar.engines, hashes | named, copies))
+        own_and_beside = frozenset((*copies, *named, *beside))
+        hashes |= named
+        found.append(ModelFiles(folder, name, sidecar.engines, hashes, copies, own_and_beside))
     declared = _together({"system.py": system, **beside})
     return FolderFiles(folder, declared, tuple(found), tuple(broken))
 
 
+def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """Hashes of files by their names relative to a folder; `UNREADABLE` for what can't be read."""
+    found = {}
+    for name in names:
+        try:
+            found[name] = digest(folder / name)
+        except (OSError, ValueError):
+            found[name] = UNREADABLE
+    return found
+
+
+def with_reads(model: ModelFiles | None, reads: Mapping[str, str]) -> dict[str, str]:
+    """What a model's cases depend on: its files, and what its folder's code has read elsewhere.
+
+    What lies in the folder and is no hidden file is in one hash with all that lies there.
+    """
+    if model is None:
+        return {}
+    elsewhere = {name: reads[name] for name in reads if name not in model.beside}
+    return {**elsewhere, **model.hashes}
+
+
+def as_now(model: ModelFiles, accepted: Mapping[str, str]) -> dict[str, str]:
+    """The same with what was read when it was accepted, as that is now, without running it.
+
+    Code that is as it was, and finds what it found then, reads what it has read.
+    """
+    names = [name for name in accepted if name not in model.hashes and name != BESIDE]
+    return {**digests(model.folder, names), **model.hashes}
+
+
 def digest(path: Path) -> str:
     """Hash of a file's content, 16 hexadecimal digits; line ends of a text don't count."""
-    return digest_of(path.read_bytes())
+    return digest_of(read_regular(path))
 
 
 def digest_of(data: bytes) -> str:
@@ -146,7 +172,7 @@ def digest_of(data: bytes) -> str:
 
 def _together(hashes: dict[str, str]) -> str:
     text = "\n".join(f"{name} {value}" for name, value in sorted(hashes.items()))
-    return digest_of(text.encode())
+    return digest_of(text.encode(errors="surrogateescape"))
 
 
 def _inside(folder: Path, apart: Path | None) -> Iterator[str]:
@@ -164,70 +190,3 @@ def _inside(folder: Path, apart: Path | None) -> Iterator[str]:
         for name in sorted(names):
             if not name.startswith(".") and (here / name).is_file():
                 yield (here / name).relative_to(folder).as_posix()
-
-
-@dataclass
-class _Names:
-    """What an XML file names.
-
-    Attributes:
-        files: each with whether it is a part of the model, to be read for further names.
-        folders: where the files may be.
-    """
-
-    files: dict[str, bool]
-    folders: list[str]
-
-
-def _names_in(path: Path) -> _Names:
-    """The files and folders that a file names in its elements' attributes.
-
-    Of a file that this parser refuses though an engine may read it (two roots, an entity), every
-    quoted word is taken for one.
-    """
-    data = path.read_bytes()
-    if not _MAY_NAME.search(data):
-        return _Names({}, [])
-    try:
-        elements = read_elements(Source(path, data))
-    except LocationError:
-        words = _QUOTED.findall(data.decode("utf-8", errors="replace"))
-        return _Names(dict.fromkeys(words, True), words)
-    names = _Names({}, [])
-    for element in elements:
-        for attribute, value in element.attributes.items():
-            if attribute in _FOLDERS:
-                names.folders.append(value)
-            elif attribute in _FILES and value:
-                part = element.tag in _PARTS or Path(value).suffix in _MODEL
-                names.files[value] = part or names.files.get(value, False)
-    return names
-
-
-def _named_by(model: Path) -> tuple[Path, ...]:
-    """Files that a model file names, and those that these name: includes, meshes, height fields."""
-    found: dict[Path, None] = {}
-    waiting = [model] if model.suffix in _MODEL else []
-    folders = [model.parent]
-    while waiting:
-        path = waiting.pop()
-        names = _names_in(path)
-        folders += [base / name for name in names.folders for base in (path.parent, model.parent)]
-        for name, part in names.files.items():
-            for candidate in _candidates(name, (path.parent, *folders)):
-                if candidate in found or not candidate.is_file():
-                    continue
-                if candidate.resolve() != model.resolve():
-                    found[candidate] = None
-                    waiting += [candidate] * part
-    return tuple(found)
-
-
-def _candidates(name: str, folders: Iterable[Path]) -> Iterator[Path]:
-    """Where a file may be: as named, without its package, by its last part (engines differ)."""
-    name = name.split("://", 1)[-1]
-    parts = Path(name).parts
-    for folder in dict.fromkeys(folders):
-        for i in range(len(parts)):
-            yield folder / Path(*parts[i:])
-        yield folder.parent / name

@@ -70,7 +70,6 @@ def accepted(
 
     Raises:
         BaselineError: for a baseline that can't be believed.
-        OSError: for a file that can't be read.
     """
     systems = {} if place is None else read_baseline(place)
     if place is None or not systems:
@@ -79,7 +78,10 @@ def accepted(
     found: dict[str, tuple[FolderFiles, SystemBaseline | None]] = {}
     snapshots: dict[CaseId, Snapshot] = {}
     for folder in folders:
-        scan = folder_files(folder, place)
+        try:
+            scan = folder_files(folder, place)
+        except OSError:
+            continue  # nothing of it can be as accepted; the run says what can't be read
         one = match(folder, place, systems)
         found[str(folder)] = scan, one
         if one is not None:
@@ -187,7 +189,9 @@ def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange |
     this = measured.get((case.folder, case.id))
     if this is None and case.outcome not in (Outcome.FAILED, Outcome.ABSENT):
         return None
-    scan, _ = found.folders[case.folder]
+    scan = found.folders[case.folder][0] if case.folder in found.folders else None
+    if scan is None:
+        return _told(case.id, "regression", "its folder has a file that can't be read")
     change = classify(case.system, case, this, scan, one, found.versions, found.resolution)
     if change.status in (Status.SAME, Status.KNOWN, Status.WITHIN):
         return None

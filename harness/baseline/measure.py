@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
+from harness.baseline.fingerprint import digests
 from harness.baseline.snapshot import (
     PickedSegments,
     ends,
@@ -19,7 +21,9 @@ from harness.baseline.snapshot import (
     snapshot_of,
 )
 from harness.cases.case import CaseTask, load
+from harness.cases.prepare import Prepared
 from harness.diagnosis.diagnose import NAMED
+from harness.files.reads import recorded
 from harness.files.sidecar import Sidecar
 from harness.records.base import rows
 from harness.records.baseline import Identified, Measurement, OnAccepted, Snapshot
@@ -39,7 +43,11 @@ NUDGE = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class MeasureTask:
-    """Everything a worker needs; `accepted` is the snapshot of the baseline, where there is one."""
+    """Everything a worker needs.
+
+    `accepted` is the snapshot of the baseline, where there is one; `reads` is what `system.py` has
+    read.
+    """
 
     system: System
     sidecar: Sidecar
@@ -50,9 +58,10 @@ class MeasureTask:
     components: tuple[str, ...]
     variants: Variants
     accepted: Snapshot | None
+    reads: tuple[str, ...]
 
 
-def measure_task(case: CaseTask, variants: Variants, accepted: Snapshot | None) -> MeasureTask:
+def measure_task(case: CaseTask, prepared: Prepared, accepted: Snapshot | None) -> MeasureTask:
     """Gather what measuring a case needs beside its verdict's own task."""
     return MeasureTask(
         system=case.system,
@@ -62,8 +71,9 @@ def measure_task(case: CaseTask, variants: Variants, accepted: Snapshot | None) 
         motion=case.motion,
         scale=case.scale,
         components=case.components,
-        variants=variants,
+        variants=prepared.variants,
         accepted=accepted,
+        reads=prepared.reads,
     )
 
 
@@ -73,6 +83,14 @@ def measure(task: MeasureTask) -> Measurement:
     Raises:
         EngineError, SidecarError, BlownUpError: naming what could not be run.
     """
+    folder = task.sidecar.model.parent
+    with recorded(folder) as reads:
+        found = _measured(task)
+    names = dict.fromkeys((*task.reads, *reads.names()))
+    return msgspec.structs.replace(found, reads=digests(folder, names))
+
+
+def _measured(task: MeasureTask) -> Measurement:
     model, coordinates = load(task.system, task.sidecar, task.engine)
     own = snapshot_of(task.system, task.scenario, task.motion, task.scale, task.components)
     accepted, on_accepted = task.accepted, None

@@ -8,9 +8,9 @@ from typing import TypeVar
 import msgspec
 
 from harness.records.base import Record
-from harness.records.baseline import AcceptedCase, Declared, Snapshot
+from harness.records.baseline import AcceptedAudit, AcceptedCase, Declared, Snapshot
 
-S = TypeVar("S", AcceptedCase, Declared)
+S = TypeVar("S", AcceptedCase, AcceptedAudit, Declared)
 
 
 def canonical(record: Record) -> bytes:

@@ -7,7 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import Dependencies, FolderFiles, ModelFiles, dependencies
+from harness.baseline.fingerprint import (
+    UNREADABLE,
+    Dependencies,
+    FolderFiles,
+    ModelFiles,
+    as_now,
+    dependencies,
+)
 from harness.files.folders import builtin
 from harness.records.baseline import AcceptedCase
 from harness.records.case import CaseId
@@ -44,17 +51,24 @@ def stale(
     """Whether anything that the cases of a model in an engine depend on is not as accepted."""
     if one is None or one.declared.declared != scan.system or not one.declared.scenarios:
         return True
-    now = dependencies(model.hashes, engine, versions, resolution)
     ids = (
         CaseId(system=one.system, model=model.model, scenario=scenario, engine=engine)
         for scenario in one.declared.scenarios
     )
-    return not all(as_accepted(one.cases.get(case), now) for case in ids)
+    return not all(_as_accepted(one.cases.get(case), model, versions, resolution) for case in ids)
 
 
-def as_accepted(entry: AcceptedCase | None, now: Dependencies) -> bool:
+def _as_accepted(
+    entry: AcceptedCase | None,
+    model: ModelFiles,
+    versions: Mapping[str, str | None],
+    resolution: float,
+) -> bool:
     """Whether what a case depends on is what it was when it was accepted."""
-    return entry is not None and now == Dependencies(
+    if entry is None or UNREADABLE in entry.files.values():
+        return False
+    now = dependencies(as_now(model, entry.files), entry.engine, versions, resolution)
+    return now == Dependencies(
         files=entry.files,
         engine_version=entry.engine_version,
         resolution=entry.resolution,

@@ -15,10 +15,14 @@ from typing import TypeVar
 
 from harness.baseline.file import FileError, SystemBaseline, file_text, read_file, read_folder
 from harness.baseline.fingerprint import digest_of
+from harness.files.reading import MOST_MODEL, read_regular
 
 T = TypeVar("T")
 
 DEFAULT = Path("reports/baseline")
+MOST = 512 * 2**20
+"""Bytes of a file: thousands of cases."""
+
 ACCEPTED = ".accepted"
 """What the names of accepted texts end with: no tool shall take them for models or for code."""
 
@@ -53,7 +57,7 @@ def _files(folder: Path) -> list[Path]:
 
 def _read(path: Path, reader: Callable[[bytes], T]) -> T:
     try:
-        return reader(path.read_bytes())
+        return reader(read_regular(path, MOST))
     except OSError as error:
         reason = f"can't be read: {error.strerror}"
     except FileError as error:
@@ -64,7 +68,7 @@ def _read(path: Path, reader: Callable[[bytes], T]) -> T:
 def accepted_text(folder: Path, system: str, name: str, wanted: str) -> str | None:
     """The text of a file as it was accepted, if it is kept and has the hash that is wanted."""
     with suppress(OSError, UnicodeDecodeError):
-        data = (folder / system / (name + ACCEPTED)).read_bytes()
+        data = read_regular(folder / system / (name + ACCEPTED), MOST_MODEL)
         if digest_of(data) == wanted:
             return data.decode("utf-8")
     return None

@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.cases.system_record import system_record
 from harness.cases.verdict import component_scale
+from harness.files.reads import recorded
 from harness.records import system as records
 from reference.derive import derive
 from reference.linearize import linearize
@@ -45,6 +46,7 @@ class Prepared:
         components: names of the state's components, positions then velocities.
         variants: the equations with every constant and some missing terms free.
         record: the system's entry in results.json.
+        reads: files that `system.py` has read, by their places relative to the folder.
     """
 
     folder: Path
@@ -58,6 +60,7 @@ class Prepared:
     components: tuple[str, ...]
     variants: Variants
     record: records.System
+    reads: tuple[str, ...]
 
 
 def prepare(folder: Path, described: bool = True) -> Prepared:
@@ -70,7 +73,8 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
         DeclarationError, ReferenceError: naming what is wrong and where.
     """
     began = time.perf_counter()
-    system = load_system(folder)
+    with recorded(folder) as reads:
+        system = load_system(folder)
     equations = derive(system)
     with told_with_file(folder):
         linear = tuple(linearize(equations, e) for e in system.equilibria)
@@ -95,4 +99,5 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
         variants=variants(equations, np.max([m.amplitude for m in motions.values()], axis=0)),
         components=(*names, *(f"{name}_dot" for name in names)),
         record=msgspec.structs.replace(record, seconds=time.perf_counter() - began),
+        reads=reads.names(),
     )

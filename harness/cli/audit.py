@@ -9,6 +9,7 @@ from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.files.folders import check_engines, system_folders
 from harness.text.findings import audit_lines
+from harness.text.visible import visible
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -25,11 +26,11 @@ def main(options: argparse.Namespace) -> int:
     for model in audits(folders, engines=tuple(options.engine)):
         print(model.id)
         if model.failure:
-            print(f"  failed   {model.failure}")
+            print(f"  failed   {visible(model.failure)}")
             code = FAIL
             continue
         for text in audit_lines(model.findings):
-            print(f"  {text}")
+            print(f"  {visible(text)}")
         if any(finding.severity == "finding" for finding in model.findings):
             code = max(code, DIFFER)
     return code

@@ -20,7 +20,8 @@ from harness.gate.result import GateResult
 from harness.gate.text import gate_lines, summary
 from harness.records.case import Case
 from harness.records.write import encoded, write_whole
-from harness.text.github import commands, write_summary
+from harness.text.github import commands, plain_line, write_summary
+from harness.text.visible import visible
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -59,7 +60,7 @@ def main(options: argparse.Namespace) -> int:
     with LateProgress() as progress:
         found = gate(folders, what, progress)
     for line in gate_lines(found):
-        print(line)
+        print(plain_line(visible(line), os.environ))
     if found.results is not None and not found.baseline:
         print(f"nothing is accepted in {options.baseline} yet; see `crosscheck accept --help`")
     for line in commands(notes(found), os.environ):

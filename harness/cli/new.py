@@ -8,6 +8,7 @@ from pathlib import Path
 
 from harness.cli.exit_codes import AGREE, FAIL, USAGE
 from harness.scaffold.folder import NewError, check_name, example, write_folder
+from harness.text.visible import visible
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -44,6 +45,6 @@ def main(options: argparse.Namespace) -> int:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
     for path in sorted(target.iterdir()):
-        print(path)
+        print(visible(str(path)))
     print(f"\nnext: crosscheck run {target}\n      crosscheck derive {target}")
     return AGREE

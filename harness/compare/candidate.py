@@ -7,6 +7,8 @@ from pathlib import Path
 
 from harness.engines.protocol import Engine, Model
 from harness.engines.registry import engines, readers
+from harness.files.model_files import check_springs
+from harness.files.parts import PartError, check_parts
 from harness.files.sidecar import Sidecar, read_sidecar
 
 
@@ -85,9 +87,15 @@ def candidate(label: str, path: Path, engine: str | None) -> Candidate:
     if not path.is_file():
         raise CompareError(f"{path}: there is no such file")
     beside = Path(f"{path}.toml")
-    sidecar = read_sidecar(beside) if beside.is_file() else None
+    try:
+        check_parts(path)
+    except PartError as error:
+        raise CompareError(str(error)) from None
+    sidecar = read_sidecar(beside) if beside.exists() else None
     name = _engine(label, path, engine, sidecar)
     found = engines()[name]
+    if sidecar is not None:
+        check_springs(sidecar, found)
     own = found.caveats(path)
     if sidecar is None:
         bare, notes = _bare(path, found)

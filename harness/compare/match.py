@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import sympy as sp
 
 from harness.compare.candidate import CompareError
 from harness.files.expressions import parse
+from harness.files.reading import MOST_SIDECAR, TomlError, read_regular, toml_document
 from harness.files.sidecar import SidecarError
 from reference.numeric import Array, NumericFunction, compile_function
 
@@ -81,9 +81,13 @@ def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, 
     if file is None:
         return forward, {}
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        data = toml_document(read_regular(file, MOST_SIDECAR).decode("utf-8"))
+    except OSError as error:
+        raise CompareError(f"{file}: can't be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
         raise CompareError(f"{file}: can't be read: {error}") from None
+    except TomlError as error:
+        raise CompareError(f"{file}{error}") from None
     table = data.get("joints")
     if set(data) != {"joints"} or not isinstance(table, dict):
         raise CompareError(f"{file}: it needs one table, [joints], such as phi = 'x / 0.18'")

@@ -20,7 +20,7 @@ import sympy as sp
 
 from harness.files.expressions import parse
 from harness.files.locations import Location, LocationError, find, find_in
-from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.files.sidecar import Sidecar, SidecarError, brief, read_sidecar
 from reference.declaration import DeclarationError
 from reference.system import System
 
@@ -95,7 +95,7 @@ def bindings(system: System, sidecar: Sidecar) -> tuple[Binding, ...]:
     taken: dict[tuple[Path, int], str] = {}
     found = []
     for address, expression in sidecar.bindings.items():
-        where = f"{_file(sidecar)}: [bindings] {address!r}"
+        where = sidecar.entry("bindings", address)
         place = places[address]
         other = taken.setdefault((place.file, place.start), address)
         if other != address:
@@ -251,7 +251,7 @@ def _replaced(sidecar: Sidecar, literals: Mapping[str, float]) -> dict[Path, byt
     return texts
 
 
-def _evaluate(system: System, text: str, where: str) -> tuple[float, float]:
+def _evaluate(system: System, text: str, where: object) -> tuple[float, float]:
     """The value of an expression of the constants, and how far roundings may move it."""
     symbols = {c.name: c.symbol for c in system.constants}
     expression = parse(text, symbols, where)
@@ -264,7 +264,7 @@ def _evaluate(system: System, text: str, where: str) -> tuple[float, float]:
             for c in system.constants
         )
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
-        raise SidecarError(f"{where}: {text!r} is no finite real number") from None
+        raise SidecarError(f"{where}: {brief(text)} is no finite real number") from None
     # Half a unit for the literal's own rounding, half for that of the expected value.
     return expected, moved + math.ulp(expected)
 

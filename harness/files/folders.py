@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
+from harness.text.visible import odd_name, visible
+
 
 class FolderError(ValueError):
     """A folder that is not there or is no system folder; the message says what to do."""
@@ -45,10 +47,13 @@ def system_folders(named: Sequence[str]) -> list[Path]:
             path = builtin() / name
         if not path.is_dir():
             known = ", ".join(p.name for p in _inside(builtin()))
-            raise FolderError(f"{name}: no such folder; built-in systems are {known}")
+            raise FolderError(f"{visible(name)}: no such folder; built-in systems are {known}")
         found = [path] if (path / "system.py").is_file() else _inside(path)
         if not found:
-            raise FolderError(f"{name}: neither it nor a folder in it has a system.py")
+            raise FolderError(f"{visible(name)}: neither it nor a folder in it has a system.py")
+        for folder in found:
+            if (why := odd_name(str(folder))) is not None:
+                raise FolderError(f"{visible(str(folder))}: its name has {why}; rename it")
         folders += [folder for folder in found if folder not in folders]
     return folders
 

@@ -7,8 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.engines.registry import model_formats, readers
+from harness.engines.protocol import Engine
+from harness.engines.registry import engines, model_formats, readers
+from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.text.visible import odd_name, visible
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,14 +31,25 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
     """Every model file's sidecar; an `UnreadModel` for one that can't be read or has none."""
     described = set()
     for path in sorted(folder.glob("*.toml")):
-        described.add(path.with_suffix("").name)
+        name = path.with_suffix("").name
+        described.add(name)
+        if (why := odd_name(name)) is not None:
+            yield UnreadModel(model=visible(name), reason=_renamed(path, why))
+            continue
         try:
-            yield read_sidecar(path)
+            sidecar = read_sidecar(path)
+            known = engines() if sidecar.springs else {}
+            for engine in filter(None, map(known.get, sidecar.engines)):
+                check_springs(sidecar, engine)
+            yield sidecar
         except SidecarError as error:
-            yield UnreadModel(model=path.with_suffix("").name, reason=str(error))
+            yield UnreadModel(model=name, reason=str(error))
     formats = model_formats()
     for path in sorted(folder.iterdir()):
         if path.suffix in formats and path.name not in described:
+            if (why := odd_name(path.name)) is not None:
+                yield UnreadModel(model=visible(path.name), reason=_renamed(path, why))
+                continue
             reason = (
                 f"{path}: this model file has no sidecar; write {path.name}.toml with at least"
                 f" engines = {json.dumps([e.name for e in readers(path.suffix)])}"
@@ -45,6 +59,25 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
     if not described:
         reason = f"{folder}: it has no model file with a sidecar, so nothing was run"
         yield UnreadModel(model="-", reason=reason)
+
+
+def _renamed(path: Path, why: str) -> str:
+    return f"{visible(str(path))}: its name has {why}; rename it"
+
+
+def check_springs(sidecar: Sidecar, engine: Engine) -> None:
+    """Refuse springs that an engine would read over.
+
+    Raises:
+        SidecarError: for springs in a format that has words of its own for them.
+    """
+    if sidecar.springs and sidecar.model.suffix not in engine.takes_springs:
+        at = line_of(Path(f"{sidecar.model}.toml"), "spring")
+        where = f"{sidecar.model}.toml" + ("" if at is None else f":{at}")
+        raise SidecarError(
+            f"{where}: [[spring]]: {engine.title} takes no springs beside a"
+            f" {sidecar.model.suffix} file; write them into {sidecar.model.name} itself"
+        )
 
 
 def chosen_engines(sidecar: Sidecar, only: Sequence[str]) -> list[str]:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 from harness.engines.protocol import ModelSpec, Spring
+from harness.files.parts import PartError, check_parts
+from harness.files.reading import MOST_SIDECAR, TomlError, read_regular, toml_document
 
 _KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings"}
+
+MOST_SHOWN = 100
+"""Characters of a value in a message."""
 
 
 class SidecarError(ValueError):
@@ -50,6 +55,10 @@ class Sidecar:
         settings = {**self.settings, **self.engine_settings.get(engine, {})}
         return ModelSpec(self.model, self.springs, settings)
 
+    def entry(self, table: str, key: str) -> Entry:
+        """A key in one of the sidecar's tables, for a message."""
+        return Entry(Path(f"{self.model}.toml"), table, key)
+
 
 def read_sidecar(path: Path) -> Sidecar:
     """Read `<model file>.toml`.
@@ -57,21 +66,24 @@ def read_sidecar(path: Path) -> Sidecar:
     Raises:
         SidecarError: naming file, key and remedy.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise SidecarError(f"{path}: can't be read: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise SidecarError(f"{path}: no TOML: {error}") from None
+    data = _document(path)
     unknown = sorted(set(data) - _KNOWN)
     if unknown:
-        raise SidecarError(f"{path}: unknown key {unknown[0]!r}; known are {', '.join(_KNOWN)}")
+        known = ", ".join(sorted(_KNOWN))
+        raise SidecarError(f"{path}: unknown key {brief(unknown[0])}; known are {known}")
     model = path.with_suffix("")
-    if not model.is_file():
+    if not model.exists():
         raise SidecarError(f"{path}: there is no model file {model.name} beside it")
+    try:
+        check_parts(model)
+    except PartError as error:
+        raise SidecarError(str(error)) from None
     engines = data.get("engines")
     if not isinstance(engines, list) or not engines or not all(isinstance(e, str) for e in engines):
         raise SidecarError(f'{path}: engines must list engine names, as in engines = ["NAME"]')
+    twice = [name for name in engines if engines.count(name) > 1]
+    if twice:
+        raise SidecarError(f"{path}: engines lists {brief(twice[0])} twice; keep one")
     settings = _table(data, "settings", path)
     own = {name: value for name, value in settings.items() if isinstance(value, dict)}
     shared = {name: value for name, value in settings.items() if name not in own}
@@ -79,7 +91,8 @@ def read_sidecar(path: Path) -> Sidecar:
         _check_settings(values, f"{path}: [{name}]")
     for name in own:
         if name not in engines:
-            raise SidecarError(f"{path}: [settings.{name}] is for an engine not in engines")
+            where = f"{path}: [settings] {brief(name)}"
+            raise SidecarError(f"{where} is for an engine not in engines")
     springs = data.get("spring", [])
     if not isinstance(springs, list):
         raise SidecarError(f"{path}: springs are tables in an array: [[spring]]")
@@ -95,6 +108,23 @@ def read_sidecar(path: Path) -> Sidecar:
     )
 
 
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        return toml_document(read_regular(path, MOST_SIDECAR).decode("utf-8"))
+    except OSError as error:
+        raise SidecarError(f"{path}: can't be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise SidecarError(f"{path}: byte {error.start} is no UTF-8; save it as UTF-8") from None
+    except TomlError as error:
+        raise SidecarError(f"{path}{error}") from None
+
+
+def brief(value: object) -> str:
+    """A value of a sidecar as a message shows it."""
+    text = repr(value)
+    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."
+
+
 def _table(data: Mapping[str, object], key: str, path: Path) -> dict[str, object]:
     value = data.get(key, {})
     if not isinstance(value, dict):
@@ -106,17 +136,21 @@ def _expressions(data: Mapping[str, object], key: str, path: Path) -> dict[str, 
     table = _table(data, key, path)
     for name, value in table.items():
         if not isinstance(value, (str, int, float)) or isinstance(value, bool):
-            raise SidecarError(f"{path}: [{key}] {name} must be an expression, such as 'x / r'")
+            raise SidecarError(
+                f"{path}: [{key}] {brief(name)} must be an expression, such as 'x / r'"
+            )
     return {name: str(value) for name, value in table.items()}
 
 
 def _check_settings(values: Mapping[str, object], place: str) -> None:
     step = values.get("step", 1.0)
     if not _is_number(step) or not 0 < step < math.inf:
-        raise SidecarError(f"{place} step is {step!r}, where a positive number of seconds belongs")
+        raise SidecarError(
+            f"{place} step is {brief(step)}, where a positive number of seconds belongs"
+        )
     gravity = values.get("gravity", [0, 0, 0])
     if not isinstance(gravity, list) or len(gravity) != 3 or not all(map(_is_number, gravity)):
-        raise SidecarError(f"{place} gravity is {gravity!r}, where three numbers belong")
+        raise SidecarError(f"{place} gravity is {brief(gravity)}, where three numbers belong")
 
 
 def _spring(data: object, place: str) -> Spring:
@@ -128,9 +162,26 @@ def _spring(data: object, place: str) -> Spring:
         raise SidecarError(f"{place} joints must map joint names to coefficients")
     for key in ("stiffness", "damping", "rest"):
         if not _is_number(data[key]):
-            raise SidecarError(f"{place} {key} is {data[key]!r}, where a number belongs")
+            raise SidecarError(f"{place} {key} is {brief(data[key])}, where a number belongs")
     return Spring(joints, data["stiffness"], data["damping"], data["rest"])
 
 
 def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A key in a table of a sidecar; as text, `FILE:LINE: [table] 'key'`, looked up when shown."""
+
+    file: Path
+    table: str
+    key: str
+
+    def __str__(self) -> str:
+        # Imported here: the addresses' grammars are needed for a message alone.
+        from harness.files.locations import line_of
+
+        line = line_of(self.file, f"{self.table}.{json.dumps(self.key, ensure_ascii=False)}")
+        where = self.file if line is None else f"{self.file}:{line}"
+        return f"{where}: [{self.table}] {brief(self.key)}"

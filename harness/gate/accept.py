@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 
+from harness.baseline.audits import accepted_audit
 from harness.baseline.changes import Status
 from harness.baseline.classify import Change
 from harness.baseline.entry import summarized
@@ -64,7 +65,8 @@ def accept(found: GateResult, patterns: Sequence[str], reason: str, baseline: Pa
         one = systems.get(name) or _empty(name)
         old = one.cases.get(change.id)
         systems[name], new = _with(one, change, _entry(change, reason, bool(patterns)))
-        if new != old:
+        before, systems[name] = systems[name], _with_audit(systems[name], change, found, reason)
+        if new != old or systems[name] != before:
             said.append(str(change.id))
     texts: dict[tuple[str, str], bytes] = {}
     touched = sorted({change.id.system for change in chosen})
@@ -151,6 +153,20 @@ def _with(
         if change.measured is not None:
             snapshots.setdefault(entry.snapshot, change.measured.snapshot)
     return replace(one, cases=cases, snapshots=snapshots), entry
+
+
+def _with_audit(
+    one: SystemBaseline, change: Change, found: GateResult, reason: str
+) -> SystemBaseline:
+    """With what the audit finds wrong in the model of a case that was run, accepted as it is."""
+    there = {case.of_model for case in one.cases}
+    audits = {model: audit for model, audit in one.audits.items() if model in there}
+    model = None if change.case is None else found.model_of(change.case)
+    if model is not None and model.audit is not None:
+        of_model = change.id.of_model
+        audit = accepted_audit(of_model, model, audits.pop(of_model, None), reason)
+        audits |= {} if audit is None else {of_model: audit}
+    return replace(one, audits=audits)
 
 
 def _declared(

@@ -19,6 +19,7 @@ from harness.baseline.file import SystemBaseline
 from harness.baseline.fingerprint import FolderFiles, folder_files
 from harness.baseline.store import named_folders
 from harness.files.folders import builtin
+from harness.gate.audits import with_audit
 from harness.gate.file_diffs import file_diffs
 from harness.gate.options import GateOptions
 from harness.gate.result import GateResult
@@ -132,16 +133,18 @@ def _of_run(
     for case in ran.results.cases:
         system = systems[case.folder]
         scan = names[system]
-        yield classify(
+        one = found.baseline.get(system)
+        change = classify(
             system,
             case,
             ran.measured.get((case.folder, case.id)),
             scan,
-            found.baseline.get(system),
+            one,
             found.versions,
             options.resolution,
             stale=again[scan.folder] != scan,
         )
+        yield with_audit(change, ran.results.model_of(case), one)
 
 
 def _of_the_rest(

@@ -48,6 +48,9 @@ def _place(found: GateResult, change: Change) -> ChangedLine:
         note = case_note(change.case, found.model_of(change.case))
         if note.line > 1:
             return ChangedLine(note.file, note.line, note.message)
+    for finding in change.findings:
+        if finding.where is not None and finding.where.line is not None:
+            return ChangedLine(Path(finding.where.file), finding.where.line, "")
     first = ["system.py", model] if "equations" in change.kinds else [model, f"{model}.toml"]
     mine = [d for d in found.file_diffs if d.system == change.id.system and model in d.models]
     mine.sort(key=lambda diff: first.index(diff.name) if diff.name in first else 2)

@@ -10,6 +10,7 @@ from harness.baseline.changes import Status
 from harness.baseline.classify import Change
 from harness.gate.result import GateResult
 from harness.text.causes import cause_sentences
+from harness.text.visible import visible_lines
 
 QUIET = (Status.SAME,)
 """Cases of which a log says nothing but their number."""
@@ -103,13 +104,14 @@ def _relative(path: Path) -> str:
 
 
 def _cell(text: str) -> str:
+    text = " ".join(visible_lines(text))
     for old, new in (
         ("&", "&amp;"),
         ("<", "&lt;"),
         (">", "&gt;"),
+        ("](", "]&#40;"),
         ("|", "\\|"),
         ("`", "&#96;"),
-        ("\n", " "),
     ):
         text = text.replace(old, new)
     return text

@@ -142,7 +142,8 @@ def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str)
     for name in names:
         place = f"{where}: [coordinates] {name}"
         if name in sidecar.coordinates:
-            forward.append(parse(sidecar.coordinates[name], known, place))
+            entry = sidecar.entry("coordinates", name)
+            forward.append(parse(sidecar.coordinates[name], known, entry))
         elif name in own:
             forward.append(own[name])
         else:
@@ -165,7 +166,8 @@ def _back(
     for coordinate in system.coordinates:
         place = f"{where}: [readback] {coordinate.name}"
         if coordinate.name in sidecar.readback:
-            back.append(parse(sidecar.readback[coordinate.name], known, place))
+            entry = sidecar.entry("readback", coordinate.name)
+            back.append(parse(sidecar.readback[coordinate.name], known, entry))
         elif coordinate.name in names:
             back.append(known[coordinate.name])
         else:

@@ -188,7 +188,7 @@ class CrosscheckItem(pytest.Item):
         found = runner.audit(folder, self.sidecar, self.engine)
         if isinstance(found, Failure):
             return failed_case(one, str(folder), found)
-        return Model(
+        model = Model(
             system=one.system,
             model=one.model,
             engine=one.engine,
@@ -197,6 +197,7 @@ class CrosscheckItem(pytest.Item):
             sidecar="",
             audit=found,
         )
+        return runner.marked(model, folder)
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Where it is: the model file; and its name as `crosscheck run` has it."""

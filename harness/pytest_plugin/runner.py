@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
+from harness.baseline.audits import mark_models
 from harness.baseline.known import Accepted, accepted, mark_known
 from harness.baseline.measure import measure, measure_task
 from harness.baseline.store import read_baseline
@@ -22,6 +23,7 @@ from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.records.case import Case, CaseId
 from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.schedule.main_module import without_main
 from harness.schedule.workers import Failure, Workers
@@ -64,15 +66,24 @@ class CaseRunner:
             return failed_case(one, str(folder), case)
         if case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
             return case
-        if folder not in self._accepted:
-            self._accepted[folder] = accepted(self._baseline, (folder,), self._resolution)
-        before = self._accepted[folder]
+        before = self._before(folder)
         if before is None or case.id not in before.snapshots:
             return case
-        measuring = measure_task(task, found.variants, before.snapshots[case.id])
+        measuring = measure_task(task, found, before.snapshots[case.id])
         measured = self._run(measure, measuring)
         (case,) = mark_known((case,), {(case.folder, case.id): measured}, before)
         return case
+
+    def _before(self, folder: Path) -> Accepted | None:
+        """What was accepted of a folder, read once."""
+        if folder not in self._accepted:
+            self._accepted[folder] = accepted(self._baseline, (folder,), self._resolution)
+        return self._accepted[folder]
+
+    def marked(self, model: Model, folder: Path) -> Model:
+        """A model with the reason for which what its audit finds was accepted, if it was."""
+        before = self._before(folder) if model.findings else None
+        return model if before is None else mark_models((model,), before.systems)[0]
 
     def audit(
         self, folder: Path, sidecar: Sidecar, engine: str

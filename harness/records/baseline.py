@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from harness.records.base import Number, Record, Rows
-from harness.records.case import CaseId
+from harness.records.case import CaseId, ModelId
 from harness.records.outcome import Outcome
 
 FORMAT = 2
@@ -75,6 +77,7 @@ class Measurement(Record, frozen=True, kw_only=True):
         end, uncertainty: of the model on `snapshot`, (K, 2n).
         constants: that the motion identifies, by name.
         on_accepted: None where nothing comparable was accepted.
+        reads: hashes of what the folder's code has read, by name relative to the folder.
     """
 
     snapshot: Snapshot
@@ -82,6 +85,7 @@ class Measurement(Record, frozen=True, kw_only=True):
     uncertainty: Rows
     constants: dict[str, Identified]
     on_accepted: OnAccepted | None
+    reads: dict[str, str] = msgspec.field(default_factory=dict)
 
 
 class AcceptedCase(Record, frozen=True, kw_only=True):
@@ -100,7 +104,8 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         engine_version: the name of the engine with its version.
         resolution: of the run.
         numerics: version of this package's numerics.
-        files: hashes of what the case depends on, by name, relative to the system's folder.
+        files: hashes of what the case depends on, by name, relative to the system's folder; what
+            its code has read elsewhere is among them.
         snapshot: key of the snapshot that the ends belong to.
         end: where the model ends its segments, (K, 2n).
         end_uncertainty: of these.
@@ -142,6 +147,44 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         )
 
 
+class AcceptedFinding(Record, frozen=True, kw_only=True):
+    """What an audit found wrong, and was accepted.
+
+    Attributes:
+        kind: as in `AuditFinding`.
+        message: its sentence, files by their places relative to the system's folder.
+        expected, found: the numbers; None where there is none.
+    """
+
+    kind: str
+    message: str
+    expected: Number
+    found: Number
+
+
+class AcceptedAudit(Record, frozen=True, kw_only=True):
+    """What was accepted of a model that its audit found wrong.
+
+    Attributes:
+        system, model, engine: which model it is of.
+        reason: why it was accepted.
+        findings: all that was found wrong.
+        seal: over all of this.
+    """
+
+    system: str
+    model: str
+    engine: str
+    reason: str
+    findings: tuple[AcceptedFinding, ...]
+    seal: str = ""
+
+    @property
+    def id(self) -> ModelId:
+        """The model's name."""
+        return ModelId(system=self.system, model=self.model, engine=self.engine)
+
+
 class Declared(Record, frozen=True, kw_only=True):
     """What a system declared when its cases were accepted.
 
@@ -170,12 +213,14 @@ class BaselineFile(Record, frozen=True, kw_only=True):
         declared: what the system declared.
         cases: what was accepted of each.
         snapshots: those that cases refer to, by key: the scenario's name with a hash of the rest.
+        audits: what was accepted though the audit finds it wrong, of the models that have such.
     """
 
     format: int
     declared: Declared
     cases: tuple[AcceptedCase, ...]
     snapshots: dict[str, Snapshot]
+    audits: tuple[AcceptedAudit, ...] = ()
 
 
 class GateChange(Record, frozen=True, kw_only=True):

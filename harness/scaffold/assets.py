@@ -6,14 +6,18 @@ from pathlib import Path, PurePosixPath
 
 from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import RawElement, read_elements
+from harness.files.reading import read_regular
 from harness.scaffold.folder import NewError
+
+_MEANT = (".py", ".pyc", ".toml")
+"""Endings that mean something in a system folder: no mesh may come in under them."""
 
 
 def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
     """Relative path -> content of every file that a model file names.
 
     Raises:
-        NewError: for one that is not there, or not below the model's folder.
+        NewError: for one that is not there, is no plain file, or not below the model's folder.
     """
     source = Source(model, data)
     try:
@@ -34,10 +38,14 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
             continue
         path = PurePosixPath(_folder(element, folders), name)
         where = f"{model}:{source.line(element.start)}: it needs {name}"
+        if path.suffix in _MEANT:
+            raise NewError(
+                f"{where}; in a folder, files that end with {path.suffix} are run or read"
+            )
         if path.is_absolute() or ".." in path.parts or ":" in str(path):
             raise NewError(f"{where}, which is not below its folder; a folder holds all it needs")
         try:
-            found[str(path)] = (model.parent / path).read_bytes()
+            found[str(path)] = read_regular(model.parent / path)
         except OSError as error:
             raise NewError(f"{where}: {error.strerror}") from None
     return found

@@ -9,11 +9,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from harness.files.locations import Location, LocationError, find_in
+from harness.scaffold.folder import NewError
 
 _TAKEN = {
     "t", "pi", "sin", "cos", "ground", "system", "T", "V", "D", "Constant", "Coordinate",
     "Equilibrium", "Input", "Output", "Scenario", "System", "FILE",
 }  # fmt: skip
+
+_LONGEST = 60
+"""Characters of an identifier: a line of system.py shall hold several."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +47,8 @@ class Ledger:
 
     def name(self, *parts: str) -> str:
         """An identifier that nothing else has."""
-        plain = re.sub(r"\W+", "_", "_".join(parts), flags=re.ASCII).strip("_") or "x"
+        plain = re.sub(r"\W+", "_", "_".join(parts), flags=re.ASCII).strip("_")
+        plain = plain[:_LONGEST].strip("_") or "x"
         if not plain.isidentifier() or keyword.iskeyword(plain):
             plain = f"x_{plain}"
         found, count = plain, 2
@@ -61,7 +66,13 @@ class Ledger:
         address: str | None,
         degrees: bool = False,
     ) -> str:
-        """A formula for a number in SI units, which stands at `address` if that can be told."""
+        """A formula for a number in SI units, which stands at `address` if that can be told.
+
+        Raises:
+            NewError: for what is no finite number.
+        """
+        if not math.isfinite(value):
+            raise NewError(f"{self.file}: {what} is {value}, where a finite number belongs")
         if value == 0:
             return "0"
         sign = "-" if value < 0 else ""
@@ -96,6 +107,18 @@ class Ledger:
             return None
         written = math.radians(place.value) if degrees else place.value
         return place if math.isclose(written, value, rel_tol=4e-16, abs_tol=0.0) else None
+
+
+def finite(text: str) -> float:
+    """A number as text has it.
+
+    Raises:
+        ValueError: for what is none, or not finite.
+    """
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(text)
+    return number
 
 
 def quarter(angle: float) -> str | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from harness.audit.plan import audits
 from harness.engines.registry import readers
+from harness.files.reading import read_regular
 from harness.scaffold.assets import neighbours
 from harness.scaffold.constants import Ledger, Row
 from harness.scaffold.folder import NewError, write_folder
@@ -16,7 +17,7 @@ from harness.scaffold.mjcf import read_mjcf
 from harness.scaffold.scenarios import plan, provisional
 from harness.scaffold.text import sidecar_text, system_text
 from harness.scaffold.urdf import read_urdf
-from reference.declaration import DeclarationError
+from harness.text.visible import odd_name, visible
 from reference.system import System
 
 _FORMATS = (".urdf", ".xml")
@@ -34,8 +35,10 @@ def from_model(model: Path, target: Path) -> tuple[str, ...]:
     """
     if model.suffix not in _FORMATS:
         raise NewError(f"{model}: a model file is a .urdf, or an MJCF ending with .xml")
+    if (why := odd_name(model.name)) is not None:
+        raise NewError(f"{visible(str(model))}: its name has {why}; rename it")
     try:
-        data = model.read_bytes()
+        data = read_regular(model)
     except OSError as error:
         raise NewError(f"{model}: can't be read: {error.strerror}") from None
     beside = neighbours(model, data)
@@ -134,7 +137,7 @@ def _declared(text: str, model: Path) -> System:
     module = types.ModuleType("new_system")
     try:
         exec(compile(text, "system.py", "exec"), module.__dict__)
-    except DeclarationError as error:
+    except (ArithmeticError, RecursionError, TypeError, ValueError) as error:
         raise NewError(f"{model}: what it says makes no mechanism: {error}") from None
     system: System = module.system
     return system

@@ -13,14 +13,15 @@ from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 from harness.scaffold.scenarios import Plan
 
 _WIDTH = 100
+_STRING_OR_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|#.*')
 
 
 def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row], plan: Plan) -> str:
-    """The whole of system.py."""
-    joints = mechanism.joints
+    """The whole of system.py; nothing of the model file stands in it but in literals."""
+    joints, file = mechanism.joints, plain(file)
     body = "\n".join(
         [
-            f'"""The physics of {name}, read from {file} by `crosscheck new`."""',
+            f'""{_quoted(f"The physics of {name}, read from {file} by `crosscheck new`.")}""',
             "",
             "SYMPYfrom physics_crosscheck import (",
             "    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, ground, t,",
@@ -69,7 +70,8 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
             "",
         ]
     )
-    used = [word for word in ("pi", "sin") if re.search(rf"\b{word}\b", body)]
+    code = _STRING_OR_COMMENT.sub("", body)
+    used = [word for word in ("pi", "sin") if re.search(rf"\b{word}\b", code)]
     return body.replace("SYMPY", f"from sympy import {', '.join(used)}\n\n" if used else "", 1)
 
 
@@ -82,8 +84,8 @@ def sidecar_text(
     settings: Sequence[str],
 ) -> str:
     """The sidecar: engines, what the format has no word for, and where each number comes from."""
-    lines = [f"# The sidecar of {file}: what the file itself can't say."]
-    lines += [f"# Left out: {name}: {why}" for name, why in left_out.items()]
+    lines = [f"# The sidecar of {plain(file)}: what the file itself can't say."]
+    lines += [f"# Left out: {plain(f'{name}: {why}')}" for name, why in left_out.items()]
     lines += [f"engines = [{', '.join(_quoted(e.name) for e in engines)}]", ""]
     lines += settings
     for engine in engines if settings else ():
@@ -230,7 +232,25 @@ def _literal(value: object) -> str:
     return _quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
+def plain(text: str) -> str:
+    """Text for a comment: it can neither end its line nor show otherwise than it is read."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
 def _quoted(text: str) -> str:
-    """A string literal that Python and TOML both read; joints may have any name."""
-    plain = "".join(c if c.isprintable() else "?" for c in text)
-    return '"' + plain.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    """A string literal that Python and TOML both read as this very text; joints may have any name.
+
+    Half characters, of names of files that are no UTF-8, are question marks: TOML has none.
+    """
+    return '"' + "".join(map(_escaped, text)) + '"'
+
+
+def _escaped(c: str) -> str:
+    if c in '"\\':
+        return f"\\{c}"
+    if c.isprintable():
+        return c
+    code = ord(c)
+    if 0xD800 <= code < 0xE000:
+        return "?"
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

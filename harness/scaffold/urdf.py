@@ -8,7 +8,7 @@ from pathlib import Path
 from harness.engines.registry import readers
 from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import RawElement, read_elements
-from harness.scaffold.constants import Ledger, quarter
+from harness.scaffold.constants import Ledger, finite, quarter
 from harness.scaffold.folder import NewError
 from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 
@@ -300,7 +300,7 @@ class _Reader:
         if element is None:
             return "0"
         try:
-            value = float(element.text)
+            value = finite(element.text)
         except ValueError:
             raise self.refuse(element, f"{element.text!r} is no number") from None
         return self.ledger.number(
@@ -310,14 +310,14 @@ class _Reader:
     def _value(self, element: RawElement, key: str) -> float:
         text = element.attributes.get(key, "0")
         try:
-            return float(text)
+            return finite(text)
         except ValueError:
             raise self.refuse(element, f"{key} is {text!r}, where a number belongs") from None
 
     def _three(self, element: RawElement, key: str, default: str) -> tuple[float, float, float]:
         text = element.attributes.get(key, default)
         try:
-            x, y, z = map(float, text.split())
+            x, y, z = map(finite, text.split())
         except ValueError:
             raise self.refuse(element, f"{key} is {text!r}, where three numbers belong") from None
         return x, y, z

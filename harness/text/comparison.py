@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from harness.records.comparison import Compared, Comparison, FileDifference, FileEdit
 from harness.records.outcome import Outcome
+from harness.text.markup import escape
 from harness.text.table import STYLES
 
 MOST_TOLD = 20

@@ -15,6 +15,7 @@ from harness.records.cause import Cause
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
+from harness.text.visible import visible, visible_lines
 
 MOST = 10
 """Annotations that GitHub shows of a step and level."""
@@ -45,11 +46,9 @@ class Annotation:
         path = self.file.resolve()
         inside = path.relative_to(root) if path.is_relative_to(root) else path
         where = _property(inside.as_posix())
-        title = _property(self.title[:200])
-        return (
-            f"::{self.level} file={where},line={self.line},title={title}"
-            f"::{_data(self.message[:_LONGEST])}"
-        )
+        message = "\n".join(visible_lines(self.message[:_LONGEST]))
+        title = _property(visible(self.title[:200]))
+        return f"::{self.level} file={where},line={self.line},title={title}::{_data(message)}"
 
 
 def case_notes(results: Results) -> list[Annotation]:
@@ -107,6 +106,14 @@ def commands(found: Sequence[Annotation], environment: Mapping[str, str]) -> lis
         return []
     root = Path(environment.get("GITHUB_WORKSPACE") or Path.cwd()).resolve()
     return [annotation.command(root) for annotation in found[:MOST]]
+
+
+def plain_line(line: str, environment: Mapping[str, str]) -> str:
+    """A line for a log that GitHub takes for no workflow command, whatever names stand in it."""
+    if environment.get("GITHUB_ACTIONS", "").lower() != "true":
+        return line
+    shown = line.replace("##[", "## [")
+    return f"| {shown}" if shown.lstrip().startswith("::") else shown
 
 
 def write_summary(text: str, environment: Mapping[str, str]) -> None:

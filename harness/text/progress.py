@@ -11,6 +11,7 @@ from rich.progress import Progress as Bar
 
 from harness.records.case import Case
 from harness.text.table import case_line
+from harness.text.visible import visible
 
 
 class Progress:
@@ -25,7 +26,7 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._bar.task_ids[0], completed=done, total=total)
         elif case is not None:
-            print(case_line(done, total, case), file=sys.stderr, flush=True)
+            print(visible(case_line(done, total, case)), file=sys.stderr, flush=True)
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:

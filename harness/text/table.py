@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from harness.records.base import Number
@@ -17,6 +16,7 @@ from harness.records.outcome import Outcome
 from harness.records.results import BaselineChanges, Results
 from harness.text.causes import cause_sentences
 from harness.text.findings import audit_lines
+from harness.text.markup import escape
 
 STYLES: Mapping[str, str] = {
     Outcome.AGREES: "green", Outcome.ABSENT: "yellow", Outcome.UNRESOLVED: "magenta",

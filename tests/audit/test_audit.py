@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,16 +10,19 @@ import msgspec
 import numpy as np
 import pytest
 
+from harness.audit.literals import declared_bindings
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
 from harness.audit.terms import Compiled
 from harness.engines.protocol import Force, Model, StateForce
 from harness.files.bindings import bindings, with_literals
+from harness.files.folders import builtin
 from harness.files.sidecar import read_sidecar
 from harness.numerics.coordinates import coordinate_map
 from harness.records.base import SourceLine
 from harness.records.finding import AuditFinding
 from harness.text.findings import audit_lines
+from reference.load import load_system
 from reference.numeric import Array
 from tests.audit.models import MODELS, Look, audit, grave, prepared, said
 
@@ -303,3 +307,19 @@ def test_what_has_no_limit_is_said_to_be_unresolved() -> None:
     found = list(Compiled.of(task, model, map_).findings())
     assert "random states are not resolved without motion" in said(found, "unresolved", "note")
     assert said(found, "acceleration") == ""
+
+
+def test_thousands_of_bindings_that_mean_nothing_are_summed_up(tmp_path: Path) -> None:
+    system = load_system(builtin() / "mass_spring_damper")
+    (tmp_path / "m.py").write_text("MASS = 1.3\n")
+    lines = [f'NO_{i} = "m"' for i in range(3000)]
+    head = ['engines = ["pymunk"]', "[bindings]", 'MASS = "m"']
+    (tmp_path / "m.py.toml").write_text("\n".join([*head, *lines]))
+    began = time.process_time()
+    found, lost = declared_bindings(system, read_sidecar(tmp_path / "m.py.toml"))
+    assert time.process_time() - began < 10
+    assert [binding.address for binding in found] == ["MASS"]
+    assert len(lost) == 11
+    assert lost[-1].message == (
+        "2990 more bindings were not looked at, after 10 that can't be read; mend these first"
+    )

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from harness.baseline.file import file_text, read_file
 from harness.baseline.seal import canonical, sealed, snapshot_key
-from harness.baseline.store import BaselineError, read_baseline
-from harness.records.baseline import AcceptedCase, Declared, Snapshot
+from harness.baseline.store import BaselineError, accepted_text, read_baseline
+from harness.records.baseline import (
+    AcceptedAudit,
+    AcceptedCase,
+    AcceptedFinding,
+    Declared,
+    Snapshot,
+)
 from harness.records.read import decoded
 from tests.baseline.samples import ENTRY, SNAPSHOT, SYSTEM, baseline, entry
 
@@ -213,6 +222,45 @@ def test_a_folder_in_the_place_of_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / f"{SYSTEM}.json").mkdir()
     with pytest.raises(BaselineError, match="can't be read"):
         read_baseline(tmp_path)
+
+
+@pytest.mark.parametrize("place", [f"{SYSTEM}.json", f"{SYSTEM}/m.xml.accepted"])
+def test_a_pipe_or_a_device_in_the_place_of_a_file_is_not_opened(
+    tmp_path: Path, place: str
+) -> None:
+    path = tmp_path / place
+    path.parent.mkdir(exist_ok=True)
+    for make in (os.mkfifo, lambda path: path.symlink_to("/dev/zero")):
+        make(path)
+        if path.suffix == ".json":
+            with pytest.raises(BaselineError, match="can't be read: it is a "):
+                read_baseline(tmp_path)
+        assert accepted_text(tmp_path, SYSTEM, "m.xml", "0") is None
+        path.unlink()
+
+
+def test_an_entry_that_names_no_engine_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    table = plain()
+    table["cases"][0]["engine"] = ""
+    said = refused(tmp_path, json.dumps(resealed(table)).encode())
+    assert "names no model, scenario or engine" in said
+
+
+def test_what_was_accepted_of_an_audit_is_read_as_it_was_or_refused(tmp_path: Path) -> None:
+    found = AcceptedFinding(kind="literal", message="m is 1.4", expected=1.3, found=1.4)
+    audit = AcceptedAudit(system=SYSTEM, model="m.xml", engine="e", reason="so", findings=(found,))
+    text = file_text(replace(baseline(), audits={audit.id: audit}))
+    assert read_file(text.encode(), SYSTEM).audits == {audit.id: sealed(audit)}
+    assert file_text(read_file(text.encode(), SYSTEM)) == text
+    assert "does not say what was accepted" in refused(
+        tmp_path, text.replace("1.4", "1.5").encode()
+    )
+    table = json.loads(text)
+    table["audits"] *= 2
+    assert "is there twice" in refused(tmp_path, json.dumps(table).encode())
+    other = json.loads(canonical(sealed(msgspec.structs.replace(audit, system="disc"))))
+    table["audits"] = [other]
+    assert "is of another system" in refused(tmp_path, json.dumps(table).encode())
 
 
 def test_what_is_written_is_read_as_it_was() -> None:

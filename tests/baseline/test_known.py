@@ -7,8 +7,10 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from harness.baseline import known
 from harness.baseline.fingerprint import FolderFiles, ModelFiles
 from harness.baseline.known import Accepted, changes_since, mark_known
+from harness.baseline.store import write_baseline
 from harness.records.baseline import AcceptedCase, Measurement
 from harness.records.case import Case, CaseId
 from harness.records.outcome import Outcome
@@ -147,3 +149,22 @@ def test_a_declaration_that_can_t_be_loaded_takes_its_cases_with_it() -> None:
     found = changes_since((failed,), {}, accepted(ENTRY))
     assert found is not None
     assert [change.kind for change in found.changes] == ["new"]
+
+
+def test_a_folder_with_a_file_that_can_t_be_read_ends_no_run_and_is_not_as_accepted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(folder: Path, _: Path) -> FolderFiles:
+        raise PermissionError(13, "Permission denied", str(folder / "mesh.stl"))
+
+    monkeypatch.setattr("harness.baseline.known.folder_files", refuse)
+    write_baseline(tmp_path, [baseline()], {})
+    found = known.accepted(tmp_path, [FOLDER], 1e-9)
+    assert found is not None
+    assert (found.folders, found.snapshots) == ({}, {})
+    this = case(Outcome.FAILED, reason="mesh.stl can't be read")
+    told = changes_since((this,), {}, found)
+    assert told is not None
+    assert [(c.kind, c.message) for c in told.changes] == [
+        ("regression", "its folder has a file that can't be read")
+    ]

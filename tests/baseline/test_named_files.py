@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.baseline.fingerprint import BESIDE, folder_files
+from harness.files.parts import named_files
 
 SIDECAR = 'engines = ["mujoco"]\n'
 
@@ -78,7 +79,6 @@ def test_an_include_that_includes_itself_ends(folder: Path) -> None:
 @pytest.mark.parametrize("text", [
     '<?xml version="1.0"?><mujoco/><mujoco><mesh file="../shared/a.stl"/></mujoco>',
     '<?xml version="1.0"?><mujoco><mesh name="&unknown;" file="../shared/a.stl"/></mujoco>',
-    '<?xml version="1.0"?><!DOCTYPE mujoco><mujoco><mesh file="../shared/a.stl"/></mujoco>',
     '<?xml version="1.0" encoding="latin-1"?><mujoco><mesh file="../shared/a.stl"/></mujoco>',
     '<?xml version="1.0"?><mujoco>don\'t<mesh file="../shared/a.stl"></mujoco>',
 ])  # fmt: skip
@@ -87,6 +87,16 @@ def test_of_a_file_that_the_parser_refuses_every_quoted_word_counts(
 ) -> None:
     # Engines read more than this parser does: one name too few would hide a change.
     assert named(folder, text) == {"../shared/a.stl"}
+
+
+def test_a_file_with_a_dtd_is_refused_and_its_words_count_all_the_same(folder: Path) -> None:
+    text = '<?xml version="1.0"?>\n<!DOCTYPE mujoco><mujoco><mesh file="../shared/a.stl"/></mujoco>'
+    (folder / "m.xml").write_text(text)
+    named = {path.resolve() for path in named_files(folder / "m.xml")}
+    assert named == {folder.parent / "shared" / "a.stl"}
+    scan = folder_files(folder)
+    assert scan.models == ()
+    assert scan.broken[0] == f"{folder / 'm.xml'}:2: refused: it declares entities or a DTD"
 
 
 def test_a_changed_named_file_changes_what_the_model_is_made_of(folder: Path) -> None:

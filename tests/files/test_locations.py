@@ -165,7 +165,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.toml", TOML, "spring[2].stiffness", None, r"no number; there is spring\[.\]\.stiffness"),
     ("m.toml", TOML, "settings.gravity", None, r"no number; there is settings\.gravity\[\d\]"),
     ("m.toml", TOML, "settings.mujoco.day", 14, "means no number"),
-    ("m.toml", TOML, "engines[0]", None, "means no number"),
+    ("m.toml", TOML, "engines[0]", 2, "means no number"),
     # Several are.
     ("m.xml", MJCF, "body/inertial@mass", 9,
      r"several numbers \(lines 9, 12, 14\); say which.*body\[drum\]/inertial, "

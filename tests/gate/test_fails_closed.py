@@ -138,7 +138,9 @@ def test_a_file_that_can_t_be_opened_is_named(
 
     monkeypatch.setattr(Path, "read_bytes", refuse)
     assert gate() == FAIL
-    assert "robot.urdf: Permission denied" in capsys.readouterr().err
+    out = capsys.readouterr().out
+    assert f"models/{SYSTEM}/robot.urdf: can't be read: Permission denied" in out
+    assert "6 as accepted; 1 run" in out
 
 
 def test_a_missing_engine_exits_3(

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from harness.baseline.changes import Status
+from harness.baseline.store import read_baseline
 from harness.numerics.version import VERSION
-from tests.gate.conftest import Repository
+from tests.gate.conftest import SYSTEM, Repository
 
 ROOT = Path(__file__).parents[2]
 
@@ -56,3 +57,26 @@ def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Rep
         check=False,
     )
     assert done.stdout.splitlines()[-1] == "0", done.stdout + done.stderr
+
+
+def test_what_code_reads_elsewhere_is_run_again_when_it_changes(repository: Repository) -> None:
+    shared, hidden = repository.root / "shared.txt", repository.folder / ".mass"
+    shared.write_text("47.0")
+    hidden.write_text("1.3")
+    read = "float(__import__('pathlib').Path(__file__).parent.joinpath('{}').read_text())"
+    repository.edit("system.py", '"k", 47.0', f'"k", {read.format("../../shared.txt")}')
+    repository.edit("space.py", "Body(MASS, ", f"Body({read.format('.mass')}, ")
+    repository.accept("read from files", found=repository.gate("pymunk"))
+    for case, entry in read_baseline(repository.baseline)[SYSTEM].cases.items():
+        read_too = {"../../shared.txt", ".mass"} & set(entry.files)
+        assert len(read_too) == (2 if case.engine == "pymunk" else 0)
+    assert str(repository.root) not in repository.file.read_text()
+    assert {c.status for c in repository.gate("pymunk").changes} == {Status.SAME}
+    hidden.write_text("1.4")
+    found = repository.gate("pymunk")
+    assert {c.status for c in found.changes} == {Status.CHANGED}
+    assert [(diff.name, diff.models) for diff in found.file_diffs] == [(".mass", ("space.py",))]
+    hidden.write_text("1.3")
+    assert {c.case for c in repository.gate("pymunk").changes} == {None}
+    shared.unlink()
+    assert not repository.gate("pymunk").passes

@@ -13,6 +13,10 @@ class LocationError(ValueError):
     """An address that means no number or several; the message names file, line and remedy."""
 
 
+class RefusedError(LocationError):
+    """A file that is read no further, though an engine might: a DTD, or elements without end."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Location:
     """A number in a file.

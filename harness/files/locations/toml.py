@@ -7,6 +7,7 @@ import tomllib
 from typing import Any
 
 from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
+from harness.files.reading import TomlError, toml_document
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STRING = re.compile(
@@ -16,7 +17,7 @@ _STRING = re.compile(
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")
 _SCALAR = re.compile(r"\d{4}-\d\d-\d\d [\d:.Z+-]+|[^\s,\]}#]+")
-_PART = re.compile(rf"(?:{_BARE.pattern}|{_STRING.pattern})|\[\d+\]|\.", re.DOTALL)
+_PART = re.compile(rf"(?:{_BARE.pattern}|{_STRING.pattern})|\[\d{{1,9}}\]|\.", re.DOTALL)
 
 _Key = tuple[str | int, ...]
 
@@ -60,13 +61,13 @@ def toml_offset(source: Source, address: str) -> int | None:
 def _read(source: Source) -> tuple[str, dict[str, Any]]:
     text = source.data.decode("utf-8")
     try:
-        return text, tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise LocationError(f"{source.file}: no TOML: {error}") from None
+        return text, toml_document(text)
+    except TomlError as error:
+        raise LocationError(f"{source.file}{error}") from None
 
 
 def _toml_values(text: str) -> dict[_Key, Span]:
-    """Where each value of a well-formed document is written, strings apart."""
+    """Where each value of a well-formed document is written."""
     found: dict[_Key, Span] = {}
     last: dict[_Key, int] = {}
     table: _Key = ()
@@ -107,6 +108,7 @@ def _read_key(text: str, at: int) -> tuple[_Key, int]:
 def _read_value(text: str, at: int, key: _Key, found: dict[_Key, Span]) -> int:
     """Note a value, or those in it; returns where it ends."""
     if match := _STRING.match(text, at):
+        found[key] = match.span()
         return match.end()
     if text[at] not in "[{":
         match = _SCALAR.match(text, at)

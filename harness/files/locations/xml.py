@@ -8,17 +8,28 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
-from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
+from harness.files.locations.location import (
+    LocationError,
+    RefusedError,
+    Resolve,
+    Source,
+    Span,
+    nearest,
+)
 
 _IDENTITIES = ("name", "reference", "joint", "class")
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
 _ADDRESS = re.compile(
     rf"(?P<steps>{_STEP.pattern}(?:/{_STEP.pattern})*)"
-    r"(?:@(?P<attribute>[^\s/@\[\]]+)(?:\[(?P<index>\d+)\])?)?"
+    r"(?:@(?P<attribute>[^\s/@\[\]]+)(?:\[(?P<index>\d{1,9})\])?)?"
 )
 ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 TAG = re.compile(rb"<[^\s/>]+")
+MOST_DEPTH = 300
+"""Elements within elements: MuJoCo's parser stops at 500."""
+_DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
+_HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
 
 
 @dataclass
@@ -149,6 +160,28 @@ def _address(resolve: Resolve, element: RawElement, ending: str) -> Iterator[str
             return
 
 
+def check_harmless(source: Source) -> None:
+    """Refuse what a reader of XML may be harmed with, well-formed or not.
+
+    Raises:
+        RefusedError: for a DTD, or elements nested beyond reason; with its line.
+    """
+    bare = _HIDDEN.sub(lambda hidden: b" " * len(hidden[0]), source.data)
+    if found := _DECLARATION.search(bare):
+        raise _declares(source, source.line(found.start()))
+    if bare.count(b"<") > MOST_DEPTH:
+        try:
+            read_elements(source)
+        except RefusedError:
+            raise
+        except LocationError:
+            return  # the engine's parser tells what is wrong with it
+
+
+def _declares(source: Source, line: int) -> RefusedError:
+    return RefusedError(f"{source.file}:{line}: refused: it declares entities or a DTD")
+
+
 def read_elements(source: Source) -> list[RawElement]:
     """Every element of a file, in its order; entity expansion off."""
     parser = expat.ParserCreate()
@@ -160,10 +193,12 @@ def read_elements(source: Source) -> list[RawElement]:
             raise LocationError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
 
     def refuse(*_: object) -> None:
-        line = parser.CurrentLineNumber
-        raise LocationError(f"{source.file}:{line}: refused: it declares entities or a DTD")
+        raise _declares(source, parser.CurrentLineNumber)
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
+        if len(open_) == MOST_DEPTH:
+            place = f"{source.file}:{parser.CurrentLineNumber}"
+            raise RefusedError(f"{place}: refused: more than {MOST_DEPTH} elements in one another")
         parent = open_[-1] if open_ else None
         element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
         if parent is not None:

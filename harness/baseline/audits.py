@@ -1,0 +1,94 @@
+"""What an audit finds wrong against what was accepted of that."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+
+import msgspec
+
+from harness.baseline.file import SystemBaseline
+from harness.records.base import Number
+from harness.records.baseline import AcceptedAudit, AcceptedFinding
+from harness.records.case import ModelId
+from harness.records.finding import AuditFinding
+from harness.records.model import Model
+
+SAME = 1e-6
+"""Computed numbers this close, relative to each other, are those that were accepted: another
+machine rounds otherwise. Those of a literal stand in the file, and are the same or are not."""
+
+_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
+
+
+def unaccepted(model: Model, audit: AcceptedAudit | None) -> tuple[AuditFinding, ...]:
+    """What is found wrong with a model and was not accepted."""
+    known = () if audit is None else audit.findings
+    return tuple(
+        one for one in model.findings if not any(_same(_plain(one, model), a) for a in known)
+    )
+
+
+def accepted_audit(
+    id_: ModelId, model: Model, before: AcceptedAudit | None, reason: str
+) -> AcceptedAudit | None:
+    """What is to be accepted of a model's audit; as it was where nothing is new; None for nothing.
+
+    Args:
+        id_: the model, its system called as in the baseline.
+        model: its record.
+        before: what was accepted of it.
+        reason: why it is accepted.
+    """
+    findings = tuple(_plain(one, model) for one in model.findings)
+    if not findings:
+        return None
+    if (
+        before is not None
+        and len(before.findings) == len(findings)
+        and not unaccepted(model, before)
+    ):
+        return before
+    return AcceptedAudit(
+        system=id_.system, model=id_.model, engine=id_.engine, reason=reason, findings=findings
+    )
+
+
+def mark_models(
+    models: Iterable[Model], systems: Mapping[str, SystemBaseline]
+) -> tuple[Model, ...]:
+    """The models, each of which all that is found wrong was accepted with the reason for that."""
+    return tuple(_marked(model, systems) for model in models)
+
+
+def _marked(model: Model, systems: Mapping[str, SystemBaseline]) -> Model:
+    one = systems.get(model.system)
+    audit = None if one is None else one.audits.get(model.id)
+    if audit is None or not model.findings or unaccepted(model, audit):
+        return model
+    return msgspec.structs.replace(model, accepted=audit.reason)
+
+
+def _plain(one: AuditFinding, model: Model) -> AcceptedFinding:
+    """A finding without the place of this machine that its folder is in."""
+    return AcceptedFinding(
+        kind=one.kind,
+        message=one.message.replace(f"{model.folder}/", ""),
+        expected=one.expected,
+        found=one.found,
+    )
+
+
+def _same(one: AcceptedFinding, other: AcceptedFinding) -> bool:
+    if one.kind == "literal":
+        return one == other
+    words = (_NUMBER.sub("#", each.message) for each in (one, other))
+    near = _near(one.expected, other.expected) and _near(one.found, other.found)
+    return one.kind == other.kind and next(words) == next(words) and near
+
+
+def _near(one: Number, other: Number) -> bool:
+    if one is None or other is None:
+        return one is other
+    return math.isclose(one, other, rel_tol=SAME)

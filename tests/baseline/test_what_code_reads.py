@@ -1,0 +1,124 @@
+"""What `system.py` and `space.py` read is what their cases depend on, wherever it lies."""
+
+from __future__ import annotations
+
+import importlib.util
+import py_compile
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.baseline.fingerprint import BESIDE, as_now, folder_files, with_reads
+from harness.files.reads import recorded
+from reference.load import load_system
+from tests.faults.known_folder import SYSTEM
+
+HERE = "from pathlib import Path\nHERE = Path(__file__).parent\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A system folder with a folder beside it, and files that its code may read."""
+    folder, shared = tmp_path / "oscillator", tmp_path / "shared"
+    for each in (folder / ".hidden", folder / "old", folder / "__pycache__", shared):
+        each.mkdir(parents=True)
+        (each / "mass.txt").write_text("1.3")
+    (folder / "old" / "results.json").write_text("{}")
+    (folder / ".mass").write_text("1.3")
+    (shared / "local_mass.py").write_text("MASS = 1.3\n")
+    return folder
+
+
+def reads(folder: Path, code: str) -> set[str]:
+    """What is read of a declaration that begins with some code, itself left out."""
+    (folder / "system.py").write_text(HERE + code + SYSTEM)
+    with recorded(folder) as found:
+        load_system(folder)
+    return set(found.names()) - {"system.py"}
+
+
+@pytest.mark.parametrize(("code", "name"), [
+    ("with open(HERE / '../shared/mass.txt') as file:\n    file.read()\n", "../shared/mass.txt"),
+    ("(HERE.parent / 'shared' / 'mass.txt').read_text()\n", "../shared/mass.txt"),
+    ("(HERE.parent / 'shared' / 'mass.txt').read_bytes()\n", "../shared/mass.txt"),
+    ("import os\nos.close(os.open(HERE / '.mass', os.O_RDONLY))\n", ".mass"),
+    ("import numpy\nnumpy.loadtxt(HERE / '.hidden' / 'mass.txt')\n", ".hidden/mass.txt"),
+    ("(HERE / 'old' / 'mass.txt').open('rb').close()\n", "old/mass.txt"),
+    ("(HERE / '__pycache__' / 'mass.txt').read_text()\n", "__pycache__/mass.txt"),
+    ("import sys\nsys.path.insert(0, str(HERE.parent / 'shared'))\nimport local_mass\n",
+     "../shared/local_mass.py"),
+])  # fmt: skip
+def test_what_a_declaration_reads_is_recorded(folder: Path, code: str, name: str) -> None:
+    assert reads(folder, code) == {name}
+    # And again, in a process that has imported it before.
+    assert reads(folder, code) == {name}
+
+
+@pytest.mark.parametrize("code", [
+    "import json.tool, wave, sympy.physics.units\n",
+    "(HERE / 'written').write_text('1.3')\n",
+    "Path('/etc/hostname').read_text()\n",
+    "import harness.text.primes\n",
+])  # fmt: skip
+def test_what_is_written_installed_or_of_the_machine_is_not(folder: Path, code: str) -> None:
+    for name in ("json.tool", "wave", "harness.text.primes"):
+        sys.modules.pop(name, None)
+    assert reads(folder, code) == set()
+
+
+def test_a_module_s_bytecode_is_neither_read_nor_written(folder: Path) -> None:
+    shared = folder.parent / "shared"
+    source = shared / "local_mass.py"
+    source.write_text("raise SystemError('the bytecode is not this')\n")
+    cached = Path(importlib.util.cache_from_source(str(source)))
+    py_compile.compile(str(source), str(cached), invalidation_mode=_UNCHECKED)
+    source.write_text("MASS = 1.3\n")
+    before = cached.read_bytes()
+    code = f"import sys\nsys.path.insert(0, {str(shared)!r})\nimport local_mass\n"
+    assert reads(folder, code) == {"../shared/local_mass.py"}
+    assert cached.read_bytes() == before
+    assert str(shared) not in sys.path
+
+
+_UNCHECKED = py_compile.PycInvalidationMode.UNCHECKED_HASH
+
+
+def test_bytecode_without_a_source_is_recorded(folder: Path) -> None:
+    source = folder / ".hidden" / "local_bytes.py"
+    source.write_text("MASS = 1.3\n")
+    py_compile.compile(str(source), str(source.with_suffix(".pyc")))
+    source.unlink()
+    code = f"import sys\nsys.path.insert(0, {str(source.parent)!r})\nimport local_bytes\n"
+    assert reads(folder, code) == {".hidden/local_bytes.pyc"}
+
+
+def test_each_folder_gets_its_own_module_of_a_name(folder: Path, tmp_path: Path) -> None:
+    code = "import sys\nsys.path.insert(0, str(HERE / 'lib'))\nimport local_name\n"
+    for number in (1.5, 2.5):
+        one = tmp_path / f"folder_{number}"
+        (one / "lib").mkdir(parents=True)
+        (one / "lib" / "local_name.py").write_text(f"MASS = {number}\n")
+        text = SYSTEM.replace('"m", 1.3,', '"m", local_name.MASS,')
+        (one / "system.py").write_text(HERE + code + text)
+        with recorded(one) as found:
+            assert load_system(one).constants[0].value == number
+        assert set(found.names()) == {"system.py", "lib/local_name.py"}
+
+
+def test_what_was_read_elsewhere_counts_and_what_lies_in_the_folder_counts_once(
+    folder: Path,
+) -> None:
+    (folder / "system.py").write_text("")
+    (folder / "space.py").write_text("")
+    (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
+    (folder / "mass.txt").write_text("1.3")
+    (model,) = folder_files(folder).models
+    accepted = with_reads(model, {"mass.txt": "a", "../shared/mass.txt": "b", "system.py": "c"})
+    assert set(accepted) == {*model.copies, BESIDE, "../shared/mass.txt"}
+    now = as_now(model, accepted)
+    assert set(now) == set(accepted)
+    (folder.parent / "shared" / "mass.txt").write_text("1.4")
+    assert as_now(model, accepted) != now
+    (folder.parent / "shared" / "mass.txt").unlink()
+    assert as_now(model, accepted)["../shared/mass.txt"] == "can't be read"

@@ -1,0 +1,315 @@
+"""Files that nobody would write: each is told in one sentence, at once, and the others go on."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from harness.files import reading
+from harness.files.bindings import bindings
+from harness.files.folders import FolderError, builtin, system_folders
+from harness.files.locations import LocationError, find
+from harness.files.model_files import UnreadModel, model_files
+from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.plan import _text
+from reference.load import load_system
+from reference.system import System
+
+XML = '<mujoco><worldbody><body name="b"><joint name="x"/></body></worldbody></mujoco>'
+SIDECAR = 'engines = ["mujoco"]\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a model and its sidecar, in order so far."""
+    folder = tmp_path / "system"
+    folder.mkdir()
+    (folder / "m.xml").write_text(XML)
+    (folder / "m.xml.toml").write_text(SIDECAR)
+    return folder
+
+
+def told(folder: Path) -> str:
+    """What is said of the one model of a folder, in one short line and no time."""
+    began = time.process_time()
+    (one,) = model_files(folder)
+    assert time.process_time() - began < 5
+    assert isinstance(one, UnreadModel), one
+    assert "\n" not in one.reason
+    assert len(one.reason) < 600
+    return one.reason
+
+
+def a_pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def a_socket(path: Path) -> None:
+    here = Path.cwd()
+    os.chdir(path.parent)  # its whole path would be too long for one
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(path.name)
+    os.chdir(here)
+
+
+def a_folder(path: Path) -> None:
+    path.mkdir()
+
+
+def a_device(path: Path) -> None:
+    path.symlink_to("/dev/zero")
+
+
+def a_loop(path: Path) -> None:
+    path.symlink_to(path.name)
+
+
+KINDS: tuple[tuple[Callable[[Path], None], str], ...] = (
+    (a_pipe, "it is a named pipe, where a file belongs"),
+    (a_socket, "it is a socket, where a file belongs"),
+    (a_folder, "it is a folder, where a file belongs"),
+    (a_device, "it is a device, where a file belongs"),
+    (a_loop, "symbolic links"),
+)
+
+
+@pytest.mark.parametrize(("make", "sentence"), KINDS)
+def test_a_sidecar_that_is_no_file_is_not_opened(
+    folder: Path, make: Callable[[Path], None], sentence: str
+) -> None:
+    (folder / "m.xml.toml").unlink()
+    make(folder / "m.xml.toml")
+    assert f"m.xml.toml: can't be read: {sentence}" in told(folder).replace(
+        "Too many levels of ", ""
+    )
+
+
+@pytest.mark.parametrize(("make", "sentence"), KINDS[:4])
+def test_a_model_that_is_no_file_is_not_opened(
+    folder: Path, make: Callable[[Path], None], sentence: str
+) -> None:
+    (folder / "m.xml").unlink()
+    make(folder / "m.xml")
+    assert f"m.xml: can't be read: {sentence}" in told(folder)
+
+
+@pytest.mark.parametrize("body", [
+    '<include file="part"/>',
+    '<asset><mesh file="part"/></asset>',
+    '<compiler meshdir="."/><asset><mesh name="p" file="p&#97;rt"/></asset>',
+])  # fmt: skip
+def test_what_a_model_names_and_is_no_file_is_not_opened(folder: Path, body: str) -> None:
+    os.mkfifo(folder / "part")
+    (folder / "m.xml").write_text(f"<mujoco>{body}</mujoco>")
+    assert "part: can't be read: it is a named pipe" in told(folder)
+
+
+@pytest.mark.parametrize(("make", "_"), KINDS)
+def test_a_system_that_is_no_file_is_not_opened(
+    tmp_path: Path, make: Callable[[Path], None], _: str
+) -> None:
+    make(tmp_path / "system.py")
+    with pytest.raises(ValueError, match=r"system\.py: no such file"):
+        load_system(tmp_path)
+
+
+def test_files_beyond_reason_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with (folder / "m.xml").open("ab") as file:
+        file.truncate(reading.MOST_MODEL + 1)
+    assert "m.xml: can't be read: it has 64.0 MB, where at most 64 MB are read" in told(folder)
+    with (folder / "m.xml.toml").open("ab") as file:
+        file.truncate(reading.MOST_SIDECAR + 1)
+    assert "it has 1.0 MB, where at most 1 MB are read" in told(folder)
+
+
+def test_a_file_that_can_be_listed_and_not_read_is_told(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = Path.read_bytes
+
+    def refuse(self: Path) -> bytes:
+        if self.name == "m.xml":
+            raise PermissionError(13, "Permission denied", str(self))
+        return real(self)
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    assert "m.xml: can't be read: Permission denied" in told(folder)
+
+
+def test_a_file_that_goes_between_listing_and_reading_ends_nothing(folder: Path) -> None:
+    (sidecar,) = model_files(folder)
+    assert isinstance(sidecar, Sidecar)
+    sidecar.model.unlink()
+    assert _text(sidecar.model) == ""
+    assert "there is no model file m.xml" in told(folder)
+
+
+DEEP = 5000
+TOML: dict[str, tuple[str, str]] = {
+    "an integer of 400 digits": (f"[settings]\nstep = {'9' * 400}", "of more than 64 bits"),
+    "an integer of 5000 digits": (f"[settings]\nstep = {'9' * 5000}", ":3: a number of more"),
+    "a hexadecimal of 5000": (f"[settings]\nstep = 0x{'f' * 5000}", "of more than 64 bits"),
+    "arrays in arrays": (f"a = {'[' * DEEP}{']' * DEEP}", "in one another"),
+    "a few arrays in arrays": (f"a = {'[' * 60}{']' * 60}", "in one another"),
+    "tables in tables": (f"a = {'{a = ' * DEEP}1{'}' * DEEP}", "in one another"),
+    "a key of parts": (f"{'a.' * DEEP}b = 1", ":2: a key of more than 100 parts"),
+    "a table of parts": (f"[{'a.' * DEEP}b]", ":2: a key of more than 100 parts"),
+    "a table of some parts": (f"[{'a.' * 60}b]\nc = 1", "in one another"),
+    "an open array": ("a = " + "[" * DEEP, "in one another"),
+    "a long key": (f"{'a' * 100_000} = 1", "unknown key 'aaaa"),
+    "a long engine": (f"[settings.{'a' * 100_000}]\nstep = 1", "is for an engine not in engines"),
+    "a long value": (f"[settings]\nstep = '{'a' * 100_000}'", "step is 'aaaa"),
+    "a zero byte": ("a = '\0'", "no TOML"),
+    "a step that is no number": ("[settings]\nstep = nan", "step is nan"),
+    "a step of infinity": ("[settings]\nstep = inf", "step is inf"),
+    "an engine that is there twice": ('engines = ["mujoco", "mujoco"]', "lists 'mujoco' twice"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TOML)
+def test_a_sidecar_beyond_reason_is_told(folder: Path, name: str) -> None:
+    text, sentence = TOML[name]
+    head = "" if text.startswith("engines") else SIDECAR
+    (folder / "m.xml.toml").write_text(head + text)
+    said = told(folder)
+    assert said.startswith(f"{folder / 'm.xml.toml'}:")
+    assert sentence in said
+
+
+def test_bytes_that_are_no_text_are_told(folder: Path) -> None:
+    (folder / "m.xml.toml").write_bytes(SIDECAR.encode() + b"# \xff")
+    assert "byte 23 is no UTF-8; save it as UTF-8" in told(folder)
+
+
+MODELS: dict[str, tuple[str, str]] = {
+    "a DTD": ("<!DOCTYPE mujoco>\n<mujoco/>", ":1: refused: it declares entities or a DTD"),
+    "entities in entities": (
+        '<?xml version="1.0"?>\n<!DOCTYPE m [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>\n'
+        "<mujoco model='&b;'/>", ":2: refused: it declares entities or a DTD"),
+    "an external entity": (
+        '<!DOCTYPE m [<!ENTITY a SYSTEM "file:///etc/passwd">]>\n<mujoco/>', ":1: refused"),
+    "a DTD after two roots": ("<mujoco/>\n<mujoco/>\n<!DOCTYPE mujoco>", ":3: refused"),
+    "elements in elements": (
+        f"<mujoco>\n{'<frame>' * DEEP}{'</frame>' * DEEP}</mujoco>",
+        ":2: refused: more than 300 elements in one another"),
+    "elements without an end": ("<mujoco>" + "\n<frame>" * DEEP, ":301: refused: more than 300"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_that_may_do_harm_is_refused_with_its_line(folder: Path, name: str) -> None:
+    text, sentence = MODELS[name]
+    (folder / "m.xml").write_text(text)
+    assert f"{folder / 'm.xml'}{sentence}" in told(folder)
+    # And in a part of it, whatever that is called.
+    (folder / "m.xml").write_text('<mujoco><include file="p&#97;rt.inc"/></mujoco>')
+    (folder / "part.inc").write_text(text)
+    assert f"part.inc{sentence}" in told(folder)
+
+
+def test_what_looks_like_a_dtd_and_is_none_is_read(folder: Path) -> None:
+    (folder / "m.xml").write_text("<mujoco><!-- <!DOCTYPE a> --><![CDATA[<!ENTITY]]></mujoco>")
+    assert isinstance(next(model_files(folder)), Sidecar)
+
+
+def test_includes_in_includes_are_counted(folder: Path) -> None:
+    for i in range(200):
+        (folder / f"p{i}").write_text(f'<mujocoinclude><include file="p{i + 1}"/></mujocoinclude>')
+    (folder / "p200").write_text("<mujocoinclude/>")
+    (folder / "m.xml").write_text('<mujoco><include file="p150"/></mujoco>')
+    assert isinstance(next(model_files(folder)), Sidecar)
+    (folder / "m.xml").write_text('<mujoco><include file="p0"/></mujoco>')
+    assert "m.xml: more than 100 includes in one another" in told(folder)
+
+
+@pytest.mark.parametrize("name", [b"new\nline.xml", b"\xff\xfe.xml", b"\x1b[31mred.xml"])
+def test_a_name_that_is_none_is_told_as_escapes(folder: Path, name: bytes) -> None:
+    for ending in (b"", b".toml"):
+        path = Path(os.fsdecode(os.fsencode(folder) + b"/" + name + ending))
+        path.write_text(SIDECAR if ending else XML)
+        unread = [one for one in model_files(folder) if isinstance(one, UnreadModel)]
+        (one,) = unread
+        assert one.reason.isprintable()
+        assert one.model.isprintable()
+        assert one.reason.endswith("; rename it")
+
+
+def test_a_folder_whose_name_is_none_is_refused(tmp_path: Path) -> None:
+    for name in ("new\nline", "\udcff", "\x1b[31m"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "system.py").write_text("")
+        with pytest.raises(FolderError, match="; rename it") as caught:
+            system_folders([str(tmp_path / name)])
+        assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(("suffix", "engine", "lines"), [
+    (".xml", "mujoco", 3), (".py", "pymunk", 3),
+])  # fmt: skip
+def test_springs_that_an_engine_would_read_over_are_refused(
+    tmp_path: Path, suffix: str, engine: str, lines: int
+) -> None:
+    (tmp_path / f"m{suffix}").write_text(XML if suffix == ".xml" else "")
+    (tmp_path / f"m{suffix}.toml").write_text(
+        f'engines = ["{engine}"]\n[[spring]]\njoints = {{x = 1}}\n'
+        "stiffness = 1\ndamping = 0\nrest = 0\n"
+    )
+    said = told(tmp_path)
+    assert f"m{suffix}.toml:{lines}: [[spring]]: " in said
+    assert f"takes no springs beside a {suffix} file; write them into m{suffix} itself" in said
+
+
+@pytest.fixture(scope="module")
+def spring() -> System:
+    """A system with a constant m."""
+    return load_system(builtin() / "mass_spring_damper")
+
+
+EXPRESSIONS = (
+    "9**9**9", "2**2**2**2**99", "m*9**9**9", "m**(10**9)", "factorial(10**9)", "((m+1)**64)**64",
+    "m**m", "m/0", "m/(m - m)", "log(0)", "asin(2)", "sqrt(-1)", "1e400", "1e999999999",
+    "9" * 400, "9" * 5000, "zoo", "nan", "oo", "I", "1j", "0x10", "exp(exp(exp(exp(9))))",
+    "(" * 5000 + "m" + ")" * 5000, "-" * 1900 + "m", "+".join("m" * 900), "m" * 3000,
+    "__import__('os').system('true')", "m.__class__", "lambda: m", "[m for m in m]",
+    "m if m else 1",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("text", EXPRESSIONS, ids=lambda text: text[:20])
+def test_an_expression_without_a_value_or_an_end_is_told_with_its_line(
+    tmp_path: Path, spring: System, text: str
+) -> None:
+    (tmp_path / "m.py").write_text("MASS = 1.3\n")
+    path = tmp_path / "m.py.toml"
+    path.write_text(f'engines = ["pymunk"]\n[bindings]\nMASS = "{text}"\n')
+    began = time.process_time()
+    with pytest.raises(SidecarError) as caught:
+        bindings(spring, read_sidecar(path))
+    assert time.process_time() - began < 5
+    said = str(caught.value)
+    assert said.startswith(f"{path}:3: [bindings] 'MASS'")
+    assert "\n" not in said
+    assert len(said) < 600
+
+
+@pytest.mark.parametrize("file", ["m.xml", "m.toml"])
+def test_an_index_of_thousands_of_digits_is_no_address(tmp_path: Path, file: str) -> None:
+    (tmp_path / file).write_text("<a b='1 2'/>" if file == "m.xml" else "b = [1, 2]")
+    address = {"m.xml": "a@b[", "m.toml": "b["}[file] + "9" * 5000 + "]"
+    with suppress(LocationError):
+        find(tmp_path / file, [address])
+        raise AssertionError(file)
+
+
+@pytest.fixture(autouse=True)
+def nothing_open() -> Iterator[None]:
+    """No test leaves a file open: one on a pipe would wait."""
+    before = len(os.listdir("/proc/self/fd"))
+    yield
+    assert len(os.listdir("/proc/self/fd")) == before

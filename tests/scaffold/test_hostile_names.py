@@ -1,0 +1,154 @@
+"""Nothing of a model file, nor its name, becomes code: what was a string there is one here."""
+
+from __future__ import annotations
+
+import ast
+import os
+import tomllib
+from contextlib import suppress
+from html import escape
+from pathlib import Path
+
+import pytest
+
+from harness.files.sidecar import read_sidecar
+from harness.scaffold import scenarios
+from harness.scaffold.folder import NewError
+from harness.scaffold.from_model import from_model
+from reference.load import load_system
+
+CODE = 'open("PWNED","w")'
+NAMES = (
+    f'a"""+str({CODE})+"""c', f"a'''+str({CODE})+'''c", f'a"+str({CODE})+"c', f"a' + {CODE} + 'c",
+    'ends with a backslash\\', '\\"""', "{" + CODE + "}", "{{x}}", "%s%n", "${x}", "`x`", "#[[",
+    "new\nline", "carriage\rreturn", "tab\tstop", "u2028\u2028" + CODE, "next\x85line",
+    "\u202ebidi",
+    "E", "I", "N", "S", "lambda", "None", "__import__('os')", "__class__", "sin", "pi", "t", "T",
+    "system", "ground", "a.b", "left arm", "a - b", "é", "\U0001f916", "]]\n[settings]\nstep = 1",
+    '"""', "'''", "<b>&amp;", "::error::x", "x" * 300, "-", ".", "print(1)", "q1; import os",
+)  # fmt: skip
+"""Names of joints and links, mesh paths and more; those that XML can hold."""
+
+URDF = """<robot name="{name}"><!-- {comment} -->
+<link name="floor"/><link name="{name}"><inertial><origin xyz="0 0 -0.5"/><mass value="1.5"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="{name}" type="continuous"><parent link="floor"/><child link="{name}"/>
+<axis xyz="0 1 0"/><dynamics damping="0.1"/></joint></robot>
+"""
+MJCF = """<mujoco model="{name}"><!-- {comment} --><compiler angle="radian"/>
+<default><default class="{name}"><joint damping="0.1"/></default></default><worldbody>
+<body name="{name}"><joint name="{name}" class="{name}" axis="0 1 0"/>
+<inertial pos="0 0 -0.5" mass="1.5" diaginertia="0.02 0.02 0.02"/></body></worldbody></mujoco>
+"""
+
+
+def attribute(text: str) -> str:
+    """Text in an attribute, white space and what else is no plain character as references."""
+    return "".join(c if c.isprintable() else f"&#{ord(c)};" for c in escape(text))
+
+
+def strings_and_code(source: str) -> tuple[list[str], str]:
+    """The strings of a module, and its tree with every one of them taken out."""
+    tree = ast.parse(source)
+    strings = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            strings.append(node.value)
+            node.value = ""
+    return strings, ast.dump(tree)
+
+
+@pytest.fixture(autouse=True)
+def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The working folder, in which a file would appear were anything run."""
+    monkeypatch.chdir(tmp_path)
+    # What engines make of the file, and for how long it is to move, take their time.
+    monkeypatch.setattr("harness.scaffold.from_model._checked", lambda *_: [])
+    monkeypatch.setattr(
+        "harness.scaffold.from_model.plan", lambda _, joints: scenarios.provisional(joints)
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("text", "ending"), [(URDF, "urdf"), (MJCF, "xml")])
+def test_names_within_a_file_are_strings_and_nothing_else(
+    tmp_path: Path, text: str, ending: str, name: str
+) -> None:
+    model = tmp_path / f"model.{ending}"
+    comment = "".join(c for c in name if c.isprintable()).replace("--", "")
+    model.write_text(text.format(name=attribute(name), comment=comment), encoding="utf-8")
+    with suppress(NewError):
+        from_model(model, tmp_path / "made")
+    if not (tmp_path / "made").exists():
+        # MuJoCo's own reader stops at some; that is said and nothing is written.
+        assert ending == "xml"
+        return
+    assert "PWNED" not in os.listdir(tmp_path)
+    strings, _ = strings_and_code((tmp_path / "made" / "system.py").read_text(encoding="utf-8"))
+    assert f"drives {name}" in strings
+    system = load_system(tmp_path / "made")
+    sidecar = read_sidecar(tmp_path / "made" / f"model.{ending}.toml")
+    if system.coordinates[0].name != name:
+        assert sidecar.coordinates == {name: system.coordinates[0].name}
+        assert sidecar.readback == {system.coordinates[0].name: name}
+    assert "PWNED" not in os.listdir(tmp_path)
+
+
+def test_the_name_of_a_file_is_a_string_and_nothing_else(tmp_path: Path) -> None:
+    trees = set()
+    for i, name in enumerate(("plain", *NAMES)):
+        model = tmp_path / f"{name.replace('/', '_')[:200]}.urdf"
+        model.write_text(URDF.format(name="joint", comment=""))
+        made = tmp_path / f"made_{i}"
+        if not name.isprintable():
+            with pytest.raises(NewError, match=r"^[^\n]*; rename it$"):
+                from_model(model, made)
+            continue
+        from_model(model, made)
+        _, code = strings_and_code((made / "system.py").read_text(encoding="utf-8"))
+        # The same code for every name: what differs are strings and comments alone.
+        trees.add(code)
+        tomllib.loads((made / f"{model.name}.toml").read_text(encoding="utf-8"))
+        load_system(made)
+        assert "PWNED" not in os.listdir(tmp_path)
+    assert len(trees) == 1
+
+
+def test_a_name_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    model = Path(os.fsdecode(os.fsencode(tmp_path) + b"/\xff\xfe.urdf"))
+    model.write_text(URDF.format(name="joint", comment=""))
+    with pytest.raises(NewError, match="bytes that are no UTF-8; rename it"):
+        from_model(model, tmp_path / "made")
+
+
+@pytest.mark.parametrize("number", ["nan", "inf", "-inf", "1e999"])
+def test_a_number_that_is_none_is_refused_and_not_written_as_a_name(
+    tmp_path: Path, number: str
+) -> None:
+    model = tmp_path / "model.urdf"
+    text = URDF.format(name="joint", comment="")
+    for plain in ('mass value="1.5"', 'damping="0.1"', 'xyz="0 0 -0.5"', 'axis xyz="0 1 0"'):
+        old = plain.split('"')[1].split()[-1]
+        model.write_text(text.replace(plain, plain.replace(old, number)))
+        with pytest.raises(NewError, match=r"model\.urdf:\d+: .*number"):
+            from_model(model, tmp_path / "made")
+
+
+@pytest.mark.parametrize("mesh", ["space.py", "space.py.toml", "meshes/system.py", "a.pyc"])
+def test_no_mesh_becomes_code_of_the_folder(tmp_path: Path, mesh: str) -> None:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / mesh).write_text(CODE)
+    model = tmp_path / "model.urdf"
+    geometry = f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual></link>'
+    model.write_text(URDF.format(name="joint", comment="").replace("</link>", geometry, 1))
+    with pytest.raises(NewError, match="has a meaning in a folder"):
+        from_model(model, tmp_path / "made")
+
+
+def test_a_mesh_that_is_a_pipe_is_not_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "mesh.stl")
+    model = tmp_path / "model.urdf"
+    geometry = '<visual><geometry><mesh filename="mesh.stl"/></geometry></visual></link>'
+    model.write_text(URDF.format(name="joint", comment="").replace("</link>", geometry, 1))
+    with pytest.raises(NewError, match="is a named pipe, where a file belongs"):
+        from_model(model, tmp_path / "made")
