@@ -216,11 +216,13 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         )
 
 
-IDLE: Mapping[str, str] = {
-    r".*/(visual|material)/.*": "looks",
-    r".*/collision/.*": "shapes that touch nothing",
-    r".*/limit@.*": "limits",
-}
+IDLE: Mapping[str, str] = MappingProxyType(
+    {
+        r".*/(visual|material)/.*": "looks",
+        r".*/collision/.*": "shapes that touch nothing",
+        r".*/limit@.*": "limits",
+    }
+)
 """Numbers of a URDF on which no smooth motion depends."""
 
 _SAMPLE = """<robot name="sample">

@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -83,7 +82,7 @@ class PybulletEngine(Engine):
     unstated = "1/240 s and no gravity"
     bare_link = "1 kg"
     takes_springs = (".urdf",)
-    idle = MappingProxyType(IDLE)
+    idle = IDLE
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (
         DefaultLeftOn(
@@ -235,17 +234,8 @@ class PybulletModel(Model):
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """By its forward kinematics, without a step."""
-        import pybullet as p
-
         self._check_loaded()
-        known, found = link_places(self._body), []
-        for row in z.tolist():
-            for joint, value in zip(self._joints, row, strict=True):
-                p.resetJointState(self._body, joint, value, 0.0)
-            found.append(link_poses(self._body, known, places))
-        shape = len(z), len(places), 3
-        origins = np.array([one for one, _ in found]).reshape(shape)
-        return origins, np.array([one for _, one in found]).reshape(*shape, 3)
+        return link_poses(self._body, self._joints, places, z)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""

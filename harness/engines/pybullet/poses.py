@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,28 +22,37 @@ def link_places(body: int) -> dict[str, int]:
 
 
 def link_poses(
-    body: int, known: Mapping[str, int], places: Sequence[str]
-) -> tuple[list[Array], list[Array]]:
-    """Origins and rotations of places, as the joints are now; a centre has its link's axes.
+    body: int, joints: Sequence[int], places: Sequence[str], z: Array
+) -> tuple[Array, Array]:
+    """Origins (K, F, 3) and rotations (K, F, 3, 3) of places at joint positions z, (K, nz)."""
+    import pybullet as p
+
+    known = link_places(body)
+    origins = np.empty((len(z), len(places), 3))
+    turns = np.empty((*origins.shape, 3))
+    for k, row in enumerate(z.tolist()):
+        for joint, value in zip(joints, row, strict=True):
+            p.resetJointState(body, joint, value, 0.0)
+        for f, place in enumerate(places):
+            origins[k, f], turns[k, f] = _pose(body, known[place], place.startswith("centre:"))
+    return origins, turns
+
+
+def _pose(body: int, link: int, centre: bool) -> tuple[Array, Array]:
+    """A link's frame, or its centre of mass with the link's axes, as the joints are now.
 
     PyBullet tells a link's frame with seven digits, and that of its principal moments with all, in
     the world and in the link.
     """
     import pybullet as p
 
-    origins, turns = [], []
-    for place in places:
-        link = known[place]
-        if link == BASE:
-            state = p.getBasePositionAndOrientation(body)
-            state += p.getDynamicsInfo(body, BASE)[3:5]
-        else:
-            state = p.getLinkState(body, link, computeForwardKinematics=1)
-        centre, inward = np.array(state[0]), np.array(state[2])
-        turn = _matrix(np.array(state[1])) @ _matrix(np.array(state[3])).T
-        origins.append(centre if place.startswith("centre:") else centre - turn @ inward)
-        turns.append(turn)
-    return origins, turns
+    if link == BASE:
+        state = p.getBasePositionAndOrientation(body) + p.getDynamicsInfo(body, BASE)[3:5]
+    else:
+        state = p.getLinkState(body, link, computeForwardKinematics=1)
+    middle, inward = np.array(state[0]), np.array(state[2])
+    turn = _matrix(np.array(state[1])) @ _matrix(np.array(state[3])).T
+    return middle if centre else middle - turn @ inward, turn
 
 
 def _matrix(quaternion: Array) -> Array:
