@@ -13,7 +13,7 @@ from typing import Any, TypedDict, Unpack
 
 from msgspec.structs import replace
 
-from harness.audit.run import run_audit
+from harness.audit.run import Audit, run_audit
 from harness.audit.task import audit_task
 from harness.baseline.measure import measure, measure_task
 from harness.cases.case import (
@@ -25,6 +25,7 @@ from harness.cases.case import (
 )
 from harness.cases.not_run import barred_case, failed_case, hurdle
 from harness.cases.prepare import Prepared, prepare
+from harness.coverage.count import count_numbers
 from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
@@ -32,9 +33,11 @@ from harness.files.reading import read_regular
 from harness.files.sidecar import Sidecar
 from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId, ModelKey
+from harness.records.coverage import Coverage
 from harness.records.finding import AuditFinding, Diagnosis
 from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
+from harness.records.poses import Poses
 from harness.records.system import System
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import LIMIT, Failure
@@ -79,6 +82,8 @@ class _Found(TypedDict, total=False):
     linearization_failure: str
     audit: tuple[AuditFinding, ...]
     audit_failure: str
+    poses: Poses
+    coverage: Coverage
     diagnosis: Diagnosis
 
 
@@ -188,6 +193,7 @@ class Plan:
             yield from self._measurement(prepared, task)
         if selection is None:
             yield self._linearizations(key, prepared, sidecar)
+            yield self._coverage(key, prepared, sidecar)
         yield self._audit(key, prepared, sidecar)
 
     def _case(self, key: ModelKey, task: CaseTask) -> Job[Case]:
@@ -228,11 +234,9 @@ class Plan:
         task = linearization_task(prepared, sidecar, key[-1])
         return Job(task=Task(run_linearizations, task), done=done, failed=failed)
 
-    def _audit(
-        self, key: ModelKey, prepared: Prepared, sidecar: Sidecar
-    ) -> Job[tuple[AuditFinding, ...]]:
-        def done(value: tuple[AuditFinding, ...]) -> Jobs:
-            self._found.amend(key, audit=value)
+    def _audit(self, key: ModelKey, prepared: Prepared, sidecar: Sidecar) -> Job[Audit]:
+        def done(value: Audit) -> Jobs:
+            self._found.amend(key, audit=value.findings, poses=value.poses)
             return ()
 
         def failed(failure: Failure) -> Jobs:
@@ -241,6 +245,19 @@ class Plan:
 
         task = audit_task(prepared, sidecar, key[-1])
         return Job(task=Task(run_audit, task), done=done, failed=failed)
+
+    def _coverage(self, key: ModelKey, prepared: Prepared, sidecar: Sidecar) -> Job[Coverage]:
+        """Apart from the audit: what moved numbers do to an engine must not lose its findings."""
+
+        def done(value: Coverage) -> Jobs:
+            self._found.amend(key, coverage=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Coverage(note=failure.reason))
+
+        task = audit_task(prepared, sidecar, key[-1])
+        return Job(task=Task(count_numbers, task), done=done, failed=failed)
 
     def _diagnosis(self, key: ModelKey) -> Iterator[Job[Diagnosis]]:
         """The diagnosis of a model, once its last case is in and one of them differs."""

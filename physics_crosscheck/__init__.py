@@ -74,27 +74,28 @@ if TYPE_CHECKING:
         Input,
         Link,
         Output,
+        Pose,
         PublishedEquation,
         Quantity,
         Scenario,
         System,
         t,
     )
-    from reference.kinematics import Frame, ground
+    from reference.kinematics import Frame, ground, rotation
 
 _FROM = {
     "harness.api": ("Results", "check"),
     "reference": (
         "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input",
-        "Link", "Output", "PublishedEquation", "Quantity", "Scenario", "System", "t",
+        "Link", "Output", "Pose", "PublishedEquation", "Quantity", "Scenario", "System", "t",
     ),
-    "reference.kinematics": ("Frame", "ground"),
+    "reference.kinematics": ("Frame", "ground", "rotation"),
 }  # fmt: skip
 
 __all__ = [
     "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Frame",
-    "Input", "Link", "Output", "PublishedEquation", "Quantity", "Results", "Scenario", "System",
-    "check", "ground", "t",
+    "Input", "Link", "Output", "Pose", "PublishedEquation", "Quantity", "Results", "Scenario",
+    "System", "check", "ground", "rotation", "t",
 ]  # fmt: skip
 
 

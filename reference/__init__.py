@@ -12,10 +12,11 @@ from reference.declaration import (
     Scenario,
     t,
 )
+from reference.pose import Pose
 from reference.sketch import Angle, Body, Link
 from reference.system import System
 
 __all__ = [
     "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
-    "Output", "PublishedEquation", "Quantity", "Scenario", "System", "t",
+    "Output", "Pose", "PublishedEquation", "Quantity", "Scenario", "System", "t",
 ]  # fmt: skip

@@ -15,6 +15,7 @@ from typing import Any
 
 import sympy as sp
 
+from reference.pose import Pose
 from reference.sketch import Shape
 
 t = sp.Symbol("t", real=True)
@@ -234,7 +235,8 @@ class Declaration:
 
     T, V and D are the kinetic energy, the potential energy and Rayleigh's dissipation function,
     as sympy expressions of the coordinates' `q` and `v`, the constants and `t`. A sketch may show
-    what it looks like; quantities are for published equations alone.
+    what it looks like; quantities are for published equations alone; frames say where bodies and
+    points are in the world, so that model files can be held against that too.
     """
 
     name: str
@@ -252,6 +254,7 @@ class Declaration:
     published: tuple[PublishedEquation, ...]
     sketch: tuple[Shape, ...] = ()
     quantities: tuple[Quantity, ...] = ()
+    frames: tuple[Pose, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("T", "V", "D"):

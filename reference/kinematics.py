@@ -14,6 +14,7 @@ from typing import Any
 import sympy as sp
 
 from reference.declaration import Coordinate
+from reference.pose import Pose
 
 Triple = Sequence[Any]
 """Three numbers or expressions: a place, an axis, moments."""
@@ -80,6 +81,10 @@ class Frame:
     def weight(self, mass: Any, gravity: Triple) -> sp.Expr:
         """Potential energy in uniform gravity of a mass at the origin, J; zero at the ground's."""
         return -sp.sympify(mass) * self.origin.dot(_column(gravity))
+
+    def pose(self, name: str, description: str) -> Pose:
+        """The frame by name, for a system's `frames`."""
+        return Pose(name, tuple(self.origin), description, rotation=self.rotation)
 
     def _into(self, turn: sp.ImmutableMatrix) -> Frame:
         back = turn.T

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from reference.declaration import Declaration, Scenario
+from reference.frames import check_frames
 from reference.validation import check
 
 
@@ -25,6 +26,7 @@ class System(Declaration):
     def __post_init__(self) -> None:
         super().__post_init__()
         check(self)
+        check_frames(self)
 
     def forces(self) -> tuple[sp.Expr, ...]:
         """Generalized forces Q of the inputs, one per coordinate."""

@@ -8,7 +8,7 @@ This file says what the mechanism is. The model files beside it say what engines
 from sympy import cos, pi, sin
 
 from physics_crosscheck import (
-    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t,
+    Constant, Coordinate, Equilibrium, Input, Output, Pose, Scenario, System, rotation, t,
 )  # fmt: skip
 
 # How the mechanism is placed: as many coordinates as it has freedoms. `theta.q` is the position in
@@ -56,6 +56,13 @@ system = System(
                  duration=15.0),
         Scenario("driven", "a harmonic torque on top of a steady one", q={theta: 0.2},
                  v={theta: 0}, inputs={tau: 0.4 + 0.6 * sin(2.1 * t)}, duration=15.0),
+    ),
+    # Where bodies and points are in the world, here with z up and the pin at the origin. Joints may
+    # agree and the robot be another one, its base elsewhere or an axis flipped; this tells. What
+    # each is in a model file is said in its sidecar, under [frames].
+    frames=(
+        Pose("rod", (l / 2 * sin(theta.q), 0, -l / 2 * cos(theta.q)), "the rod's centre",
+             rotation((0, -1, 0), theta.q)),
     ),
     # Equations as your source has them may be listed here, and are checked as well: see
     # models/*/system.py of physics-crosscheck.

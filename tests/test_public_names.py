@@ -15,8 +15,8 @@ ROOT = Path(__file__).parents[1]
 
 TOP = {
     "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Frame",
-    "Input", "Link", "Output", "PublishedEquation", "Quantity", "Results", "Scenario", "System",
-    "check", "ground", "t",
+    "Input", "Link", "Output", "Pose", "PublishedEquation", "Quantity", "Results", "Scenario",
+    "System", "check", "ground", "rotation", "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from harness.audit.run import run_audit
+from harness.audit.run import Audit, run_audit
 from harness.audit.task import audit_task
 from harness.cases.prepare import Prepared, prepare
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
@@ -56,7 +56,7 @@ def _folder(folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit])
 
 def _models(
     only: Sequence[str], found: dict[ModelId, ModelAudit], prepared: Prepared
-) -> Iterator[Job[tuple[AuditFinding, ...]]]:
+) -> Iterator[Job[Audit]]:
     system = prepared.system.name
     for file in model_files(prepared.folder):
         if isinstance(file, UnreadModel):
@@ -71,9 +71,9 @@ def _models(
 
 def _audit(
     one: ModelId, prepared: Prepared, sidecar: Sidecar, found: dict[ModelId, ModelAudit]
-) -> Job[tuple[AuditFinding, ...]]:
-    def done(findings: tuple[AuditFinding, ...]) -> tuple[()]:
-        found[one] = ModelAudit(one, findings)
+) -> Job[Audit]:
+    def done(audit: Audit) -> tuple[()]:
+        found[one] = ModelAudit(one, audit.findings)
         return ()
 
     def failed(failure: Failure) -> tuple[()]:

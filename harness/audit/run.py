@@ -1,9 +1,9 @@
-"""One audit from end to end: literals, compiled terms, and what the engine does on its own."""
+"""One audit from end to end: literals, compiled terms, poses, what the engine does on its own."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import msgspec
 
@@ -12,14 +12,26 @@ from harness.audit.literals import declared_bindings, literal_findings
 from harness.audit.remarks import where
 from harness.audit.task import AuditTask
 from harness.audit.terms import Compiled
+from harness.engines.protocol import Model
 from harness.engines.registry import engines
 from harness.engines.remark import Remark
-from harness.numerics.coordinates import coordinate_map
-from harness.records.finding import AuditFinding
+from harness.files.sidecar import SidecarError
+from harness.numerics.coordinates import CoordinateMap, coordinate_map
+from harness.poses.check import check_poses
+from harness.records.finding import BEYOND, AuditFinding
+from harness.records.poses import Poses
 
 
-def run_audit(task: AuditTask) -> tuple[AuditFinding, ...]:
-    """The audit's findings: literals, compiled terms, then what the engine does on its own.
+@dataclass(frozen=True, kw_only=True)
+class Audit:
+    """What was found of a model without motion."""
+
+    findings: tuple[AuditFinding, ...]
+    poses: Poses
+
+
+def run_audit(task: AuditTask) -> Audit:
+    """Read a model: literals, compiled terms, poses, then what the engine does on its own.
 
     Raises:
         EngineError, SidecarError: naming file, place and remedy.
@@ -37,7 +49,22 @@ def run_audit(task: AuditTask) -> tuple[AuditFinding, ...]:
     compiled = _without_lost_digits(compiled, remarks, task)
     wrong = _wrong(compiled)
     defaults = (_default(remark, wrong, task) for remark in remarks)
-    return (*literals, *compiled, *defaults)
+    poses, elsewhere = _poses(task, model, coordinates)
+    return Audit(findings=(*literals, *compiled, *elsewhere, *defaults), poses=poses)
+
+
+def _poses(
+    task: AuditTask, model: Model, coordinates: CoordinateMap
+) -> tuple[Poses, tuple[AuditFinding, ...]]:
+    """Where the bodies are; frames that can't be looked up are a finding too."""
+    reached = task.states[:, : len(task.system.q)]
+    try:
+        checked = check_poses(task.system, task.sidecar, model, coordinates, reached)
+    except SidecarError as error:
+        return Poses(note="[frames] can't be read"), (finding("pose", str(error)),)
+    return checked.record, tuple(
+        finding("pose", one.message, expected=0.0, found=one.off) for one in checked.findings
+    )
 
 
 def _wrong(compiled: Sequence[AuditFinding]) -> set[str]:
@@ -91,7 +118,7 @@ def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
     if remark.beside:
         message += f" ({where(replace(remark, address=remark.beside), task.sidecar, task.engine)})"
     return finding(
-        "default",
+        BEYOND if remark.beyond else "default",
         message,
         where=where(remark, task.sidecar, task.engine),
         found=remark.value,

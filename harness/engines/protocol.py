@@ -154,6 +154,19 @@ class Model(ABC):
         """What the engine has warned of so far, a sentence each; it may be why a motion ends."""
         return ()
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """What has a pose, as `kind:name`, such as `body:rod`; none where the engine can't say."""
+        return ()
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """Where some of `places` are in the engine's world, at positions z, (K, nz).
+
+        Returns origins, (K, F, 3), m, and rotations, (K, F, 3, 3), whose columns are their axes. A
+        plane is that of x and y.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has places and no poses")
+
     def remarks(self, z: Array, w: Array) -> Iterable[Remark]:
         """What the engine or the format adds or drops, read from the model and not from a motion.
 
@@ -180,6 +193,9 @@ class Engine(ABC):
         takes_springs: the formats in which it heeds the springs of a sidecar; in others they are
             refused before a file is loaded.
         ignores: numbers of its formats that it reads over, such as "dynamics@friction".
+        idle: what numbers are for on which no motion need depend, by a regular expression of the
+            tags that lead to them, as in `robot/link/visual/.*`.
+        choices: whole numbers that choose and measure nothing, likewise; empty: none.
         compiles: the formats that `compiled` takes apart.
         usual_mistakes: those that its users make and no format is to blame for.
     """
@@ -195,6 +211,8 @@ class Engine(ABC):
     bare_link: str = ""
     takes_springs: tuple[str, ...] = ()
     ignores: frozenset[str] = frozenset()
+    idle: Mapping[str, str] = MappingProxyType({})
+    choices: str = ""
     compiles: tuple[str, ...] = ()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
 

@@ -20,6 +20,7 @@ class Remark:
             so called, the file is meant; empty: the file as a whole; None: nothing in it.
         beside: another such number, whose line is told in the message.
         value: the number, where it is about one.
+        beyond: whether it is about something that no motion reaches.
         shows_in: kinds of compiled terms that it enters; where one of these differs from the
             equations it is to blame, otherwise it is as it should be.
         undone_by: settings that undo it, where it is a loss of digits that no number of the file
@@ -33,6 +34,7 @@ class Remark:
     value: float | None = None
     shows_in: tuple[str, ...] = ()
     undone_by: Mapping[str, object] = field(default_factory=dict)
+    beyond: bool = False
 
 
 PULL = ("rest", "stiffness")
@@ -46,8 +48,17 @@ def limit_remarks(
     reached: tuple[float, float],
     address: str,
 ) -> tuple[Remark, ...]:
-    """A joint's limits that the motions reach; below, above."""
+    """A joint's limits that the motions reach, below, above; and those that they don't."""
     (lower, upper), (low, high) = bounds, reached
+    if lower < low and high < upper:
+        return (
+            Remark(
+                message=f"{name} is limited to [{lower:g}, {upper:g}], and the motions stay between"
+                f" {low:.4g} and {high:.4g}",
+                address=address,
+                beyond=True,
+            ),
+        )
     return tuple(
         Remark(
             message=f"{name} is limited to [{lower:g}, {upper:g}], and the motions reach"

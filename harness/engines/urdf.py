@@ -216,6 +216,15 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         )
 
 
+IDLE: Mapping[str, str] = MappingProxyType(
+    {
+        r".*/(visual|material)/.*": "looks",
+        r".*/collision/.*": "shapes that touch nothing",
+        r".*/limit@.*": "limits",
+    }
+)
+"""Numbers of a URDF on which no smooth motion depends."""
+
 _SAMPLE = """<robot name="sample">
 <link name="ground"><inertial><mass value="1"/>{inertia}</inertial></link>
 <link name="a"><inertial><mass value="2"/>{inertia}</inertial></link>

@@ -182,7 +182,11 @@ def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -
     """
     if into.resolve() == sidecar.model.parent.resolve():
         raise ValueError(f"{into}: is the folder of {sidecar.model.name}; copies go elsewhere")
-    texts = _replaced(sidecar, literals)
+    return with_texts(sidecar, _replaced(sidecar, literals), into)
+
+
+def with_texts(sidecar: Sidecar, texts: Mapping[Path, bytes], into: Path) -> Sidecar:
+    """Copy a model file and its sidecar into another folder with other texts, by their paths."""
     into.mkdir(parents=True, exist_ok=True)
     _link_neighbours(sidecar, into)
     for file, data in texts.items():

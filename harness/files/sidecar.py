@@ -13,7 +13,7 @@ from harness.engines.protocol import ModelSpec, Spring
 from harness.files.parts import PartError, check_parts
 from harness.files.reading import MOST_SIDECAR, TomlError, read_regular, toml_document
 
-_KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings"}
+_KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames"}
 
 MOST_SHOWN = 100
 """Characters of a value in a message."""
@@ -39,6 +39,7 @@ class Sidecar:
         bindings: address of a literal -> what it stands for, an expression of the system's
             constants. Addresses are those of `harness.files.locations`, in the model file;
             `sidecar:` leads into the sidecar itself.
+        frames: the system's frames, and `world`, as `harness.files.frames` reads them.
     """
 
     model: Path
@@ -49,6 +50,7 @@ class Sidecar:
     readback: Mapping[str, str]
     springs: tuple[Spring, ...]
     bindings: Mapping[str, str] = field(default_factory=dict)
+    frames: Mapping[str, object] = field(default_factory=dict)
 
     def spec(self, engine: str) -> ModelSpec:
         """What the adapter of one engine gets to see: nothing of the system."""
@@ -105,6 +107,7 @@ def read_sidecar(path: Path) -> Sidecar:
         readback=_expressions(data, "readback", path),
         springs=tuple(_spring(s, f"{path}: [[spring]] {i + 1}") for i, s in enumerate(springs)),
         bindings=_expressions(data, "bindings", path),
+        frames=_table(data, "frames", path),
     )
 
 

@@ -19,6 +19,7 @@ from harness.mutation.mistakes import Mistake
 from harness.mutation.survey import Survey
 from harness.numerics.full_run import follow
 from harness.numerics.segments import BlownUpError
+from harness.poses.check import check_poses
 from harness.records.base import number
 from harness.records.cause import CauseId
 from harness.records.mutation import FaultKind, FaultVerdict, Mutation
@@ -91,7 +92,26 @@ def _judged(task: MutationTask, wrong: DiagnosisTask) -> Mutation:
         if not resolved:
             coarse = f"unresolved, to {np.max(uncertainty):.0e}"
             return _row(task, FaultVerdict.CAUGHT, size, coarse)
-        return _unnoticed(_row(task, FaultVerdict.UNSEEN, size), bool(moved.any()))
+        row = _in_frames(task, wrong, _row(task, FaultVerdict.UNSEEN, size))
+        return _unnoticed(row, bool(moved.any())) if row.verdict is FaultVerdict.UNSEEN else row
+
+
+def _in_frames(task: MutationTask, wrong: DiagnosisTask, row: Mutation) -> Mutation:
+    """The row of a fault that no motion shows: caught where a body is elsewhere."""
+    model, coordinates = load(wrong.system, wrong.sidecar, wrong.engine)
+    n = len(wrong.system.q)
+    reached = np.concatenate([motion.start[:, :n] for motion in wrong.motions.values()])
+    found = check_poses(wrong.system, wrong.sidecar, model, coordinates, reached).findings
+    if not found:
+        return row
+    told = "; ".join(one.message for one in found)
+    right = bool(task.fault.told) and task.fault.told in told
+    return msgspec.structs.replace(
+        row,
+        verdict=FaultVerdict.NAMED if right else FaultVerdict.CAUGHT,
+        message=told,
+        first_caught=number(min(one.share for one in found)),
+    )
 
 
 def _near(task: MutationTask) -> dict[CauseId, Array] | None:

@@ -195,7 +195,8 @@ class CrosscheckItem(pytest.Item):
             folder=str(folder),
             text="",
             sidecar="",
-            audit=found,
+            audit=found.findings,
+            poses=found.poses,
         )
         return runner.marked(model, folder)
 

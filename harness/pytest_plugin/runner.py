@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from harness.audit.run import run_audit
+from harness.audit.run import Audit, run_audit
 from harness.audit.task import audit_task
 from harness.baseline.audits import mark_models
 from harness.baseline.known import Accepted, accepted, mark_known
@@ -22,7 +22,7 @@ from harness.diagnosis.task import diagnose_model, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.records.case import Case, CaseId
-from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.finding import Diagnosis
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.schedule.main_module import without_main
@@ -85,10 +85,8 @@ class CaseRunner:
         before = self._before(folder) if model.findings else None
         return model if before is None else mark_models((model,), before.systems)[0]
 
-    def audit(
-        self, folder: Path, sidecar: Sidecar, engine: str
-    ) -> tuple[AuditFinding, ...] | Failure:
-        """Audit a model: its findings and notes, or why there is none."""
+    def audit(self, folder: Path, sidecar: Sidecar, engine: str) -> Audit | Failure:
+        """Audit a model, or say why it can't be."""
         found = self.prepared(folder)
         if isinstance(found, Failure):
             return found

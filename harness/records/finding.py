@@ -7,12 +7,16 @@ from typing import Literal
 from harness.records.base import Number, Numbers, Record, Rows, SourceLine
 from harness.records.cause import Cause, CauseId
 
+BEYOND = "reach"
+"""Kind of a note on a stop or an obstacle that no motion reaches: what it does is not checked."""
+
 
 class AuditFinding(Record, frozen=True, kw_only=True):
     """Something that the audit has to say.
 
     Attributes:
-        kind: `literal`, a compiled term such as `inertia`, or `default`.
+        kind: `literal`, a compiled term such as `inertia`, `pose`, `default`, or `reach` for a stop
+            or an obstacle that no motion reaches.
         message: one sentence.
         where: None where it stands in no line.
         expected, found: the numbers; None where there is none.

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from harness.records.base import Number, Numbers, Record, Rows, one_length
 from harness.records.case import ModelId, ModelKey
+from harness.records.coverage import Coverage
 from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.poses import Poses
 
 
 class EnginePole(Record, frozen=True, kw_only=True):
@@ -65,7 +67,9 @@ class Model(Record, frozen=True, kw_only=True):
         linearization_failure: why there are none; empty otherwise.
         audit: what was found without motion; None where it was not asked for, or failed.
         audit_failure: why there is none; empty otherwise.
+        poses: where its bodies are, as the audit found; None where there is none.
         diagnosis: None where no case of the model differs, or none was asked for.
+        coverage: which numbers of its files had a say; None where it was not asked for.
         accepted: the reason for which what was found is accepted; empty where it is not.
     """
 
@@ -79,7 +83,9 @@ class Model(Record, frozen=True, kw_only=True):
     linearization_failure: str = ""
     audit: tuple[AuditFinding, ...] | None = None
     audit_failure: str = ""
+    poses: Poses | None = None
     diagnosis: Diagnosis | None = None
+    coverage: Coverage | None = None
     accepted: str = ""
 
     @property

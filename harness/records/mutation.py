@@ -19,7 +19,8 @@ class FaultVerdict(StrEnum):
     """What became of it.
 
     `named`; `caught` (the model does not agree) but not named; `refused` by the engine; `unseen`,
-    since no motion depends on it (the audit may see it); or `missed`. Of no mistake: `agrees`.
+    since no motion and no frame depends on it (the audit may see it); or `missed`. Of no mistake:
+    `agrees`.
     """
 
     NAMED = "named"

@@ -13,6 +13,7 @@ from harness.report.drawing import Drawing, drawing
 from harness.report.linearizations import LinearView, linear_views
 from harness.report.maths import mathml
 from harness.report.text import NOTHING, quantity, sci, shown
+from harness.text.coverage import coverage_line
 from harness.text.primes import primed
 
 VERDICTS = {"agrees": "✓", "agrees up to signs": "±", "differs": "≠"}
@@ -23,12 +24,14 @@ class ModelFile:
     """A model file as it was run.
 
     Attributes:
+        covers: what a verdict on it covers, in each engine.
         failures: why its linearization or its audit is missing, in each engine.
     """
 
     model: str
     engines: str
     text: str
+    covers: tuple[str, ...]
     failures: tuple[str, ...]
 
 
@@ -142,10 +145,15 @@ def _files(models: Sequence[Model]) -> tuple[ModelFile, ...]:
                 model=shown(name),
                 engines=", ".join(shown(model.engine) for model in same),
                 text=shown(same[0].text),
+                covers=tuple(_covers(model) for model in same if coverage_line(model)),
                 failures=tuple(failure for model in same for failure in _failures(model)),
             )
         )
     return tuple(found)
+
+
+def _covers(model: Model) -> str:
+    return f"{shown(model.engine)}: {shown(coverage_line(model, examples=True))}."
 
 
 def _failures(model: Model) -> Iterator[str]:

@@ -62,7 +62,7 @@ def from_model(model: Path, target: Path) -> tuple[str, ...]:
         return sidecar_text(
             model.name,
             meant,
-            mechanism.joints,
+            mechanism,
             ledger.bindings,
             left_out,
             _settings(model.suffix),

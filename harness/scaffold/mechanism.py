@@ -53,6 +53,7 @@ class Body:
         parent: name of its parent's frame, `ground` for none.
         centre, principal: shift and turns to the frame of its moments.
         moments, products: Ixx, Iyy, Izz and Ixy, Ixz, Iyz there.
+        place: what engines call it, `body:rod`; empty where the file gives it no name.
     """
 
     name: str
@@ -67,6 +68,7 @@ class Body:
     moments: Triple
     products: Triple
     centred: str = ""
+    place: str = ""
 
     @property
     def heavy(self) -> bool:

@@ -139,6 +139,7 @@ class _Reader:
             principal=principal,
             moments=moments,
             products=products,
+            place=f"body:{name}" if element.attributes.get("name") else "",
         )
 
     def _inertial(

@@ -11,6 +11,7 @@ from harness.engines.protocol import Engine
 from harness.scaffold.constants import Row
 from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 from harness.scaffold.scenarios import Plan
+from reference.pose import WORLD
 
 _WIDTH = 100
 _STRING_OR_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|#.*')
@@ -65,6 +66,10 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
             "    V=V,",
             "    D=D,",
             *plan.lines(joints, [j.force for j in joints]),
+            "    # Where each body is: the sidecar says which one it is.",
+            "    frames=(",
+            *(f"        {_pose(body)}," for body in mechanism.bodies if body.place),
+            "    ),",
             "    published=(),",
             ")",
             "",
@@ -78,7 +83,7 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
 def sidecar_text(
     file: str,
     engines: Sequence[Engine],
-    joints: Sequence[Joint],
+    mechanism: Mechanism,
     bindings: dict[str, str],
     left_out: dict[str, str],
     settings: Sequence[str],
@@ -92,12 +97,17 @@ def sidecar_text(
         if engine.stated_settings:
             own = [f"{key} = {_literal(value)}" for key, value in engine.stated_settings.items()]
             lines += [f"[settings.{engine.name}]", *own, ""]
-    renamed = [joint for joint in joints if joint.name != joint.symbol]
+    renamed = [joint for joint in mechanism.joints if joint.name != joint.symbol]
     if renamed:
         lines += ["# Joints whose names no formula could hold.", "[coordinates]"]
         lines += [f"{_quoted(joint.name)} = {_quoted(joint.symbol)}" for joint in renamed]
         lines += ["", "[readback]"]
         lines += [f"{joint.symbol} = {_quoted(joint.name)}" for joint in renamed]
+        lines += [""]
+    places = [body.place for body in mechanism.bodies if body.place]
+    if places:
+        lines += ["# What each of the system's frames is in the file.", "[frames]"]
+        lines += [f"{_quoted(_named(place))} = {_quoted(place)}" for place in places]
         lines += [""]
     lines += [
         "# What each number stands for: with it, a wrong one is named with its line.",
@@ -115,6 +125,17 @@ def _coordinate(joint: Joint) -> str:
     return f"{joint.symbol} = Coordinate({_quoted(joint.symbol)}, {_quoted(_unit(joint))}, " + (
         f"{_quoted(what)})"
     )
+
+
+def _pose(body: Body) -> str:
+    kind, name = body.place.partition(":")[0], _named(body.place)
+    return f"{body.symbol}.pose({_quoted(name)}, {_quoted(f'{kind} {body.name}')})"
+
+
+def _named(place: str) -> str:
+    """What the system calls a body: as the file does, unless that word has a meaning."""
+    name = place.partition(":")[2]
+    return f"{name}_" if name == WORLD else name
 
 
 def _constant(row: Row) -> list[str]:

@@ -135,6 +135,7 @@ class _Reader:
             principal=principal,
             moments=moments,
             products=products,
+            place=f"link:{name}",
         )
 
     def _tensor(self, element: RawElement, keys: Triple, within: str, name: str) -> Triple:

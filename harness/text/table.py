@@ -15,6 +15,7 @@ from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChanges, Results
 from harness.text.causes import cause_sentences
+from harness.text.coverage import coverage_lines
 from harness.text.findings import audit_lines
 from harness.text.markup import escape
 
@@ -41,6 +42,7 @@ def print_results(console: Console, results: Results) -> None:
     for model in results.models:
         _print_diagnosis(console, model)
         _print_audit(console, model)
+    _print_coverage(console, results.models)
     if len(troubled) > MOST_TOLD:
         console.print(f"\nand {len(troubled) - MOST_TOLD} more, in results.json")
     _print_accepted(console, [case for case in amiss if case.accepted])
@@ -193,6 +195,15 @@ def _print_audit(console: Console, model: Model) -> None:
     console.print(f"\n[bold]audit[/] of {escape(str(model.id))}", soft_wrap=True)
     for text in audit_lines(model.findings):
         console.print(f"  {escape(text)}", soft_wrap=True)
+
+
+def _print_coverage(console: Console, models: Iterable[Model]) -> None:
+    """What the verdicts cover, a line a model."""
+    lines = coverage_lines(models)
+    if lines:
+        console.print("\n[bold]covered[/]")
+    for line in lines:
+        console.print(f"  {escape(line)}", soft_wrap=True)
 
 
 def _print_accepted(console: Console, cases: Sequence[Case]) -> None:

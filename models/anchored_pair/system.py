@@ -1,10 +1,10 @@
 """Example 2.4: two masses, each on a spring of its own, joined by a damper."""
 
-from sympy import Heaviside, Rational, sin
+from sympy import Heaviside, Rational, eye, sin
 
 from physics_crosscheck import (
     Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Scenario, System, t,
+    Pose, PublishedEquation, Scenario, System, t,
 )  # fmt: skip
 
 x1 = Coordinate("x1", "m", "displacement of the first mass from its spring's equilibrium")
@@ -60,6 +60,11 @@ system = System(
                           "motion", of="x1", driven=False, note=""),
         PublishedEquation("2.33", "m2*x2'' + c*x2' + k2*x2 ± c*x1' = f",
                           "motion", of="x2", driven=True, note=""),
+    ),
+    # The world: x along the motion, z up, the origin where the first mass rests.
+    frames=(
+        Pose("first", (x1.q, 0, 0), "the first mass", eye(3)),
+        Pose("second", (x2.q + Rational(6, 5), 0, 0), "the second mass, 1.2 m on", eye(3)),
     ),
     sketch=(
         Link("wall", (-0.9, 0.25), (-0.9, -0.25)),

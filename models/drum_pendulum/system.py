@@ -4,7 +4,7 @@ from sympy import Heaviside, Symbol, cos, expand, integrate, pi, sin
 
 from physics_crosscheck import (
     Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Quantity, Scenario, System, t,
+    Pose, PublishedEquation, Quantity, Scenario, System, rotation, t,
 )  # fmt: skip
 
 x = Coordinate("x", "m", "displacement of the drum's centre from the spring's equilibrium")
@@ -119,6 +119,12 @@ system = System(
         Quantity("v_x", rate(along_rod(point_x)), "m/s", "velocity of the rod's centre along x"),
         Quantity("v_y", rate(along_rod(point_y)), "m/s", "velocity of the rod's centre upward"),
         Quantity("T_m", rod_energy, "J", "kinetic energy of the rod, over its points"),
+    ),
+    # The world: x along the track, z up, the origin where the drum rests.
+    frames=(
+        Pose("drum", (x.q, 0, 0), "centre of the drum"),
+        Pose("rod", (x.q + l / 2 * sin(theta.q), 0, -l / 2 * cos(theta.q)), "the rod's centre",
+             rotation((0, -1, 0), theta.q)),
     ),
     sketch=(
         Link("wall", (-0.8, -r), (0.8, -r)),

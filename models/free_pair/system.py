@@ -1,10 +1,10 @@
 """Example 2.3: two masses joined by a spring and a damper, free to drift."""
 
-from sympy import Heaviside, cos, sin
+from sympy import Heaviside, Rational, cos, eye, sin
 
 from physics_crosscheck import (
     Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Scenario, System, t,
+    Pose, PublishedEquation, Scenario, System, t,
 )  # fmt: skip
 
 x1 = Coordinate("x1", "m", "displacement of the pushed mass")
@@ -74,6 +74,11 @@ system = System(
         PublishedEquation("2.25", "m2*x2'' + c*x2' + k*x2 ± c*x1' ± k*x2 = 0",
                           "motion", of="x2", driven=False,
                           note="ends in k x2 twice, where k x1 belongs once"),
+    ),
+    # The world: x along the motion, z up, the origin where the first mass rests.
+    frames=(
+        Pose("first", (x1.q, 0, 0), "the first mass", eye(3)),
+        Pose("second", (x2.q + Rational(3, 2), 0, 0), "the second mass, 1.5 m on", eye(3)),
     ),
     sketch=(
         Link("spring", (x1.q + 0.15, 0.15), (x2.q + 0.85, 0.15), "k"),

@@ -1,10 +1,10 @@
 """Example 2.1: a mass on a spring and a damper, driven by a force."""
 
-from sympy import Heaviside, Rational, sin
+from sympy import Heaviside, Rational, eye, sin
 
 from physics_crosscheck import (
     Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Quantity, Scenario, System, t,
+    Pose, PublishedEquation, Quantity, Scenario, System, t,
 )  # fmt: skip
 
 x = Coordinate("x", "m", "displacement of the mass from the spring's equilibrium")
@@ -47,6 +47,8 @@ system = System(
         Quantity("F", f - k * x.q - c * x.v, "N", "all forces on the mass, cut free"),
         Quantity("a", x.a, "m/s^2", "acceleration of the mass"),
     ),
+    # The world: x along the motion, z up, the origin where the mass rests.
+    frames=(Pose("mass", (x.q, 0, 0), "the mass", eye(3)),),
     sketch=(
         Link("wall", (-0.9, 0.3), (-0.9, -0.3)),
         Link("spring", (-0.9, 0.1), (x.q - 0.2, 0.1), "k"),

@@ -4,7 +4,7 @@ from sympy import Matrix, cos, pi, sin
 
 from physics_crosscheck import (
     Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Quantity, Scenario, System, t,
+    Pose, PublishedEquation, Quantity, Scenario, System, t,
 )  # fmt: skip
 
 theta = Coordinate("theta", "rad", "angle from the vertical, positive toward +x")
@@ -79,6 +79,10 @@ system = System(
         Quantity("a_n", acceleration.dot(normal), "m/s^2", "toward the pivot"),
         Quantity("F_t", weight.dot(tangent), "N", "all forces along the path"),
         Quantity("f", V.diff(theta.q) / (m * g * l), "1", "the weight's torque over m g l"),
+    ),
+    # The world: x to the right, z up, the origin at the pivot.
+    frames=(
+        Pose("mass", (l * sin(theta.q), 0, -l * cos(theta.q)), "the point mass"),
     ),
     sketch=(
         Link("wall", (-0.15, 0), (0.15, 0)),

@@ -4,7 +4,7 @@ from sympy import Heaviside, Rational, exp, sin
 
 from physics_crosscheck import (
     Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    PublishedEquation, Quantity, Scenario, System, t,
+    Pose, PublishedEquation, Quantity, Scenario, System, rotation, t,
 )  # fmt: skip
 
 theta = Coordinate("theta", "rad", "rotation of the disc from the shaft's equilibrium")
@@ -48,6 +48,10 @@ system = System(
     quantities=(
         Quantity("M", T - k_theta * theta.q, "N*m", "all torques on the disc, cut free"),
         Quantity("alpha", theta.a, "rad/s^2", "angular acceleration of the disc"),
+    ),
+    # The world: z along the shaft, the origin at the disc's centre.
+    frames=(
+        Pose("disc", (0, 0, 0), "the disc", rotation((0, 0, 1), theta.q)),
     ),
     sketch=(
         Body("disc", (0, 0), 0.2, 0.2, theta.q, label="J"),

@@ -23,7 +23,7 @@ def prepared(system: str) -> Prepared:
 
 
 def audit(prepared: Prepared, sidecar: Sidecar, engine: str) -> tuple[AuditFinding, ...]:
-    return run_audit(audit_task(prepared, sidecar, engine))
+    return run_audit(audit_task(prepared, sidecar, engine)).findings
 
 
 def said(found: Iterable[AuditFinding], kind: str, severity: str = "finding") -> str:

@@ -20,7 +20,7 @@ from harness.files.folders import builtin
 from harness.files.sidecar import read_sidecar
 from harness.numerics.coordinates import coordinate_map
 from harness.records.base import SourceLine
-from harness.records.finding import AuditFinding
+from harness.records.finding import BEYOND, AuditFinding
 from harness.text.findings import audit_lines
 from reference.load import load_system
 from reference.numeric import Array
@@ -265,7 +265,7 @@ def test_a_wrong_nonlinear_term_shows_at_random_states(tmp_path: Path) -> None:
 def test_records_are_json_and_lines_are_read(look: Look, tmp_path: Path) -> None:
     look("torsional_disc", "robot.urdf", "mujoco", ('damping="', 'damping="1'))
     sidecar = read_sidecar(tmp_path / "robot.urdf.toml")
-    records = run_audit(audit_task(prepared("torsional_disc"), sidecar, "mujoco"))
+    records = run_audit(audit_task(prepared("torsional_disc"), sidecar, "mujoco")).findings
     read = msgspec.json.decode(msgspec.json.encode(records), type=tuple[AuditFinding, ...])
     assert read == records
     lines = audit_lines(records)
@@ -322,4 +322,27 @@ def test_thousands_of_bindings_that_mean_nothing_are_summed_up(tmp_path: Path) -
     assert len(lost) == 11
     assert lost[-1].message == (
         "2990 more bindings were not looked at, after 10 that can't be read; mend these first"
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (('body name="drum" pos="0 0 1"', 'body name="drum" pos="0 2 1"'),
+         "drum (body:drum), rod (centre:rod): up to 2 m from where the equations have it"),
+        (('axis="0 -1 0"', 'axis="1 0 0"'), "rod (centre:rod)"),
+        (('rod = "centre:rod"', 'rod = "body:hand"'), "the model has no 'body:hand'; it has"),
+    ],
+)  # fmt: skip
+def test_a_body_that_is_elsewhere_is_a_finding(
+    look: Look, change: tuple[str, str], words: str
+) -> None:
+    assert words in said(look("drum_pendulum", "mujoco.xml", "mujoco", change), "pose")
+
+
+def test_a_stop_beyond_the_motions_is_noted(look: Look) -> None:
+    stop = 'name="theta" type="hinge" range="-30 30" limited="true"'
+    found = look("drum_pendulum", "mujoco.xml", "mujoco", ('name="theta" type="hinge"', stop))
+    assert "theta is limited to [-30, 30], and the motions stay between" in said(
+        found, BEYOND, "note"
     )

@@ -94,7 +94,7 @@ def wrong(sidecar: Sidecar, changes: Mapping[str, float], into: Path) -> Sidecar
 
 
 def audit(hinge: Prepared, sidecar: Sidecar) -> tuple[AuditFinding, ...]:
-    return run_audit(audit_task(hinge, sidecar, "pybullet"))
+    return run_audit(audit_task(hinge, sidecar, "pybullet")).findings
 
 
 def diagnosis(hinge: Prepared, sidecar: Sidecar) -> Ranking:

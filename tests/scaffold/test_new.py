@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.cases.case import load
 from harness.cli.main import main
 from harness.files.bindings import bindings, mismatches
 from harness.files.folders import template
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar, read_sidecar
+from harness.poses.check import check_poses
 from harness.run import Options, run
 from harness.scaffold.folder import NewError, check_name, example, write_folder
 from harness.scaffold.from_model import _settings, from_model
@@ -196,3 +198,23 @@ def test_meshes_are_copied_and_those_elsewhere_refused(tmp_path: Path) -> None:
         else:
             with pytest.raises(NewError, match="not below its folder"):
                 from_model(model, target)
+
+
+@pytest.mark.parametrize(("model", "names"), [
+    (CRANE, {"body"}), (ARM, {"link"}),
+])  # fmt: skip
+def test_every_body_with_a_name_is_a_frame_that_engines_have_there(
+    tmp_path: Path, model: Path, names: set[str]
+) -> None:
+    from_model(model, tmp_path / "read")
+    system = load_system(tmp_path / "read")
+    sidecar = read_sidecar(tmp_path / "read" / f"{model.name}.toml")
+    assert {str(place).partition(":")[0] for place in sidecar.frames.values()} == names
+    assert list(sidecar.frames) == [frame.name for frame in system.frames]
+    engine = sidecar.engines[0]
+    loaded, coordinates = load(system, sidecar, engine)
+    reached = np.random.default_rng(3).uniform(-1, 1, (5, len(system.q)))
+    found = check_poses(system, sidecar, loaded, coordinates, reached)
+    assert found.findings == ()
+    assert all(one.agrees for one in found.record.frames)
+    assert len(found.record.frames) == len(system.frames) > 1

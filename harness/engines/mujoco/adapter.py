@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +16,7 @@ import numpy as np
 from harness.engines.compiled import CompiledTree
 from harness.engines.mistake import LeftOut
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, refusal, sources
+from harness.engines.mujoco.poses import Poses
 from harness.engines.mujoco.remarks import model_remarks
 from harness.engines.mujoco.tree import compiled_tree
 from harness.engines.mujoco.warnings import Warnings
@@ -32,7 +33,7 @@ from harness.engines.protocol import (
 )
 from harness.engines.remark import Remark
 from harness.engines.source import XmlSource, engine_errors
-from harness.engines.urdf import SETTINGS, joint_springs, read_urdf, sample_urdf
+from harness.engines.urdf import IDLE, SETTINGS, joint_springs, read_urdf, sample_urdf
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 
@@ -67,6 +68,20 @@ class MujocoEngine(Engine):
     unstated = "2 ms and -9.81"
     takes_springs = (".urdf",)
     stated_settings = MappingProxyType({"integrator": "Euler"})
+    idle = MappingProxyType(
+        {
+            **IDLE,
+            r"mujoco/(visual|asset|statistic)/.*|.*/(light|camera)@.*|.*@rgba": "looks",
+            r".*/site@(size|fromto)|.*/(spatial|default)@(width|rgba)|.*/replicate@.*": "looks",
+            r".*/(geom|pair|exclude)@.*": "shapes that touch nothing",
+            r".*/(joint|spatial|fixed)@range": "limits",
+            r".*/option@(timestep|.*iterations|.*tolerance|impratio|o_.*)": "step and solver",
+        }
+    )
+    choices = (
+        r".*@(contype|conaffinity|condim|group|priority|.*iterations|count)"
+        r"|.*/(texture|global|quality|hfield)@\w+"
+    )
     compiles = (".xml",)
     usual_mistakes = (
         LeftOut(
@@ -246,6 +261,27 @@ class MujocoModel(Model):
     def warnings(self) -> tuple[str, ...]:
         """What MuJoCo has warned of, on loading and since."""
         return tuple(self._warnings)
+
+    @cached_property
+    def _poses(self) -> Poses:
+        import mujoco
+
+        if self._spec.path.suffix != ".urdf":
+            return Poses(self.model, "body")
+        # By default links on fixed joints, such as a tool's, become part of what they are fixed to.
+        with self._warnings.heard():
+            tree = mujoco.MjSpec.from_file(str(self._spec.path))
+            tree.compiler.fusestatic = False
+            return Poses(tree.compile(), "link")
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Bodies, their centres, sites and geoms that have a name."""
+        return self._poses.places
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """By its forward kinematics, without a step."""
+        return self._poses.at(places, z)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """RK4 keeps order 4 until an input is held over the step; the others have order 1."""

@@ -192,4 +192,5 @@ def _contacts(m: Any, z: Array) -> Iterator[Remark]:
             message=f"{able} geoms can collide (contype, conaffinity); at the motions' states none"
             " does",
             address="",
+            beyond=True,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -34,11 +34,13 @@ from harness.engines.pybullet.inertias import (
     held_inertias,
     lost_inertias,
 )
+from harness.engines.pybullet.poses import link_places, link_poses
 from harness.engines.pybullet.printed import printed
 from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
 from harness.engines.remark import Remark
 from harness.engines.source import engine_errors, folded
 from harness.engines.urdf import (
+    IDLE,
     SETTINGS,
     Mimic,
     joint_springs,
@@ -80,6 +82,7 @@ class PybulletEngine(Engine):
     unstated = "1/240 s and no gravity"
     bare_link = "1 kg"
     takes_springs = (".urdf",)
+    idle = IDLE
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (
         DefaultLeftOn(
@@ -223,6 +226,17 @@ class PybulletModel(Model):
         )
         yield from axes_remarks(self._lost)
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Links and their centres of mass."""
+        self._check_loaded()
+        return tuple(link_places(self._body))
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """By its forward kinematics, without a step."""
+        self._check_loaded()
+        return link_poses(self._body, self._joints, places, z)
+
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""
         return 1, 1
@@ -324,8 +338,7 @@ class PybulletModel(Model):
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
         """Step by step: springs and inputs are torques, set from the state before each step."""
-        if _loaded is not self:
-            raise EngineError(f"{self.path}: another model has been loaded since")
+        self._check_loaded()
         with engine_errors(self.path, "PyBullet"):
             return self._rollout(q, v, h, n, force, every)
 
@@ -347,6 +360,10 @@ class PybulletModel(Model):
                 self._load()
                 p.setPhysicsEngineParameter(fixedTimeStep=h)
         return out_q, out_v
+
+    def _check_loaded(self) -> None:
+        if _loaded is not self:
+            raise EngineError(f"{self.path}: another model has been loaded since")
 
     def _run(self, b: int, n: int, force: Force, every: int, out_q: Array, out_v: Array) -> None:
         import pybullet as p

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -124,6 +124,25 @@ class PymunkModel(Model):
         """Where positions may be drawn, (nz, 2): 1 m about where a body is built, and a turn."""
         half = np.tile([1.0, 1.0, np.pi], len(self._bodies))
         return np.stack([self.home - half, self.home + half], axis=1)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """The bodies that the file names, and their centres of gravity."""
+        return tuple(f"{kind}:{name}" for kind in ("body", "centre") for name in self._bodies)
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """A body is where its coordinates are."""
+        origins, turns = np.zeros((len(z), len(places), 3)), np.zeros((len(z), len(places), 3, 3))
+        for f, place in enumerate(places):
+            kind, _, name = place.partition(":")
+            x, y, angle = z[:, 3 * (i := list(self._bodies).index(name)) : 3 * i + 3].T
+            c, s = np.cos(angle), np.sin(angle)
+            turns[:, f, 0, 0], turns[:, f, 0, 1] = c, -s
+            turns[:, f, 1, 0], turns[:, f, 1, 1], turns[:, f, 2, 2] = s, c, 1.0
+            shift = self._bodies[name].center_of_gravity if kind == "centre" else (0.0, 0.0)
+            origins[:, f, 0], origins[:, f, 1] = x, y
+            origins[:, f] += turns[:, f] @ np.array([*shift, 0.0])
+        return origins, turns
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout: a step moves positions with the old velocity, then updates it."""

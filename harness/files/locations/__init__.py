@@ -25,31 +25,48 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harness.engines.registry import readers
+from harness.files.locations.literals import (
+    Literal,
+    python_literals,
+    toml_literals,
+    xml_literals,
+)
 from harness.files.locations.location import Location, LocationError, Resolve, Source
 from harness.files.locations.python import python_names, python_numbers, python_offset
 from harness.files.locations.toml import toml_keys, toml_offset
 from harness.files.locations.xml import xml_numbers, xml_offset, xml_paths
 
-__all__ = ["Location", "LocationError", "find", "find_in", "line_of", "numbers"]
+__all__ = [
+    "Literal",
+    "Location",
+    "LocationError",
+    "find",
+    "find_in",
+    "line_of",
+    "literals",
+    "numbers",
+]
 
 
 class _Grammar(NamedTuple):
     """How the numbers of a format are found.
 
     `addressed` finds the number that an address means, `offset` the first byte that one may mean;
-    `listed` tells every number of the wanted kinds, None where a format has no kinds.
+    `all` tells every number, addressed or not; `listed` those of the wanted kinds that have an
+    address, None where a format has no kinds.
     """
 
     addressed: Callable[[Source], Resolve]
     offset: Callable[[Source, str], int | None]
+    all: Callable[[Source], Iterator[Literal]]
     listed: Callable[[Source, re.Pattern[str]], Iterator[str]] | None = None
 
 
 _GRAMMARS = {
-    ".xml": _Grammar(xml_paths, xml_offset, xml_numbers),
-    ".urdf": _Grammar(xml_paths, xml_offset, xml_numbers),
-    ".py": _Grammar(python_names, python_offset, python_numbers),
-    ".toml": _Grammar(toml_keys, toml_offset),
+    ".xml": _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers),
+    ".urdf": _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers),
+    ".py": _Grammar(python_names, python_offset, python_literals, python_numbers),
+    ".toml": _Grammar(toml_keys, toml_offset, toml_literals),
 }
 
 
@@ -96,6 +113,16 @@ def numbers(file: Path, kinds: str) -> tuple[str, ...]:
         raise LocationError(f"{file}: numbers of {file.suffix} files have no kinds")
     source = _decoded(_read(file), file)
     return tuple(dict.fromkeys(listed(source, re.compile(kinds))))
+
+
+def literals(file: Path) -> tuple[Literal, ...]:
+    """Every number of a file, in its order.
+
+    Raises:
+        LocationError: for a file that can't be read or parsed.
+    """
+    found = _grammar(file).all(_decoded(_read(file), file))
+    return tuple(sorted(found, key=lambda one: one.location.start))
 
 
 def find(file: Path, addresses: Iterable[str]) -> dict[str, Location]:

@@ -14,7 +14,7 @@ from harness.files.locations.location import LocationError, Resolve, Source, Spa
 
 def python_names(source: Source) -> Resolve:
     """Numbers that a name is bound to once, at the top level."""
-    tree, starts = _parsed(source)
+    tree, starts = parsed(source)
     simple: dict[str, ast.expr] = {}
     for statement in tree.body:
         match statement:
@@ -69,7 +69,7 @@ def python_offset(source: Source, address: str) -> int | None:
         address: a name of the top level, `MASS`; a call, `PinJoint()`; or what is assigned to an
             attribute of what a call has made, `Space().damping`.
     """
-    tree, starts = _parsed(source)
+    tree, starts = parsed(source)
     match = _CALL.fullmatch(address)
     if match is None:
         lines = _bound_names(tree).get(address)
@@ -116,7 +116,7 @@ def python_numbers(source: Source, _kinds: re.Pattern[str]) -> Iterator[str]:
                     yield name
 
 
-def _parsed(source: Source) -> tuple[ast.Module, list[int]]:
+def parsed(source: Source) -> tuple[ast.Module, list[int]]:
     """The module, and the first byte of each line."""
     try:
         encoding, _ = tokenize.detect_encoding(BytesIO(source.data).readline)

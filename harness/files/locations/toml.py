@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Iterator
 from typing import Any
 
 from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
@@ -46,6 +47,15 @@ def toml_keys(source: Source) -> Resolve:
         return (offset(start), offset(end)), float(_at(data, key))
 
     return resolve
+
+
+def toml_numbers(source: Source) -> Iterator[tuple[str, Span, float]]:
+    """Every number with its key and its bytes."""
+    text, data = _read(source)
+    for key, (start, end) in _toml_values(text).items():
+        if _is_number(value := _at(data, key)):
+            before = len(text[:start].encode("utf-8"))
+            yield _spell_key(key), (before, before + len(text[start:end].encode("utf-8"))), value
 
 
 def toml_offset(source: Source, address: str) -> int | None:

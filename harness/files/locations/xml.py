@@ -94,10 +94,10 @@ def xml_paths(source: Source) -> Resolve:
                 found[0].start,
             )
         if attribute is not None:
-            spans, words = _attribute_words(found[0], attribute, source, address)
+            spans, words = attribute_words(found[0], attribute, source, address)
             what = attribute
         else:
-            spans, words = _text_words(found[0], source, address)
+            spans, words = text_words(found[0], source, address)
             what = f"<{found[0].tag}>"
         return _component(spans, words, match["index"], what, address, source)
 
@@ -260,7 +260,7 @@ def _attribute_span(element: RawElement, attribute: str, source: Source) -> Span
     raise AssertionError(f"{source.file}: the parser has found {attribute}, the scan has not")
 
 
-def _attribute_words(
+def attribute_words(
     element: RawElement, attribute: str, source: Source, address: str
 ) -> tuple[list[Span], list[str]]:
     """Where the words of an attribute's value are, and what the parser reads there."""
@@ -268,7 +268,7 @@ def _attribute_words(
     return spans, element.attributes[attribute].split()
 
 
-def _text_words(element: RawElement, source: Source, address: str) -> tuple[list[Span], list[str]]:
+def text_words(element: RawElement, source: Source, address: str) -> tuple[list[Span], list[str]]:
     """The same of an element's text."""
     if element.children:
         remedy = "end the address with an attribute, as in '@mass', or with one of its elements"

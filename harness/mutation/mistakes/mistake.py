@@ -59,6 +59,7 @@ class Mistake:
         location: a joint, a literal or a setting.
         edit: what makes it.
         causes: those that a diagnosis may name for it, any of which is right.
+        told: words that the audit must find of its frames, where no motion shows it.
         sound: whether it is none: it changes the error of a step, and not the mechanism.
     """
 
@@ -67,3 +68,4 @@ class Mistake:
     edit: Edit
     causes: frozenset[CauseId] = frozenset()
     sound: bool = False
+    told: str = ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from harness.mutation.mistakes.axes import axes
+from harness.mutation.mistakes.bases import bases
 from harness.mutation.mistakes.context import Subject
 from harness.mutation.mistakes.defaults import defaults
 from harness.mutation.mistakes.degrees import degrees
@@ -17,7 +18,7 @@ from harness.mutation.mistakes.rests import rests
 from harness.mutation.mistakes.steps import steps
 
 FAMILIES: tuple[Callable[[Subject], Iterator[Mistake]], ...] = (
-    axes, gravity, exchanges, rests, degrees, left_in, left_out, defaults, steps,
+    axes, bases, gravity, exchanges, rests, degrees, left_in, left_out, defaults, steps,
 )  # fmt: skip
 
 

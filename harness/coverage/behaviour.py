@@ -1,0 +1,86 @@
+"""What a model does, in as few numbers as tell whether it does something else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.engines.protocol import Engine, EngineError, Model
+from harness.files.frames import SidecarFrames
+from harness.files.sidecar import Sidecar, SidecarError
+from reference.numeric import Array
+
+FAINT = 1e-9
+"""A change of the largest acceleration or distance by less is a rounding: numbers are moved by
+1e-3 of their size."""
+
+
+POSED = 8
+"""States at which frames are looked up: extremes of the motions are among the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """The positions and velocities at which a model is asked, (S, nz) each, and its frames.
+
+    Attributes:
+        h: step, s: of the model as it is, since a number may be the step.
+    """
+
+    z: Array
+    w: Array
+    h: float
+    engine: Engine
+    said: SidecarFrames
+
+    def loaded(self, sidecar: Sidecar) -> Model | None:
+        """A model, or None where the engine refuses it."""
+        try:
+            model = self.engine.load(sidecar.spec(self.engine.name))
+        except (EngineError, SidecarError):
+            return None
+        return model if len(model.coordinates) == self.z.shape[1] else None
+
+    def of(self, model: Model) -> Behaviour:
+        """What it does."""
+        q, v = model.rollout(self.z, self.w, self.h, 1, None, 1)
+        places = [target.place for target in self.said.targets if target.place in model.places]
+        few = self.z[:POSED]
+        origins, turns = model.poses(places, few) if places else (np.zeros(0), np.zeros(0))
+        return Behaviour(
+            moved=(q[:, 0] - self.z) / self.h,
+            pushed=(v[:, 0] - self.w) / self.h,
+            origins=origins,
+            turns=turns,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Behaviour:
+    """What a model does at some states.
+
+    Attributes:
+        moved, pushed: changes of positions and velocities over a step, a second, (S, nz).
+        origins, turns: of the frames.
+    """
+
+    moved: Array
+    pushed: Array
+    origins: Array
+    turns: Array
+
+    def moves_as(self, other: Behaviour) -> bool:
+        """Whether the motions are the same."""
+        pairs = ((self.moved, other.moved), (self.pushed, other.pushed))
+        return all(_alike(one, two) for one, two in pairs)
+
+    def poses_as(self, other: Behaviour) -> bool:
+        """Whether the frames are where those of another are."""
+        pairs = ((self.origins, other.origins), (self.turns, other.turns))
+        return all(one.shape == two.shape and _alike(one, two) for one, two in pairs)
+
+
+def _alike(one: Array, other: Array) -> bool:
+    size = float(np.max(np.abs(other), initial=0.0))
+    return bool(np.all(np.abs(one - other) <= FAINT * size))

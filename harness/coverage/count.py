@@ -1,0 +1,142 @@
+"""Numbers of a model's files, counted by what sees them."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from harness.audit.task import AuditTask
+from harness.coverage.behaviour import Probe
+from harness.coverage.trials import Say, Trials
+from harness.engines.registry import engines
+from harness.files.bindings import locate
+from harness.files.frames import SidecarFrames, sidecar_frames
+from harness.files.locations import Literal, LocationError, literals
+from harness.files.sidecar import Sidecar, SidecarError
+from harness.numerics.coordinates import coordinate_map
+from harness.records.coverage import Coverage, Unseen
+from reference.numeric import Array
+from reference.system import System
+
+STATES = 24
+"""States at which a model is asked, beside each component's extremes."""
+
+SHOWN = 3
+"""Numbers that are named as examples of a reason."""
+
+_MODEL = re.compile(r"(settings|spring)\b.*")
+"""What of a sidecar is the model's."""
+
+_DIRECTION = re.compile(r".*axis\w*(@.*)?")
+"""Numbers of which the direction counts, and not the length."""
+
+_STEP = {r"settings(\.\w+)?\.step": "the step"}
+
+
+def count_numbers(task: AuditTask) -> Coverage:
+    """Move every number of a model's files, and count those that something follows from.
+
+    Raises:
+        EngineError, SidecarError, LocationError: naming file, place and remedy.
+    """
+    engine = engines()[task.engine]
+    model = engine.load(task.sidecar.spec(task.engine))
+    coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
+    z, w = coordinates.to_engine(_some(task.states))
+    probe = Probe(z, w, model.step, engine, _frames(task.system, task.sidecar))
+    found = _numbers(task.sidecar, task.engine)
+    idle = {**_STEP, **engine.idle}
+    reasons = [_reason(one, idle) for one in found]
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        trials = Trials(task.sidecar, found, probe, probe.of(model), Path(folder))
+        chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in found]
+        tried = [i for i, choice in enumerate(chosen) if not choice]
+        trials.nudge([i for i in tried if reasons[i]])
+        trials.nudge([i for i in tried if not reasons[i]])
+        trials.flip([i for i, one in enumerate(found) if _DIRECTION.fullmatch(one.path)])
+    said = {**dict.fromkeys(range(len(found)), Say.UNTRIED), **trials.said}
+    said |= {i: Say.CHOICE for i, choice in enumerate(chosen) if choice}
+    return _counted(found, said, _bound(task.sidecar), reasons)
+
+
+def _some(states: Array) -> Array:
+    """Some of the motions' states, with the extremes of every component."""
+    extremes = np.concatenate([states.argmax(axis=0), states.argmin(axis=0)])
+    spread = np.linspace(0, len(states) - 1, STATES).astype(int)
+    return states[list(dict.fromkeys([*extremes, *spread]))]
+
+
+def _frames(system: System, sidecar: Sidecar) -> SidecarFrames:
+    try:
+        return sidecar_frames(system, sidecar)
+    except SidecarError:  # the audit tells of it
+        return SidecarFrames(targets=(), axes=np.eye(3), origin=np.zeros(3))
+
+
+def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
+    """Those of the model file, and of the sidecar's settings and springs for this engine."""
+    others = tuple(f"settings.{name}." for name in sidecar.engine_settings if name != engine)
+    own = (
+        one
+        for one in literals(Path(f"{sidecar.model}.toml"))
+        if _MODEL.fullmatch(one.path) and not one.path.startswith(others)
+    )
+    return (*literals(sidecar.model), *own)
+
+
+def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:
+    """File and first byte of every number that is bound."""
+    try:
+        places = locate(sidecar, sidecar.bindings)
+    except (LocationError, SidecarError):  # the audit tells of it
+        return frozenset()
+    return frozenset((str(place.file), place.start) for place in places.values())
+
+
+def _reason(literal: Literal, idle: Mapping[str, str]) -> str:
+    """What numbers of its kind are for, where no motion depends on them; empty: not known."""
+    return next((why for kind, why in idle.items() if re.fullmatch(kind, literal.path)), "")
+
+
+def _counted(
+    found: Sequence[Literal],
+    said: Mapping[int, Say],
+    bound: frozenset[tuple[str, int]],
+    reasons: Sequence[str],
+) -> Coverage:
+    counts = {"motion": 0, "audit": 0, "frames": 0}
+    unseen: dict[str, list[Literal]] = {}
+    for i, one in enumerate(found):
+        say = said[i]
+        if say is Say.MOTION:
+            counts["motion"] += 1
+        elif (str(one.location.file), one.location.start) in bound:
+            counts["audit"] += 1
+        elif say is Say.FRAMES:
+            counts["frames"] += 1
+        else:
+            why = reasons[i] if say in (Say.NONE, Say.CHOICE) and reasons[i] else say.value
+            unseen.setdefault(why, []).append(one)
+    return Coverage(
+        numbers=len(found),
+        motion=counts["motion"],
+        audit=counts["audit"],
+        frames=counts["frames"],
+        unseen=tuple(
+            Unseen(reason=why, count=len(them), examples=_examples(them))
+            for why, them in sorted(unseen.items(), key=lambda item: -len(item[1]))
+        ),
+    )
+
+
+def _examples(them: Sequence[Literal]) -> tuple[str, ...]:
+    """What some are called: element and attribute, a name, or a line."""
+    names = (
+        one.path.rpartition("/")[2] or f"{one.location.file.name}:{one.location.line}"
+        for one in them
+    )
+    return tuple(dict.fromkeys(names))[:SHOWN]

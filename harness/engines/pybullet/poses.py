@@ -1,0 +1,67 @@
+"""Where the links of a loaded URDF are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.engines.protocol import Array
+
+BASE = -1
+"""PyBullet's index of the link that all others hang on."""
+
+
+def link_places(body: int) -> dict[str, int]:
+    """Index of each link by `link:name`, and of its centre of mass by `centre:name`."""
+    import pybullet as p
+
+    names = {p.getBodyInfo(body)[0].decode(): BASE}
+    names |= {p.getJointInfo(body, i)[12].decode(): i for i in range(p.getNumJoints(body))}
+    return {f"{kind}:{name}": i for kind in ("link", "centre") for name, i in names.items()}
+
+
+def link_poses(
+    body: int, joints: Sequence[int], places: Sequence[str], z: Array
+) -> tuple[Array, Array]:
+    """Origins (K, F, 3) and rotations (K, F, 3, 3) of places at joint positions z, (K, nz)."""
+    import pybullet as p
+
+    known = link_places(body)
+    origins = np.empty((len(z), len(places), 3))
+    turns = np.empty((*origins.shape, 3))
+    for k, row in enumerate(z.tolist()):
+        for joint, value in zip(joints, row, strict=True):
+            p.resetJointState(body, joint, value, 0.0)
+        for f, place in enumerate(places):
+            origins[k, f], turns[k, f] = _pose(body, known[place], place.startswith("centre:"))
+    return origins, turns
+
+
+def _pose(body: int, link: int, centre: bool) -> tuple[Array, Array]:
+    """A link's frame, or its centre of mass with the link's axes, as the joints are now.
+
+    PyBullet tells a link's frame with seven digits, and that of its principal moments with all, in
+    the world and in the link.
+    """
+    import pybullet as p
+
+    if link == BASE:
+        state = p.getBasePositionAndOrientation(body) + p.getDynamicsInfo(body, BASE)[3:5]
+    else:
+        state = p.getLinkState(body, link, computeForwardKinematics=1)
+    middle, inward = np.array(state[0]), np.array(state[2])
+    turn = _matrix(np.array(state[1])) @ _matrix(np.array(state[3])).T
+    return middle if centre else middle - turn @ inward, turn
+
+
+def _matrix(quaternion: Array) -> Array:
+    """Of a quaternion (x, y, z, w)."""
+    x, y, z, w = quaternion / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,68 @@
+"""What a verdict on a model covers, in a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from harness.records.coverage import Coverage, Unseen
+from harness.records.finding import BEYOND
+from harness.records.model import Model
+from harness.records.poses import Poses
+
+
+def coverage_lines(models: Iterable[Model]) -> list[str]:
+    """A line a model, those of several models that are alike folded into one."""
+    said: dict[str, list[str]] = {}
+    for model in models:
+        if line := coverage_line(model):
+            said.setdefault(line, []).append(str(model.id))
+    return [f"{', '.join(names)}: {line}" for line, names in said.items()]
+
+
+def coverage_line(model: Model, *, examples: bool = False) -> str:
+    """Which numbers had a say, whether poses were checked, and what no motion reaches."""
+    parts = []
+    if model.coverage is not None:
+        parts.append(numbers_seen(model.coverage, examples))
+    if model.poses is not None:
+        parts.append(poses_checked(model.poses))
+    beyond = [one.message for one in model.audit or () if one.kind == BEYOND]
+    if beyond:
+        parts.append(f"not reached: {'; '.join(beyond)}")
+    return "; ".join(parts)
+
+
+def numbers_seen(coverage: Coverage, examples: bool) -> str:
+    """Such as: 23 of 31 numbers checked (18 by motion, 4 by audit, 1 by frames), not ..."""
+    if coverage.note:
+        return f"numbers not counted: {coverage.note}"
+    by: Mapping[str, int] = {
+        "motion": coverage.motion, "audit": coverage.audit, "frames": coverage.frames,
+    }  # fmt: skip
+    said = ", ".join(f"{count} by {what}" for what, count in by.items() if count)
+    line = f"{coverage.seen} of {coverage.numbers} numbers checked"
+    line += f" ({said})" if said else ""
+    left = [
+        f"{one.count} ({one.reason}{f': {_some(one)}' if examples else ''})"
+        for one in coverage.unseen
+    ]
+    return line + (f"; not {', '.join(left)}" if left else "")
+
+
+def _some(unseen: Unseen) -> str:
+    more = unseen.count > len(unseen.examples)
+    return ", ".join((*unseen.examples, "...") if more else unseen.examples)
+
+
+def poses_checked(poses: Poses) -> str:
+    """Which frames agree, or why none was compared."""
+    if poses.note:
+        return f"poses not checked: {poses.note}"
+    wrong = [frame.name for frame in poses.frames if not frame.agrees]
+    one = len(poses.frames) == 1
+    told = f"{len(poses.frames)} {'pose' if one else 'poses'} checked"
+    if wrong:
+        told += f", {len(wrong)} elsewhere ({', '.join(wrong)})"
+    if poses.unchecked:
+        told += f", not {', '.join(poses.unchecked)} (not in the sidecar's [frames])"
+    return told

@@ -1,0 +1,53 @@
+"""Where a body or a point of a mechanism is in the world, by name, as a declaration has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+
+WORLD = "world"
+"""What no frame may be called: a sidecar says by it how an engine's world lies in this one."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A frame that is fixed to a body, or a point of it, in the world's axes.
+
+    Attributes:
+        name: by which sidecars say what it is in a model file.
+        position: of its origin, (x, y, z), expressions of positions and constants, m.
+        description: what it is.
+        rotation: 3 x 3, its columns its axes; or a unit quaternion (w, x, y, z). None for a point.
+    """
+
+    name: str
+    position: tuple[Any, Any, Any]
+    description: str
+    rotation: Any = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", tuple(sp.sympify(p) for p in self.position))
+        if self.rotation is not None:
+            object.__setattr__(self, "rotation", _matrix(self.rotation))
+
+    @property
+    def entries(self) -> tuple[sp.Expr, ...]:
+        """The position, and of a frame its matrix row by row: 3 or 12 expressions."""
+        turn = () if self.rotation is None else tuple(self.rotation)
+        return (*self.position, *turn)
+
+
+def _matrix(rotation: Any) -> sp.ImmutableMatrix:
+    """A matrix, or that of a unit quaternion."""
+    if isinstance(rotation, (tuple, list)) and len(rotation) == 4:
+        w, x, y, z = map(sp.sympify, rotation)
+        return sp.ImmutableMatrix(
+            [
+                [1 - 2 * (y**2 + z**2), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x**2 + z**2), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x**2 + y**2)],
+            ]
+        )
+    return sp.ImmutableMatrix(rotation)

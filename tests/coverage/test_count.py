@@ -1,0 +1,161 @@
+"""Every number of a model's files is counted once: by what sees it, or by why nothing does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.audit.task import AuditTask
+from harness.coverage import trials
+from harness.coverage.count import count_numbers
+from harness.files.locations import literals
+from harness.files.sidecar import read_sidecar
+from harness.records.coverage import Coverage, Unseen
+from harness.records.finding import BEYOND, AuditFinding
+from harness.records.model import Model
+from harness.records.poses import FramePose, Poses
+from harness.text.coverage import coverage_line, coverage_lines
+from tests.poses.arm import SWING
+
+MJCF = """<mujoco><option timestep="0.002" gravity="0 0 0"/><visual><global fovy="30"/></visual>
+<worldbody><light pos="0 0 3"/>
+<body name="rod" pos="0 0 2"><joint name="a" type="hinge" axis="0 -1 0" damping="0.3"/>
+<inertial pos="0 0 -0.4" mass="1" diaginertia="1 1.5 2"/>
+<geom size="0.2" contype="0" conaffinity="0" mass="0"/><site name="end" pos="0 0 -0.8"/></body>
+</worldbody></mujoco>"""
+SIDECAR = """engines = ["mujoco"]
+[settings.mujoco]
+integrator = "Euler"
+[bindings]
+"body[rod]/inertial@diaginertia[0]" = "2*J/0.6"
+[frames]
+world = { origin = [0, 0, 2] }
+rod = "body:rod"
+end = "site:end"
+"""
+
+
+@pytest.fixture
+def task(tmp_path: Path) -> AuditTask:
+    (tmp_path / "rod.xml").write_text(MJCF)
+    (tmp_path / "rod.xml.toml").write_text(SIDECAR)
+    states = np.random.default_rng(0).uniform(-1, 1, (30, 2))
+    return AuditTask(
+        system=SWING,
+        equilibria=(),
+        states=states,
+        push=np.zeros(0),
+        amplitude=np.ones(2),
+        fastest=1.0,
+        sidecar=read_sidecar(tmp_path / "rod.xml.toml"),
+        engine="mujoco",
+    )
+
+
+def test_numbers_are_counted_by_what_sees_them(task: AuditTask) -> None:
+    found = count_numbers(task)
+    assert found.numbers == len(literals(task.sidecar.model)) == 29
+    # Gravity along x and z, the axis across itself, the damper; centre, mass and moment about y.
+    assert (found.motion, found.audit) == (9, 1)
+    # The body's place, the site's, and which way the axis points, which no motion shows.
+    assert found.frames == 7
+    assert found.seen + sum(one.count for one in found.unseen) == found.numbers
+    reasons = {one.reason: one.count for one in found.unseen}
+    assert reasons["looks"] == 4
+    assert reasons["shapes that touch nothing"] == 4
+    assert reasons["step and solver"] == 1
+
+
+def test_no_number_of_a_whole_family_is_tried_alone(
+    task: AuditTask, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[int] = []
+    each = trials.Trials._tried
+
+    def noted(self: trials.Trials, words: dict[int, str]) -> trials.Say:
+        tried.append(len(words))
+        return each(self, words)
+
+    monkeypatch.setattr(trials.Trials, "_tried", noted)
+    count_numbers(task)
+    # Lights, sizes and the step at once, switches apart: nothing follows, and no more is asked.
+    assert tried[0] == 6
+
+
+def test_what_time_does_not_allow_is_said_to_be_untried(
+    task: AuditTask, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trials, "PATIENCE", -1.0)
+    (one, *_) = count_numbers(task).unseen
+    assert one.reason == "not tried, for time"
+
+
+def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: AuditTask) -> None:
+    path = Path(f"{task.sidecar.model}.toml")
+    path.write_text(SIDECAR.replace('"Euler"\n', '"Euler"\ngravity = [0, 0, 0]\nstep = 0.001\n'))
+    more = count_numbers(replace(task, sidecar=read_sidecar(path)))
+    assert more.numbers == 33
+    assert "the step" in {one.reason for one in more.unseen}
+
+
+def test_every_number_of_each_format_is_listed(tmp_path: Path) -> None:
+    texts = {
+        "a.xml": '<a b="1 2" c="x1"><!-- 3 --><d>4</d><e f="1.5"/><e f="&#52;"/></a>',
+        "a.py": "A = -1\n\ndef f():\n    return 2.5 * A, True, 'x3'\n",
+        "a.toml": 'a = 1\nb = [2, 3.5, "4"]\n[c.d]\ne = { f = 6 }\n',
+    }
+    found = {}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+        found[name] = [(one.path, one.location.text) for one in literals(tmp_path / name)]
+    assert found == {
+        "a.xml": [("a@b", "1"), ("a@b", "2"), ("a/d", "4"), ("a/e@f", "1.5")],
+        "a.py": [("A", "1"), ("", "2.5")],
+        "a.toml": [("a", "1"), ("b[0]", "2"), ("b[1]", "3.5"), ("c.d.e.f", "6")],
+    }
+
+
+def model(**fields: object) -> Model:
+    known: dict[str, object] = {
+        "system": "arm", "model": "a.xml", "engine": "known", "folder": "f", "text": "",
+        "sidecar": "",
+    }  # fmt: skip
+    return Model(**{**known, **fields})  # type: ignore[arg-type]  # of the tests' own making
+
+
+COVERAGE = Coverage(
+    numbers=31,
+    motion=18,
+    audit=4,
+    frames=1,
+    unseen=(Unseen(reason="looks", count=8, examples=("geom@rgba", "site@size")),),
+)
+
+
+def test_the_line_says_what_had_a_say_and_what_had_not() -> None:
+    poses = Poses(
+        frames=(FramePose(name="rod", place="body:rod", position=0.0, rotation=0.0, agrees=True),),
+        states=3,
+        unchecked=("tip",),
+    )
+    stop = AuditFinding(
+        kind=BEYOND, message="a is limited to [-3, 3]", where=None, expected=None, found=None,
+        severity="note",
+    )  # fmt: skip
+    one = model(coverage=COVERAGE, poses=poses, audit=(stop,))
+    assert coverage_line(one) == (
+        "23 of 31 numbers checked (18 by motion, 4 by audit, 1 by frames); not 8 (looks); 1 pose"
+        " checked, not tip (not in the sidecar's [frames]); not reached: a is limited to [-3, 3]"
+    )
+    assert "not 8 (looks: geom@rgba, site@size, ...)" in coverage_line(one, examples=True)
+
+
+def test_models_that_are_alike_share_a_line_and_unchecked_poses_are_said() -> None:
+    bare = Poses(note="the system declares no frames")
+    models = [model(poses=bare), model(engine="other", poses=bare), model(engine="third")]
+    assert coverage_lines(models) == [
+        "arm/a.xml [known], arm/a.xml [other]: poses not checked: the system declares no frames"
+    ]

@@ -1,0 +1,160 @@
+"""Joint space may agree and the robot be another one: each such fault is found, and told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.files.sidecar import SidecarError
+from tests.poses.arm import (
+    FRAMES,
+    LINKS,
+    SETTINGS,
+    SWING,
+    SWING_MJCF,
+    URDF,
+    message,
+    poses,
+    without_frames,
+)
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_right_urdf_has_its_links_where_the_equations_have_them(
+    engine: str, tmp_path: Path
+) -> None:
+    found = poses(tmp_path, engine=engine, file="arm.urdf", text=URDF, sidecar=SETTINGS + LINKS)
+    assert found.findings == ()
+    assert [one.name for one in found.record.frames] == ["post", "arm", "tool", "tip"]
+    assert all(one.agrees and (one.position or 0) < 1e-14 for one in found.record.frames)
+    assert found.record.states == 84
+
+
+def test_a_right_mjcf_has_its_bodies_and_sites_there(tmp_path: Path) -> None:
+    found = poses(tmp_path)
+    assert found.findings == ()
+    assert found.record.frames[3].rotation is None  # a point is not turned
+    assert (found.record.uncertainty or 1) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ([('axis="0 -1 0"', 'axis="0 1 0"')],
+         "arm (body:arm), tool (site:tool), tip (site:tool): up to 1.6 m and 173 degrees from where"
+         " the equations have it"),
+        ([('axis="0 -1 0"', 'axis="0 1 0"')], "as if b had the other sign: an axis is flipped"),
+        # The base moved by metres.
+        ([('pos="0 0 0"><joint', 'pos="0 2.5 0"><joint')], "moved by (0, 2.5, 0) m in the world"),
+        # Turned by a quarter, all of it.
+        ([('name="post" pos="0 0 0"', 'name="post" pos="0 0 0" euler="1.5707963267948966 0 0"')],
+         "turned in the world by 90 degrees about x"),
+        # The tool elsewhere on its body, or turned in it.
+        ([('pos="0 0 -0.8"', 'pos="0.1 0 -0.8"')],
+         "tool (site:tool), tip (site:tool): up to 0.1 m from where the equations have it"),
+        ([('pos="0 0 -0.8"', 'pos="0.1 0 -0.8"')], "offset by (0.1, 0, 0) m in its body's axes"),
+        ([('euler="0.3 0 0"', 'euler="0.3 0 0.5"')],
+         "its axes are turned by 28.65 degrees about z"),
+        # A length off by 1e-8.
+        ([('pos="0 0 -0.8"', 'pos="0 0 -0.80000001"')], "up to 1e-08 m"),
+    ],
+)  # fmt: skip
+def test_what_joint_space_does_not_see_is_found(
+    changes: list[tuple[str, str]], words: str, tmp_path: Path
+) -> None:
+    assert words in message(poses(tmp_path, *changes))
+
+
+def test_a_flipped_axis_with_its_sign_taken_back_in_the_sidecar_is_another_robot(
+    tmp_path: Path,
+) -> None:
+    """Joint space agrees: b of the file is -b of the equations, and the axis points the right way;
+    the other way round, the mechanism is its mirror image."""
+    compensated = '[coordinates]\nb = "-b"\n[readback]\nb = "-b"\n' + FRAMES
+    both = poses(tmp_path, ('axis="0 -1 0"', 'axis="0 1 0"'), sidecar=compensated)
+    assert both.findings == ()
+    assert "as if b had the other sign" in message(poses(tmp_path, sidecar=compensated))
+
+
+def test_a_plane_of_motion_turned_by_a_quarter_is_told_as_such(tmp_path: Path) -> None:
+    """About -y in the equations, about x in the file: in joint space the same pendulum."""
+    sidecar = '[frames]\nrod = "body:rod"\nend = { is = "body:rod", at = [0, 0, "-l"] }\n'
+    assert poses(tmp_path, text=SWING_MJCF, sidecar=sidecar, system=SWING).findings == ()
+    turned = poses(
+        tmp_path,
+        ('axis="0 -1 0"', 'axis="1 0 0"'),
+        text=SWING_MJCF,
+        sidecar=sidecar,
+        system=SWING,
+    )
+    assert message(turned).endswith("; its motion is turned by 90 degrees about z")
+    moved = poses(
+        tmp_path,
+        ('axis="0 -1 0"', 'pos="0 0 0" axis="0 1 0"'),
+        ('name="rod"', 'name="rod" pos="0 0 3"'),
+        text=SWING_MJCF,
+        sidecar=sidecar,
+        system=SWING,
+    )
+    assert "an axis is flipped, and moved by (0, 0, 3) m in the world" in message(moved)
+
+
+def test_worlds_that_differ_by_convention_are_said_to_differ(tmp_path: Path) -> None:
+    """The whole mechanism on its side and a metre up: right, once the sidecar says so."""
+    aside = ('name="post" pos="0 0 0"', 'name="post" pos="0 0 1" euler="1.5707963267948966 0 0"')
+    world = FRAMES.replace(
+        "[frames]\n", '[frames]\nworld = { axes = ["x", "-z", "y"], origin = [0, 0, 1] }\n'
+    )
+    plain = "turned in the world by 90 degrees about x, and moved by (0, 0, 1) m in the world"
+    assert plain in message(poses(tmp_path, aside))
+    said = world.replace('is = "body:post"', 'is = "body:post", axes = ["x", "y", "z"]')
+    for name, place in (("arm", "body:arm"), ("tool", "site:tool"), ("tip", "site:tool")):
+        said = said.replace(
+            f'{name} = "{place}"', f'{name} = {{ is = "{place}", axes = ["x", "y", "z"] }}'
+        )
+    assert poses(tmp_path, aside, sidecar=said).findings == ()
+
+
+def test_a_place_that_the_file_lacks_is_told_with_those_that_it_has(tmp_path: Path) -> None:
+    with pytest.raises(SidecarError) as error:
+        poses(tmp_path, ('tool = "site:tool"', 'tool = "body:hand"'))
+    assert str(error.value) == (
+        f"{tmp_path / 'arm.xml.toml'}:5: [frames] tool: the model has no 'body:hand'; it has"
+        " body:world, body:post, body:arm"
+    )
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ('hand = "body:arm"', "hand is no frame of arm; it declares post, arm, tool, tip"),
+        ("arm = 3", 'arm says what the frame is, as in "body:rod"'),
+        ('arm = { at = [0, 0, 0] }', "arm must say what the frame is"),
+        ('arm = { is = "body:arm", at = [0, 0] }', "at is [0, 0], where three lengths belong"),
+        ('arm = { is = "body:arm", at = [0, 0, "1/0"] }', "at"),
+        ('arm = { is = "body:arm", at = [0, 0, "q"] }', "q is neither a coordinate nor a constant"),
+        ('arm = { is = "body:arm", by = 3 }', 'arm says what the frame is, as in "body:rod"'),
+        ('world = { axes = ["x", "y", "-z"] }', "a mirror is no world"),
+        ('world = { axes = ["x", "y"] }', "axes are three"),
+        ('world = "x, z, -y"', "world is a table with axes, origin or both"),
+    ],
+)  # fmt: skip
+def test_what_can_not_be_meant_is_refused(said: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(SidecarError) as error:
+        poses(tmp_path, sidecar=f"[frames]\n{said}\n")
+    assert words in str(error.value)
+    assert str(error.value).startswith(f"{tmp_path / 'arm.xml.toml'}:3: [frames]")
+
+
+def test_where_nothing_is_declared_or_mapped_it_is_said_that_nothing_was_compared(
+    tmp_path: Path,
+) -> None:
+    none = poses(tmp_path, system=without_frames(), sidecar="")
+    assert none.record.note == "the system declares no frames"
+    unmapped = poses(tmp_path, sidecar="")
+    assert unmapped.record.note == "the sidecar maps none of the system's frames"
+    assert unmapped.record.unchecked == ("post", "arm", "tool", "tip")
+    assert poses(tmp_path, sidecar='[frames]\narm = "body:arm"\n').record.unchecked == (
+        "post", "tool", "tip",
+    )  # fmt: skip
