@@ -75,7 +75,7 @@ def _studied(options: Options, mechanism: Mechanism, result: Result) -> Result:
         limits=found.ratios.size,
         outside=outside,
         explained=explained,
-        truth=float(np.max(posed.truth.error / posed.scale)),
+        truth=float(np.max(posed.truth.error / found.uncertainty)),
         reason=verdict.reason,
         faults=plant(posed, np.random.default_rng((options.seed, result.index, 1)), options.faults),
     )

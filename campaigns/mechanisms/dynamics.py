@@ -122,6 +122,12 @@ class Dynamics:
         mass, _ = self._mechanics(q.T.astype(self.dtype), still, still)
         return np.moveaxis(mass, -1, 0)
 
+    def static_forces(self, q: Real) -> Real:
+        """Of springs and weight on the joints, (B, n), at rest at positions (B, n)."""
+        still = np.zeros_like(q.T)
+        _, force = self._mechanics(q.T.astype(self.dtype), still, still)
+        return force.T
+
     def acceleration(self, t: Real, q: Real, v: Real) -> Real:
         """(n, B) at times (B,), positions and velocities (n, B)."""
         mass, force = self._mechanics(q, v, self.inputs(t, q.shape))

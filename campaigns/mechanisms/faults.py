@@ -32,12 +32,13 @@ def plant(posed: Posed, rng: np.random.Generator, count: int) -> tuple[Planted, 
     numbers = literals(posed.mechanism)
     chosen = rng.permutation(len(numbers))[:count]
     return tuple(
-        _planted(posed, numbers[index], SIZES[turn % len(SIZES)] * float(rng.choice((-1, 1))))
+        planted(posed, numbers[index], SIZES[turn % len(SIZES)] * float(rng.choice((-1, 1))))
         for turn, index in enumerate(chosen)
     )
 
 
-def _planted(posed: Posed, where: Path, share: float) -> Planted:
+def planted(posed: Posed, where: Path, share: float) -> Planted:
+    """What becomes of one fault."""
     faulty = with_fault(posed.mechanism, where, share)
     motion, right = posed.motion, posed.truth
     wrong = ends(Dynamics(faulty), motion.t, motion.start, float(motion.lengths[0]))

@@ -8,6 +8,8 @@ from enum import StrEnum
 import msgspec
 import numpy as np
 
+from harness.records.outcome import Outcome
+
 
 class Fate(StrEnum):
     """What became of a planted fault."""
@@ -56,7 +58,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         worst: largest error of a limit by its uncertainty.
         limits, outside: how many there were, and how many with an error above it.
         explained: why what would be wrong is the engine's own.
-        truth: error of what the ends are compared with, at most, by what counts as one.
+        truth: error of what the limits are compared with, at most, by their uncertainty.
         seconds: processor time of all of it.
     """
 
@@ -76,9 +78,24 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     faults: tuple[Planted, ...] = ()
 
     @property
+    def unresolved(self) -> bool:
+        """Nothing is claimed: no wrong verdict, and none that is wanted."""
+        return self.outcome == Outcome.UNRESOLVED
+
+    @property
     def wrong(self) -> bool:
-        sound = self.explained or (self.outcome == "AGREES" and not self.outside)
-        return not sound or any(fault.wrong for fault in self.faults)
+        claimed = self.outcome in (Outcome.AGREES, Outcome.UNRESOLVED) and not self.outside
+        return not (claimed or self.explained) or any(fault.wrong for fault in self.faults)
+
+
+SOME = 0.01
+"""Share of the mechanisms that may be left unresolved."""
+
+
+def all_right(results: Sequence[Result]) -> bool:
+    """Whether no verdict and no limit is wrong, and few are left open."""
+    unresolved = sum(result.unresolved for result in results)
+    return not any(result.wrong for result in results) and unresolved <= SOME * len(results)
 
 
 def line(result: Result) -> bytes:
@@ -105,7 +122,10 @@ def offender(result: Result, command: str) -> list[str]:
 def table(results: Sequence[Result]) -> list[str]:
     """A line a group, and one of all."""
     groups = sorted({result.group for result in results})
-    head = ("", "number", "AGREES", "explained", "wrong", "limits", "outside", "worst", "E", "U")
+    head = (
+        "", "number", "AGREES", "UNRESOLVED", "explained", "wrong", "limits", "outside", "worst",
+        "E", "U",
+    )  # fmt: skip
     rows: list[tuple[str, ...]] = [head]
     rows += [_row(g, [r for r in results if r.group == g]) for g in groups]
     rows.append(_row("all", results))
@@ -131,7 +151,8 @@ def _row(name: str, results: Sequence[Result]) -> tuple[str, ...]:
     return (
         name,
         str(len(results)),
-        str(sum(r.outcome == "AGREES" for r in results)),
+        str(sum(r.outcome == Outcome.AGREES for r in results)),
+        str(sum(r.unresolved for r in results)),
         str(sum(bool(r.explained) for r in results)),
         str(sum(r.wrong for r in results)),
         str(sum(r.limits for r in free)),

@@ -21,7 +21,7 @@ from harness.cases.verdict import Verdict, component_scale, judge
 from harness.engines.protocol import Array, Engine, Model
 from harness.engines.registry import engines
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.segments import Batch, Extrapolated, extrapolate
+from harness.numerics.segments import Batch, Extrapolated, extrapolate, movement
 from reference.motion import Motion, Span
 
 SEGMENTS_A_PERIOD = 20
@@ -96,7 +96,9 @@ def pose(mechanism: Mechanism, segments: int) -> Posed:
         fastest=fastest,
         method="Gauss collocation of Newton's and Euler's equations, in longdouble",
     )
-    return Posed(mechanism=mechanism, motion=motion, truth=truth, scale=component_scale(motion, []))
+    # There is no other scenario that could say how far a component moves that hardly does here.
+    scale = np.maximum(component_scale(motion, []), movement(end, starts))
+    return Posed(mechanism=mechanism, motion=motion, truth=truth, scale=scale)
 
 
 def examine(posed: Posed, mechanism: Mechanism, resolution: float) -> Judged:

@@ -61,6 +61,7 @@ def ends(dynamics: Dynamics, t: Real, states: Real, length: float) -> Ends:
     return Ends(states=twice.T, error=error)
 
 
+@np.errstate(all="ignore")
 def step(dynamics: Dynamics, t: Real, states: Real, h: Real) -> Real:
     """States (2n, K) after one step of h from times (K,)."""
     nodes, weights, matrix = gauss()
