@@ -13,17 +13,14 @@ import numpy as np
 import pebble
 from msgspec.structs import replace
 
-from campaigns.mechanisms.drawn import draw, without_products
+from campaigns.mechanisms.drawn import draw
 from campaigns.mechanisms.faults import plant
 from campaigns.mechanisms.mechanism import Mechanism
 from campaigns.mechanisms.results import Result
-from campaigns.mechanisms.trial import examine, pose
+from campaigns.mechanisms.trial import Judged, Posed, examine, pose, undone
+from harness.records.outcome import Outcome
 
 RESOLUTION = 1e-9
-
-PRODUCTS = 1e-8
-"""PyBullet turns tensors with products of inertia to principal axes by sweeps that stop early; this
-is what the motions feel of it at most."""
 
 SECONDS = 120
 """For one mechanism, before its process is ended."""
@@ -44,9 +41,6 @@ def study(options: Options, index: int) -> Result:
     """Draw and judge the mechanism of that number; what goes wrong is told in the result."""
     began = process_time()
     mechanism = draw(options.seed, index, options.joints, options.engine)
-    if options.faults and explainable(mechanism):
-        # Its own difference would hide a small fault.
-        mechanism = without_products(mechanism)
     result = Result(
         index=index, group=mechanism.group, joints=len(mechanism.links), outcome="FAILED"
     )
@@ -62,10 +56,7 @@ def _studied(options: Options, mechanism: Mechanism, result: Result) -> Result:
     found = examine(posed, mechanism, RESOLUTION)
     verdict = found.verdict
     outside = int(np.sum(found.ratios > 1))
-    felt = verdict.largest_discrepancy
-    explained = ""
-    if explainable(mechanism) and outside and felt < PRODUCTS:
-        explained = f"PyBullet's principal axes, felt at {felt:.0e}"
+    explained = _explained(posed, found) if outside else ""
     return replace(
         result,
         outcome=str(verdict.outcome),
@@ -81,9 +72,16 @@ def _studied(options: Options, mechanism: Mechanism, result: Result) -> Result:
     )
 
 
-def explainable(mechanism: Mechanism) -> bool:
-    """Whether the engine is known to lose digits of such a file."""
-    return mechanism.engine == "pybullet" and mechanism.products
+def _explained(posed: Posed, found: Judged) -> str:
+    """What the engine does to the file's digits, if nothing is wrong once that is undone."""
+    settings = undone(posed.mechanism)
+    if not settings:
+        return ""
+    again = examine(posed, posed.mechanism, RESOLUTION, settings)
+    if again.verdict.outcome is not Outcome.AGREES or np.any(again.ratios > 1):
+        return ""
+    felt = found.verdict.largest_discrepancy
+    return f"the engine's own, undone by {', '.join(settings)}; felt at {felt:.0e}"
 
 
 def census(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Result]:

@@ -65,12 +65,6 @@ def draw(seed: int, index: int, most: int = 5, engine: str = "") -> Mechanism:
     return _quiet(rng, bare) if rng.random() < QUIET else _with_forces(rng, bare)
 
 
-def without_products(mechanism: Mechanism) -> Mechanism:
-    """The same with the moments of its tensors alone."""
-    links = tuple(replace(link, inertia=link.inertia[:3]) for link in mechanism.links)
-    return replace(mechanism, links=links)
-
-
 def _tree(rng: Generator, count: int) -> list[int]:
     """Parents of links in depth-first order, which is that of the engines' coordinates."""
     parents, branch = [-1], [-1, 0]

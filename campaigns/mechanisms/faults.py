@@ -11,7 +11,7 @@ import numpy as np
 from campaigns.mechanisms.dynamics import Dynamics, Real
 from campaigns.mechanisms.mechanism import Mechanism, Path, literals, with_fault
 from campaigns.mechanisms.results import Fate, Planted
-from campaigns.mechanisms.trial import Judged, Posed, examine
+from campaigns.mechanisms.trial import Judged, Posed, Settings, examine, undone
 from campaigns.mechanisms.truth import ends
 from harness.records.outcome import Outcome
 
@@ -30,22 +30,29 @@ POSE = 1e-13
 def plant(posed: Posed, rng: np.random.Generator, count: int) -> tuple[Planted, ...]:
     """Plant so many faults, one at a time, of both sizes in turn, each in another number."""
     numbers = literals(posed.mechanism)
+    # What the engine itself loses would hide a small fault.
+    settings = undone(posed.mechanism)
     chosen = rng.permutation(len(numbers))[:count]
     return tuple(
-        planted(posed, numbers[index], SIZES[turn % len(SIZES)] * float(rng.choice((-1, 1))))
+        planted(
+            posed,
+            numbers[index],
+            SIZES[turn % len(SIZES)] * float(rng.choice((-1, 1))),
+            settings,
+        )
         for turn, index in enumerate(chosen)
     )
 
 
-def planted(posed: Posed, where: Path, share: float) -> Planted:
-    """What becomes of one fault."""
+def planted(posed: Posed, where: Path, share: float, settings: Settings) -> Planted:
+    """What becomes of one fault, with settings of the engine's."""
     faulty = with_fault(posed.mechanism, where, share)
     motion, right = posed.motion, posed.truth
     wrong = ends(Dynamics(faulty), motion.t, motion.start, float(motion.lengths[0]))
     change = np.abs(wrong.states - right.states)
     # What both solutions' own errors may be is no effect.
     change = np.where(change > 4 * (wrong.error + right.error), change, 0.0).astype(float)
-    found = examine(posed, faulty, RESOLUTION)
+    found = examine(posed, faulty, RESOLUTION, settings)
     excess = float(np.max(change / found.uncertainty))
     pose = _moved(posed, faulty)
     error = np.abs(found.found.limit.value - wrong.states).astype(float)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from time import process_time
+from types import MappingProxyType
 
 import numpy as np
 
@@ -29,6 +30,9 @@ SEGMENTS_A_PERIOD = 20
 
 SLOWEST = 1.0
 """Least rate for which segments are made short, rad/s."""
+
+Settings = Mapping[str, object]
+_NONE: Settings = MappingProxyType({})
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -89,6 +93,8 @@ def pose(mechanism: Mechanism, segments: int) -> Posed:
         start=starts,
         end=end,
         bound=bound,
+        # Segments are all that is asked for: of the motion from its start nothing is known.
+        global_bound=np.full((segments + 1, len(bound)), np.inf),
         # Nobody asks here for states in between.
         nodes=np.stack([starts, end], axis=1),
         spans=(Span(start=0.0, length=length, count=segments, constant_input=still),),
@@ -101,15 +107,19 @@ def pose(mechanism: Mechanism, segments: int) -> Posed:
     return Posed(mechanism=mechanism, motion=motion, truth=truth, scale=scale)
 
 
-def examine(posed: Posed, mechanism: Mechanism, resolution: float) -> Judged:
+def examine(
+    posed: Posed, mechanism: Mechanism, resolution: float, settings: Settings = _NONE
+) -> Judged:
     """Judge a mechanism, the posed one or one with a fault, over the posed motion.
+
+    With settings of the engine's, if any, beside the usual ones.
 
     Raises:
         EngineError, BlownUpError: where it can't be run.
     """
     began = process_time()
     motion, scale = posed.motion, posed.scale
-    with loaded(mechanism) as (model, coordinates):
+    with loaded(mechanism, settings) as (model, coordinates):
         batch = Batch.of(motion, scale)
         found = extrapolate(model, coordinates, batch, resolution=resolution)
         claimed = model.exponents(motion.varying)[0]
@@ -129,13 +139,23 @@ def examine(posed: Posed, mechanism: Mechanism, resolution: float) -> Judged:
 
 
 @contextmanager
-def loaded(mechanism: Mechanism) -> Iterator[tuple[Model, CoordinateMap]]:
+def loaded(
+    mechanism: Mechanism, settings: Settings = _NONE
+) -> Iterator[tuple[Model, CoordinateMap]]:
     """The mechanism in its engine, from a file, by the ordinary adapter."""
     with tempfile.TemporaryDirectory() as folder:
-        beside = sidecar(mechanism, Path(folder))
+        beside = sidecar(mechanism, Path(folder), settings)
         model = _engines()[mechanism.engine].load(beside.spec(mechanism.engine))
         driven = tuple(drive.joint for drive in mechanism.drives)
         yield model, identity(mechanism.kinds, driven, model.coordinates)
+
+
+def undone(mechanism: Mechanism) -> Settings:
+    """Settings that undo what the engine loses of the file's digits, as its remarks have it."""
+    with loaded(mechanism) as (model, _):
+        still = np.zeros((1, len(mechanism.links)))
+        remarks = model.remarks(still, still)
+        return {key: value for remark in remarks for key, value in remark.undone_by.items()}
 
 
 @cache

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from campaigns.mechanisms.mechanism import MJCF, Link, Mechanism
 from harness.files.sidecar import Sidecar
 
 
-def sidecar(mechanism: Mechanism, folder: Path) -> Sidecar:
-    """Write the model file into a folder; what a sidecar would say of it."""
+def sidecar(mechanism: Mechanism, folder: Path, more: Mapping[str, object]) -> Sidecar:
+    """Write the model file into a folder; what a sidecar would say of it, with more settings."""
     mjcf = mechanism.format == MJCF
     path = folder / ("mechanism.xml" if mjcf else "mechanism.urdf")
     path.write_text((_mjcf if mjcf else _urdf)(mechanism), encoding="utf-8")
-    settings: dict[str, object] = {}
+    settings: dict[str, object] = {**more}
     if not mjcf:
-        settings = {"step": mechanism.step, "gravity": list(mechanism.gravity)}
+        settings |= {"step": mechanism.step, "gravity": list(mechanism.gravity)}
         if mechanism.integrator:
             settings["integrator"] = mechanism.integrator
     return Sidecar(

@@ -14,6 +14,7 @@ from campaigns.mechanisms import __main__ as command
 from campaigns.mechanisms import census
 from campaigns.mechanisms.census import Options, study
 from campaigns.mechanisms.drawn import WAYS, draw
+from campaigns.mechanisms.faults import planted
 from campaigns.mechanisms.mechanism import MJCF, Mechanism, literals, with_fault
 from campaigns.mechanisms.results import (
     Fate,
@@ -25,7 +26,7 @@ from campaigns.mechanisms.results import (
     offender,
     table,
 )
-from campaigns.mechanisms.trial import loaded
+from campaigns.mechanisms.trial import Posed, loaded, pose
 
 SMALL = Options(seed=5, joints=3, segments=9)
 
@@ -112,12 +113,39 @@ def test_a_base_elsewhere_is_for_frames_to_see() -> None:
 
 def planted_at(field: str) -> Planted:
     """A fault in a number of the first link, or of the whole, of a mechanism without products."""
-    from campaigns.mechanisms.faults import planted
-    from campaigns.mechanisms.trial import pose
-
     mechanism = draw(3, 3, most=2)
     where = next(p for p in literals(mechanism) if field in p and (len(p) == 1 or p[1] == 0))
-    return planted(pose(mechanism, 9), where, 1e-6)
+    return planted(pose(mechanism, 9), where, 1e-6, {})
+
+
+def test_what_an_engine_loses_is_explained_by_its_remark_alone() -> None:
+    options = replace(SMALL, engine="pybullet")
+    results = [study(options, index) for index in range(1, 24, 2)]
+    explained = [result for result in results if result.explained]
+    assert len(explained) > 3
+    for result in explained:
+        assert result.group == "pybullet, urdf, products"
+        assert "exact_axes; felt at" in result.explained
+        assert result.outside
+        assert not result.wrong
+
+
+def test_nothing_else_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    options = replace(SMALL, engine="pybullet")
+
+    def elsewhere(mechanism: Mechanism, segments: int) -> Posed:
+        found = pose(mechanism, segments)
+        off = found.truth.states * (1 + 1e-6)
+        return replace(
+            found,
+            truth=replace(found.truth, states=off),
+            motion=replace(found.motion, end=off.astype(float)),
+        )
+
+    monkeypatch.setattr(census, "pose", elsewhere)
+    results = [study(options, index) for index in range(1, 12, 2)]
+    assert all(result.wrong for result in results)
+    assert not any(result.explained for result in results)
 
 
 def test_what_goes_wrong_with_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
