@@ -86,9 +86,10 @@ def _explained(posed: Posed, found: Judged) -> str:
 
 def census(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Result]:
     """Results as they come, in order; a process that dies or hangs costs its mechanism alone."""
-    with pebble.ProcessPool(
+    pool = pebble.ProcessPool(
         max_workers=jobs, initializer=_quiet, context=multiprocessing.get_context("spawn")
-    ) as pool:
+    )
+    try:
         found = pool.map(partial(study, options), indices, timeout=SECONDS).result()
         for index in indices:
             try:
@@ -101,6 +102,10 @@ def census(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Resu
                     outcome="FAILED",
                     reason=f"{type(error).__name__}: {error}",
                 )
+    finally:
+        # Nothing is waited for where the census was ended early.
+        pool.stop()
+        pool.join()
 
 
 def _quiet() -> None:

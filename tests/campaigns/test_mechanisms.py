@@ -158,6 +158,14 @@ def test_what_goes_wrong_with_one_is_told(monkeypatch: pytest.MonkeyPatch) -> No
     assert (result.outcome, result.reason) == ("FAILED", "ZeroDivisionError: nothing to stand on")
 
 
+def test_one_that_is_lost_costs_no_other() -> None:
+    below = -1  # no seed of a generator
+    results = list(census.census(SMALL, [0, below, 1], jobs=1))
+    assert [result.index for result in results] == [0, below, 1]
+    assert [result.outcome for result in results] == ["AGREES", "FAILED", "AGREES"]
+    assert results[1].reason.startswith("ValueError")
+
+
 RIGHT = Result(index=0, group="mujoco RK4, mjcf", joints=2, outcome="AGREES", limits=8, worst=0.3)
 WRONG = msgspec.structs.replace(RIGHT, index=1, outside=2, worst=1.7)
 
