@@ -23,8 +23,11 @@ SURE = 2.0
 RESOLUTION = 1e-12
 """Asked of limits; below it, whatever is larger than its uncertainty."""
 
-POSE = 1e-13
-"""Of a place or a turn; below it poses are the same but for rounding."""
+POSE = 1e-9
+"""What frames resolve: of a place, by the largest distance, or of a turn."""
+
+SAME = 1e-15
+"""Below it poses are the same but for rounding."""
 
 
 def plant(posed: Posed, rng: np.random.Generator, count: int) -> tuple[Planted, ...]:
@@ -79,13 +82,15 @@ def _fate(told: bool, excess: float, pose: float) -> Fate:
         return Fate.MISSED
     if pose > POSE:
         return Fate.FRAMES
-    return Fate.BELOW if excess > 0 else Fate.INVISIBLE
+    if excess > 0:
+        return Fate.BELOW
+    return Fate.FAINT if pose > SAME else Fate.INVISIBLE
 
 
 def _moved(posed: Posed, faulty: Mechanism) -> float:
-    """How far any body's place, in metres, or turn is another, at the segments' starts."""
+    """How far any body's place, by the largest distance, or turn is another, at all starts."""
     n = len(faulty.links)
     q: Real = posed.motion.start[:, :n].T.astype(np.longdouble)
     one, other = (Dynamics(mechanism).poses(q) for mechanism in (posed.mechanism, faulty))
-    places = np.max(np.abs(one.origins - other.origins))
+    places = np.max(np.abs(one.origins - other.origins)) / np.max(np.abs(one.origins))
     return float(max(places, np.max(np.abs(one.turns - other.turns))))

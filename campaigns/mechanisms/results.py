@@ -15,7 +15,8 @@ class Fate(StrEnum):
     """What became of a planted fault."""
 
     MOTION = "caught by a joint's motion"
-    FRAMES = "caught by frames alone"
+    FRAMES = "for frames to see: a pose is another, and no motion that is claimed"
+    FAINT = "a pose is another by less than frames resolve, and no motion is"
     INVISIBLE = "invisible: no motion and no pose is another"
     BELOW = "below the uncertainty: its effect is smaller than what is claimed"
     MISSED = "MISSED"
@@ -30,7 +31,7 @@ class Planted(msgspec.Struct, frozen=True, kw_only=True):
         share: by which share of itself it is off.
         effect: largest change of a segment's end, by what counts as one; 0 where none is known.
         excess: the same by the uncertainty of that end.
-        pose: largest change of a body's place or turn, m or 1.
+        pose: largest change of a body's place, by the largest distance of any, or turn.
         outside: limits outside their uncertainty about what the faulty file must do.
     """
 
@@ -183,6 +184,8 @@ def _known(fate: Fate, met: Sequence[Planted]) -> str:
         return f"; largest effect {effect:.0e} of a segment's movement, pose {pose:.0e}"
     if fate is Fate.BELOW:
         return f"; largest effect {max(f.excess for f in met):.2g} U"
-    if fate is Fate.FRAMES and met:
+    if fate is Fate.FRAMES:
         return f"; smallest change of a pose {min(f.pose for f in met):.0e}"
+    if fate is Fate.FAINT:
+        return f"; largest change of a pose {max(f.pose for f in met):.0e}"
     return ""
