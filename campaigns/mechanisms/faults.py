@@ -20,8 +20,8 @@ SIZES = (1e-6, 1e-8)
 SURE = 2.0
 """A limit may be off by its uncertainty: a fault is sure to be told where it does twice as much."""
 
-RESOLUTION = 1e-12
-"""Asked of limits; below it, whatever is larger than its uncertainty."""
+RESOLUTION = 0.0
+"""Limits are as good as they get, and whatever is larger than its uncertainty differs."""
 
 POSE = 1e-9
 """What frames resolve: of a place, by the largest distance, or of a turn."""
