@@ -166,7 +166,7 @@ def limits_alone(
     observable = _ends(
         model, coordinates, batch, without_companions(*coordinates.to_engine(batch.states))
     )
-    values = [value for value, _ in _rungs(observable, rungs)]
+    values = list(_rungs(observable, rungs))  # no companions are among them
     limit: Array = np.tensordot(weights(rungs, observable.exponents), np.stack(values), axes=1)
     return limit
 
@@ -185,9 +185,10 @@ def climb(
     limit: Limit | None = None
     alive = np.ones(o.starts.count, dtype=bool)
     scale = o.scale
-    for value, rounded in _rungs(o, rungs):
+    for found in _rungs(o, rungs):
+        value = found[: o.starts.count]
         raw.append(value)
-        rounding.append(rounded)
+        rounding.append(o.starts.observed_rounding(found))
         alive &= np.isfinite(value).all(axis=1)
         if not alive.any():
             raise BlownUpError(f"no motion is finite, {o.where(0, rungs[len(raw) - 1])}")
@@ -201,7 +202,8 @@ def climb(
         previous = limit
         # Values that start at zero are rounded where they have moved to.
         size = np.maximum(o.rounding_scale, scale)
-        limit = limits(known, rungs[:count], o.exponents, scale, size, rounding)
+        alike = o.starts.last_digits(found)
+        limit = limits(known, rungs[:count], o.exponents, scale, size, rounding, alike)
         if resolution is not None and suffices(limit, previous, count, scale, resolution):
             break
     assert limit is not None
@@ -212,15 +214,15 @@ def climb(
     )
 
 
-def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[tuple[Array, Array]]:
-    """Values (K, C) of rung after rung, with what rounding does to them, (C,)."""
+def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[Array]:
+    """Values (K + 2P, C) of rung after rung, the companions' among them."""
     for rung in rungs:
         found = o.at(rung)
         finite = np.isfinite(found).all(axis=1)
         if o.origin is None and not finite.all():
             where = o.where(int(o.starts.rows[np.argmin(finite)]), rung)
             raise BlownUpError(f"values that are not finite, {where}")
-        yield found[: o.starts.count], o.starts.observed_rounding(found)
+        yield found
 
 
 def _ends(model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts) -> Observable:

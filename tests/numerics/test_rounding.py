@@ -5,8 +5,9 @@ import pytest
 
 from harness.cases.verdict import component_scale
 from harness.engines.protocol import Array, Force
-from harness.numerics.ladder import EPSILON
+from harness.numerics.ladder import EPSILON, RUNGS
 from harness.numerics.rounding import (
+    ALIKE,
     DISTANCE,
     LEAST,
     PAIRS,
@@ -14,7 +15,7 @@ from harness.numerics.rounding import (
     with_companions,
     without_companions,
 )
-from harness.numerics.segments import Batch, extrapolate
+from harness.numerics.segments import Batch, Observable, climb, extrapolate
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 
 LAST_DIGIT = 2.0**-40
@@ -99,6 +100,75 @@ def test_companions_are_a_quarter_of_the_starts_but_neither_few_nor_many(
     found = with_companions(np.ones((count, 1)), np.ones((count, 1)))
     assert found.pairs == pairs
     assert len(found.rows) == count + 2 * pairs
+
+
+def test_last_digits_are_those_of_the_start_as_far_as_the_end_depends_on_them() -> None:
+    found = with_companions(np.full((40, 1), 0.7), np.full((40, 1), 0.3))
+    ends = np.column_stack(
+        [5 * found.z[:, 0], found.z[:, 0] - found.w[:, 0], np.ones(len(found.z))]
+    )
+    digits = found.last_digits(ends) / (ALIKE * EPSILON)
+    assert np.all(digits <= np.array([3.5, 1.0, 0.0]) * (1 + 1e-4))
+    assert np.all(digits >= np.array([3.5, 1.0, 0.0]) / 2)
+    assert np.array_equal(without_companions(found.z, found.w).last_digits(ends), np.zeros(3))
+
+
+def test_last_digits_of_values_that_are_not_finite_are_none() -> None:
+    found = with_companions(np.full((40, 1), 0.7), np.full((40, 1), 0.3))
+    ends = 5 * found.z
+    whole = found.last_digits(ends)
+    ends[-1], ends[40] = np.nan, np.inf
+    assert 0 < found.last_digits(ends)[0] <= whole[0]
+
+
+RATE, REST, SWING, LENGTH = 10.0, 1.0, 1e-3, 0.03
+
+
+def hanging(digits: float) -> Observable:
+    """A weight on a spring near its rest, by a method of order 4; the stiffness is digits off.
+
+    All else is exact, so that no two runs are rounded differently but in their own last digit.
+    """
+    phase = np.linspace(0.0, 6.0, 60)
+    z = REST + SWING * np.cos(phase)[:, None]
+    starts = with_companions(z, RATE * SWING * np.sin(phase)[:, None])
+
+    def at(rung: int) -> Array:
+        share = np.longdouble(1) + digits * np.longdouble(EPSILON)
+        rate, rest = RATE * np.sqrt(share), REST / share
+        c, s = np.cos(rate * LENGTH), np.sin(rate * LENGTH)
+        away, w = starts.z[:, 0] - rest, starts.w[:, 0]
+        x, v = rest + away * c + w / rate * s, w * c - away * rate * s
+        short = np.longdouble(1e-6 * SWING) / np.longdouble(rung) ** 4
+        return np.column_stack([x + short, v + RATE * short]).astype(float)
+
+    scale = np.array([SWING, RATE * SWING]) / 3
+    return Observable(
+        at=at,
+        starts=starts,
+        exponents=(4, 1),
+        rounding_scale=np.array([REST, RATE * SWING]),
+        scale=scale,
+        where=lambda row, rung: "",
+    )
+
+
+def off(digits: float) -> Array:
+    """Errors by uncertainty, (60, 2): the limit is compared with that of the right stiffness."""
+    right = hanging(0.0).at(10**9)[:60]
+    limit = climb(hanging(digits), RUNGS[:6]).limit
+    error: Array = np.abs(limit.value - right) / limit.uncertainty
+    return error
+
+
+def test_what_is_rounded_alike_in_every_run_is_in_the_uncertainty(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert np.max(off(4.0)) < 1
+    assert np.max(off(1e4)) > 1  # and a fault of a few digits more than that is none of it
+    monkeypatch.setattr(Starts, "last_digits", lambda self, values: np.zeros(values.shape[1]))
+    assert np.max(off(4.0)) > 10
+    assert np.max(off(0.0)) < 1
 
 
 def test_without_companions_no_rounding_is_observed() -> None:

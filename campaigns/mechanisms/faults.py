@@ -1,0 +1,96 @@
+"""Faults planted in the numbers of a mechanism's file, and whether each can be seen at all.
+
+What a fault does is found without the harness and without the engine: the equations are solved
+again with the wrong number, and the bodies posed again. The harness is asked afterwards.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from campaigns.mechanisms.dynamics import Dynamics, Real
+from campaigns.mechanisms.mechanism import Mechanism, Path, literals, with_fault
+from campaigns.mechanisms.results import Fate, Planted
+from campaigns.mechanisms.trial import Judged, Posed, Settings, examine, undone
+from campaigns.mechanisms.truth import ends
+from harness.records.outcome import Outcome
+
+SIZES = (1e-6, 1e-8)
+
+SURE = 2.0
+"""A limit may be off by its uncertainty: a fault is sure to be told where it does twice as much."""
+
+RESOLUTION = 0.0
+"""Limits are as good as they get, and whatever is larger than its uncertainty differs."""
+
+POSE = 1e-9
+"""What frames resolve: of a place, by the largest distance, or of a turn."""
+
+SAME = 1e-15
+"""Below it poses are the same but for rounding."""
+
+
+def plant(posed: Posed, rng: np.random.Generator, count: int) -> tuple[Planted, ...]:
+    """Plant so many faults, one at a time, of both sizes in turn, each in another number."""
+    numbers = literals(posed.mechanism)
+    # What the engine itself loses would hide a small fault.
+    settings = undone(posed.mechanism)
+    chosen = rng.permutation(len(numbers))[:count]
+    return tuple(
+        planted(
+            posed,
+            numbers[index],
+            SIZES[turn % len(SIZES)] * float(rng.choice((-1, 1))),
+            settings,
+        )
+        for turn, index in enumerate(chosen)
+    )
+
+
+def planted(posed: Posed, where: Path, share: float, settings: Settings) -> Planted:
+    """What becomes of one fault, with settings of the engine's."""
+    faulty = with_fault(posed.mechanism, where, share)
+    motion, right = posed.motion, posed.truth
+    wrong = ends(Dynamics(faulty), motion.t, motion.start, float(motion.lengths[0]))
+    change = np.abs(wrong.states - right.states)
+    # What both solutions' own errors may be is no effect.
+    change = np.where(change > 4 * (wrong.error + right.error), change, 0.0).astype(float)
+    found = examine(posed, faulty, RESOLUTION, settings)
+    excess = float(np.max(change / found.uncertainty))
+    pose = _moved(posed, faulty)
+    error = np.abs(found.found.limit.value - wrong.states).astype(float)
+    return Planted(
+        where=".".join(map(str, where)),
+        share=abs(share),
+        fate=_fate(_told(found), excess, pose),
+        effect=float(np.max(change / posed.scale)),
+        excess=excess,
+        pose=pose,
+        outside=int(np.sum(error > found.uncertainty)),
+    )
+
+
+def _told(found: Judged) -> bool:
+    return found.verdict.outcome is Outcome.DIFFERS
+
+
+def _fate(told: bool, excess: float, pose: float) -> Fate:
+    """See `Fate`: motions are asked first, then frames."""
+    if told:
+        return Fate.MOTION if excess > 0 else Fate.FALSE
+    if excess > SURE:
+        return Fate.MISSED
+    if pose > POSE:
+        return Fate.FRAMES
+    if excess > 0:
+        return Fate.BELOW
+    return Fate.FAINT if pose > SAME else Fate.INVISIBLE
+
+
+def _moved(posed: Posed, faulty: Mechanism) -> float:
+    """How far any body's place, by the largest distance, or turn is another, at all starts."""
+    n = len(faulty.links)
+    q: Real = posed.motion.start[:, :n].T.astype(np.longdouble)
+    one, other = (Dynamics(mechanism).poses(q) for mechanism in (posed.mechanism, faulty))
+    places = np.max(np.abs(one.origins - other.origins)) / np.max(np.abs(one.origins))
+    return float(max(places, np.max(np.abs(one.turns - other.turns))))

@@ -1,0 +1,75 @@
+"""The coordinates and inputs of a mechanism as the harness takes them: joints, each itself."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import sympy as sp
+
+from campaigns.mechanisms.mechanism import Drive
+from campaigns.mechanisms.written import joint_name
+from harness.files.sidecar import Sidecar
+from harness.numerics.coordinates import CoordinateMap, coordinate_map
+from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System
+from reference.declaration import t
+from reference.signal import Inputs, Piece, numeric_inputs
+
+
+def inputs(drives: tuple[Drive, ...], duration: float) -> Inputs:
+    """What the drives do, over the whole motion."""
+    expressions = tuple(
+        sp.Float(d.offset, 17) + sp.Float(d.amplitude, 17) * sp.sin(d.rate * t + d.phase)
+        if d.varies
+        else sp.Float(d.offset, 17)
+        for d in drives
+    )
+    return numeric_inputs([Piece(start=0.0, stop=duration, expressions=expressions)])
+
+
+@cache
+def identity(
+    kinds: tuple[bool, ...], driven: tuple[int, ...], names: tuple[str, ...]
+) -> CoordinateMap:
+    """The map of a system whose coordinates are the joints themselves."""
+    coordinates = tuple(
+        Coordinate(joint_name(i), "rad" if hinge else "m", "of a joint")
+        for i, hinge in enumerate(kinds)
+    )
+    masses = tuple(
+        Constant(f"m{i + 1}", 1.0, "kg*m^2" if hinge else "kg", "stands for all inertia", "none")
+        for i, hinge in enumerate(kinds)
+    )
+    inputs = tuple(
+        Input(f"u{i + 1}", "N*m" if kinds[i] else "N", "on a joint", on={coordinates[i]: 1})
+        for i in driven
+    )
+    energy = sp.Add(*(m * c.v**2 / 2 for m, c in zip(masses, coordinates, strict=True)))
+    still = dict.fromkeys(coordinates, 0.0)
+    system = System(
+        name="joints",
+        title="Joints",
+        source="none: only its coordinates are used",
+        coordinates=coordinates,
+        constants=masses,
+        inputs=inputs,
+        outputs=(Output("one", coordinates[0].q, coordinates[0].unit, "the first joint"),),
+        T=energy,
+        V=sp.Integer(0),
+        D=sp.Integer(0),
+        equilibria=(Equilibrium("rest", at=still, search=False, description="at rest"),),
+        scenarios=(
+            Scenario("none", "", q=still, v=still, inputs=dict.fromkeys(inputs, 0.0), duration=1.0),
+        ),
+        published=(),
+    )
+    beside = Sidecar(
+        model=Path("mechanism"),
+        engines=(),
+        settings={},
+        engine_settings={},
+        coordinates={},
+        readback={},
+        springs=(),
+    )
+    return coordinate_map(system, beside, names)

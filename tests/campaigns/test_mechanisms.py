@@ -1,0 +1,237 @@
+"""Random mechanisms in 3-D: nothing right fails, no limit is outside, what shows is told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import msgspec
+import numpy as np
+import pytest
+
+from campaigns.mechanisms import __main__ as command
+from campaigns.mechanisms import census
+from campaigns.mechanisms.census import Options, study
+from campaigns.mechanisms.drawn import WAYS, draw
+from campaigns.mechanisms.faults import planted
+from campaigns.mechanisms.mechanism import MJCF, Mechanism, literals, with_fault
+from campaigns.mechanisms.results import (
+    Fate,
+    Planted,
+    Result,
+    all_right,
+    fates,
+    line,
+    offender,
+    table,
+)
+from campaigns.mechanisms.trial import Posed, loaded, pose
+
+SMALL = Options(seed=5, joints=3, segments=9)
+
+
+@pytest.mark.parametrize("first", range(0, 270, 27))
+def test_no_right_mechanism_fails_and_no_limit_is_outside(first: int) -> None:
+    results = [study(SMALL, index) for index in range(first, first + 27)]
+    assert {result.group.split(",")[0] for result in results} == {
+        f"{engine} {integrator}".strip() for engine, integrator, _ in WAYS
+    }
+    for result in results:
+        assert not result.wrong, offender(result, "")
+        assert result.explained or result.outcome == "AGREES"
+        assert result.limits
+        assert result.truth < 0.01
+
+
+@pytest.mark.parametrize("first", range(0, 18, 9))
+def test_every_fault_that_shows_is_told_and_no_other(first: int) -> None:
+    options = Options(seed=7, joints=3, segments=9, faults=4)
+    results = [study(options, index) for index in range(first, first + 9)]
+    planted = [fault for result in results for fault in result.faults]
+    for result in results:
+        assert not result.wrong, offender(result, "")
+    assert len(planted) == 36
+    assert {fault.share for fault in planted} == {1e-6, 1e-8}
+    seen = [fault for fault in planted if fault.fate is Fate.MOTION]
+    assert len(seen) > 18
+    for fault in planted:
+        if fault.fate is Fate.INVISIBLE:
+            assert fault.effect == 0
+            assert fault.pose < 1e-15
+
+
+@pytest.mark.parametrize("index", range(len(WAYS)))
+def test_a_file_has_the_mechanisms_numbers(index: int) -> None:
+    mechanism = draw(3, index)
+    with loaded(mechanism) as (model, coordinates):
+        assert model.coordinates == tuple(f"q{i + 1}" for i in range(len(mechanism.links)))
+        assert model.step == mechanism.step
+        assert np.allclose(model.gravity, mechanism.gravity, rtol=1e-15)
+        states = np.array([[*mechanism.q, *mechanism.v]])
+        z, w = coordinates.to_engine(states)
+        assert np.array_equal(np.concatenate([z, w], axis=1), states)
+        if mechanism.format == MJCF:
+            assert np.array_equal(model.home, [link.reference for link in mechanism.links])
+
+
+def test_draws_differ_and_come_again() -> None:
+    drawn = [draw(3, index) for index in range(40)]
+    assert all(a != b for a, b in pairwise(drawn))
+    assert draw(3, 17) == drawn[17]
+    assert {len(m.links) for m in drawn} == {1, 2, 3, 4, 5}
+    assert {link.parent - i for m in drawn for i, link in enumerate(m.links)} > {-1, -2}
+    for kind in ("stiffness", "rest", "damping", "armature", "reference"):
+        assert any(getattr(link, kind) for m in drawn for link in m.links), kind
+    assert {m.engine for m in (draw(3, i, engine="pybullet") for i in range(5))} == {"pybullet"}
+
+
+def test_a_fault_is_in_one_number_of_the_file_alone() -> None:
+    mechanism = draw(3, 1)
+    numbers = literals(mechanism)
+    assert ("step",) in numbers
+    assert not {path[0] for path in numbers} & {"q", "v", "drives"}
+    where = next(path for path in numbers if path[-2:] == ("centre", 2))
+    assert isinstance(where[1], int)
+    wrong = with_fault(mechanism, where, 0.5)
+    link = mechanism.links[where[1]]
+    x, y, z = link.centre
+    links = list(mechanism.links)
+    links[where[1]] = replace(link, centre=(x, y, 1.5 * z))
+    assert wrong == replace(mechanism, links=tuple(links))
+
+
+def test_a_step_is_invisible_and_shown_to_be() -> None:
+    assert planted_at("step").fate is Fate.INVISIBLE
+
+
+def test_a_base_elsewhere_is_for_frames_to_see() -> None:
+    found = planted_at("position")
+    assert found.fate is Fate.FRAMES
+    assert 0 < found.pose < 1e-6
+
+
+def planted_at(field: str) -> Planted:
+    """A fault in a number of the first link, or of the whole, of a mechanism without products."""
+    mechanism = draw(3, 3, most=2)
+    where = next(p for p in literals(mechanism) if field in p and (len(p) == 1 or p[1] == 0))
+    return planted(pose(mechanism, 9), where, 1e-6, {})
+
+
+def test_what_an_engine_loses_is_explained_by_its_remark_alone() -> None:
+    options = replace(SMALL, engine="pybullet")
+    results = [study(options, index) for index in range(1, 24, 2)]
+    explained = [result for result in results if result.explained]
+    assert len(explained) > 3
+    for result in explained:
+        assert result.group == "pybullet, urdf, products"
+        assert "exact_axes; felt at" in result.explained
+        assert result.outside
+        assert not result.wrong
+
+
+def test_nothing_else_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
+    options = replace(SMALL, engine="pybullet")
+
+    def elsewhere(mechanism: Mechanism, segments: int) -> Posed:
+        found = pose(mechanism, segments)
+        off = found.truth.states * (1 + 1e-6)
+        return replace(
+            found,
+            truth=replace(found.truth, states=off),
+            motion=replace(found.motion, end=off.astype(float)),
+        )
+
+    monkeypatch.setattr(census, "pose", elsewhere)
+    results = [study(options, index) for index in range(1, 12, 2)]
+    assert all(result.wrong for result in results)
+    assert not any(result.explained for result in results)
+
+
+def test_what_goes_wrong_with_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(mechanism: Mechanism, segments: int) -> None:
+        raise ZeroDivisionError("nothing to stand on")
+
+    monkeypatch.setattr(census, "pose", broken)
+    result = study(SMALL, 0)
+    assert result.wrong
+    assert (result.outcome, result.reason) == ("FAILED", "ZeroDivisionError: nothing to stand on")
+
+
+def test_one_that_is_lost_costs_no_other() -> None:
+    below = -1  # no seed of a generator
+    results = list(census.census(SMALL, [0, below, 1], jobs=1))
+    assert [result.index for result in results] == [0, below, 1]
+    assert [result.outcome for result in results] == ["AGREES", "FAILED", "AGREES"]
+    assert results[1].reason.startswith("ValueError")
+
+
+RIGHT = Result(index=0, group="mujoco RK4, mjcf", joints=2, outcome="AGREES", limits=8, worst=0.3)
+WRONG = msgspec.structs.replace(RIGHT, index=1, outside=2, worst=1.7)
+
+
+OPEN = msgspec.structs.replace(RIGHT, index=1, outcome="UNRESOLVED")
+
+
+@pytest.mark.parametrize(
+    ("results", "code"),
+    [
+        ([RIGHT], 0),
+        ([RIGHT, WRONG], 1),
+        ([RIGHT] * 9 + [OPEN], 1),
+    ],
+)
+def test_the_exit_code_tells_whether_all_is_right(
+    results: list[Result],
+    code: int,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def found(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Result]:
+        yield from results
+
+    monkeypatch.setattr(command, "census", found)
+    assert command.main(["--count", "2", "--seed", "9"]) == code
+    told = capsys.readouterr().out
+    assert ("--seed 9 --only 1 --joints 5 --segments 31" in told) == bool(code)
+    assert "mujoco RK4, mjcf" in told
+
+
+def test_a_result_is_a_line() -> None:
+    assert line(WRONG).count(b"\n") == 1
+    assert msgspec.json.decode(line(WRONG), type=Result) == WRONG
+
+
+@pytest.mark.parametrize(
+    ("changed", "wrong"),
+    [
+        ({}, False),
+        ({"outcome": "DIFFERS"}, True),
+        ({"outcome": "FAILED"}, True),
+        ({"outcome": "UNRESOLVED"}, False),
+        ({"outcome": "UNRESOLVED", "outside": 1}, True),
+        ({"outcome": "DIFFERS", "outside": 3, "explained": "the engine's own"}, False),
+        ({"outside": 1}, True),
+    ],
+)
+def test_what_is_wrong(changed: dict[str, object], wrong: bool) -> None:
+    assert msgspec.structs.replace(RIGHT, **changed).wrong == wrong
+
+
+def test_few_may_be_left_unresolved() -> None:
+    assert all_right([RIGHT] * 190 + [OPEN] * 2) is False
+    assert all_right([RIGHT] * 199 + [OPEN]) is True
+
+
+@pytest.mark.parametrize("fate", list(Fate))
+def test_fates_are_counted_and_two_of_them_are_wrong(fate: Fate) -> None:
+    fault = Planted(
+        where="step", share=1e-6, fate=fate, effect=0.0, excess=0.0, pose=1e-9, outside=0
+    )
+    assert fault.wrong == (fate in (Fate.MISSED, Fate.FALSE))
+    result = msgspec.structs.replace(RIGHT, faults=(fault,))
+    assert result.wrong == fault.wrong
+    counted = fates(result.faults)
+    assert counted[0] == "1 faults of 1e-06"
+    assert any(row.startswith(f"       1 {fate}"[1:]) or f" 1 {fate}" in row for row in counted)
+    assert len(table([result])) == 5
