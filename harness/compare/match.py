@@ -87,7 +87,7 @@ def declared(joints: str, file: Path | None) -> tuple[dict[str, str], dict[str, 
     except UnicodeDecodeError as error:
         raise CompareError(f"{file}: can't be read: {error}") from None
     except TomlError as error:
-        raise CompareError(f"{file}{error}") from None
+        raise CompareError(f"{file}: can't be read{error}") from None
     table = data.get("joints")
     if set(data) != {"joints"} or not isinstance(table, dict):
         raise CompareError(f"{file}: it needs one table, [joints], such as phi = 'x / 0.18'")

@@ -2,44 +2,59 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from harness.baseline.audits import unaccepted
 from harness.baseline.changes import Status
 from harness.baseline.classify import Change
 from harness.baseline.file import SystemBaseline
+from harness.records.case import ModelId
 from harness.records.finding import AuditFinding
-from harness.records.model import Model
+
+if TYPE_CHECKING:  # an unchanged gate does without them
+    from harness.records.results import Results
 
 MOST_TOLD = 5
 """Findings told of a case."""
 
 
-def with_audit(change: Change, model: Model | None, one: SystemBaseline | None) -> Change:
-    """A case that was run, with what the audit of its model finds wrong and was not accepted.
+def with_audits(
+    changes: Sequence[Change], results: Results, systems: Mapping[str, SystemBaseline]
+) -> list[Change]:
+    """The cases that were run, with what the audits find wrong and was not accepted.
 
     A number that no motion depends on is wrong all the same. What could not be audited did not run.
 
     Args:
-        change: what became of the case.
-        model: the record of its model; None where it was not begun.
-        one: what was accepted of the system.
+        changes: what became of the cases.
+        results: of the run, with the audits.
+        systems: what was accepted, by name.
     """
+    moved = {change.id.of_model for change in changes if not change.status.passes}
+    return [_with_audit(change, results, systems, moved) for change in changes]
+
+
+def _with_audit(
+    change: Change, results: Results, systems: Mapping[str, SystemBaseline], moved: Set[ModelId]
+) -> Change:
+    of_model, one = change.id.of_model, systems.get(change.id.system)
+    model = None if change.case is None else results.model_of(change.case)
     if model is None or change.status is Status.NOT_RUN:
         return change
     if model.audit is None:
         failed = f"its audit failed: {model.audit_failure or 'it was not done'}"
         return replace(change, status=Status.NOT_RUN, messages=(failed, *change.messages))
-    new = unaccepted(model, None if one is None else one.audits.get(change.id.of_model))
-    if not new:
+    new = unaccepted(model, None if one is None else one.audits.get(of_model))
+    if not new or (change.status.passes and of_model in moved):
         return change
-    kinds = [kind for kind in change.kinds if kind != "text"]
+    told = (*change.messages, *_told(new))
+    if of_model in moved:  # a motion tells it too, in this case or another
+        return replace(change, messages=told, findings=new)
+    kinds = tuple(kind for kind in change.kinds if kind != "text")
     return replace(
-        change,
-        status=change.status if change.status is Status.NEW else Status.CHANGED,
-        kinds=(*kinds, "audit"),
-        messages=(*change.messages, *_told(new)),
-        findings=new,
+        change, status=Status.CHANGED, kinds=(*kinds, "audit"), messages=told, findings=new
     )
 
 

@@ -19,7 +19,7 @@ from harness.baseline.file import SystemBaseline
 from harness.baseline.fingerprint import FolderFiles, folder_files
 from harness.baseline.store import named_folders
 from harness.files.folders import builtin
-from harness.gate.audits import with_audit
+from harness.gate.audits import with_audits
 from harness.gate.file_diffs import file_diffs
 from harness.gate.options import GateOptions
 from harness.gate.result import GateResult
@@ -49,7 +49,10 @@ def gate(folders: Sequence[Path], options: GateOptions, progress: Progress) -> G
     found = survey(folders, options)
     ran = _run(found, options, progress) if found.running else None
     names = by_name(found, ran.results if ran else None)
-    changes = [] if ran is None else list(_of_run(ran, names, found, options))
+    changes: list[Change] = []
+    if ran is not None:
+        moved = list(_of_run(ran, names, found, options))
+        changes = with_audits(moved, ran.results, found.baseline)
     changes += _of_the_rest(changes, names, found, options)
     order = list(Status)
     changes.sort(key=lambda c: (order.index(c.status), -c.size, c.id.system))
@@ -133,18 +136,16 @@ def _of_run(
     for case in ran.results.cases:
         system = systems[case.folder]
         scan = names[system]
-        one = found.baseline.get(system)
-        change = classify(
+        yield classify(
             system,
             case,
             ran.measured.get((case.folder, case.id)),
             scan,
-            one,
+            found.baseline.get(system),
             found.versions,
             options.resolution,
             stale=again[scan.folder] != scan,
         )
-        yield with_audit(change, ran.results.model_of(case), one)
 
 
 def _of_the_rest(

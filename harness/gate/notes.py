@@ -48,14 +48,31 @@ def _place(found: GateResult, change: Change) -> ChangedLine:
         note = case_note(change.case, found.model_of(change.case))
         if note.line > 1:
             return ChangedLine(note.file, note.line, note.message)
-    for finding in change.findings:
-        if finding.where is not None and finding.where.line is not None:
-            return ChangedLine(Path(finding.where.file), finding.where.line, "")
     first = ["system.py", model] if "equations" in change.kinds else [model, f"{model}.toml"]
     mine = [d for d in found.file_diffs if d.system == change.id.system and model in d.models]
     mine.sort(key=lambda diff: first.index(diff.name) if diff.name in first else 2)
-    line = next((line for diff in mine for line in diff.lines), None)
-    return line or ChangedLine(_file(found, change), 1, "")
+    changed = [line for diff in mine for line in diff.lines]
+    return _of_finding(change, changed) or next(iter(changed), None) or _whole(found, change)
+
+
+def _of_finding(change: Change, changed: list[ChangedLine]) -> ChangedLine | None:
+    """The line of what the audit finds wrong: a changed one, or where nothing else is wrong any."""
+    wrong = [
+        (Path(one.where.file), one.where.line)
+        for one in change.findings
+        if one.where is not None and one.where.line is not None
+    ]
+    names = {(file.name, line) for file, line in wrong}
+    for one in changed:
+        if (one.file.name, one.line) in names:
+            return one
+    if not wrong or change.kinds != ("audit",):
+        return None
+    return ChangedLine(*wrong[0], "")
+
+
+def _whole(found: GateResult, change: Change) -> ChangedLine:
+    return ChangedLine(_file(found, change), 1, "")
 
 
 def _file(found: GateResult, change: Change) -> Path:

@@ -15,7 +15,7 @@ from harness.records.cause import Cause
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
-from harness.text.visible import visible, visible_lines
+from harness.text.visible import visible
 
 MOST = 10
 """Annotations that GitHub shows of a step and level."""
@@ -46,9 +46,9 @@ class Annotation:
         path = self.file.resolve()
         inside = path.relative_to(root) if path.is_relative_to(root) else path
         where = _property(inside.as_posix())
-        message = "\n".join(visible_lines(self.message[:_LONGEST]))
-        title = _property(visible(self.title[:200]))
-        return f"::{self.level} file={where},line={self.line},title={title}::{_data(message)}"
+        title = _property(self.title[:200])
+        message = _data(self.message[:_LONGEST])
+        return f"::{self.level} file={where},line={self.line},title={title}::{message}"
 
 
 def case_notes(results: Results) -> list[Annotation]:
@@ -137,6 +137,7 @@ def write_summary(text: str, environment: Mapping[str, str]) -> None:
 
 
 def _data(text: str) -> str:
+    text = "".join(c if c in "\r\n" else visible(c) for c in text)
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 

@@ -56,7 +56,7 @@ def test_an_annotation_is_one_command_whatever_it_tells(tmp_path: Path) -> None:
     command = note.command(tmp_path)
     assert len(command.splitlines()) == 1
     assert command.isprintable()
-    assert command.startswith("::error file=m.xml,line=1,title=a\\n%3A%3Aerror file=x")
+    assert command.startswith("::error file=m.xml,line=1,title=a%0A%3A%3Aerror file=x")
 
 
 def test_a_cell_of_a_summary_is_text(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 TAG = re.compile(rb"<[^\s/>]+")
 MOST_DEPTH = 300
-"""Elements within elements: MuJoCo's parser stops at 500."""
+"""Elements within elements: parsers of engines stop at some hundreds, or crash."""
 _DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
 _HIDDEN = re.compile(rb"<!--.*?-->|<!\[CDATA\[.*?\]\]>", re.DOTALL)
 
