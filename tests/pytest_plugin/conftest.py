@@ -12,10 +12,12 @@ import pytest
 
 # Imported here: pytester forgets, after each run in this process, what that run imported first.
 import harness.pytest_plugin.session
+from harness.audit.run import Audit
 from harness.files.folders import builtin
 from harness.pytest_plugin.runner import CaseRunner
 from harness.records.case import Case, CaseId
 from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.poses import Poses
 from tests.records.made import case
 
 
@@ -74,7 +76,7 @@ class Answers:
 def answers(monkeypatch: pytest.MonkeyPatch) -> Answers:
     told = Answers()
     monkeypatch.setattr(CaseRunner, "prepared", lambda *_: None)
-    monkeypatch.setattr(CaseRunner, "audit", lambda *_: told.audit)
+    monkeypatch.setattr(CaseRunner, "audit", lambda *_: Audit(findings=told.audit, poses=Poses()))
     # Bound to the answers, so that the runner comes as the next argument.
     monkeypatch.setattr(CaseRunner, "case", lambda *given: told.case(*given))
     monkeypatch.setattr(CaseRunner, "diagnosis", lambda *_: Diagnosis(failure="untold"))
