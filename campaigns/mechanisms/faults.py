@@ -56,14 +56,15 @@ def planted(posed: Posed, where: Path, share: float, settings: Settings) -> Plan
     # What both solutions' own errors may be is no effect.
     change = np.where(change > 4 * (wrong.error + right.error), change, 0.0).astype(float)
     found = examine(posed, faulty, RESOLUTION, settings)
+    effect = float(np.max(change / posed.scale))
     excess = float(np.max(change / found.uncertainty))
     pose = _moved(posed, faulty)
     error = np.abs(found.found.limit.value - wrong.states).astype(float)
     return Planted(
         where=".".join(map(str, where)),
         share=abs(share),
-        fate=_fate(_told(found), excess, pose),
-        effect=float(np.max(change / posed.scale)),
+        fate=_fate(_told(found), effect, excess, pose),
+        effect=effect,
         excess=excess,
         pose=pose,
         outside=int(np.sum(error > found.uncertainty)),
@@ -74,15 +75,15 @@ def _told(found: Judged) -> bool:
     return found.verdict.outcome is Outcome.DIFFERS
 
 
-def _fate(told: bool, excess: float, pose: float) -> Fate:
+def _fate(told: bool, effect: float, excess: float, pose: float) -> Fate:
     """See `Fate`: motions are asked first, then frames."""
     if told:
-        return Fate.MOTION if excess > 0 else Fate.FALSE
+        return Fate.MOTION if effect > 0 else Fate.FALSE
     if excess > SURE:
         return Fate.MISSED
     if pose > POSE:
         return Fate.FRAMES
-    if excess > 0:
+    if effect > 0:
         return Fate.BELOW
     return Fate.FAINT if pose > SAME else Fate.INVISIBLE
 
