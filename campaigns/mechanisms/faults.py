@@ -63,7 +63,7 @@ def planted(posed: Posed, where: Path, share: float, settings: Settings) -> Plan
     return Planted(
         where=".".join(map(str, where)),
         share=abs(share),
-        fate=_fate(_told(found), effect, excess, pose, seen),
+        fate=fate_of(_told(found), effect, excess, pose, seen),
         effect=effect,
         excess=excess,
         pose=pose,
@@ -75,7 +75,7 @@ def _told(found: Judged) -> bool:
     return found.verdict.outcome is Outcome.DIFFERS
 
 
-def _fate(told: bool, effect: float, excess: float, pose: float, seen: float) -> Fate:
+def fate_of(told: bool, effect: float, excess: float, pose: float, seen: float) -> Fate:
     """See `Fate`: motions are asked first, then the engine's own poses."""
     if seen > POSE and pose < POSE / SURE:
         return Fate.FALSE
