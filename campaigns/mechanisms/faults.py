@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from campaigns.mechanisms.dynamics import Dynamics, Real
-from campaigns.mechanisms.mechanism import Mechanism, Path, literals, with_fault
+from campaigns.mechanisms.mechanism import MJCF, Mechanism, Path, literals, with_fault
 from campaigns.mechanisms.results import Fate, Planted
-from campaigns.mechanisms.trial import Judged, Posed, Settings, examine, undone
+from campaigns.mechanisms.trial import Judged, Posed, Settings, examine, loaded, undone
 from campaigns.mechanisms.truth import ends
 from harness.records.outcome import Outcome
 
@@ -56,14 +56,15 @@ def planted(posed: Posed, where: Path, share: float, settings: Settings) -> Plan
     # What both solutions' own errors may be is no effect.
     change = np.where(change > 4 * (wrong.error + right.error), change, 0.0).astype(float)
     found = examine(posed, faulty, RESOLUTION, settings)
+    effect = float(np.max(change / posed.scale))
     excess = float(np.max(change / found.uncertainty))
-    pose = _moved(posed, faulty)
+    pose, seen = _moved(posed, faulty, settings)
     error = np.abs(found.found.limit.value - wrong.states).astype(float)
     return Planted(
         where=".".join(map(str, where)),
         share=abs(share),
-        fate=_fate(_told(found), excess, pose),
-        effect=float(np.max(change / posed.scale)),
+        fate=fate_of(_told(found), effect, excess, pose, seen),
+        effect=effect,
         excess=excess,
         pose=pose,
         outside=int(np.sum(error > found.uncertainty)),
@@ -74,23 +75,40 @@ def _told(found: Judged) -> bool:
     return found.verdict.outcome is Outcome.DIFFERS
 
 
-def _fate(told: bool, excess: float, pose: float) -> Fate:
-    """See `Fate`: motions are asked first, then frames."""
+def fate_of(told: bool, effect: float, excess: float, pose: float, seen: float) -> Fate:
+    """See `Fate`: motions are asked first, then the engine's own poses."""
+    if seen > POSE and pose < POSE / SURE:
+        return Fate.FALSE
+    if pose > SURE * POSE and seen < POSE:
+        return Fate.MISSED
     if told:
-        return Fate.MOTION if excess > 0 else Fate.FALSE
+        return Fate.MOTION if effect > 0 else Fate.FALSE
     if excess > SURE:
         return Fate.MISSED
     if pose > POSE:
         return Fate.FRAMES
-    if excess > 0:
+    if effect > 0:
         return Fate.BELOW
     return Fate.FAINT if pose > SAME else Fate.INVISIBLE
 
 
-def _moved(posed: Posed, faulty: Mechanism) -> float:
-    """How far any body's place, by the largest distance, or turn is another, at all starts."""
+def _moved(posed: Posed, faulty: Mechanism, settings: Settings) -> tuple[float, float]:
+    """How far any body's place, by the largest distance, or turn is another, at all starts.
+
+    By the equations, and as the engine has it of the faulty file.
+    """
     n = len(faulty.links)
-    q: Real = posed.motion.start[:, :n].T.astype(np.longdouble)
-    one, other = (Dynamics(mechanism).poses(q) for mechanism in (posed.mechanism, faulty))
-    places = np.max(np.abs(one.origins - other.origins)) / np.max(np.abs(one.origins))
-    return float(max(places, np.max(np.abs(one.turns - other.turns))))
+    starts = posed.motion.start[:, :n]
+    q: Real = starts.T.astype(np.longdouble)
+    right, wrong = (Dynamics(mechanism).poses(q) for mechanism in (posed.mechanism, faulty))
+    size = np.max(np.abs(right.origins))
+
+    def apart(origins: Real, turns: Real) -> float:
+        places = np.max(np.abs(right.origins - origins)) / size
+        return float(max(places, np.max(np.abs(right.turns - turns))))
+
+    kind = "body" if faulty.format == MJCF else "link"
+    with loaded(faulty, settings) as (model, _):
+        found = model.poses([f"{kind}:body{i + 1}" for i in range(n)], starts)
+    own = (np.moveaxis(one, 0, -1) for one in found)
+    return apart(wrong.origins, wrong.turns), apart(*own)

@@ -15,7 +15,7 @@ class Fate(StrEnum):
     """What became of a planted fault."""
 
     MOTION = "caught by a joint's motion"
-    FRAMES = "for frames to see: a pose is another, and no motion that is claimed"
+    FRAMES = "caught by frames alone: the engine poses a body elsewhere"
     FAINT = "a pose is another by less than frames resolve, and no motion is"
     INVISIBLE = "invisible: no motion and no pose is another"
     BELOW = "below the uncertainty: its effect is smaller than what is claimed"

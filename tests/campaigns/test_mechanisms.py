@@ -14,7 +14,7 @@ from campaigns.mechanisms import __main__ as command
 from campaigns.mechanisms import census
 from campaigns.mechanisms.census import Options, study
 from campaigns.mechanisms.drawn import WAYS, draw
-from campaigns.mechanisms.faults import planted
+from campaigns.mechanisms.faults import fate_of, planted
 from campaigns.mechanisms.mechanism import MJCF, Mechanism, literals, with_fault
 from campaigns.mechanisms.results import (
     Fate,
@@ -116,6 +116,27 @@ def planted_at(field: str) -> Planted:
     mechanism = draw(3, 3, most=2)
     where = next(p for p in literals(mechanism) if field in p and (len(p) == 1 or p[1] == 0))
     return planted(pose(mechanism, 9), where, 1e-6, {})
+
+
+@pytest.mark.parametrize(
+    ("told", "effect", "excess", "pose", "seen", "fate"),
+    [
+        (True, 1e-6, 1e3, 1e-6, 1e-6, Fate.MOTION),
+        (True, 0.0, 0.0, 0.0, 0.0, Fate.FALSE),
+        (False, 1e-6, 1e3, 1e-6, 1e-6, Fate.MISSED),
+        (False, 0.0, 0.0, 1e-6, 1e-6, Fate.FRAMES),
+        (False, 0.0, 0.0, 1e-6, 1e-16, Fate.MISSED),  # the engine poses it as if nothing were
+        (True, 1e-6, 1e3, 0.0, 1e-6, Fate.FALSE),  # and here elsewhere though nothing is
+        (False, 0.0, 0.0, 1e-12, 1e-12, Fate.FAINT),
+        (False, 1e-14, 0.4, 0.0, 1e-16, Fate.BELOW),
+        (False, 1e-6, 0.0, 0.0, 1e-16, Fate.BELOW),  # where nothing is claimed
+        (False, 0.0, 0.0, 1e-19, 1e-16, Fate.INVISIBLE),
+    ],
+)
+def test_the_fate_of_a_fault(
+    told: bool, effect: float, excess: float, pose: float, seen: float, fate: Fate
+) -> None:
+    assert fate_of(told, effect, excess, pose, seen) is fate
 
 
 def test_what_an_engine_loses_is_explained_by_its_remark_alone() -> None:
