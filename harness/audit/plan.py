@@ -16,7 +16,7 @@ from harness.files.sidecar import Sidecar
 from harness.records.case import ModelId
 from harness.records.finding import AuditFinding
 from harness.schedule.jobs import Job, Task, work
-from harness.schedule.workers import LIMIT, Failure, Workers
+from harness.schedule.workers import Failure, Limits, Workers
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,15 @@ class ModelAudit:
 
 
 def audits(
-    folders: Sequence[Path], *, engines: Sequence[str] = (), jobs: int = 0, limit: float = LIMIT
+    folders: Sequence[Path],
+    *,
+    engines: Sequence[str] = (),
+    jobs: int = 0,
+    limits: Limits | None = None,
 ) -> tuple[ModelAudit, ...]:
     """Audit every model of the folders; `engines` and the limits are those of a run."""
     found: list[dict[ModelId, ModelAudit]] = [{} for _ in folders]
-    with Workers(jobs or os.cpu_count() or 1, limit) as workers:
+    with Workers(jobs or os.cpu_count() or 1, limits) as workers:
         plans = zip(folders, found, strict=True)
         work((_folder(folder, engines, into) for folder, into in plans), workers)
     return tuple(one for models in found for one in models.values())

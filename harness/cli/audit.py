@@ -16,14 +16,17 @@ def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=True)
     arguments.engine(command)
+    arguments.limits(command)
+    arguments.jobs(command)
 
 
 def main(options: argparse.Namespace) -> int:
     """Audit every model of the folders and print what was found."""
     check_engines(options.engine)
     folders = system_folders(options.folders)
+    limits = arguments.limits_of(options)
     code = AGREE
-    for model in audits(folders, engines=tuple(options.engine)):
+    for model in audits(folders, engines=tuple(options.engine), jobs=options.jobs, limits=limits):
         print(model.id)
         if model.failure:
             print(f"  failed   {visible(model.failure)}")

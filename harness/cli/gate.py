@@ -33,6 +33,7 @@ def add(command: argparse.ArgumentParser) -> None:
         help="system folders; none: those of the baseline, and beside them",
     )
     arguments.engine(command)
+    arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
     arguments.baseline(command)
@@ -102,7 +103,7 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
         diagnose=getattr(options, "diagnose", False),
         resolution=options.resolution,
         jobs=options.jobs,
-        limit=options.time_limit,
+        limits=arguments.limits_of(options),
         parents=parents,
     )
 

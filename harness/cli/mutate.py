@@ -10,7 +10,7 @@ from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.engines.registry import engines
 from harness.files.folders import check_engines, system_folders
-from harness.mutation.mutate import mutate
+from harness.mutation.mutate import SECONDS, mutate
 from harness.mutation.survey import MutationError
 from harness.mutation.text import mutation_lines, summary
 from harness.records.mutation import FaultKind, FaultVerdict, Mutations
@@ -22,6 +22,7 @@ def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=True)
     arguments.engine(command)
+    arguments.limits(command, SECONDS)
     arguments.jobs(command, "two")
     command.add_argument("--json", type=Path, metavar="FILE", help="write every row there, as JSON")
 
@@ -39,7 +40,13 @@ def main(options: argparse.Namespace) -> int:
             print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
     try:
         with Counter("faults") as counter:
-            rows = mutate(folders, counter, only=options.engine, workers=options.jobs or 2)
+            rows = mutate(
+                folders,
+                counter,
+                only=options.engine,
+                workers=options.jobs or 2,
+                limits=arguments.limits_of(options),
+            )
     except MutationError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from harness.engines.protocol import EngineError
-from harness.schedule.workers import Failure, Workers
+from harness.schedule.workers import Failure, Limits, Workers
 
 
 def square(x: int) -> int:
@@ -22,8 +22,13 @@ def crash(_: object) -> None:
     ctypes.string_at(0)
 
 
-def hang(_: object) -> None:
+def spin(_: object) -> None:
     print("still here", flush=True)
+    while True:
+        pass
+
+
+def sleep(_: object) -> None:
     time.sleep(3600)
 
 
@@ -55,20 +60,20 @@ def failed(value: object) -> Failure:
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
-    with Workers(2, limit=3.0) as pool:
+    with Workers(2, Limits(seconds=1.0, memory=1.0)) as pool:
         yield pool
 
 
 def test_every_task_beside_a_crash_a_hang_and_an_exit_is_finished(workers: Workers) -> None:
     good = [workers.submit(square, i) for i in range(12)]
-    bad = [workers.submit(f, 0) for f in (crash, leave, hang)]
+    bad = [workers.submit(f, 0) for f in (crash, leave, spin)]
     good += [workers.submit(square, i) for i in range(12, 24)]
     assert list(map(workers.outcome, good)) == [i * i for i in range(24)]
     crashed, left, hung = map(failed, map(workers.outcome, bad))
     assert "SIGSEGV" in crashed.reason
     assert crashed.stdout.startswith("about to fall")
     assert "exit code 7" in left.reason
-    assert "more than the 3 s allowed" in hung.reason
+    assert "ran out of its 1 processor seconds; --limit raises it" in hung.reason
     assert hung.stdout == "still here"
 
 
