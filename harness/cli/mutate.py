@@ -14,6 +14,7 @@ from harness.mutation.mutate import SECONDS, mutate
 from harness.mutation.survey import MutationError
 from harness.mutation.text import mutation_lines, summary
 from harness.records.mutation import FaultKind, FaultVerdict, Mutations
+from harness.records.results import nothing_tested
 from harness.records.write import encoded, write_whole
 from harness.text.progress import Counter
 
@@ -31,13 +32,17 @@ def main(options: argparse.Namespace) -> int:
     """Make every model of the folders wrong in every known way, and print what became of it.
 
     Exit codes: 0; 1 where a fault that motions show was missed, or another step was taken for a
-    mistake; 3 where a folder is not sound to begin with.
+    mistake; 3 where a folder is not sound to begin with, or no fault could be tried.
     """
     check_engines(options.engine)
     folders = system_folders(options.folders)
-    for name, engine in engines().items():
-        if engine.version() is None and (not options.engine or name in options.engine):
-            print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
+    missing = [
+        name
+        for name, engine in engines().items()
+        if engine.version() is None and (not options.engine or name in options.engine)
+    ]
+    for name in missing:
+        print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
     try:
         with Counter("faults") as counter:
             rows = mutate(
@@ -49,6 +54,10 @@ def main(options: argparse.Namespace) -> int:
             )
     except MutationError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    if not rows:
+        nothing = "nothing was tried: no model of these folders runs in an engine that is meant"
+        print(f"crosscheck: {nothing_tested(missing) if missing else nothing}", file=sys.stderr)
         return FAIL
     for text in mutation_lines(rows):
         print(text)

@@ -68,6 +68,8 @@ def main(options: argparse.Namespace) -> int:
             done.remove()
     _tell(results, options.out)
     _tell_stopped(results, options.out, done)
+    if results.untested:
+        print(f"crosscheck: {results.untested}", file=sys.stderr)
     return SIGNALLED + stop.number if stop.asked else exit_code(results, options.require_engines)
 
 

@@ -16,6 +16,7 @@ from harness.baseline.known import Accepted, accepted, mark_known
 from harness.baseline.measure import measure, measure_task
 from harness.baseline.store import read_baseline
 from harness.cases.case import case_task, run_case
+from harness.cases.declared import Declared, declared
 from harness.cases.not_run import Hurdle, failed_case, hurdle
 from harness.cases.prepare import Prepared, prepare
 from harness.diagnosis.task import diagnose_model, diagnosis_task
@@ -48,6 +49,10 @@ class CaseRunner:
     def hurdle(self, sidecar: Sidecar, engine: str) -> Hurdle | None:
         """Why a model can't be run at all; None where it can."""
         return hurdle(self._engines, engine, sidecar)
+
+    def declared(self, folder: Path) -> Declared | Failure:
+        """What a folder's declaration says at a glance."""
+        return self._ask(declared, folder)
 
     def prepared(self, folder: Path) -> Prepared | Failure:
         """The reference side of a folder, once."""
@@ -114,6 +119,9 @@ class CaseRunner:
             self._workers = None
 
     def _run(self, function: Callable[[Argument], Value], argument: Argument) -> Value | Failure:
+        return self._ask(function, argument)
+
+    def _ask(self, function: Callable[[Argument], Value], argument: Argument) -> Value | Failure:
         with without_main():
             if self._workers is None:
                 self._workers = Workers(1, self._limits)

@@ -14,7 +14,7 @@ from harness.pytest_plugin.collect import SystemFile
 from harness.pytest_plugin.keys import RUNNER
 from harness.pytest_plugin.paths import DECLARATION, meant, to_collect
 from harness.pytest_plugin.runner import CaseRunner
-from harness.pytest_plugin.summary import summarize
+from harness.pytest_plugin.summary import summarize, untested
 from harness.schedule.limits import Limits
 
 ABOUT = (
@@ -60,9 +60,11 @@ class CrosscheckSession:
             return [SystemFile.from_parent(parent, path=file_path)]
         return [] if file_path.with_name(f"{file_path.name}.toml").is_file() else found
 
-    def pytest_sessionfinish(self, exitstatus: int | pytest.ExitCode) -> None:
-        """End the worker process."""
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """End the worker process; a run whose cases were all skipped tested nothing: no pass."""
         self._runner.close()
+        if session.exitstatus == pytest.ExitCode.OK and untested(session.config):
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Tell how the cases came out, what was accepted, and what was not run."""

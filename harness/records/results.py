@@ -16,10 +16,11 @@ SCHEMA: Literal[1] = 1
 
 def nothing_tested(engines: Iterable[str]) -> str:
     """What is said where no engine that is asked for is installed."""
-    names = " and ".join(sorted(set(engines)))
+    names = sorted(set(engines))
+    verb = "is" if len(names) == 1 else "are"
     return (
-        f"nothing was tested: {names} not installed; install what the models run in, such as"
-        " `pip install 'physics-crosscheck[engines]'`"
+        f"nothing was tested: {' and '.join(names)} {verb} not installed; install what the models"
+        " run in, such as `pip install 'physics-crosscheck[engines]'`"
     )
 
 

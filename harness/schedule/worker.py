@@ -76,12 +76,11 @@ def serve(tasks: Connection, station: Station) -> NoReturn:
         except EOFError:
             os._exit(0)
         except Exception as error:
-            _answer(tasks, Failure(f"its task can't be sent: {_said(error)}", ""))
+            _answer(tasks, Failure(f"its task can't be sent: {_said(error)}", ""), last=False)
             continue
         value, full = _done(function, argument, station)
-        _answer(tasks, value)
-        if full:  # what it holds is not given back: the next task has another worker
-            os._exit(0)
+        # Where memory ran out, what it holds is not given back: the next task has another worker.
+        _answer(tasks, value, last=full)
 
 
 def _end_with_the_program(scratch: Path) -> None:
@@ -104,8 +103,9 @@ def _redirect(station: Station) -> None:
     os.close(log)
     trace = os.open(station.trace, flags)
     faulthandler.enable(trace, all_threads=False)
-    if hasattr(signal, "SIGPROF"):
-        faulthandler.register(signal.SIGPROF, trace, all_threads=False, chain=True)
+    for name in ("SIGPROF", "SIGTERM"):
+        if hasattr(signal, name) and hasattr(faulthandler, "register"):
+            faulthandler.register(getattr(signal, name), trace, all_threads=False, chain=True)
     leave = os._exit
 
     def told(status: int) -> NoReturn:
@@ -147,7 +147,7 @@ def _done(
     try:
         return function(argument), False
     except BaseException as error:
-        return _failure(error, station.limits), _by_memory(error)
+        return _failure(error, station.limits), _shortage(error) is not None
     finally:
         _count_down(0.0)
         with contextlib.suppress(Exception):
@@ -163,8 +163,9 @@ def _count_down(seconds: float) -> None:
 
 def _failure(error: BaseException, limits: Limits) -> Failure:
     """What was raised, in a sentence."""
-    if _by_memory(error):
-        return Failure(_at(error, limits.full), "")
+    shortage = _shortage(error)
+    if shortage is not None:
+        return Failure(_at(shortage, limits.full), "")
     # Our own errors, of these kinds, carry a sentence; anything else is told with its own kind.
     ours = type(error).__module__.startswith(("harness.", "reference."))
     if ours and isinstance(error, ValueError | RuntimeError):
@@ -174,16 +175,16 @@ def _failure(error: BaseException, limits: Limits) -> Failure:
     return Failure(said if isinstance(error, Exception) else _at(error, said), "")
 
 
-def _by_memory(error: BaseException) -> bool:
-    """Whether memory ran out, be it that something else was raised for it."""
+def _shortage(error: BaseException) -> MemoryError | None:
+    """That memory ran out, be it that something else was raised for it."""
     seen: set[int] = set()
     cause: BaseException | None = error
     while cause is not None and id(cause) not in seen:
         if isinstance(cause, MemoryError):
-            return True
+            return cause
         seen.add(id(cause))
         cause = cause.__cause__ or cause.__context__
-    return False
+    return None
 
 
 def _at(error: BaseException, sentence: str) -> str:
@@ -194,7 +195,8 @@ def _at(error: BaseException, sentence: str) -> str:
 
 
 def _said(error: BaseException) -> str:
-    return f"{type(error).__name__}: {_words(error)}"
+    words = _words(error)
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__
 
 
 def _words(error: BaseException) -> str:
@@ -204,12 +206,13 @@ def _words(error: BaseException) -> str:
         return f"its own message can't be told ({type(worse).__name__})"
 
 
-def _answer(tasks: Connection, value: object) -> None:
-    """Send a value; one that can't be sent becomes a failure that says so."""
+def _answer(tasks: Connection, value: object, *, last: bool) -> None:
+    """Send a value, and whether it is the last; one that can't be sent is a failure saying so."""
     try:
-        data = ForkingPickler.dumps(value)
+        data = ForkingPickler.dumps((value, last))
     except BaseException as error:
-        data = ForkingPickler.dumps(Failure(f"its value can't be sent: {_said(error)}", ""))
+        lost = Failure(f"its value can't be sent: {_said(error)}", "")
+        data = ForkingPickler.dumps((lost, last))
     try:
         tasks.send_bytes(data)
     except OSError:  # nobody listens any more

@@ -193,12 +193,15 @@ class Workers:
         pending, worker.pending = worker.pending, None
         assert pending is not None
         try:
-            value = ForkingPickler.loads(data)
+            value, last = ForkingPickler.loads(data)
         except Exception as error:
-            value = Failure(f"its value can't be read: {type(error).__name__}: {error}", "")
+            said = f"its value can't be read: {type(error).__name__}: {error}"
+            value, last = Failure(said, ""), False
         if isinstance(value, Failure):
             value = replace(value, stdout=worker.printed())
         pending.end(value)
+        if last:
+            self._bury(worker)
 
     def _bury(self, worker: _Worker, reason: str = "") -> None:
         """Remove a worker that died, or is to; its task, if it has one, failed."""
