@@ -76,7 +76,7 @@ def main(options: argparse.Namespace) -> int:
 
 def code(found: GateResult) -> int:
     """The exit code of what a gate found."""
-    if found.of(Status.NOT_RUN) or not found.changes:
+    if found.of(Status.NOT_RUN) or not found.changes or found.failures:
         return FAIL
     return AGREE if found.passes else DIFFER
 
