@@ -92,7 +92,7 @@ def run_folders(
         [sys.executable, "-c", SCRIPT, str(out), str(limit), *map(str, folders)],
         capture_output=True,
         text=True,
-        timeout=280,
+        timeout=1800,
         env=environment(*first_on_path),
     )
     assert done.returncode == 0, done.stderr
