@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -50,9 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         where = f"{error.filename}: " if error.filename else ""
         print(f"crosscheck: {where}{error.strerror or error}", file=sys.stderr)
         return FAIL
-    except Stopped as stopped:
-        print(f"crosscheck: stopped by {stopped}", file=sys.stderr)
-        return SIGNALLED + stopped.number
+    except KeyboardInterrupt as stopped:
+        number = stopped.number if isinstance(stopped, Stopped) else signal.SIGINT
+        print(f"crosscheck: stopped by {signal.Signals(number).name}", file=sys.stderr)
+        return SIGNALLED + number
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -239,7 +239,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 def test_a_program_that_is_killed_leaves_no_worker_and_no_folder(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
     with (tmp_path / "out").open("w") as out:  # no pipe, which a worker that stays would keep open
-        subprocess.run([sys.executable, "-c", ORPHANS], cwd=root, stdout=out, timeout=60)
+        subprocess.run([sys.executable, "-c", ORPHANS], cwd=root, stdout=out, timeout=600)
     scratch, pid = (tmp_path / "out").read_text().split()
     assert soon(lambda: not alive(int(pid)))
     assert soon(lambda: not Path(scratch).exists())
