@@ -48,9 +48,14 @@ class GateResult:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What could not be done beside the cases, a sentence each."""
+        """What could not be done beside the cases, a sentence each; of audits the cases tell."""
         models = self.results.models if self.results else ()
-        return tuple(f"{what} of {m.id}: {why}" for m in models for what, why in m.failures)
+        return tuple(
+            f"{what} of {m.id}: {why}"
+            for m in models
+            for what, why in m.failures
+            if what != "audit"
+        )
 
     def of(self, *statuses: Status) -> tuple[Change, ...]:
         """The changes of some statuses."""
