@@ -120,7 +120,7 @@ def _limit(limits: Limits) -> None:
     """What holds for the whole life of a worker; the system looks after it."""
     if not _LIMITED:
         return
-    data = int(limits.memory * 2**30)
+    data = int(limits.memory * 2**30) + _held()
     for kind, most in (
         (resource.RLIMIT_DATA, data),
         (resource.RLIMIT_FSIZE, MOST_WRITTEN),
@@ -130,6 +130,14 @@ def _limit(limits: Limits) -> None:
         most = most if highest == resource.RLIM_INFINITY else min(most, highest)
         with contextlib.suppress(ValueError, OSError):
             resource.setrlimit(kind, (most, highest))
+
+
+def _held() -> int:
+    """Bytes that a worker has before its first task: a library has some for every processor."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    except (OSError, IndexError, ValueError):
+        return 0
 
 
 def _done(

@@ -28,6 +28,7 @@ from types import TracebackType
 from typing import Any, Generic, TypeVar, cast
 
 import physics_crosscheck
+from harness.schedule.clock import is_waiting, processor_seconds
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
 from harness.schedule.source import line_of_death
@@ -76,6 +77,20 @@ class _Worker:
     station: Station
     pending: Pending[Any] | None = None
     since: float = 0.0
+    used: float = 0.0
+
+    def begin(self, pending: Pending[Any]) -> None:
+        """It gets a task now."""
+        self.pending, self.since = pending, time.monotonic()
+        self.used = processor_seconds(self.process.pid or 0)
+
+    @property
+    def waits(self) -> bool:
+        """Whether its task is overdue by the clock, and not for want of the processor."""
+        elapsed = time.monotonic() - self.since
+        if self.pending is None or elapsed <= self.station.limits.wall:
+            return False
+        return is_waiting(processor_seconds(self.process.pid or 0) - self.used, elapsed)
 
     def printed(self) -> str:
         """The end of what the task printed."""
@@ -146,7 +161,7 @@ class Workers:
                 pending.end(Failure(f"{type(error).__name__}: {error}", ""))
                 yield pending
                 continue
-            worker.pending, worker.since = pending, time.monotonic()
+            worker.begin(pending)
             with contextlib.suppress(OSError):  # it is gone, which is seen below
                 worker.tasks.send_bytes(data)
 
@@ -177,7 +192,7 @@ class Workers:
                 self._receive(worker)
             elif worker.process.sentinel in ready:
                 self._bury(worker)
-            elif pending is not None and time.monotonic() - worker.since > self._limits.wall:
+            elif worker.waits:
                 self._bury(worker, _at(worker, self._limits.waited))
             if pending is not None and pending.ended:
                 yield pending

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from harness.engines.protocol import EngineError
+from harness.schedule.clock import is_waiting, processor_seconds
 from harness.schedule.workers import Failure, Limits, Workers
 
 
@@ -199,6 +200,19 @@ def test_time_is_that_of_the_processor_and_a_task_that_waits_has_ten_times_as_mu
     assert "--limit raises it" in reason
 
 
+def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_waits(
+    workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harness.schedule.limits.PATIENCE", 0.1)
+    (reason,) = reasons(workers, spin)
+    assert "ran out of its 1 processor seconds" in reason
+    assert not is_waiting(1.0, 100.0)
+    assert is_waiting(1.0, 1000.0)
+    began = processor_seconds(os.getpid())
+    while processor_seconds(os.getpid()) == began:
+        pass
+
+
 @pytest.mark.parametrize(("function", "argument"), [(hoard, 0), (raise_it, MemoryError)])
 def test_too_much_memory_costs_the_task_alone(
     workers: Workers, function: Callable[..., object], argument: object
@@ -226,6 +240,7 @@ def test_what_a_task_started_ends_with_its_worker(workers: Workers) -> None:
 
 ORPHANS = """
 import os, signal
+from harness.schedule.clock import is_waiting, processor_seconds
 from harness.schedule.workers import Workers
 from tests.schedule.test_workers import sleep
 workers = Workers(1)
