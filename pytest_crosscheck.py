@@ -39,10 +39,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="relative discrepancy to resolve (1e-9)",
     )
     group.addoption(
-        "--crosscheck-time-limit",
+        "--crosscheck-limit",
         metavar="S",
         default="120",
-        help="seconds that one case may take (120)",
+        help="processor seconds that one task may use (120)",
+    )
+    group.addoption(
+        "--crosscheck-memory",
+        metavar="GIB",
+        default="4",
+        help="GiB of memory that the worker may hold (4)",
     )
     group.addoption(
         "--crosscheck-baseline",

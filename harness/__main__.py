@@ -7,6 +7,6 @@ import physics_crosscheck
 if __name__ == "__main__":
     # A user's own package `reference` in the working folder would be found first.
     physics_crosscheck.claim()
-    from harness.cli.main import main
+    from harness.cli.main import program
 
-    sys.exit(main())
+    sys.exit(program())

@@ -21,8 +21,8 @@ from harness.files.folders import check_engines, system_folders
 from harness.records import results
 from harness.records.case import Case
 from harness.run import Options, run
+from harness.schedule.limits import MEMORY, SECONDS, Limits
 from harness.schedule.main_module import without_main
-from harness.schedule.workers import LIMIT
 from harness.text.failure import diagnosis_lines, failure_message
 from harness.text.findings import audit_lines
 from harness.text.status import status_of
@@ -73,8 +73,9 @@ class Results(results.Results, frozen=True, kw_only=True):
             if model.diagnosis is not None:
                 blocks.append("\n  ".join((str(model.id), *diagnosis_lines(model.diagnosis))))
             if not model.passes:
+                failed = (f"{what} failed: {why}" for what, why in model.failures)
                 findings = audit_lines(model.findings)
-                blocks.append("\n  ".join((f"audit of {model.id}", *findings)))
+                blocks.append("\n  ".join((f"audit of {model.id}", *failed, *findings)))
         return "\n".join((*blocks, summary(self)))
 
     __repr__ = __str__
@@ -85,7 +86,8 @@ def check(
     engines: Sequence[str] = (),
     resolution: float = 1e-9,
     jobs: int = 0,
-    time_limit: float = LIMIT,
+    limit: float = SECONDS,
+    memory: float = MEMORY,
     baseline: str | PathLike[str] = DEFAULT,
 ) -> Results:
     """Run every model of the system folders at `paths` in every scenario, and judge it.
@@ -95,7 +97,8 @@ def check(
         engines: only these; none: every engine that the sidecars name.
         resolution: relative discrepancy to resolve.
         jobs: worker processes; 0: one per processor.
-        time_limit: seconds that one case may take.
+        limit: processor seconds that one task may use.
+        memory: GiB that a worker may hold.
         baseline: where differences that were accepted are looked up.
 
     Raises:
@@ -107,7 +110,13 @@ def check(
     if not 1e-13 <= resolution <= 1e-2:
         raise ValueError(f"the resolution {resolution} is not between 1e-13 and 1e-2")
     folders = system_folders([str(path) for path in paths])
-    options = Options(tuple(engines), resolution, jobs, time_limit, Path(baseline))
+    options = Options(
+        engines=tuple(engines),
+        resolution=resolution,
+        jobs=jobs,
+        limits=Limits(seconds=limit, memory=memory, options="check's "),
+        baseline=Path(baseline),
+    )
     with without_main():
         found = run(folders, options, lambda *_: None).results
     return Results(**msgspec.structs.asdict(found))

@@ -5,16 +5,15 @@ A folder brings the jobs of its models; a model's last case brings its diagnosis
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
-
-from msgspec.structs import replace
+from typing import Any
 
 from harness.audit.run import Audit, run_audit
 from harness.audit.task import audit_task
+from harness.baseline.inputs import inputs
 from harness.baseline.measure import measure, measure_task
 from harness.cases.case import (
     CaseTask,
@@ -25,6 +24,7 @@ from harness.cases.case import (
 )
 from harness.cases.not_run import barred_case, failed_case, hurdle
 from harness.cases.prepare import Prepared, prepare
+from harness.collected import Collected, Jobs, stand_in
 from harness.coverage.count import count_numbers
 from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
 from harness.engines.registry import engines
@@ -35,17 +35,11 @@ from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId, ModelKey
 from harness.records.coverage import Coverage
 from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.journal import Kind, Work
 from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
-from harness.records.poses import Poses
-from harness.records.system import System
 from harness.schedule.jobs import Job, Task
-from harness.schedule.workers import LIMIT, Failure
-
-Jobs = Iterable[Job[Any]]
-
-Progress = Callable[[int, int, Case | None], None]
-"""Called with (cases done, cases known, the case just done or None)."""
+from harness.schedule.workers import Failure, Limits
 
 
 @dataclass(frozen=True)
@@ -70,53 +64,9 @@ class Options:
     engines: tuple[str, ...] = ()
     resolution: float = 1e-9
     jobs: int = 0
-    limit: float = LIMIT
+    limits: Limits = field(default_factory=Limits)
     baseline: Path | None = None
     selection: Selection | None = None
-
-
-class _Found(TypedDict, total=False):
-    """Fields of a model's record that a job brings."""
-
-    linearizations: tuple[EngineLinearization, ...]
-    linearization_failure: str
-    audit: tuple[AuditFinding, ...]
-    audit_failure: str
-    poses: Poses
-    coverage: Coverage
-    diagnosis: Diagnosis
-
-
-class Collected:
-    """What the jobs of a run have brought so far, in the order in which they ended.
-
-    Attributes:
-        systems: prepared.
-        models: those that are run.
-        cases: done, or not to be run.
-        measured: what models do, or why it is not known, by folder and case.
-    """
-
-    def __init__(self, progress: Progress) -> None:
-        self.systems: list[System] = []
-        self.models: dict[ModelKey, Model] = {}
-        self.cases: list[Case] = []
-        self.measured: dict[tuple[str, CaseId], Measurement | Failure] = {}
-        self._progress = progress
-        self._expected = 0
-
-    def expect(self, cases: int) -> None:
-        """So many more cases are known of."""
-        self._expected += cases
-
-    def add(self, case: Case) -> None:
-        """A case is done."""
-        self.cases.append(case)
-        self._progress(len(self.cases), self._expected, case)
-
-    def amend(self, key: ModelKey, **fields: Unpack[_Found]) -> None:
-        """Put what was found of a model into its record."""
-        self.models[key] = replace(self.models[key], **fields)
 
 
 class Plan:
@@ -134,17 +84,19 @@ class Plan:
         self._options, self._snapshots, self._found = options, snapshots, found
         self._engines = engines()
         self._diagnoses: dict[ModelKey, DiagnosisTask] = {}
+        self._inputs: dict[tuple[str, str, str], str] = {}
 
     def folder(self, folder: Path) -> Job[Prepared]:
         """Prepare a folder, then run its models."""
+        self._found.expect(str(folder), [stand_in(folder)])
+        # As it is before anything of it is run: what changes meanwhile is another folder's.
+        self._inputs |= inputs(folder, self._options.resolution, self._options.baseline)
         preparing = partial(prepare, described=self._options.selection is None)
         unprepared = partial(self._unprepared, folder)
         return Job(task=Task(preparing, folder), done=self._models, failed=unprepared)
 
     def _unprepared(self, folder: Path, failure: Failure) -> Jobs:
-        one = CaseId(system=folder.name, model="system.py", scenario="-", engine="-")
-        self._found.expect(1)
-        self._found.add(failed_case(one, str(folder), failure))
+        self._found.add(failed_case(stand_in(folder), str(folder), failure))
         return ()
 
     def _models(self, prepared: Prepared) -> Iterator[Job[Any]]:
@@ -155,10 +107,21 @@ class Plan:
         chosen = [
             (s, e) for s in files if isinstance(s, Sidecar) for e in self._chosen(prepared, s)
         ]
-        self._found.expect(len(unread) + len(chosen) * len(prepared.system.scenarios))
-        for model in unread:
-            one = CaseId(system=prepared.system.name, model=model.model, scenario="-", engine="-")
-            self._found.add(failed_case(one, str(prepared.folder), Failure(model.reason, "")))
+        name, folder = prepared.system.name, str(prepared.folder)
+        bad = [CaseId(system=name, model=m.model, scenario="-", engine="-") for m in unread]
+        self._found.expect(
+            folder,
+            [
+                *bad,
+                *(
+                    CaseId(system=name, model=s.model.name, scenario=one.name, engine=e)
+                    for s, e in chosen
+                    for one in prepared.system.scenarios
+                ),
+            ],
+        )
+        for one, model in zip(bad, unread, strict=True):
+            self._found.add(failed_case(one, folder, Failure(model.reason, "")))
         for sidecar, engine in chosen:
             yield from self._model(prepared, sidecar, engine)
 
@@ -189,14 +152,14 @@ class Plan:
         if selection is None or selection.diagnose:
             self._diagnoses[key] = diagnosis_task(prepared, sidecar, engine)
         for task in tasks:
-            yield self._case(key, task)
+            yield from self._case(key, task)
             yield from self._measurement(prepared, task)
         if selection is None:
-            yield self._linearizations(key, prepared, sidecar)
-            yield self._coverage(key, prepared, sidecar)
+            yield from self._linearizations(key, prepared, sidecar)
+            yield from self._coverage(key, prepared, sidecar)
         yield self._audit(key, prepared, sidecar)
 
-    def _case(self, key: ModelKey, task: CaseTask) -> Job[Case]:
+    def _case(self, key: ModelKey, task: CaseTask) -> Iterator[Job[Case]]:
         def done(case: Case) -> Jobs:
             self._found.add(case)
             return self._diagnosis(key)
@@ -204,7 +167,15 @@ class Plan:
         def failed(failure: Failure) -> Jobs:
             return done(failed_case(task.id, task.folder, failure))
 
-        return Job(task=Task(run_case, task), done=done, failed=failed)
+        job = Job(task=Task(run_case, task), done=done, failed=failed)
+        return self._found.once(self._work("case", key, task.scenario), job)
+
+    def _work(self, what: Kind, key: ModelKey, scenario: str = "") -> Work:
+        folder, model, engine = key
+        known = self._inputs.get(key, "")
+        return Work(
+            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=known
+        )
 
     def _measurement(self, prepared: Prepared, task: CaseTask) -> Iterator[Job[Measurement]]:
         """What a case's model does, where a snapshot was accepted, or may be."""
@@ -222,7 +193,7 @@ class Plan:
 
     def _linearizations(
         self, key: ModelKey, prepared: Prepared, sidecar: Sidecar
-    ) -> Job[tuple[EngineLinearization, ...]]:
+    ) -> Iterator[Job[tuple[EngineLinearization, ...]]]:
         def done(value: tuple[EngineLinearization, ...]) -> Jobs:
             self._found.amend(key, linearizations=value)
             return ()
@@ -232,7 +203,8 @@ class Plan:
             return ()
 
         task = linearization_task(prepared, sidecar, key[-1])
-        return Job(task=Task(run_linearizations, task), done=done, failed=failed)
+        job = Job(task=Task(run_linearizations, task), done=done, failed=failed)
+        return self._found.once(self._work("linearizations", key), job)
 
     def _audit(self, key: ModelKey, prepared: Prepared, sidecar: Sidecar) -> Job[Audit]:
         def done(value: Audit) -> Jobs:
@@ -246,7 +218,9 @@ class Plan:
         task = audit_task(prepared, sidecar, key[-1])
         return Job(task=Task(run_audit, task), done=done, failed=failed)
 
-    def _coverage(self, key: ModelKey, prepared: Prepared, sidecar: Sidecar) -> Job[Coverage]:
+    def _coverage(
+        self, key: ModelKey, prepared: Prepared, sidecar: Sidecar
+    ) -> Iterator[Job[Coverage]]:
         """Apart from the audit: what moved numbers do to an engine must not lose its findings."""
 
         def done(value: Coverage) -> Jobs:
@@ -257,7 +231,8 @@ class Plan:
             return done(Coverage(note=failure.reason))
 
         task = audit_task(prepared, sidecar, key[-1])
-        return Job(task=Task(count_numbers, task), done=done, failed=failed)
+        job = Job(task=Task(count_numbers, task), done=done, failed=failed)
+        return self._found.once(self._work("coverage", key), job)
 
     def _diagnosis(self, key: ModelKey) -> Iterator[Job[Diagnosis]]:
         """The diagnosis of a model, once its last case is in and one of them differs."""
@@ -274,7 +249,8 @@ class Plan:
         def failed(failure: Failure) -> Jobs:
             return done(Diagnosis(failure=failure.reason))
 
-        yield Job(task=Task(diagnose_model, task), done=done, failed=failed)
+        job = Job(task=Task(diagnose_model, task), done=done, failed=failed)
+        yield from self._found.once(self._work("diagnosis", key), job)
 
 
 def model_record(prepared: Prepared, sidecar: Sidecar, engine: str) -> Model:

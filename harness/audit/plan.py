@@ -10,13 +10,16 @@ from pathlib import Path
 
 from harness.audit.run import Audit, run_audit
 from harness.audit.task import audit_task
+from harness.cases.not_run import hurdle
 from harness.cases.prepare import Prepared, prepare
+from harness.engines.registry import engines as registered
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
 from harness.files.sidecar import Sidecar
 from harness.records.case import ModelId
 from harness.records.finding import AuditFinding
+from harness.records.outcome import Outcome
 from harness.schedule.jobs import Job, Task, work
-from harness.schedule.workers import LIMIT, Failure, Workers
+from harness.schedule.workers import Failure, Limits, Workers
 
 
 @dataclass(frozen=True)
@@ -27,19 +30,25 @@ class ModelAudit:
         id: the model; `-` for its engine where it can't be read.
         findings: and notes.
         failure: why there are none; empty otherwise.
+        absent: whether that is since the engine is not installed.
     """
 
     id: ModelId
     findings: tuple[AuditFinding, ...] = ()
     failure: str = ""
+    absent: bool = False
 
 
 def audits(
-    folders: Sequence[Path], *, engines: Sequence[str] = (), jobs: int = 0, limit: float = LIMIT
+    folders: Sequence[Path],
+    *,
+    engines: Sequence[str] = (),
+    jobs: int = 0,
+    limits: Limits | None = None,
 ) -> tuple[ModelAudit, ...]:
     """Audit every model of the folders; `engines` and the limits are those of a run."""
     found: list[dict[ModelId, ModelAudit]] = [{} for _ in folders]
-    with Workers(jobs or os.cpu_count() or 1, limit) as workers:
+    with Workers(jobs or os.cpu_count() or 1, limits) as workers:
         plans = zip(folders, found, strict=True)
         work((_folder(folder, engines, into) for folder, into in plans), workers)
     return tuple(one for models in found for one in models.values())
@@ -57,7 +66,7 @@ def _folder(folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit])
 def _models(
     only: Sequence[str], found: dict[ModelId, ModelAudit], prepared: Prepared
 ) -> Iterator[Job[Audit]]:
-    system = prepared.system.name
+    system, known = prepared.system.name, registered()
     for file in model_files(prepared.folder):
         if isinstance(file, UnreadModel):
             one = ModelId(system=system, model=file.model, engine="-")
@@ -65,6 +74,11 @@ def _models(
             continue
         for engine in chosen_engines(file, only):
             one = ModelId(system=system, model=file.model.name, engine=engine)
+            why = hurdle(known, engine, file)
+            if why is not None:
+                absent = why.outcome is Outcome.ABSENT
+                found[one] = ModelAudit(one, failure=why.reason, absent=absent)
+                continue
             found[one] = ModelAudit(one)  # keeps its place
             yield _audit(one, prepared, file, found)
 

@@ -34,6 +34,7 @@ def add(command: argparse.ArgumentParser) -> None:
         help="system folder; repeatable; none: those of the baseline",
     )
     arguments.engine(command)
+    arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
     arguments.baseline(command)

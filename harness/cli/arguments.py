@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from harness.baseline.store import DEFAULT
+from harness.schedule.limits import MEMORY, SECONDS, Limits
 
 
 def folders(command: argparse.ArgumentParser, *, some: bool) -> None:
@@ -43,8 +44,8 @@ def baseline(command: argparse.ArgumentParser) -> None:
     )
 
 
-def limits(command: argparse.ArgumentParser) -> None:
-    """Add --resolution R and --time-limit S."""
+def resolution_of(command: argparse.ArgumentParser) -> None:
+    """Add --resolution R."""
     command.add_argument(
         "--resolution",
         type=resolution,
@@ -52,13 +53,29 @@ def limits(command: argparse.ArgumentParser) -> None:
         metavar="R",
         help="relative discrepancy to resolve (1e-9)",
     )
+
+
+def limits(command: argparse.ArgumentParser, seconds_each: float = SECONDS) -> None:
+    """Add --limit S and --memory GIB."""
     command.add_argument(
-        "--time-limit",
+        "--limit",
         type=seconds,
-        default=120.0,
+        default=seconds_each,
         metavar="S",
-        help="seconds that one case may take (120)",
+        help=f"processor seconds that one task may use ({seconds_each:g})",
     )
+    command.add_argument(
+        "--memory",
+        type=memory,
+        default=MEMORY,
+        metavar="GIB",
+        help=f"GiB of memory that a worker may hold ({MEMORY:g})",
+    )
+
+
+def limits_of(options: argparse.Namespace) -> Limits:
+    """The limits that are meant."""
+    return Limits(seconds=options.limit, memory=options.memory)
 
 
 def positive(text: str) -> int:
@@ -82,4 +99,12 @@ def seconds(text: str) -> float:
     value = float(text)
     if not 0 < value < 1e6:
         raise argparse.ArgumentTypeError(f"{text} is no time in seconds")
+    return value
+
+
+def memory(text: str) -> float:
+    """GiB in which Python and an engine find room."""
+    value = float(text)
+    if not 0.5 <= value < 1e6:
+        raise argparse.ArgumentTypeError(f"{text} is not at least 0.5 GiB")
     return value

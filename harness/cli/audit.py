@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 
 from harness.audit.plan import audits
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.files.folders import check_engines, system_folders
+from harness.records.results import nothing_tested
 from harness.text.findings import audit_lines
 from harness.text.visible import visible
 
@@ -16,18 +18,25 @@ def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=True)
     arguments.engine(command)
+    arguments.limits(command)
+    arguments.jobs(command)
 
 
 def main(options: argparse.Namespace) -> int:
     """Audit every model of the folders and print what was found."""
     check_engines(options.engine)
     folders = system_folders(options.folders)
+    limits = arguments.limits_of(options)
+    found = audits(folders, engines=tuple(options.engine), jobs=options.jobs, limits=limits)
     code = AGREE
-    for model in audits(folders, engines=tuple(options.engine)):
+    if all(model.absent for model in found):
+        print(f"crosscheck: {nothing_tested(m.id.engine for m in found)}", file=sys.stderr)
+        code = FAIL
+    for model in found:
         print(model.id)
         if model.failure:
-            print(f"  failed   {visible(model.failure)}")
-            code = FAIL
+            print(f"  {'absent' if model.absent else 'failed'}   {visible(model.failure)}")
+            code = code if model.absent else FAIL
             continue
         for text in audit_lines(model.findings):
             print(f"  {visible(text)}")

@@ -51,6 +51,7 @@ def add(command: argparse.ArgumentParser) -> None:
         help="a state to start from, j=1,j_dot=0; repeatable",
     )
     command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
+    arguments.resolution_of(command)
     arguments.limits(command)
 
 
@@ -59,7 +60,7 @@ def main(options: argparse.Namespace) -> int:
     created = datetime.datetime.now(datetime.UTC)
     try:
         pair = _pair(options)
-        with Workers(JOBS, options.time_limit) as workers:
+        with Workers(JOBS, arguments.limits_of(options)) as workers:
             found = comparison_record(compare(pair, in_workers(workers)), created)
     except CompareError as error:
         return _stop(str(error), USAGE)

@@ -4,30 +4,46 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
+from typing import Literal
 
 from harness.cases.derivation import derivation
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL
 from harness.files.folders import system_folders
+from harness.schedule.workers import Failure, Workers
 from harness.text.equations import describe
-from reference.declaration import DeclarationError
-from reference.integrate import ReferenceError
 from reference.load import load_system
+
+Form = Literal["latex", "text"]
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=True)
+    arguments.limits(command)
     command.add_argument("--latex", action="store_true", help="as LaTeX instead of text")
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print what the declaration entails."""
-    try:
-        for folder in system_folders(options.folders):
-            derived = derivation(load_system(folder))
-            print(describe(derived, "latex" if options.latex else "text"))
-    except (DeclarationError, ReferenceError) as error:
-        print(f"crosscheck: {error}", file=sys.stderr)
-        return FAIL
+    """Print what the declarations entail."""
+    form: Form = "latex" if options.latex else "text"
+    folders = system_folders(options.folders)
+    with Workers(1, arguments.limits_of(options)) as workers:
+        for folder in folders:
+            text = workers.outcome(workers.submit(derived, (folder, form)))
+            if isinstance(text, Failure):
+                print(f"crosscheck: {text.reason}", file=sys.stderr)
+                return FAIL
+            print(text)
     return AGREE
+
+
+def derived(task: tuple[Path, Form]) -> str:
+    """What a folder's declaration entails, in words; in a worker: a declaration is a program.
+
+    Raises:
+        DeclarationError, ReferenceError: naming what is wrong and where.
+    """
+    folder, form = task
+    return describe(derivation(load_system(folder)), form)

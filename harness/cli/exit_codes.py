@@ -10,14 +10,22 @@ if TYPE_CHECKING:
 AGREE, DIFFER, USAGE, FAIL = 0, 1, 2, 3
 """Exit codes: all agree; a difference or nothing certain; wrong usage; something could not run."""
 
+SIGNALLED = 128
+"""With the number of a signal added: stopped by it, as shells have it; 130 is Ctrl-C."""
+
 
 def exit_code(results: Results, require_engines: bool) -> int:
-    """The exit code of results; nothing run at all is a failure, a known difference none."""
+    """The exit code of results; nothing run at all is a failure, a known difference none.
+
+    An audit, a linearization or a diagnosis that could not be done is one too.
+    """
     # Imported here: a help text needs no records.
     from harness.records.outcome import Outcome
 
     outcomes = {case.outcome for case in results.cases if not case.accepted}
-    if Outcome.FAILED in outcomes or not results.cases:
+    if Outcome.FAILED in outcomes or not results.cases or results.untested:
+        return FAIL
+    if any(model.failures for model in results.models):
         return FAIL
     if require_engines and Outcome.ABSENT in outcomes:
         return FAIL

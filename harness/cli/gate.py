@@ -33,6 +33,7 @@ def add(command: argparse.ArgumentParser) -> None:
         help="system folders; none: those of the baseline, and beside them",
     )
     arguments.engine(command)
+    arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
     arguments.baseline(command)
@@ -75,7 +76,7 @@ def main(options: argparse.Namespace) -> int:
 
 def code(found: GateResult) -> int:
     """The exit code of what a gate found."""
-    if found.of(Status.NOT_RUN) or not found.changes:
+    if found.of(Status.NOT_RUN) or not found.changes or found.failures:
         return FAIL
     return AGREE if found.passes else DIFFER
 
@@ -102,7 +103,7 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
         diagnose=getattr(options, "diagnose", False),
         resolution=options.resolution,
         jobs=options.jobs,
-        limit=options.time_limit,
+        limits=arguments.limits_of(options),
         parents=parents,
     )
 

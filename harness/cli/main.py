@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Any
 
-from harness.cli.exit_codes import FAIL, USAGE
+from harness.cli.exit_codes import FAIL, SIGNALLED, USAGE
+from harness.cli.streams import claim_streams
+from harness.schedule.stop import Stopped, raising
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",
@@ -24,18 +27,34 @@ COMMANDS = {
 }
 
 
+EXIT_CODES = (
+    "Exit codes: 0 every case agrees; 1 a case differs or is unresolved, or the audit finds a wrong"
+    " number; 2 wrong usage; 3 a case, an audit or a diagnosis failed, or nothing could be tested;"
+    " 128 + N stopped by signal N, 130 by Ctrl-C."
+)
+
+
+def program() -> int:
+    """The command line as a program of its own; returns the exit code."""
+    claim_streams()
+    return main()
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     given = sys.argv[1:] if arguments is None else list(arguments)
     options = _parser(given).parse_args(given)
     try:
-        return _run(options)
+        with raising():
+            return _run(options)
     except OSError as error:
-        print(f"crosscheck: {error.filename or ''}: {error.strerror}", file=sys.stderr)
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"crosscheck: {where}{error.strerror or error}", file=sys.stderr)
         return FAIL
-    except KeyboardInterrupt:
-        print("crosscheck: stopped; nothing was written", file=sys.stderr)
-        return FAIL
+    except KeyboardInterrupt as stopped:
+        number = stopped.number if isinstance(stopped, Stopped) else signal.SIGINT
+        print(f"crosscheck: stopped by {signal.Signals(number).name}", file=sys.stderr)
+        return SIGNALLED + number
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -59,12 +78,11 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="crosscheck",
         description="Tells whether a physics model file is right, to nine digits.",
-        epilog="Exit codes: 0 every case agrees; 1 a case differs or is unresolved; 2 wrong usage;"
-        " 3 a case failed.",
+        epilog=EXIT_CODES,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, says in COMMANDS.items():
-        command = commands.add_parser(name, help=says)
+        command = commands.add_parser(name, help=says, epilog=EXIT_CODES)
         # Only the command that is meant is imported: sympy or bokeh cost most of a second.
         if name in given[:1]:
             _module(name).add(command)
@@ -76,4 +94,4 @@ def _module(name: str) -> Any:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(program())

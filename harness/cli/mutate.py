@@ -10,10 +10,11 @@ from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.engines.registry import engines
 from harness.files.folders import check_engines, system_folders
-from harness.mutation.mutate import mutate
+from harness.mutation.mutate import SECONDS, mutate
 from harness.mutation.survey import MutationError
 from harness.mutation.text import mutation_lines, summary
 from harness.records.mutation import FaultKind, FaultVerdict, Mutations
+from harness.records.results import nothing_tested
 from harness.records.write import encoded, write_whole
 from harness.text.progress import Counter
 
@@ -22,6 +23,7 @@ def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=True)
     arguments.engine(command)
+    arguments.limits(command, SECONDS)
     arguments.jobs(command, "two")
     command.add_argument("--json", type=Path, metavar="FILE", help="write every row there, as JSON")
 
@@ -30,18 +32,32 @@ def main(options: argparse.Namespace) -> int:
     """Make every model of the folders wrong in every known way, and print what became of it.
 
     Exit codes: 0; 1 where a fault that motions show was missed, or another step was taken for a
-    mistake; 3 where a folder is not sound to begin with.
+    mistake; 3 where a folder is not sound to begin with, or no fault could be tried.
     """
     check_engines(options.engine)
     folders = system_folders(options.folders)
-    for name, engine in engines().items():
-        if engine.version() is None and (not options.engine or name in options.engine):
-            print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
+    missing = [
+        name
+        for name, engine in engines().items()
+        if engine.version() is None and (not options.engine or name in options.engine)
+    ]
+    for name in missing:
+        print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
     try:
         with Counter("faults") as counter:
-            rows = mutate(folders, counter, only=options.engine, workers=options.jobs or 2)
+            rows = mutate(
+                folders,
+                counter,
+                only=options.engine,
+                workers=options.jobs or 2,
+                limits=arguments.limits_of(options),
+            )
     except MutationError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    if not rows:
+        nothing = "nothing was tried: no model of these folders runs in an engine that is meant"
+        print(f"crosscheck: {nothing_tested(missing) if missing else nothing}", file=sys.stderr)
         return FAIL
     for text in mutation_lines(rows):
         print(text)

@@ -10,11 +10,14 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.cli import arguments
-from harness.cli.exit_codes import exit_code
+from harness.cli.exit_codes import SIGNALLED, exit_code
 from harness.files.folders import check_engines, system_folders
+from harness.records.journal import Journal, journal
+from harness.records.results import Results
 from harness.records.write import encoded, write_whole
 from harness.report import write_report
-from harness.run import Options, run
+from harness.run import Interruption, Options, run
+from harness.schedule.stop import asking
 from harness.text.github import case_notes, commands
 from harness.text.progress import Progress
 from harness.text.table import print_results
@@ -24,6 +27,7 @@ def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=False)
     arguments.engine(command)
+    arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
     command.add_argument(
@@ -32,6 +36,11 @@ def add(command: argparse.ArgumentParser) -> None:
         default=Path("reports"),
         metavar="DIR",
         help="where results.json and index.html go (reports)",
+    )
+    command.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a run that was stopped: what it did is kept, unless its files changed",
     )
     arguments.baseline(command)
     command.add_argument(
@@ -47,16 +56,36 @@ def main(options: argparse.Namespace) -> int:
         engines=tuple(options.engine),
         resolution=options.resolution,
         jobs=options.jobs,
-        limit=options.time_limit,
+        limits=arguments.limits_of(options),
         baseline=options.baseline,
     )
-    with Progress() as progress:
-        results = run(folders, wanted, progress).results
-    write_whole(options.out / "results.json", encoded(results))
-    write_report(options.out / "index.html", results)
+    with journal(options.out, resume=options.resume) as done:
+        with Progress() as progress, asking() as stop:
+            results = run(folders, wanted, progress, Interruption(stop, done)).results
+        write_whole(options.out / "results.json", encoded(results))
+        write_report(options.out / "index.html", results)
+        if not stop.asked:
+            done.remove()
+    _tell(results, options.out)
+    _tell_stopped(results, options.out, done)
+    if results.untested:
+        print(f"crosscheck: {results.untested}", file=sys.stderr)
+    return SIGNALLED + stop.number if stop.asked else exit_code(results, options.require_engines)
+
+
+def _tell(results: Results, out: Path) -> None:
     console = Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160)
     print_results(console, results)
-    print(f"{options.out / 'results.json'}  {options.out / 'index.html'}")
+    print(f"{out / 'results.json'}  {out / 'index.html'}")
     for line in commands(case_notes(results), os.environ):
         print(line)
-    return exit_code(results, options.require_engines)
+
+
+def _tell_stopped(results: Results, out: Path, done: Journal) -> None:
+    """What is to be known of a run that did not end as it should."""
+    if done.trouble:
+        print(f"crosscheck: {done.trouble}; a stopped run could not go on here", file=sys.stderr)
+    if results.stopped:
+        said = f"stopped by {results.stopped}: {len(results.cases)} cases are done and kept"
+        again = f"`crosscheck run --resume --out {out}`, with the same folders, goes on"
+        print(f"crosscheck: {said}; {again}", file=sys.stderr)

@@ -14,8 +14,8 @@ def in_workers(workers: Workers) -> Execute:
     """Each argument goes to a worker process; one that dies costs its own value alone."""
 
     def execute(who: str, function: Callable[[T], V], arguments: Sequence[T]) -> list[V | Failure]:
-        futures = [workers.submit(_Guarded(function), argument) for argument in arguments]
-        return [_told(who, workers.outcome(future)) for future in futures]
+        tasks = [workers.submit(_Guarded(function), argument) for argument in arguments]
+        return [_told(who, workers.outcome(task)) for task in tasks]
 
     return execute
 

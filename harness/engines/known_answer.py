@@ -166,7 +166,9 @@ class _Fault:
         """What ends a process, or a call."""
         self._calls += 1
         if "hang" in self._wanted:
-            time.sleep(self._wanted["hang"])
+            end = time.process_time() + self._wanted["hang"]
+            while time.process_time() < end:
+                pass
         if "segfault" in self._wanted:
             os.kill(os.getpid(), signal.SIGSEGV)
         if "exits" in self._wanted:

@@ -24,7 +24,9 @@ def engines() -> dict[str, Engine]:
             engine: Engine = point.load()()
             if not isinstance(engine, Engine):
                 raise TypeError("it is no subclass of harness.engines.protocol.Engine")
-        except Exception as error:
+        except BaseException as error:
+            if isinstance(error, KeyboardInterrupt):
+                raise
             warnings.warn(
                 f"the engine {point.name!r} of {point.value} can't be loaded: {error}", stacklevel=2
             )

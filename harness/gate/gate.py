@@ -98,7 +98,7 @@ def _run(found: Survey, options: GateOptions, progress: Progress) -> Run:
             engines=options.engines,
             resolution=options.resolution,
             jobs=options.jobs,
-            limit=options.limit,
+            limits=options.limits,
             selection=selection,
         ),
         progress,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+from harness.schedule.limits import Limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,7 +17,7 @@ class GateOptions:
         engines: only these; none: all.
         every: run every case, changed or not.
         diagnose: name the cause where a model differs, which takes a while.
-        resolution, jobs, limit: as in `harness.run.Options`.
+        resolution, jobs, limits: as in `harness.run.Options`.
         parents: folders all of whose systems are given, so that one that is missing is gone;
             None: every system of the baseline is expected.
     """
@@ -26,7 +28,7 @@ class GateOptions:
     diagnose: bool = False
     resolution: float = 1e-9
     jobs: int = 0
-    limit: float = 120.0
+    limits: Limits = field(default_factory=Limits)
     parents: tuple[Path, ...] | None = None
 
     def includes(self, engine: str) -> bool:

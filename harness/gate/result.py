@@ -42,8 +42,20 @@ class GateResult:
 
     @property
     def passes(self) -> bool:
-        """Whether every case passes, and there is one at all."""
-        return bool(self.changes) and all(change.status.passes for change in self.changes)
+        """Whether every case passes, and there is one at all, and nothing beside them failed."""
+        passes = all(change.status.passes for change in self.changes)
+        return bool(self.changes) and passes and not self.failures
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What could not be done beside the cases, a sentence each; of audits the cases tell."""
+        models = self.results.models if self.results else ()
+        return tuple(
+            f"{what} of {m.id}: {why}"
+            for m in models
+            for what, why in m.failures
+            if what != "audit"
+        )
 
     def of(self, *statuses: Status) -> tuple[Change, ...]:
         """The changes of some statuses."""

@@ -36,6 +36,7 @@ def gate_lines(found: GateResult) -> list[str]:
         if diff.more:
             lines.append(f"  and {diff.more} lines more")
     lines += _causes(found)
+    lines += [f"FAILED {failure}" for failure in found.failures]
     return [*lines, total(found)]
 
 
@@ -72,7 +73,7 @@ def summary(found: GateResult) -> str:
         ]
         if diff.more:
             lines.append(f"- and {diff.more} lines more")
-    causes = _causes(found)
+    causes = [*_causes(found), *(f"FAILED {failure}" for failure in found.failures)]
     if causes:
         lines += ["", *(f"- {_cell(cause.strip())}" for cause in causes)]
     return "\n".join(lines) + "\n"

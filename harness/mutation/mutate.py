@@ -22,17 +22,22 @@ from harness.mutation.judge import MutationTask, mutated, refused
 from harness.mutation.survey import MutationError, Survey, survey
 from harness.records.mutation import Mutation
 from harness.schedule.jobs import Job, Task, work
-from harness.schedule.workers import Failure, Workers
+from harness.schedule.workers import Failure, Limits, Workers
 
-LIMIT = 600.0
-"""Seconds that one fault may take: a diagnosis may try many pairs, and the machine may be busy."""
+SECONDS = 600.0
+"""Processor seconds that one fault may take unless told otherwise: many pairs may be tried."""
 
 Progress = Callable[[int, int, Mutation | None], None]
 """Called with (faults done, faults in all or 0 while that is unknown, the one just done)."""
 
 
 def mutate(
-    folders: Sequence[Path], progress: Progress, *, only: Sequence[str] = (), workers: int = 2
+    folders: Sequence[Path],
+    progress: Progress,
+    *,
+    only: Sequence[str] = (),
+    workers: int = 2,
+    limits: Limits | None = None,
 ) -> list[Mutation]:
     """Make every model of some folders wrong in every known way; engines not there are left out.
 
@@ -41,12 +46,13 @@ def mutate(
         progress: told of every fault.
         only: engines; empty: all.
         workers: processes.
+        limits: of one fault.
 
     Raises:
         MutationError: a folder must be sound to be mutated; the message names file and remedy.
     """
     plan = _Plan(only, progress)
-    with Workers(workers, LIMIT) as pool:
+    with Workers(workers, limits or Limits(seconds=SECONDS)) as pool:
         work(map(plan.folder, folders), pool)
     return plan.sorted()
 

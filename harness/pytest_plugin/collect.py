@@ -27,9 +27,6 @@ from harness.schedule.workers import Failure
 from harness.text.failure import diagnosis_lines, failure_message, figures, in_brief
 from harness.text.status import Decision, TestStatus, status_of
 from harness.text.table import largest
-from reference.declaration import DeclarationError
-from reference.load import load_system
-from reference.system import System
 
 WORDS = {"and", "or", "not", "True", "False", "None"}
 """What -m reads as something else than a marker's name."""
@@ -38,21 +35,23 @@ OURS = pytest.StashKey[set[str]]()
 
 
 class SystemFile(pytest.File):
-    """A folder's `system.py`. Collecting reads the declaration; it derives and runs nothing."""
+    """A folder's `system.py`. Collecting reads the declaration; it derives and judges nothing."""
 
     def collect(self) -> Iterator[CrosscheckItem]:
         """Yield the folder's tests; one that fails for whatever can't be read."""
         folder = self.path.parent
+        system = self.config.stash[RUNNER].declared(folder)
+        if isinstance(system, Failure):
+            yield self._unread(folder.name, self.path.name, system.reason)
+            return
         # What a library or a declaration warns of on import is told at the end of the run: where
         # warnings are errors, that is meant for the project's own tests.
         with warnings.catch_warnings():
             warnings.simplefilter("default")
-            system, said = self._load(folder)
+            for warning in system.warned:
+                warning.again()
             found = list(model_files(folder))
-        if system is None:
-            yield self._unread(folder.name, self.path.name, said)
-            return
-        scenarios = [scenario.name for scenario in system.scenarios]
+        scenarios = list(system.scenarios)
         audit = "audit" if "audit" not in scenarios else "audit of the model"
         for one in found:
             if isinstance(one, UnreadModel):
@@ -71,14 +70,6 @@ class SystemFile(pytest.File):
                         engine=engine,
                         scenario=scenario,
                     )
-
-    def _load(self, folder: Path) -> tuple[System | None, str]:
-        try:
-            return load_system(folder), ""
-        except DeclarationError as error:
-            return None, str(error)
-        except SystemExit as error:
-            return None, f"{self.path}: it ends the process, exit code {error.code}"
 
     def _unread(self, system: str, file: str, reason: str) -> UnreadItem:
         return UnreadItem.from_parent(

@@ -57,7 +57,7 @@ def meant(config: pytest.Config) -> dict[str, list[Path]]:
         raise pytest.UsageError(f"--crosscheck {error}") from None
 
 
-def arguments(config: pytest.Config, folders: dict[str, list[Path]]) -> list[str]:
+def to_collect(config: pytest.Config, folders: dict[str, list[Path]]) -> list[str]:
     """What pytest shall collect: the command line's arguments, and the folders' declarations.
 
     `--crosscheck PATH` counts as an argument PATH: without others, nothing else is collected. An

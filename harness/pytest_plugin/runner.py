@@ -16,6 +16,7 @@ from harness.baseline.known import Accepted, accepted, mark_known
 from harness.baseline.measure import measure, measure_task
 from harness.baseline.store import read_baseline
 from harness.cases.case import case_task, run_case
+from harness.cases.declared import Declared, declared
 from harness.cases.not_run import Hurdle, failed_case, hurdle
 from harness.cases.prepare import Prepared, prepare
 from harness.diagnosis.task import diagnose_model, diagnosis_task
@@ -26,7 +27,7 @@ from harness.records.finding import Diagnosis
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.schedule.main_module import without_main
-from harness.schedule.workers import Failure, Workers
+from harness.schedule.workers import Failure, Limits, Workers
 
 Argument = TypeVar("Argument")
 Value = TypeVar("Value")
@@ -35,8 +36,8 @@ Value = TypeVar("Value")
 class CaseRunner:
     """Runs one case or audit at a time, apart from pytest: a crash there is an outcome here."""
 
-    def __init__(self, resolution: float, limit: float, baseline: Path | None) -> None:
-        self._resolution, self._limit, self._baseline = resolution, limit, baseline
+    def __init__(self, resolution: float, limits: Limits, baseline: Path | None) -> None:
+        self._resolution, self._limits, self._baseline = resolution, limits, baseline
         if baseline is not None:
             read_baseline(baseline)  # one that can't be believed ends the session before it begins
         self._accepted: dict[Path, Accepted | None] = {}
@@ -48,6 +49,10 @@ class CaseRunner:
     def hurdle(self, sidecar: Sidecar, engine: str) -> Hurdle | None:
         """Why a model can't be run at all; None where it can."""
         return hurdle(self._engines, engine, sidecar)
+
+    def declared(self, folder: Path) -> Declared | Failure:
+        """What a folder's declaration says at a glance."""
+        return self._ask(declared, folder)
 
     def prepared(self, folder: Path) -> Prepared | Failure:
         """The reference side of a folder, once."""
@@ -107,15 +112,17 @@ class CaseRunner:
             self._diagnoses[key] = value
         return self._diagnoses[key]
 
-    def close(self, *, at_once: bool) -> None:
-        """End the worker process, if one was needed; `at_once`: with what it is doing."""
+    def close(self) -> None:
+        """End the worker process, if one was needed, with what it is doing."""
         if self._workers is not None:
-            with without_main():
-                self._workers.__exit__(KeyboardInterrupt if at_once else None, None, None)
+            self._workers.close()
             self._workers = None
 
     def _run(self, function: Callable[[Argument], Value], argument: Argument) -> Value | Failure:
+        return self._ask(function, argument)
+
+    def _ask(self, function: Callable[[Argument], Value], argument: Argument) -> Value | Failure:
         with without_main():
             if self._workers is None:
-                self._workers = Workers(1, self._limit).__enter__()
+                self._workers = Workers(1, self._limits)
             return self._workers.outcome(self._workers.submit(function, argument))

@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from harness.baseline.store import BaselineError
-from harness.cli import arguments as limits
+from harness.cli import arguments
 from harness.pytest_plugin.collect import SystemFile
 from harness.pytest_plugin.keys import RUNNER
-from harness.pytest_plugin.paths import DECLARATION, arguments, meant
+from harness.pytest_plugin.paths import DECLARATION, meant, to_collect
 from harness.pytest_plugin.runner import CaseRunner
-from harness.pytest_plugin.summary import summarize
+from harness.pytest_plugin.summary import summarize, untested
+from harness.schedule.limits import Limits
 
 ABOUT = (
     "crosscheck(system, model, engine, scenario): a case or an audit of --crosscheck; select with"
@@ -27,17 +28,21 @@ class CrosscheckSession:
 
     def __init__(self, config: pytest.Config) -> None:
         try:
-            resolution = limits.resolution(config.getoption("crosscheck_resolution"))
-            limit = limits.seconds(config.getoption("crosscheck_time_limit"))
+            resolution = arguments.resolution(config.getoption("crosscheck_resolution"))
+            limits = Limits(
+                seconds=arguments.seconds(config.getoption("crosscheck_limit")),
+                memory=arguments.memory(config.getoption("crosscheck_memory")),
+                options="--crosscheck-",
+            )
         except (argparse.ArgumentTypeError, ValueError) as error:
             raise pytest.UsageError(f"--crosscheck: {error}") from None
         folders = meant(config)
-        config.args = arguments(config, folders)
+        config.args = to_collect(config, folders)
         config.args_source = config.ArgsSource.ARGS
         self._folders = {f.resolve() for found in folders.values() for f in found}
         try:
             baseline = config.rootpath / config.getoption("crosscheck_baseline")
-            self._runner = CaseRunner(resolution, limit, baseline)
+            self._runner = CaseRunner(resolution, limits, baseline)
         except BaselineError as error:
             raise pytest.UsageError(f"--crosscheck: {error}") from None
         config.stash[RUNNER] = self._runner
@@ -55,9 +60,11 @@ class CrosscheckSession:
             return [SystemFile.from_parent(parent, path=file_path)]
         return [] if file_path.with_name(f"{file_path.name}.toml").is_file() else found
 
-    def pytest_sessionfinish(self, exitstatus: int | pytest.ExitCode) -> None:
-        """End the worker process."""
-        self._runner.close(at_once=exitstatus == pytest.ExitCode.INTERRUPTED)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """End the worker process; a run whose cases were all skipped tested nothing: no pass."""
+        self._runner.close()
+        if session.exitstatus == pytest.ExitCode.OK and untested(session.config):
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Tell how the cases came out, what was accepted, and what was not run."""

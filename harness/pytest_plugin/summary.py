@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import pytest
 
@@ -15,12 +16,7 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
 
     Everything is taken from the reports, which xdist brings from its workers.
     """
-    reports = [
-        report
-        for kind in ("passed", "failed", "skipped")
-        for report in reporter.stats.get(kind, ())
-        if report.when == "call" and "crosscheck" in report.keywords
-    ]
+    reports = _reports(reporter)
     if not reports:
         return
     reporter.ensure_newline()
@@ -38,3 +34,25 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
     skipped = Counter(report.longrepr[2] for report, _ in known if report.skipped)
     for reason, number in skipped.items():
         reporter.write_line(f"not run: {number} tests: {reason.removeprefix('Skipped: ')}")
+    if untested(reporter.config):
+        reporter.write_line(
+            "nothing was tested: no engine of these models is installed; install what they run in,"
+            " such as `pip install 'physics-crosscheck[engines]'`"
+        )
+
+
+def untested(config: pytest.Config) -> bool:
+    """Whether there were cases, and all of them were skipped."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    reports = [] if reporter is None else _reports(reporter)
+    return bool(reports) and all(report.skipped for report in reports)
+
+
+def _reports(reporter: pytest.TerminalReporter) -> list[Any]:
+    """Those of the cases and audits, in any order."""
+    return [
+        report
+        for kind in ("passed", "failed", "skipped")
+        for report in reporter.stats.get(kind, ())
+        if report.when == "call" and "crosscheck" in report.keywords
+    ]

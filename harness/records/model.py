@@ -104,6 +104,17 @@ class Model(Record, frozen=True, kw_only=True):
         return tuple(one for one in self.audit or () if one.severity == "finding")
 
     @property
+    def failures(self) -> tuple[tuple[str, str], ...]:
+        """What could not be done, and why: it can't have found anything."""
+        diagnosis = "" if self.diagnosis is None else self.diagnosis.failure
+        parts = (
+            ("audit", self.audit_failure),
+            ("linearization", self.linearization_failure),
+            ("diagnosis", diagnosis),
+        )
+        return tuple((what, why) for what, why in parts if why)
+
+    @property
     def passes(self) -> bool:
-        """Whether the audit finds nothing, or what it finds is accepted."""
-        return bool(self.accepted) or not self.findings
+        """Whether all was done, and the audit finds nothing, or what it finds is accepted."""
+        return not self.failures and (bool(self.accepted) or not self.findings)

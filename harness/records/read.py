@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import stat
 from pathlib import Path
 from typing import TypeVar
 
@@ -63,6 +65,8 @@ def read_results(path: Path) -> Results:
         ResultsError: for a file that is missing, broken or of another schema.
     """
     try:
+        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
+            raise OSError(errno.EINVAL, "it is no file")
         data = path.read_bytes()
     except OSError as error:
         reason = f"can't be read: {error.strerror}; run `crosscheck run` first"

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal
 
 from harness.records.base import Record
 from harness.records.case import Case, CaseId
 from harness.records.model import Model
+from harness.records.outcome import Outcome
 from harness.records.system import System
 
 SCHEMA: Literal[1] = 1
+
+
+def nothing_tested(engines: Iterable[str]) -> str:
+    """What is said where no engine that is asked for is installed."""
+    names = sorted(set(engines))
+    verb = "is" if len(names) == 1 else "are"
+    return (
+        f"nothing was tested: {' and '.join(names)} {verb} not installed; install what the models"
+        " run in, such as `pip install 'physics-crosscheck[engines]'`"
+    )
 
 
 class BaselineChange(Record, frozen=True, kw_only=True):
@@ -60,6 +72,8 @@ class Results(Record, frozen=True, kw_only=True):
         models: those that were run, in each engine.
         cases: all, also those that could not be run.
         baseline: null where there is none to compare with.
+        stopped: the signal that ended the run before all was done; empty where none did.
+        not_run: what was left then, as far as it was known: cases, and folders as `system.py`.
         schema: version of this format.
     """
 
@@ -71,7 +85,19 @@ class Results(Record, frozen=True, kw_only=True):
     models: tuple[Model, ...]
     cases: tuple[Case, ...]
     baseline: BaselineChanges | None = None
+    stopped: str = ""
+    not_run: tuple[CaseId, ...] = ()
     schema: Literal[1] = SCHEMA
+
+    @property
+    def untested(self) -> str:
+        """Why nothing was tested at all, and what helps; empty where something was.
+
+        Where nothing ran, nothing passed.
+        """
+        if not self.cases or any(case.outcome is not Outcome.ABSENT for case in self.cases):
+            return ""
+        return nothing_tested(case.engine for case in self.cases)
 
     def model_of(self, case: Case) -> Model | None:
         """The record of a case's model in its engine; None where it was not run at all."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 from harness.records.case import Case, ModelKey
@@ -172,7 +172,9 @@ def troubles(
         if diagnosis is not None and diagnosis.sentence:
             diagnosed.add(key)
         found.append(_model_trouble([view for _, view in pairs], diagnosis, totals[key]))
-    return (*found, *_absences(worst_first), *_audit_troubles(models, diagnoses, diagnosed))
+    undone = _undone(models, {case.reason for case, _ in worst_first})
+    audits = _audit_troubles(models, diagnoses, diagnosed)
+    return (*found, *undone, *_absences(worst_first), *audits)
 
 
 def _model_trouble(
@@ -190,6 +192,21 @@ def _model_trouble(
         cases=f"{len(views)} of {total}",
         sentence=f"{sentence} Accepted: {view.accepted}" if view.accepted else sentence,
     )
+
+
+def _undone(models: Sequence[Model], told: Set[str]) -> Iterator[Trouble]:
+    """What could not be done beside the cases, but for what they tell already."""
+    for model in models:
+        for what, why in model.failures:
+            if why not in told:
+                yield Trouble(
+                    id="",
+                    outcome=Outcome.FAILED,
+                    symbol=SYMBOLS[Outcome.FAILED],
+                    name=shown(model.id),
+                    cases="",
+                    sentence=shown(f"{what}: {why}"),
+                )
 
 
 def _absences(pairs: Sequence[Pair]) -> Iterator[Trouble]:

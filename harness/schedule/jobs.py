@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from harness.schedule.workers import Argument, Failure, Value, Workers
+from harness.schedule.stop import Stop
+from harness.schedule.workers import Argument, Failure, Pending, Value, Workers
 
 
 @dataclass(frozen=True)
@@ -33,22 +33,20 @@ class Job(Generic[Value]):
     failed: Callable[[Failure], Iterable[Job[Any]]]
 
 
-def work(jobs: Iterable[Job[Any]], workers: Workers) -> None:
-    """Do all jobs, and those that they bring; returns when none is left.
+def work(jobs: Iterable[Job[Any]], workers: Workers, stop: Stop | None = None) -> None:
+    """Do all jobs, and those that they bring; returns when none is left, or when asked to stop.
 
     `done` and `failed` are called one at a time. What they raise is a mistake of the plan, not of a
     task: it ends the work.
     """
-    waiting: dict[Future[Any], Job[Any]] = {}
+    waiting: dict[Pending[Any], Job[Any]] = {}
 
     def start(some: Iterable[Job[Any]]) -> None:
         for job in some:
             waiting[workers.submit(job.task.function, job.task.argument)] = job
 
     start(jobs)
-    while waiting:
-        ended, _ = wait(waiting, return_when=FIRST_COMPLETED)
-        # In the order in which they were started, not in a set's.
-        for future in [one for one in waiting if one in ended]:
-            job, value = waiting.pop(future), workers.outcome(future)
+    while waiting and not (stop and stop.asked):
+        for pending in workers.turn():
+            job, value = waiting.pop(pending), workers.outcome(pending)
             start(job.failed(value) if isinstance(value, Failure) else job.done(value))

@@ -1,7 +1,9 @@
-"""Persistent worker processes: one task at a time each, with a time limit, and replaceable.
+"""Worker processes: one task at a time each, with limits, and replaceable.
 
-A worker that crashes, hangs or blows up is killed and replaced; the tasks beside it and after it
-go on (pebble's pool; a ProcessPoolExecutor would lose every pending task to one segfault).
+A worker that crashes, hangs or blows up is replaced; the tasks beside it and after it go on (a
+`ProcessPoolExecutor` would lose every pending task to one segfault). There are no threads here, no
+locks and no queues between processes: a worker has a pipe, and what is at its end is either a value
+or the end of the process. So no death leaves anything locked, one with exit code 0 included.
 """
 
 from __future__ import annotations
@@ -9,102 +11,226 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import sys
+import shutil
+import signal
 import tempfile
 import time
+import weakref
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from multiprocessing import forkserver
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from types import TracebackType
-from typing import TypeVar
-
-import pebble
+from typing import Any, Generic, TypeVar, cast
 
 import physics_crosscheck
+from harness.schedule.clock import is_waiting, processor_seconds
+from harness.schedule.failure import Failure
+from harness.schedule.limits import Limits
+from harness.schedule.source import line_of_death
+from harness.schedule.stop import SIGNALS
+from harness.schedule.worker import Station, serve
 
-LIMIT = 120.0
-"""Seconds that a task may take unless told otherwise."""
+__all__ = ["Failure", "Limits", "Pending", "Workers"]
 
 MOST_PRINTED = 4000
+
+MOMENT = 0.2
+"""Seconds between two looks at the clock."""
+
+_NO_MEMORY = ("bad_alloc", "Could not allocate memory", "Cannot allocate memory", "out of memory")
+"""What C and C++ print before they end the process for want of memory."""
 
 Argument = TypeVar("Argument")
 Value = TypeVar("Value")
 
 
-@dataclass(frozen=True)
-class Failure:
-    """Why a task has no value: one sentence, and what was printed meanwhile.
+@dataclass(eq=False)
+class Pending(Generic[Value]):
+    """A task that was submitted.
 
     Attributes:
-        usage: whether what was asked makes no sense, rather than something having gone wrong.
+        function, argument: the task.
+        value: what came of it, once it has `ended`.
     """
 
-    reason: str
-    stdout: str
-    usage: bool = False
+    function: Callable[[Any], Value]
+    argument: object
+    value: Value | Failure | None = None
+    ended: bool = False
+
+    def end(self, value: Value | Failure) -> None:
+        """It has a value, or none for a reason."""
+        self.value, self.ended = value, True
+
+
+@dataclass(eq=False)
+class _Worker:
+    """A process, and the task that it has, since when."""
+
+    process: BaseProcess
+    tasks: Connection
+    station: Station
+    pending: Pending[Any] | None = None
+    since: float = 0.0
+    used: float = 0.0
+
+    def begin(self, pending: Pending[Any]) -> None:
+        """It gets a task now."""
+        self.pending, self.since = pending, time.monotonic()
+        self.used = processor_seconds(self.process.pid or 0)
+
+    @property
+    def waits(self) -> bool:
+        """Whether its task is overdue by the clock, and not for want of the processor."""
+        elapsed = time.monotonic() - self.since
+        if self.pending is None or elapsed <= self.station.limits.wall:
+            return False
+        return is_waiting(processor_seconds(self.process.pid or 0) - self.used, elapsed)
+
+    def printed(self) -> str:
+        """The end of what the task printed."""
+        try:
+            text = self.station.log.read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return ""
+        return text.strip()[-MOST_PRINTED:]
+
+    def kill(self) -> None:
+        """End it, and whatever it started."""
+        self.tasks.close()
+        with contextlib.suppress(OSError, AttributeError):
+            os.killpg(self.process.pid or 0, signal.SIGKILL)
+        self.process.kill()
+        self.process.join()
+
+    def let_go(self) -> None:
+        """Wait a little for one that has nothing to do: without a pipe, it ends by itself."""
+        self.process.join(1.0)
+        self.kill()
 
 
 class Workers:
-    """A pool of worker processes; use it as a context manager."""
+    """Worker processes; use them as a context manager."""
 
-    def __init__(self, jobs: int, limit: float = LIMIT) -> None:
-        methods = multiprocessing.get_all_start_methods()
-        method = "forkserver" if "forkserver" in methods else "spawn"
-        context = multiprocessing.get_context(method)
-        if method == "forkserver":
-            # First what binds our names: the server begins in the user's folder, which may have a
-            # package called harness.
-            context.set_forkserver_preload(
-                ["physics_crosscheck", "harness.cases.case", "harness.cases.prepare"]
-            )
-            with _safe_path():
-                forkserver.ensure_running()
-        self._limit = limit
-        self._jobs = jobs
-        self._pool = pebble.ProcessPool(
-            max_workers=jobs, context=context, initializer=physics_crosscheck.claim
+    def __init__(self, jobs: int, limits: Limits | None = None) -> None:
+        self._jobs, self._limits = jobs, limits or Limits()
+        self._context = _context()
+        self._scratch = Path(tempfile.mkdtemp(prefix="crosscheck-"))
+        self._crew: list[_Worker] = []
+        self._waiting: deque[Pending[Any]] = deque()
+        self._started = 0
+        # At the latest when Python ends: before multiprocessing waits for the processes.
+        self._end = weakref.finalize(self, _dismiss, self._crew, self._scratch)
+
+    def submit(self, function: Callable[[Argument], Value], argument: Argument) -> Pending[Value]:
+        """Ask for a task; it is begun when a worker is free, while one of these is asked."""
+        pending: Pending[Value] = Pending(function, argument)
+        self._waiting.append(pending)
+        return pending
+
+    def turn(self) -> list[Pending[Any]]:
+        """Hand out tasks, wait a moment for something to happen, and return those that ended."""
+        ended = list(self._hand_out())
+        if not ended:
+            ended = list(self._take())
+        return ended
+
+    def outcome(self, pending: Pending[Value]) -> Value | Failure:
+        """The value of a task, or a `Failure` that says what became of it; waits for it."""
+        while not pending.ended:
+            self.turn()
+        return cast(Value | Failure, pending.value)  # None is a value too, once it ended
+
+    def _hand_out(self) -> Iterator[Pending[Any]]:
+        """Give waiting tasks to workers that have none; yields those that can't be sent."""
+        while self._waiting:
+            worker = next((one for one in self._crew if one.pending is None), None)
+            if worker is None:
+                if len(self._crew) >= self._jobs:
+                    return
+                worker = self._new()
+            pending = self._waiting.popleft()
+            try:
+                data = ForkingPickler.dumps((pending.function, pending.argument))
+            except Exception as error:
+                pending.end(Failure(f"{type(error).__name__}: {error}", ""))
+                yield pending
+                continue
+            worker.begin(pending)
+            with contextlib.suppress(OSError):  # it is gone, which is seen below
+                worker.tasks.send_bytes(data)
+
+    def _new(self) -> _Worker:
+        self._started += 1
+        ours, theirs = self._context.Pipe()
+        station = Station(
+            cwd=str(Path.cwd()),
+            scratch=self._scratch,
+            log=self._scratch / f"{self._started}.log",
+            trace=self._scratch / f"{self._started}.trace",
+            limits=self._limits,
         )
-        self._logs = Path(tempfile.mkdtemp(prefix="crosscheck-"))
-        self._count = 0
+        process = self._context.Process(target=serve, args=(theirs, station))
+        process.start()
+        theirs.close()
+        worker = _Worker(process, ours, station)
+        self._crew.append(worker)
+        return worker
 
-    def _settle(self) -> None:
-        """Wait until every worker has started: one that is closed before complains on stderr."""
-        if self._count == 0 or self._count > 4 * self._jobs:
-            return
-        seen: set[int] = set()
-        for _ in range(20):
-            naps = [self._pool.schedule(_nap, args=[0.1]) for _ in range(self._jobs)]
-            with contextlib.suppress(Exception):
-                seen |= {nap.result() for nap in naps}
-            if len(seen) >= self._jobs:
-                return
+    def _take(self) -> Iterator[Pending[Any]]:
+        """Wait a moment; yields the tasks that ended, in the order of the workers."""
+        ends: list[Connection | int] = [one.tasks for one in self._crew]
+        ready = wait([*ends, *(one.process.sentinel for one in self._crew)], MOMENT)
+        for worker in tuple(self._crew):
+            pending = worker.pending
+            if worker.tasks in ready:
+                self._receive(worker)
+            elif worker.process.sentinel in ready:
+                self._bury(worker)
+            elif worker.waits:
+                self._bury(worker, _at(worker, self._limits.waited))
+            if pending is not None and pending.ended:
+                yield pending
 
-    def submit(self, function: Callable[[Argument], Value], argument: Argument) -> Future[Value]:
-        """Start a task; `outcome` turns the finished future into a value or a `Failure`."""
-        self._count += 1
-        log = self._logs / f"{self._count}.log"
-        future: Future[Value] = self._pool.schedule(
-            _captured, args=[function, argument, str(log)], timeout=self._limit
-        )
-        future.log = log  # type: ignore[attr-defined]  # travels with the future it belongs to
-        return future
-
-    def outcome(self, future: Future[Value]) -> Value | Failure:
-        """Value of a finished task, or a `Failure` that says what became of it."""
-        log: Path = future.log  # type: ignore[attr-defined]  # set by submit
+    def _receive(self, worker: _Worker) -> None:
+        """Take a value from a worker, or its death."""
         try:
-            value = future.result()
-            return replace(value, stdout=_tail(log)) if isinstance(value, Failure) else value
-        except TimeoutError:
-            reason = f"it took more than the {self._limit:g} s allowed and was stopped"
-        except pebble.ProcessExpired as error:
-            how = _signal(error.exitcode)
-            reason = f"the engine's process died ({how}); the cases beside it are not affected"
+            data = worker.tasks.recv_bytes()
+        except (EOFError, OSError):
+            worker.process.join(1.0)  # for its exit code; what lives on without a pipe is killed
+            self._bury(worker)
+            return
+        pending, worker.pending = worker.pending, None
+        assert pending is not None
+        try:
+            value, last = ForkingPickler.loads(data)
         except Exception as error:
-            reason = f"{type(error).__name__}: {error}"
-        return Failure(reason, _tail(log))
+            said = f"its value can't be read: {type(error).__name__}: {error}"
+            value, last = Failure(said, ""), False
+        if isinstance(value, Failure):
+            value = replace(value, stdout=worker.printed())
+        pending.end(value)
+        if last:
+            self._bury(worker)
+
+    def _bury(self, worker: _Worker, reason: str = "") -> None:
+        """Remove a worker that died, or is to; its task, if it has one, failed."""
+        self._crew.remove(worker)
+        worker.kill()
+        if worker.pending is not None:
+            reason = reason or _cause_of_death(worker)
+            worker.pending.end(Failure(reason, worker.printed()))
+        for file in (worker.station.log, worker.station.trace):
+            file.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """End all workers, with what they are doing."""
+        self._end()
 
     def __enter__(self) -> Workers:
         return self
@@ -115,15 +241,35 @@ class Workers:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if kind is None:
-            self._settle()
-            self._pool.close()
+        self.close()
+
+
+def _dismiss(crew: list[_Worker], scratch: Path) -> None:
+    """End workers, and remove what they left."""
+    for worker in crew:
+        worker.tasks.close()
+    for worker in crew:
+        if worker.pending is None:
+            worker.let_go()
         else:
-            self._pool.stop()
-        self._pool.join()
-        for log in self._logs.glob("*.log"):
-            log.unlink()
-        self._logs.rmdir()
+            worker.kill()
+    crew.clear()
+    shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _context() -> Any:
+    """How processes are started: from a server that has imported what every task needs."""
+    methods = multiprocessing.get_all_start_methods()
+    context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
+    if "forkserver" in methods:
+        # First what binds our names: the server begins in the user's folder, which may have a
+        # package called harness.
+        context.set_forkserver_preload(
+            ["physics_crosscheck", "harness.cases.case", "harness.cases.prepare"]
+        )
+        with _safe_path(), _signals_held():
+            forkserver.ensure_running()
+    return context
 
 
 @contextlib.contextmanager
@@ -143,61 +289,43 @@ def _safe_path() -> Iterator[None]:
         del os.environ["PYTHONSAFEPATH"]
 
 
-def _nap(seconds: float) -> int:
-    time.sleep(seconds)
-    return os.getpid()
-
-
-def _captured(
-    function: Callable[[Argument], Value], argument: Argument, log: str
-) -> Value | Failure:
-    """Run a task with everything printed, C code included, going to a file.
-
-    What it raises comes back as a sentence: an exception may be one that can't be sent, and a
-    `sys.exit` in someone's model file would end the process that asked.
-    """
-    with _into(log):
-        try:
-            return function(argument)
-        except (Exception, SystemExit) as error:
-            # The worker's own errors, of these kinds, carry a sentence; anything else is told with
-            # its own kind.
-            ours = type(error).__module__.startswith(("harness.", "reference."))
-            known = ours and isinstance(error, ValueError | RuntimeError)
-            return Failure(str(error) if known else f"{type(error).__name__}: {error}", "")
-
-
 @contextlib.contextmanager
-def _into(log: str) -> Iterator[None]:
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = [os.dup(1), os.dup(2)]
-    target = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+def _signals_held() -> Iterator[None]:
+    """Processes started meanwhile don't hear what ends programs: they end when this one does."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
-        os.dup2(target, 1)
-        os.dup2(target, 2)
         yield
     finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os.dup2(kept[0], 1)
-        os.dup2(kept[1], 2)
-        for descriptor in (*kept, target):
-            os.close(descriptor)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _signal(code: int) -> str:
-    import signal
+def _cause_of_death(worker: _Worker) -> str:
+    """Why a worker died, in a sentence: a limit, or what ended it where."""
+    code, limits = worker.process.exitcode, worker.station.limits
+    if hasattr(signal, "SIGPROF") and code == -signal.SIGPROF:
+        return _at(worker, limits.spent)
+    if code == -signal.SIGABRT and any(words in worker.printed() for words in _NO_MEMORY):
+        return _at(worker, limits.full)
+    died = f"the process died ({_signal(code)}); the cases beside it are not affected"
+    line = line_of_death(worker.station.trace)
+    if line and code is not None and code >= 0:
+        return (
+            f"{line}: it ends the process, exit code {code}; the cases beside it are not affected"
+        )
+    return f"{line}: {died}" if line else died
 
+
+def _at(worker: _Worker, sentence: str) -> str:
+    """A sentence with the line of a user's file that was being run, where that is known."""
+    line = line_of_death(worker.station.trace)
+    return f"{line}: {sentence}" if line else sentence
+
+
+def _signal(code: int | None) -> str:
     if code is not None and code < 0:
         with contextlib.suppress(ValueError):
             return signal.Signals(-code).name
     return f"exit code {code}"
-
-
-def _tail(log: Path) -> str:
-    try:
-        text = log.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""
-    return text.strip()[-MOST_PRINTED:]

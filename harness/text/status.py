@@ -44,7 +44,8 @@ def status_of(
     if isinstance(record, Model):
         if record.passes:
             return Decision(TestStatus.PASS, "")
-        return Decision(TestStatus.FAIL, counted(len(record.findings), "finding"))
+        failed = "; ".join(f"{what} failed: {why}" for what, why in record.failures)
+        return Decision(TestStatus.FAIL, failed or counted(len(record.findings), "finding"))
     if record.outcome is Outcome.ABSENT and not require_engines:
         return Decision(TestStatus.SKIP, record.reason)
     if not record.passes:

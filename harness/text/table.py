@@ -42,6 +42,7 @@ def print_results(console: Console, results: Results) -> None:
     for model in results.models:
         _print_diagnosis(console, model)
         _print_audit(console, model)
+        _print_failures(console, model, results.cases)
     _print_coverage(console, results.models)
     if len(troubled) > MOST_TOLD:
         console.print(f"\nand {len(troubled) - MOST_TOLD} more, in results.json")
@@ -62,8 +63,20 @@ def summary(results: Results) -> str:
     worst = max(_known(largest(case) for case in agreeing), default=None)
     told = agreement(worst)
     return (
-        f"{len(results.cases)} cases: {', '.join(parts)}{accepted}{told}; {results.seconds:.1f} s"
+        f"{len(results.cases)} cases: {', '.join(parts)}{accepted}{_unfinished(results)}{told};"
+        f" {results.seconds:.1f} s"
     )
+
+
+def _unfinished(results: Results) -> str:
+    """What a summary says of what was not done: a failed audit finds nothing, which is no pass."""
+    failed = Counter(what for model in results.models for what, _ in model.failures)
+    parts = [f"{number} FAILED as {what}" for what, number in failed.items()]
+    if results.untested:
+        parts.append(results.untested)
+    if results.stopped:
+        parts.append(f"stopped by {results.stopped}, {len(results.not_run)} not run")
+    return "".join(f"; {part}" for part in parts)
 
 
 def largest(case: Case) -> Number:
@@ -204,6 +217,17 @@ def _print_coverage(console: Console, models: Iterable[Model]) -> None:
         console.print("\n[bold]covered[/]")
     for line in lines:
         console.print(f"  {escape(line)}", soft_wrap=True)
+
+
+def _print_failures(console: Console, model: Model, cases: Iterable[Case]) -> None:
+    """What could not be done, but for what its cases say already."""
+    told = {case.reason for case in cases if case.key == model.key}
+    for what, why in model.failures:
+        if why not in told:
+            console.print(
+                f"\n[{STYLES[Outcome.FAILED]}]FAILED[/] {what} of {escape(str(model.id))}"
+            )
+            console.print(f"  {escape(why)}", soft_wrap=True)
 
 
 def _print_accepted(console: Console, cases: Sequence[Case]) -> None:

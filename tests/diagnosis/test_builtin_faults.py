@@ -31,7 +31,7 @@ def crosscheck(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str
         cwd=cwd,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=1800,
         check=False,
         env={"PATH": "", "PYTHONPATH": str(builtin().parent)},
     )

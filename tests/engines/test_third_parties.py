@@ -43,11 +43,16 @@ def test_an_entry_point_that_is_no_engine_is_told_by_name(
     assert "duck" not in found
 
 
+@pytest.mark.parametrize(("name", "text", "said"), [
+    ("broken", "import no_such_module_at_all\n", "no_such_module_at_all"),
+    ("leaving", "raise SystemExit('good bye')\n", "good bye"),
+    ("base", "raise BaseException('no')\n", "no"),
+])  # fmt: skip
 def test_an_entry_point_that_cannot_be_loaded_is_told_by_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: str, said: str
 ) -> None:
-    distribution(tmp_path, "broken", "broken_engine", "import no_such_module_at_all\n")
+    distribution(tmp_path, name, f"{name}_engine", text)
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.warns(UserWarning, match="broken.*no_such_module_at_all"):
+    with pytest.warns(UserWarning, match=f"{name}.*{said}"):
         found = engines()
     assert "known" in found

@@ -70,8 +70,9 @@ import sys
 from pathlib import Path
 from harness.records.write import encoded, write_whole
 from harness.run import Options, run
+from harness.schedule.limits import Limits
 out, limit, *folders = sys.argv[1:]
-options = Options(jobs=2, limit=float(limit))
+options = Options(jobs=2, limits=Limits(seconds=float(limit)))
 found = run([Path(f) for f in folders], options, lambda *_: None)
 write_whole(Path(out), encoded(found.results))
 """
@@ -91,7 +92,7 @@ def run_folders(
         [sys.executable, "-c", SCRIPT, str(out), str(limit), *map(str, folders)],
         capture_output=True,
         text=True,
-        timeout=280,
+        timeout=1800,
         env=environment(*first_on_path),
     )
     assert done.returncode == 0, done.stderr

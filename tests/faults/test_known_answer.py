@@ -6,7 +6,6 @@ import json
 import math
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +27,9 @@ from tests.faults.known_folder import (
     uncertainty,
 )
 
-Ran = tuple[Results, float]
-"""Results, and the seconds that they took."""
-
 pytestmark = pytest.mark.xdist_group("known answer")
 
-LIMIT = 6.0
+LIMIT = 4.0
 FORCE = 47.0 * 0.25
 """The spring's force at the motion's start, in newtons."""
 
@@ -63,7 +59,7 @@ REPLACED = {
 
 
 @pytest.fixture(scope="module")
-def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Results:
     """Run every fault in one folder, with a broken folder beside it."""
     place = tmp_path_factory.mktemp("known")
     folder = known_folder(place / "oscillator", FAULTS)
@@ -75,29 +71,27 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     broken = known_folder(place / "broken", {"good": ""})
     (broken / "system.py").write_text(SYSTEM + "\nsystem = undefined\n")
     (broken / "good.known").write_text(KNOWN)
-    began = time.monotonic()
-    results = run_folders(folder, broken, out=place / "results.json", limit=LIMIT)
-    return results, time.monotonic() - began
+    return run_folders(folder, broken, out=place / "results.json", limit=LIMIT)
 
 
-def cases(ran: Ran, name: str) -> list[Case]:
+def cases(ran: Results, name: str) -> list[Case]:
     """Both cases, free and driven, of a model file."""
-    found = by_case(ran[0])
+    found = by_case(ran)
     return [found[f"{name}.known", "known", s] for s in ("free", "driven")]
 
 
-def outcomes(ran: Ran, name: str) -> list[Outcome]:
+def outcomes(ran: Results, name: str) -> list[Outcome]:
     return [case.outcome for case in cases(ran, name)]
 
 
-def test_a_right_model_agrees_to_a_thousandth_of_the_resolution(ran: Ran) -> None:
+def test_a_right_model_agrees_to_a_thousandth_of_the_resolution(ran: Results) -> None:
     for case in cases(ran, "good"):
         assert case.outcome == "AGREES"
         assert discrepancy(case) < uncertainty(case) < 1e-11
         assert case.reason == ""
 
 
-def test_a_stiffness_off_by_a_millionth_differs_by_a_millionth(ran: Ran) -> None:
+def test_a_stiffness_off_by_a_millionth_differs_by_a_millionth(ran: Results) -> None:
     for case in cases(ran, "off"):
         assert case.outcome == "DIFFERS"
         assert 0.3e-6 < discrepancy(case) < 3e-6
@@ -105,7 +99,7 @@ def test_a_stiffness_off_by_a_millionth_differs_by_a_millionth(ran: Ran) -> None
         assert "off" in case.reason
 
 
-def test_a_method_of_order_two_that_claims_one_is_refused_for_its_exponents(ran: Ran) -> None:
+def test_a_method_of_order_two_that_claims_one_is_refused_for_its_exponents(ran: Results) -> None:
     free, driven = cases(ran, "order_2_says_1")
     assert free.outcome == "UNRESOLVED"
     assert "exponents don't hold" in free.reason
@@ -114,7 +108,7 @@ def test_a_method_of_order_two_that_claims_one_is_refused_for_its_exponents(ran:
     assert driven.outcome == "AGREES"
 
 
-def test_a_method_of_order_one_that_claims_two_is_refused_for_its_exponents(ran: Ran) -> None:
+def test_a_method_of_order_one_that_claims_two_is_refused_for_its_exponents(ran: Results) -> None:
     for case in cases(ran, "order_1_says_2"):
         assert case.outcome == "UNRESOLVED"
         assert "exponents don't hold" in case.reason
@@ -122,7 +116,7 @@ def test_a_method_of_order_one_that_claims_two_is_refused_for_its_exponents(ran:
         assert case.verdict.order == pytest.approx(1, abs=0.1)
 
 
-def test_memory_from_step_to_step_shows_in_full_runs_where_segments_agree(ran: Ran) -> None:
+def test_memory_from_step_to_step_shows_in_full_runs_where_segments_agree(ran: Results) -> None:
     for case in cases(ran, "drags"):
         assert case.outcome == "UNRESOLVED"
         assert "carried from step to step" in case.reason
@@ -132,24 +126,24 @@ def test_memory_from_step_to_step_shows_in_full_runs_where_segments_agree(ran: R
         assert case.full_run.global_error > 1e-3
 
 
-def test_memory_from_call_to_call_never_agrees(ran: Ran) -> None:
+def test_memory_from_call_to_call_never_agrees(ran: Results) -> None:
     for case in cases(ran, "remembers"):
         assert case.outcome in {"DIFFERS", "UNRESOLVED"}
         assert uncertainty(case) > 1e-9
 
 
-def test_a_joint_limit_differs(ran: Ran) -> None:
+def test_a_joint_limit_differs(ran: Results) -> None:
     assert outcomes(ran, "limit") == ["DIFFERS", "DIFFERS"]
 
 
 @pytest.mark.parametrize("exponent", [1, 2, 3, 4])
-def test_coulomb_friction_differs_by_its_share_of_the_force(ran: Ran, exponent: int) -> None:
+def test_coulomb_friction_differs_by_its_share_of_the_force(ran: Results, exponent: int) -> None:
     for case in cases(ran, f"friction_{exponent}"):
         assert case.outcome == "DIFFERS"
         assert 0.2 < discrepancy(case) * 10**exponent < 5
 
 
-def test_values_that_are_not_numbers_fail_whenever_they_come(ran: Ran) -> None:
+def test_values_that_are_not_numbers_fail_whenever_they_come(ran: Results) -> None:
     for case in cases(ran, "nan"):
         assert case.outcome == "FAILED"
         assert "not finite" in case.reason
@@ -158,15 +152,16 @@ def test_values_that_are_not_numbers_fail_whenever_they_come(ran: Ran) -> None:
         assert "no longer finite at t = 2" in case.reason
 
 
-def test_a_hang_fails_after_the_time_limit_and_the_run_ends_soon(ran: Ran) -> None:
+def test_a_hang_fails_after_its_processor_seconds_and_the_run_ends(ran: Results) -> None:
     for case in cases(ran, "hangs"):
         assert case.outcome == "FAILED"
-        assert f"more than the {LIMIT:g} s allowed" in case.reason
-    # Two cases and the linearization wait for the limit, on two workers; the rest takes seconds.
-    assert ran[1] < 3 * LIMIT + 60
+        assert f"ran out of its {LIMIT:g} processor seconds" in case.reason
+    (model,) = (one for one in ran.models if one.model == "hangs.known")
+    assert [what for what, _ in model.failures] == ["audit", "linearization"]
+    assert not model.passes
 
 
-def test_a_segfault_fails_its_own_cases_alone(ran: Ran) -> None:
+def test_a_segfault_fails_its_own_cases_alone(ran: Results) -> None:
     for case in cases(ran, "dies"):
         assert case.outcome == "FAILED"
         assert "SIGSEGV" in case.reason
@@ -174,47 +169,49 @@ def test_a_segfault_fails_its_own_cases_alone(ran: Ran) -> None:
     assert outcomes(ran, "also_good") == ["AGREES", "AGREES"]
 
 
-def test_what_an_engine_raises_is_told_as_it_stands(ran: Ran) -> None:
+def test_what_an_engine_raises_is_told_as_it_stands(ran: Results) -> None:
     for case in cases(ran, "raises"):
         assert case.outcome == "FAILED"
         assert "<b>no & such</b>" in case.reason
 
 
-def test_a_model_that_ends_the_program_fails_its_own_cases_alone(ran: Ran) -> None:
+def test_a_model_that_ends_the_program_fails_its_own_cases_alone(ran: Results) -> None:
     for case in cases(ran, "exits"):
         assert case.outcome == "FAILED"
         assert case.reason == "SystemExit: 3"
 
 
-def test_an_exception_that_cannot_be_sent_between_processes_is_told(ran: Ran) -> None:
+def test_an_exception_that_cannot_be_sent_between_processes_is_told(ran: Results) -> None:
     for case in cases(ran, "odd"):
         assert case.outcome == "FAILED"
         assert case.reason == "OddError: two arguments"
 
 
-def test_a_broken_model_file_fails_by_name_and_line(ran: Ran) -> None:
+def test_a_broken_model_file_fails_by_name_and_line(ran: Results) -> None:
     for case in cases(ran, "broken"):
         assert case.outcome == "FAILED"
         assert "broken.known" in case.reason
         assert "line" in case.reason
 
 
-def test_a_broken_sidecar_fails_by_name_and_line(ran: Ran) -> None:
-    (case,) = (c for c in ran[0].cases if c.model == "bad_sidecar.known")
+def test_a_broken_sidecar_fails_by_name_and_line(ran: Results) -> None:
+    (case,) = (c for c in ran.cases if c.model == "bad_sidecar.known")
     assert case.outcome == "FAILED"
     assert "bad_sidecar.known.toml" in case.reason
     assert "line 1" in case.reason or "end of document" in case.reason
 
 
-def test_a_broken_system_fails_by_file_and_line_and_leaves_other_folders_alone(ran: Ran) -> None:
-    (case,) = (c for c in ran[0].cases if c.folder.endswith("broken"))
+def test_a_broken_system_fails_by_file_and_line_and_leaves_other_folders_alone(
+    ran: Results,
+) -> None:
+    (case,) = (c for c in ran.cases if c.folder.endswith("broken"))
     assert case.outcome == "FAILED"
     line = len(SYSTEM.splitlines()) + 2
     assert f"system.py:{line}: NameError" in case.reason
 
 
-def test_an_engine_that_nobody_registered_fails_and_names_those_known(ran: Ran) -> None:
-    found = [c for c in ran[0].cases if c.model == "absent.known"]
+def test_an_engine_that_nobody_registered_fails_and_names_those_known(ran: Results) -> None:
+    found = [c for c in ran.cases if c.model == "absent.known"]
     assert found
     for case in found:
         assert case.outcome == "FAILED"
@@ -222,7 +219,7 @@ def test_an_engine_that_nobody_registered_fails_and_names_those_known(ran: Ran) 
         assert "known, mujoco" in case.reason
 
 
-def test_every_number_of_the_results_is_finite_or_null(ran: Ran) -> None:
+def test_every_number_of_the_results_is_finite_or_null(ran: Results) -> None:
     def walk(value: Any) -> None:
         if isinstance(value, dict):
             for item in value.values():
@@ -233,7 +230,7 @@ def test_every_number_of_the_results_is_finite_or_null(ran: Ran) -> None:
         elif isinstance(value, float):
             assert math.isfinite(value)
 
-    walk(json.loads(encoded(ran[0])))
+    walk(json.loads(encoded(ran)))
 
 
 def test_an_engine_that_is_not_installed_is_absent(tmp_path: Path) -> None:
@@ -262,7 +259,7 @@ def test_the_command_line_finds_a_third_party_engine_by_its_entry_point() -> Non
         text=True,
         env=environment(),
         cwd=ROOT,
-        timeout=60,
+        timeout=600,
         check=True,
     )
     assert "known      1.0" in done.stdout

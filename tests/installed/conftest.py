@@ -38,7 +38,7 @@ class Installed:
             cwd=cwd,
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=1800,
             check=False,
             env={**clean, **environment},
         )

@@ -116,7 +116,7 @@ def test_the_plugin_imports_nothing_but_pytest() -> None:
     (["--crosscheck", "nowhere"], "--crosscheck nowhere: no such folder; built-in systems are"),
     (["--crosscheck", "empty"], "--crosscheck empty: neither it nor a folder under it has a"),
     (["--crosscheck", "models", "--crosscheck-resolution", "0"], "0 is not between"),
-    (["--crosscheck", "models", "--crosscheck-time-limit", "-1"], "-1 is no time in seconds"),
+    (["--crosscheck", "models", "--crosscheck-limit", "-1"], "-1 is no time in seconds"),
 ])  # fmt: skip
 def test_wrong_usage_is_a_sentence_and_no_run(
     project: Project, arguments: list[str], sentence: str
@@ -143,7 +143,7 @@ def test_whatever_can_not_be_read_is_a_test_that_fails_with_the_reason(project: 
         [
             "*/bare: it has no model file with a sidecar*",
             "*/broken/system.py:*NameError: name 'y' is not defined",
-            "*/ends/system.py: it ends the process, exit code 3",
+            "*/ends/system.py:*: SystemExit: 3",
             "*/lonely/mujoco.xml: this model file has no sidecar*",
             "*/typo/mujoco.xml.toml: unknown key 'motors'*",
         ]
@@ -181,7 +181,10 @@ def test_a_missing_engine_skips_in_sight_and_fails_where_it_is_required(
     project.add()
     done = project.run("--crosscheck", "models")
     done.assert_outcomes(skipped=4)
-    done.stdout.fnmatch_lines(["not run: 4 tests: mujoco is not installed"])
+    done.stdout.fnmatch_lines(
+        ["not run: 4 tests: mujoco is not installed", "nothing was tested: no engine of these*"]
+    )
+    assert done.ret == pytest.ExitCode.TESTS_FAILED
     done = project.run("--crosscheck", "models", "-rs")
     done.stdout.fnmatch_lines(["SKIPPED*models/msd/mujoco.xml:1: mujoco is not installed"])
     done = project.run("--crosscheck", "models", "--require-engines")

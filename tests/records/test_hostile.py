@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -159,8 +160,10 @@ def test_each_is_refused_in_one_sentence_that_names_the_file(
     assert not wrong
 
 
-def test_a_folder_and_nothing_are_refused_likewise(tmp_path: Path) -> None:
-    for path in (tmp_path, tmp_path / "none.json"):
+def test_what_is_no_file_is_refused_likewise(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "loop").symlink_to("loop")
+    for path in (tmp_path, *(tmp_path / name for name in ("none.json", "pipe", "loop"))):
         with pytest.raises(ResultsError, match="can't be read") as refused:
             read_results(path)
         assert str(path) in str(refused.value)

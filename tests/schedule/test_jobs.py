@@ -9,12 +9,12 @@ import pytest
 
 from harness.schedule.jobs import Job, Task, work
 from harness.schedule.main_module import without_main
-from harness.schedule.workers import Failure, Workers
+from harness.schedule.workers import Failure, Limits, Workers
 
 
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
-    with without_main(), Workers(1, limit=30.0) as pool:
+    with without_main(), Workers(1, Limits(seconds=30.0)) as pool:
         yield pool
 
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import ctypes
 import os
+import subprocess
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
 from harness.engines.protocol import EngineError
-from harness.schedule.workers import Failure, Workers
+from harness.schedule.clock import is_waiting, processor_seconds
+from harness.schedule.workers import Failure, Limits, Workers
 
 
 def square(x: int) -> int:
@@ -22,8 +26,13 @@ def crash(_: object) -> None:
     ctypes.string_at(0)
 
 
-def hang(_: object) -> None:
+def spin(_: object) -> None:
     print("still here", flush=True)
+    while True:
+        pass
+
+
+def sleep(_: object) -> None:
     time.sleep(3600)
 
 
@@ -48,27 +57,90 @@ def refused(_: object) -> Failure:
     return Failure("no such joint", "", usage=True)
 
 
+class MuteError(Exception):
+    def __str__(self) -> str:
+        raise KeyboardInterrupt
+
+
+def raise_it(kind: type[BaseException]) -> None:
+    raise kind
+
+
+def leave_well(_: object) -> None:
+    os._exit(0)
+
+
+def leave_in_c(_: object) -> None:
+    ctypes.CDLL(None)._exit(0)
+
+
+def wait_a_little(_: object) -> str:
+    time.sleep(1.2)
+    return "waited"
+
+
+def hoard(_: object) -> int:
+    return len(bytearray(2**31))
+
+
+def abandon(_: object) -> None:
+    print(subprocess.Popen(["sleep", "1000"]).pid, flush=True)
+    os._exit(3)
+
+
+def unsendable(_: object) -> Callable[[], None]:
+    return lambda: None
+
+
+def line(function: Callable[..., object], offset: int = 1) -> str:
+    """Where the body of a function stands, as a failure tells it."""
+    return f"{__file__}:{function.__code__.co_firstlineno + offset}: "
+
+
+def alive(pid: int) -> bool:
+    """Whether there is such a process; what nobody has waited for yet is none."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def soon(happened: Callable[[], bool]) -> bool:
+    """Whether something happens, in a minute at most: other processes need their time."""
+    for _ in range(600):
+        if happened():
+            return True
+        time.sleep(0.1)
+    return False
+
+
 def failed(value: object) -> Failure:
     assert isinstance(value, Failure)
     return value
 
 
+def reasons(workers: Workers, *functions: Callable[[object], object]) -> list[str]:
+    """Why tasks fail that are done at the same time."""
+    tasks = [workers.submit(function, 0) for function in functions]
+    return [failed(workers.outcome(task)).reason for task in tasks]
+
+
 @pytest.fixture(scope="module")
 def workers() -> Iterator[Workers]:
-    with Workers(2, limit=3.0) as pool:
+    with Workers(2, Limits(seconds=1.0, memory=1.0)) as pool:
         yield pool
 
 
 def test_every_task_beside_a_crash_a_hang_and_an_exit_is_finished(workers: Workers) -> None:
     good = [workers.submit(square, i) for i in range(12)]
-    bad = [workers.submit(f, 0) for f in (crash, leave, hang)]
+    bad = [workers.submit(f, 0) for f in (crash, leave, spin)]
     good += [workers.submit(square, i) for i in range(12, 24)]
     assert list(map(workers.outcome, good)) == [i * i for i in range(24)]
     crashed, left, hung = map(failed, map(workers.outcome, bad))
     assert "SIGSEGV" in crashed.reason
     assert crashed.stdout.startswith("about to fall")
     assert "exit code 7" in left.reason
-    assert "more than the 3 s allowed" in hung.reason
+    assert "ran out of its 1 processor seconds; --limit raises it" in hung.reason
     assert hung.stdout == "still here"
 
 
@@ -96,3 +168,104 @@ def test_what_a_good_task_prints_is_kept_off_the_terminal(
 def test_a_value_is_not_mistaken_for_a_failure(workers: Workers) -> None:
     value = workers.outcome(workers.submit(square, 3))
     assert not isinstance(value, Failure)
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, GeneratorExit, SystemExit, BaseException])
+def test_what_is_no_exception_is_told_with_its_line(
+    workers: Workers, kind: type[BaseException]
+) -> None:
+    reason = failed(workers.outcome(workers.submit(raise_it, kind))).reason
+    assert reason.startswith(f"{line(raise_it)}{kind.__name__}")
+
+
+def test_an_exit_without_an_error_is_a_failure_like_any_other(workers: Workers) -> None:
+    patched, unseen = reasons(workers, leave_well, leave_in_c)
+    assert patched.startswith(f"{line(leave_well)}it ends the process, exit code 0")
+    assert "the process died (exit code 0)" in unseen
+
+
+def test_the_line_is_told_at_which_a_process_died_or_ran_out_of_time(workers: Workers) -> None:
+    crashed, spun = reasons(workers, crash, spin)
+    assert crashed.startswith(f"{line(crash, 2)}the process died (SIGSEGV)")
+    assert spun.startswith(__file__)
+
+
+def test_time_is_that_of_the_processor_and_a_task_that_waits_has_ten_times_as_much(
+    workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert workers.outcome(workers.submit(wait_a_little, 0)) == "waited"
+    monkeypatch.setattr("harness.schedule.limits.PATIENCE", 0.5)
+    reason = failed(workers.outcome(workers.submit(sleep, 0))).reason
+    assert "not ended in 0.5 s by the clock" in reason
+    assert "--limit raises it" in reason
+
+
+def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_waits(
+    workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("harness.schedule.limits.PATIENCE", 0.1)
+    (reason,) = reasons(workers, spin)
+    assert "ran out of its 1 processor seconds" in reason
+    assert not is_waiting(1.0, 100.0)
+    assert is_waiting(1.0, 1000.0)
+    began = processor_seconds(os.getpid())
+    while processor_seconds(os.getpid()) == began:
+        pass
+
+
+@pytest.mark.parametrize(("function", "argument"), [(hoard, 0), (raise_it, MemoryError)])
+def test_too_much_memory_costs_the_task_alone(
+    workers: Workers, function: Callable[..., object], argument: object
+) -> None:
+    hoarding = workers.submit(function, argument)
+    beside = [workers.submit(square, i) for i in range(4)]
+    reason = failed(workers.outcome(hoarding)).reason
+    assert reason == f"{line(function)}it needs more than the 1 GiB it may have; --memory raises it"
+    assert list(map(workers.outcome, beside)) == [0, 1, 4, 9]
+
+
+def test_what_cannot_be_told_or_sent_is_a_sentence(workers: Workers) -> None:
+    mute = failed(workers.outcome(workers.submit(raise_it, MuteError))).reason
+    assert mute == "MuteError: its own message can't be told (KeyboardInterrupt)"
+    assert (
+        "its value can't be sent" in failed(workers.outcome(workers.submit(unsendable, 0))).reason
+    )
+    assert "pickle" in failed(workers.outcome(workers.submit(len, lambda: None))).reason  # type: ignore[arg-type]
+
+
+def test_what_a_task_started_ends_with_its_worker(workers: Workers) -> None:
+    child = int(failed(workers.outcome(workers.submit(abandon, 0))).stdout)
+    assert soon(lambda: not alive(child))
+
+
+ORPHANS = """
+import os, signal
+from harness.schedule.clock import is_waiting, processor_seconds
+from harness.schedule.workers import Workers
+from tests.schedule.test_workers import sleep
+workers = Workers(1)
+workers.submit(sleep, 0)
+workers.turn()
+print(workers._scratch, workers._crew[0].process.pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_program_that_is_killed_leaves_no_worker_and_no_folder(tmp_path: Path) -> None:
+    root = Path(__file__).parents[2]
+    with (tmp_path / "out").open("w") as out:  # no pipe, which a worker that stays would keep open
+        subprocess.run([sys.executable, "-c", ORPHANS], cwd=root, stdout=out, timeout=600)
+    scratch, pid = (tmp_path / "out").read_text().split()
+    assert soon(lambda: not alive(int(pid)))
+    assert soon(lambda: not Path(scratch).exists())
+
+
+def test_a_pool_that_is_closed_leaves_no_worker_and_no_folder() -> None:
+    with Workers(1) as pool:
+        pool.submit(sleep, 0)
+        pool.turn()
+        scratch, pid = pool._scratch, pool._crew[0].process.pid
+        assert pid is not None
+        assert alive(pid)
+    assert not alive(pid)
+    assert not scratch.exists()

@@ -1,0 +1,53 @@
+"""All that the results of a model depend on, as one hash: equal, and they need not be had again."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from harness.baseline.fingerprint import Dependencies, dependencies, digest_of, folder_files
+from harness.engines.registry import engines
+from harness.records.case import ModelKey
+
+
+def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey, str]:
+    """The hash of each model of a folder in each engine; {} where files can't be read.
+
+    Args:
+        folder: of the system.
+        resolution: of the run.
+        apart: a folder inside that is none of its own: the baseline.
+    """
+    try:
+        scan = folder_files(folder, apart)
+    except OSError:
+        return {}
+    known = versions()
+    return {
+        (str(folder), one.model, engine): _hash(
+            dependencies(one.hashes, engine, known, resolution), known
+        )
+        for one in scan.models
+        for engine in one.engines
+    }
+
+
+def _hash(depends: Dependencies, known: Mapping[str, str | None]) -> str:
+    ours = known["physics-crosscheck"], known["python"], np.__version__
+    return digest_of(msgspec.json.encode([dataclasses.asdict(depends), ours], order="sorted"))
+
+
+def versions() -> dict[str, str | None]:
+    """Of this package, Python and each engine."""
+    try:
+        own = importlib.metadata.version("physics-crosscheck")
+    except importlib.metadata.PackageNotFoundError:
+        own = "not installed"
+    known = {name: engine.version() for name, engine in engines().items()}
+    return {"physics-crosscheck": own, "python": platform.python_version(), **known}

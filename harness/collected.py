@@ -1,0 +1,103 @@
+"""What the jobs of a run bring together; and what of it is kept, should the run be ended."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypedDict, Unpack
+
+from msgspec.structs import replace
+
+from harness.records.baseline import Measurement
+from harness.records.case import Case, CaseId, ModelKey
+from harness.records.coverage import Coverage
+from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.journal import Journal, Work
+from harness.records.model import EngineLinearization, Model
+from harness.records.poses import Poses
+from harness.records.system import System
+from harness.schedule.jobs import Job
+from harness.schedule.stop import Stop
+from harness.schedule.workers import Failure
+
+Jobs = Iterable[Job[Any]]
+
+Progress = Callable[[int, int, Case | None], None]
+"""Called with (cases done, cases known, the case just done or None)."""
+
+
+@dataclass(frozen=True)
+class Interruption:
+    """How a run may be ended, and gone on with: `stop` asks, `journal` keeps what is done."""
+
+    stop: Stop | None = None
+    journal: Journal | None = None
+
+
+class _Found(TypedDict, total=False):
+    """Fields of a model's record that a job brings."""
+
+    linearizations: tuple[EngineLinearization, ...]
+    linearization_failure: str
+    audit: tuple[AuditFinding, ...]
+    audit_failure: str
+    poses: Poses
+    coverage: Coverage
+    diagnosis: Diagnosis
+
+
+class Collected:
+    """What the jobs of a run have brought so far, in the order in which they ended.
+
+    Attributes:
+        systems: prepared.
+        models: those that are run.
+        cases: done, or not to be run.
+        measured: what models do, or why it is not known, by folder and case.
+        left: what is still to be done: cases, and folders as their `system.py`, by folder.
+    """
+
+    def __init__(self, progress: Progress, journal: Journal | None = None) -> None:
+        self.systems: list[System] = []
+        self.models: dict[ModelKey, Model] = {}
+        self.cases: list[Case] = []
+        self.measured: dict[tuple[str, CaseId], Measurement | Failure] = {}
+        self.left: dict[tuple[str, CaseId], None] = {}
+        self._progress, self._journal = progress, journal
+
+    def expect(self, folder: str, cases: Iterable[CaseId]) -> None:
+        """These are known of; or a folder is, by its `system.py`, until its cases are."""
+        self.left.pop((folder, stand_in(Path(folder))), None)
+        self.left |= dict.fromkeys((folder, case) for case in cases)
+
+    def add(self, case: Case) -> None:
+        """A case is done."""
+        self.left.pop((case.folder, case.id), None)
+        self.cases.append(case)
+        self._progress(len(self.cases), len(self.cases) + len(self.left), case)
+
+    def once(self, work: Work, job: Job[Any]) -> Iterator[Job[Any]]:
+        """A job, unless the journal has what came of it; what comes of it goes there."""
+        journal = self._journal
+        if journal is None or not work.inputs:
+            yield job
+        elif work in journal.kept:
+            yield from job.done(journal.kept[work])
+        else:
+
+            def done(value: Any) -> Jobs:
+                journal.keep(work, value)
+                return job.done(value)
+
+            yield dataclasses.replace(job, done=done)
+
+    def amend(self, key: ModelKey, **fields: Unpack[_Found]) -> None:
+        """Put what was found of a model into its record."""
+        self.models[key] = replace(self.models[key], **fields)
+
+
+def stand_in(folder: Path) -> CaseId:
+    """What stands for all cases of a folder while they are not known."""
+    return CaseId(system=folder.name, model="system.py", scenario="-", engine="-")

@@ -1,0 +1,189 @@
+"""What a run has done so far, kept as it comes: a run that is stopped loses no case.
+
+A line of JSON each, written through to the disk. What was done is done again if anything that it
+depends on is another; what failed is always tried again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from harness.records.base import Record
+from harness.records.case import Case
+from harness.records.coverage import Coverage
+from harness.records.finding import Diagnosis
+from harness.records.model import EngineLinearization
+from harness.records.read import ResultsError
+
+try:
+    import fcntl
+except ImportError:  # not there on Windows: there, two runs at once are not told of each other
+    _LOCKS = False
+else:
+    _LOCKS = True
+
+NAME = "results.partial.jsonl"
+
+
+Kind = Literal["case", "linearizations", "coverage", "diagnosis"]
+
+
+class Work(Record, frozen=True, kw_only=True):
+    """One piece of work of a run.
+
+    Attributes:
+        what: kind of the work.
+        folder, model, engine: whose.
+        scenario: of a case; empty else.
+        inputs: hash of all that it depends on.
+    """
+
+    what: Kind
+    folder: str
+    model: str
+    engine: str
+    scenario: str = ""
+    inputs: str
+
+
+Value = Case | tuple[EngineLinearization, ...] | Coverage | Diagnosis
+
+
+class _Done(Record, frozen=True, kw_only=True):
+    """A line: a piece of work, and what came of it, by its kind."""
+
+    work: Work
+    case: Case | None = None
+    linearizations: tuple[EngineLinearization, ...] | None = None
+    coverage: Coverage | None = None
+    diagnosis: Diagnosis | None = None
+
+
+class Journal:
+    """The file of one run.
+
+    Attributes:
+        path: where it is.
+        kept: what an earlier run had done.
+        trouble: why nothing is written any more; empty while it is.
+    """
+
+    def __init__(self, path: Path, file: int, kept: dict[Work, Value]) -> None:
+        self.path, self.kept, self.trouble = path, kept, ""
+        self._file = file
+
+    def keep(self, work: Work, value: Value) -> None:
+        """Write what came of a piece of work; where it can't be, the run goes on without."""
+        if self.trouble:
+            return
+        given: dict[str, Any] = {work.what: value}
+        line = msgspec.json.encode(_Done(work=work, **given)) + b"\n"
+        try:
+            _write(self._file, line)
+            os.fsync(self._file)
+        except OSError as error:
+            self.trouble = f"{self.path}: {error.strerror}"
+
+    def remove(self) -> None:
+        """The results are written: it is of no more use."""
+        with contextlib.suppress(OSError):
+            self.path.unlink()
+
+
+@contextlib.contextmanager
+def journal(folder: Path, *, resume: bool) -> Iterator[Journal]:
+    """The journal of a run that writes into a folder, which no other run does meanwhile.
+
+    Args:
+        folder: of the results; made where there is none.
+        resume: whether what an earlier run had done is kept.
+
+    Raises:
+        ResultsError: where another run is at it.
+        OSError: where nothing can be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / NAME
+    file = _opened(path)
+    try:
+        kept, length = _read(path) if resume else ({}, 0)
+        os.ftruncate(file, length)
+        _write(file, b"" if length else b'{"pid":%d}\n' % os.getpid())
+        yield Journal(path, file, kept)
+    finally:
+        os.close(file)
+
+
+def _opened(path: Path) -> int:
+    """The file, locked: not one that another run has removed since."""
+    while True:
+        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NONBLOCK, 0o644)
+        try:
+            if not stat.S_ISREG(os.fstat(file).st_mode):
+                raise OSError(errno.EINVAL, "is no regular file", str(path))
+            _lock(file, path)
+            with contextlib.suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(file), path.stat()):
+                    return file
+        except BaseException:
+            os.close(file)
+            raise
+        os.close(file)
+
+
+def _lock(file: int, path: Path) -> None:
+    if not _LOCKS:
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise ResultsError(
+            f"another run{_owner(path)} is writing to {path.parent}; choose another folder: --out"
+        ) from None
+    except OSError:
+        return  # a file system without locks
+
+
+class _Head(msgspec.Struct):
+    """The first line."""
+
+    pid: int
+
+
+def _owner(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return f" (process {msgspec.json.decode(file.readline(200), type=_Head).pid})"
+    except (OSError, msgspec.MsgspecError):
+        return ""
+
+
+def _read(path: Path) -> tuple[dict[Work, Value], int]:
+    """What was done, and how many bytes of the file are whole lines."""
+    kept: dict[Work, Value] = {}
+    length = 0
+    with path.open("rb") as file:
+        for line in file:
+            if not line.endswith(b"\n"):
+                break  # the run ended while this was written
+            length += len(line)
+            with contextlib.suppress(msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+                done = msgspec.json.decode(line, type=_Done)
+                value = getattr(done, done.work.what)
+                if value is not None:
+                    kept[done.work] = value
+    return kept, length
+
+
+def _write(file: int, data: bytes) -> None:
+    """All of it: a disk that is nearly full takes a part."""
+    while data:
+        data = data[os.write(file, data) :]

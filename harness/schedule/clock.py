@@ -1,0 +1,33 @@
+"""How much processor a process has had."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+from pathlib import Path
+
+STARVED = 0.005
+"""A process that wants the processor gets this share of it on the busiest machine."""
+
+
+def processor_seconds(pid: int) -> float:
+    """Of all its threads so far; 0 where it can't be known."""
+    with contextlib.suppress(OSError, IndexError, ValueError):
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    with contextlib.suppress(OSError, ValueError):  # macOS: [[days-]hours:]minutes:seconds
+        told = subprocess.run(
+            ["ps", "-o", "time=", "-p", str(pid)], capture_output=True, text=True, check=False
+        ).stdout.strip()
+        days, _, rest = told.rpartition("-")
+        seconds = 0.0
+        for part in rest.split(":"):
+            seconds = 60 * seconds + float(part)
+        return 86400 * float(days or 0) + seconds
+    return 0.0
+
+
+def is_waiting(used: float, elapsed: float) -> bool:
+    """Whether a process that used so much in a time does not want more: it sleeps, or is stuck."""
+    return used < STARVED * elapsed

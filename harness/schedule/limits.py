@@ -1,0 +1,59 @@
+"""What a task may use up before it is stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+SECONDS = 120.0
+"""Processor seconds that a task may take unless told otherwise."""
+
+MEMORY = 4.0
+"""GiB that a worker may hold unless told otherwise."""
+
+PATIENCE = 10.0
+"""A task that sleeps or waits for itself uses no processor: it has so many times its limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What a task may use up.
+
+    Processor seconds are those of the task itself, of all its threads: what else the machine is
+    busy with takes nothing from them.
+
+    Attributes:
+        seconds: of the processor.
+        memory: GiB.
+        options: what a person raises them with, before their names: `--`.
+    """
+
+    seconds: float = SECONDS
+    memory: float = MEMORY
+    options: str = "--"
+
+    @property
+    def wall(self) -> float:
+        """Seconds by the clock, after which a task is taken for one that waits for ever."""
+        return PATIENCE * self.seconds
+
+    @property
+    def spent(self) -> str:
+        """What is said of a task that used its time up."""
+        return f"it ran out of its {self.seconds:g} processor seconds; {self._raise('limit')}"
+
+    @property
+    def waited(self) -> str:
+        """What is said of one that has not ended by the clock, and used hardly any processor."""
+        return (
+            f"it has not ended in {self.wall:g} s by the clock, {PATIENCE:g} times its limit of"
+            f" {self.seconds:g} processor seconds, and was stopped: it sleeps or waits;"
+            f" {self._raise('limit')}"
+        )
+
+    @property
+    def full(self) -> str:
+        """What is said of one that asked for more memory."""
+        return f"it needs more than the {self.memory:g} GiB it may have; {self._raise('memory')}"
+
+    def _raise(self, option: str) -> str:
+        return f"{self.options}{option} raises it"

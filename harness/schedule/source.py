@@ -1,0 +1,39 @@
+"""Which line of a user's file was being run: of a traceback, or of what a process left behind."""
+
+from __future__ import annotations
+
+import re
+import sysconfig
+from collections.abc import Iterable
+from pathlib import Path
+
+import physics_crosscheck
+
+_OURS = tuple(str(physics_crosscheck.BESIDE / name) for name in ("harness", "reference"))
+_LIBRARIES = ("stdlib", "platstdlib", "purelib", "platlib")
+_THEIRS = tuple({sysconfig.get_path(name) for name in _LIBRARIES})
+_NOT_USERS = (*_OURS, *_THEIRS, str(physics_crosscheck.BESIDE / "physics_crosscheck"), "<")
+
+_FRAME = re.compile(r'^  File "(.*)", line (\d+) in ', re.MULTILINE)
+"""A frame as faulthandler writes it, the innermost first."""
+
+
+def user_line(frames: Iterable[tuple[str, int | None]]) -> str:
+    """`file:line` of the innermost frame that is neither ours nor a library's; "" without one.
+
+    Args:
+        frames: file and line, the innermost first.
+    """
+    for file, line in frames:
+        if not file.startswith(_NOT_USERS):
+            return f"{file}:{line}"
+    return ""
+
+
+def line_of_death(trace: Path) -> str:
+    """The same of what faulthandler wrote before a process ended."""
+    try:
+        text = trace.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+    return user_line((file, int(line)) for file, line in _FRAME.findall(text))

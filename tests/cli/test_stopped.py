@@ -1,0 +1,185 @@
+"""Runs that are ended before their end, and gone on with; two at once; folders that can't be."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from harness.cli.main import main
+from harness.records.case import Case
+from harness.records.journal import NAME, journal
+from harness.records.read import read_results
+from harness.text.progress import Progress
+from tests.faults.known_folder import KNOWN, KNOWN_ANSWER, SYSTEM, known_folder
+
+Told = Callable[[int], None]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A model that is right, and one that never ends: of the known-answer engine, quick."""
+    monkeypatch.syspath_prepend(KNOWN_ANSWER)
+    monkeypatch.chdir(tmp_path)
+    return known_folder(tmp_path / "osc", {"good": "", "slow": "[fault]\nhang = 10000\n"})
+
+
+@pytest.fixture
+def after(monkeypatch: pytest.MonkeyPatch) -> Callable[[Told], None]:
+    """Have something done when a case is, by the number of those that are."""
+
+    def make(do: Told) -> None:
+        def told(_: Progress, done: int, total: int, case: Case | None) -> None:
+            do(done)
+
+        monkeypatch.setattr(Progress, "__call__", told)
+
+    return make
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_stopped_keeps_what_is_done_and_goes_on(
+    folder: Path,
+    after: Callable[[Told], None],
+    capsys: pytest.CaptureFixture[str],
+    number: signal.Signals,
+) -> None:
+    after(lambda done: os.kill(os.getpid(), number) if done == 2 else None)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 128 + number
+    told = capsys.readouterr()
+    assert f"stopped by {number.name}: 2 cases are done and kept" in told.err
+    assert "crosscheck run --resume --out out" in told.err
+    assert f"2 cases: 2 AGREES; stopped by {number.name}, 2 not run" in told.out
+    first = read_results(Path("out/results.json"))
+    assert [case.model for case in first.cases] == ["good.known"] * 2
+    assert [str(case) for case in first.not_run] == [
+        f"oscillator/slow.known/{scenario} [known]" for scenario in ("free", "driven")
+    ]
+    assert first.stopped == number.name
+    assert Path("out/index.html").is_file()
+
+    (folder / "slow.known").write_text(KNOWN)
+    after(lambda done: None)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 0
+    second = read_results(Path("out/results.json"))
+    assert len(second.cases) == 4
+    assert not second.not_run
+    # Its seconds too: what was done was not done again.
+    assert second.cases[:2] == first.cases
+    assert sorted(path.name for path in Path("out").iterdir()) == ["index.html", "results.json"]
+
+
+def test_a_second_signal_ends_the_run_at_once(
+    folder: Path, after: Callable[[Told], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    def twice(_: int) -> None:
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    after(twice)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 130
+    assert capsys.readouterr().err == "crosscheck: stopped by SIGINT\n"
+    assert [path.name for path in Path("out").iterdir()] == [NAME]
+
+
+def test_what_changed_since_is_run_again(
+    folder: Path, after: Callable[[Told], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    after(lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 2 else None)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 130
+    (folder / "slow.known").unlink()
+    (folder / "slow.known.toml").unlink()
+    (folder / "good.known").write_text(KNOWN.replace("47.0", "47.00047"))
+    after(lambda done: None)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 1
+    assert "2 DIFFERS" in capsys.readouterr().out
+
+
+def test_two_runs_into_one_folder_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with journal(Path("out"), resume=False):
+        assert main(["run", "osc", "--out", "out"]) == 2
+    told = capsys.readouterr().err
+    assert f"another run (process {os.getpid()}) is writing to out" in told
+    assert len(told.splitlines()) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_anything_is_run(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("out").touch()
+    assert main(["run", "osc", "--out", "out"]) == 3
+    assert capsys.readouterr().err == "crosscheck: out: File exists\n"
+
+
+def test_a_disk_that_is_full_leaves_the_results_that_were_there(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    (folder / "slow.known").write_text(KNOWN)
+    Path("out").mkdir()
+    Path("out/results.json").write_text("as it was")
+    monkeypatch.setattr(os, "fsync", full)
+    assert main(["run", "osc", "--out", "out", "--engine", "known"]) == 3
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert told == "crosscheck: out/results.json: No space left on device"
+    assert Path("out/results.json").read_text() == "as it was"
+    assert sorted(path.name for path in Path("out").iterdir()) == ["results.json", NAME]
+
+
+HOSTILE = {
+    "keyboard": "raise KeyboardInterrupt",
+    "generator": "raise GeneratorExit",
+    "base": "raise BaseException('no')",
+    "exits": "import sys; sys.exit(0)",
+    "leaves": "import os; os._exit(0)",
+    "killed": "import os, signal; os.kill(os.getpid(), signal.SIGTERM)",
+    "deep": "f = lambda: f(); f()",
+    "hoards": "bytearray(2**40)",
+    "spins": "while True: pass",
+}
+
+
+def test_a_declaration_costs_its_own_folder_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(KNOWN_ANSWER)
+    monkeypatch.chdir(tmp_path)
+    for name, code in HOSTILE.items():
+        known_folder(Path(name), {"good": ""})
+        Path(name, "system.py").write_text(f"{SYSTEM}\n{code}\n")
+    known_folder(Path("sound"), {"good": ""})
+    assert main(["run", *HOSTILE, "sound", "--out", "out", "--limit", "6"]) == 3
+    found = read_results(Path("out/results.json")).cases
+    reasons = {case.folder: case.reason for case in found if case.outcome == "FAILED"}
+    assert reasons.keys() == HOSTILE.keys()
+    assert [case.outcome for case in found if case.folder == "sound"] == ["AGREES"] * 2
+    line = len(SYSTEM.splitlines()) + 2
+    for name, reason in reasons.items():
+        assert reason.startswith(f"{name}/system.py:{line}: ")
+    assert "KeyboardInterrupt" in reasons["keyboard"]
+    assert "exit code 0" in reasons["leaves"]
+    assert "RecursionError" in reasons["deep"]
+    assert "--memory raises it" in reasons["hoards"]
+    assert "6 processor seconds; --limit raises it" in reasons["spins"]
+    assert "SIGTERM" in reasons["killed"]
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_hostile_declaration_does_not_end_other_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    known_folder(Path("leaves"), {})
+    Path("leaves/system.py").write_text("import os; os._exit(0)\n")
+    for command in (["derive"], ["audit"], ["mutate"], ["gate"]):
+        assert main([*command, "leaves"]) == 3, command
+        told = capsys.readouterr()
+        assert "leaves/system.py:1: it ends the process, exit code 0" in told.out + told.err
