@@ -119,7 +119,7 @@ def _called(place: Path, command: Sequence[str]) -> tuple[int | None, str, float
     """Exit code, what was printed, and seconds; no code where something was raised."""
     given = [_path(place, word) for word in command]
     out, began = io.StringIO(), time.monotonic()
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, hard))
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     code: int | None
@@ -132,7 +132,7 @@ def _called(place: Path, command: Sequence[str]) -> tuple[int | None, str, float
         code = None
         out.write(f"raised {type(error).__name__}: {error}")
     finally:
-        resource.setrlimit(resource.RLIMIT_AS, (hard, hard))
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
         for number, handler in handlers.items():
             signal.signal(number, handler)
     return code, out.getvalue(), time.monotonic() - began

@@ -13,7 +13,7 @@ from fnmatch import fnmatchcase
 from soak.faults.fault import Fault
 from soak.faults.models import models
 from soak.faults.resources import resources
-from soak.faults.scene import Verdicts, scene, verdicts
+from soak.faults.scene import Undisturbed, scene, verdicts
 from soak.faults.signals import signals
 
 
@@ -47,21 +47,23 @@ def every(seeds: int) -> list[Fault]:
     return [*signals(seeds), *resources(), *models()]
 
 
-def undisturbed() -> Verdicts:
+def undisturbed() -> Undisturbed:
     """What a run of the scene's folders comes to.
 
     Raises:
         RuntimeError: where it does not agree: nothing can be judged then.
     """
     with scene() as one:
+        began = time.monotonic()
         ended = one.run()
+        seconds = time.monotonic() - began
         wrong = one.left_behind()
         if ended.code or wrong:
             raise RuntimeError(f"the undisturbed run ends with {ended.code}: {wrong} {ended.told}")
-        return verdicts(one.results())
+        return Undisturbed(verdicts=verdicts(one.results()), seconds=seconds)
 
 
-def _told(fault: Fault, expected: Verdicts) -> list[str]:
+def _told(fault: Fault, expected: Undisturbed) -> list[str]:
     """Bring a fault about; what is wrong, printed."""
     began = time.monotonic()
     try:

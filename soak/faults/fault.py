@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from soak.faults.scene import Verdicts
+from soak.faults.scene import Undisturbed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,4 +17,4 @@ class Fault:
     """
 
     name: str
-    check: Callable[[Verdicts], list[str]]
+    check: Callable[[Undisturbed], list[str]]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from harness.records.outcome import Outcome
 from soak.corpus.sound import sound
 from soak.faults.fault import Fault
-from soak.faults.scene import Verdicts, scene, told_wrong, verdicts
+from soak.faults.scene import Undisturbed, scene, told_wrong, verdicts
 
 CODE = {
     "segfaults": "import ctypes; ctypes.string_at(0)",
@@ -42,18 +42,18 @@ def models() -> Iterator[Fault]:
             yield Fault(name=f"models/{file} {name}", check=_beside(name, file))
 
 
-def _beside(name: str, file: str) -> Callable[[Verdicts], list[str]]:
+def _beside(name: str, file: str) -> Callable[[Undisturbed], list[str]]:
     """The folder fails, with its reason; the one beside it agrees, and nothing is left."""
 
-    def check(expected: Verdicts) -> list[str]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene(folders=1) as one:
             odd = sound(one.place / "odd", "space.py")
             _plant(odd / file, CODE[name])
             ended = one.run("--limit", "4", "--memory", "1")
             wrong = [*told_wrong(ended), *one.left_behind()]
             found = verdicts(one.results())
-            for case, value in expected.items():
-                if case[0] == "sound_0" and found.get(case) != value:
+            for case, value in expected.of("sound_0").items():
+                if found.get(case) != value:
                     wrong.append(f"beside it, {case[1]} is {found.get(case)}")
             own = {outcome for (folder, _), (outcome, _) in found.items() if folder == "odd"}
             right = {Outcome.AGREES} if name in PASSES else {Outcome.FAILED}

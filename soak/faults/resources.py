@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from soak.faults.fault import Fault
-from soak.faults.scene import Ended, Scene, Verdicts, scene, told_wrong, verdicts
+from soak.faults.scene import Ended, Scene, Undisturbed, scene, told_wrong, verdicts
 
 
 def resources() -> Iterator[Fault]:
@@ -35,10 +35,10 @@ def _shell(one: Scene, script: str) -> Ended:
     return one.ended(one.start(command))
 
 
-def _limited(size: int) -> Callable[[Verdicts], list[str]]:
+def _limited(size: int) -> Callable[[Undisturbed], list[str]]:
     """No file may grow beyond so many kB: writing fails as on a full disk."""
 
-    def check(expected: Verdicts) -> list[str]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene(folders=1) as one:
             ended = _shell(one, f"ulimit -f {size}; RUN")
             return [*_failed(ended), *one.left_behind(), *_again(one, expected)]
@@ -46,10 +46,10 @@ def _limited(size: int) -> Callable[[Verdicts], list[str]]:
     return check
 
 
-def _small_disk(size: int) -> Callable[[Verdicts], list[str]]:
+def _small_disk(size: int) -> Callable[[Undisturbed], list[str]]:
     """The out folder is a file system of so many kB; where none may be mounted, nothing is seen."""
 
-    def check(expected: Verdicts) -> list[str]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene(folders=1) as one:
             one.out.mkdir()
             mount = ["mount", "-t", "tmpfs", "-o", f"size={size}k", "soak", str(one.out)]
@@ -75,10 +75,10 @@ def _failed(ended: Ended) -> list[str]:
     return wrong
 
 
-def _again(one: Scene, expected: Verdicts) -> list[str]:
+def _again(one: Scene, expected: Undisturbed) -> list[str]:
     """With room, the same folder serves."""
     ended = one.run("--resume")
-    own = {case: value for case, value in expected.items() if case[0] == "sound_0"}
+    own = expected.of("sound_0")
     if ended.code != 0 or verdicts(one.results()) != own:
         return [f"a run afterwards ends with {ended.code}: {ended.told[-300:]!r}"]
     return told_wrong(ended)
@@ -118,8 +118,8 @@ def _linked(folder: Path) -> Path:
     return folder
 
 
-def _unwritable(out: Callable[[Scene], Path]) -> Callable[[Verdicts], list[str]]:
-    def check(expected: Verdicts) -> list[str]:
+def _unwritable(out: Callable[[Scene], Path]) -> Callable[[Undisturbed], list[str]]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene(folders=1) as one:
             where = out(one)
             try:
@@ -141,7 +141,7 @@ def _writable(folder: Path) -> bool:
     return (folder / "results.json").is_file()
 
 
-def _no_temporary(expected: Verdicts) -> list[str]:
+def _no_temporary(expected: Undisturbed) -> list[str]:
     with scene(folders=1) as one:
         one.temporary.rmdir()
         ended = one.run()
@@ -167,14 +167,14 @@ _STREAMS = {
 """A line of shell, and the codes with which it may end."""
 
 
-def _redirected(line: tuple[str, tuple[int, ...]]) -> Callable[[Verdicts], list[str]]:
-    def check(expected: Verdicts) -> list[str]:
+def _redirected(line: tuple[str, tuple[int, ...]]) -> Callable[[Undisturbed], list[str]]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene(folders=1) as one:
             ended = _shell(one, line[0])
             wrong = [*told_wrong(ended), *one.left_behind()]
             if ended.code not in line[1]:
                 wrong.append(f"exit code {ended.code}: {ended.told[-300:]!r}")
-            own = {case: value for case, value in expected.items() if case[0] == "sound_0"}
+            own = expected.of("sound_0")
             if "|" not in line[0] and verdicts(one.results()) != own:
                 wrong.append("the results are not those of an undisturbed run")
             return wrong
@@ -182,14 +182,14 @@ def _redirected(line: tuple[str, tuple[int, ...]]) -> Callable[[Verdicts], list[
     return check
 
 
-def _two_at_once(expected: Verdicts) -> list[str]:
+def _two_at_once(expected: Undisturbed) -> list[str]:
     with scene() as one:
         first, second = one.start(), one.start()
         ends = [one.ended(process) for process in (first, second)]
         return _both(one, ends, expected)
 
 
-def _one_after(expected: Verdicts) -> list[str]:
+def _one_after(expected: Undisturbed) -> list[str]:
     with scene() as one:
         first = one.start()
         time.sleep(2)
@@ -197,12 +197,12 @@ def _one_after(expected: Verdicts) -> list[str]:
         return _both(one, [one.ended(first), second], expected)
 
 
-def _both(one: Scene, ends: list[Ended], expected: Verdicts) -> list[str]:
+def _both(one: Scene, ends: list[Ended], expected: Undisturbed) -> list[str]:
     """One of them at least comes through; the other too, or it says that it is not alone."""
     wrong = [each for ended in ends for each in told_wrong(ended)] + one.left_behind()
     codes = sorted(ended.code for ended in ends)
     if codes[0] != 0 or codes[1] not in (0, 2, 3):
         wrong.append(f"exit codes {codes}: {ends[0].stderr[-150:]!r} {ends[1].stderr[-150:]!r}")
-    if verdicts(one.results()) != expected:
+    if verdicts(one.results()) != expected.verdicts:
         wrong.append("the results are not those of an undisturbed run")
     return wrong

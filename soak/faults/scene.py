@@ -200,6 +200,22 @@ def verdicts(results: Results | None) -> Verdicts:
     }
 
 
+@dataclass(frozen=True, kw_only=True)
+class Undisturbed:
+    """What a run of the scene's folders comes to when nothing happens to it, and how long it takes.
+
+    Attributes:
+        seconds: by the clock: signals come within them.
+    """
+
+    verdicts: Verdicts
+    seconds: float
+
+    def of(self, folder: str) -> Verdicts:
+        """The verdicts of one folder."""
+        return {case: value for case, value in self.verdicts.items() if case[0] == folder}
+
+
 def told_wrong(ended: Ended) -> list[str]:
     """What a person must never see."""
     wrong = []

@@ -12,10 +12,7 @@ from collections.abc import Callable, Iterator
 
 from harness.records.outcome import Outcome
 from soak.faults.fault import Fault
-from soak.faults.scene import Scene, Verdicts, scene, told_wrong, verdicts
-
-LASTS = 8.0
-"""Seconds within which a signal comes; the undisturbed run takes as long on a free machine."""
+from soak.faults.scene import Scene, Undisturbed, scene, told_wrong, verdicts
 
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 
@@ -48,17 +45,18 @@ def _to_group(process: subprocess.Popen[str], number: signal.Signals) -> None:
         os.killpg(process.pid, number)
 
 
-def _moment(seed: int, name: str) -> float:
-    return random.Random(f"{name} {seed}").uniform(0.05, LASTS)
+def _moment(seed: int, name: str, expected: Undisturbed) -> float:
+    """Seconds after which a signal comes: any time from the start to the end of a run."""
+    return random.Random(f"{name} {seed}").uniform(0.0, expected.seconds)
 
 
 def _stopping(name: str, number: signal.Signals, seed: int, send: Send) -> Fault:
     """The run ends; what it had is kept, and `--resume` comes to what an undisturbed run does."""
 
-    def check(expected: Verdicts) -> list[str]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene() as one:
             process = one.start()
-            time.sleep(_moment(seed, name))
+            time.sleep(_moment(seed, name, expected))
             over = process.poll() is not None
             send(process, number)
             ended = one.ended(process)
@@ -74,12 +72,12 @@ def _stopping(name: str, number: signal.Signals, seed: int, send: Send) -> Fault
     return Fault(name=f"signals/{name}, seed {seed}", check=check)
 
 
-def _resumed(one: Scene, expected: Verdicts) -> list[str]:
+def _resumed(one: Scene, expected: Undisturbed) -> list[str]:
     ended = one.run("--resume")
     wrong = told_wrong(ended)
     if ended.code != 0:
         wrong.append(f"--resume ends with {ended.code}: {ended.told[-300:]!r}")
-    if verdicts(one.results()) != expected:
+    if verdicts(one.results()) != expected.verdicts:
         wrong.append("--resume comes to other verdicts than an undisturbed run")
     return wrong
 
@@ -87,10 +85,10 @@ def _resumed(one: Scene, expected: Verdicts) -> list[str]:
 def _hurting(name: str, number: signal.Signals, seed: int) -> Fault:
     """A worker is hit: its case may fail, with its reason; the others are as ever."""
 
-    def check(expected: Verdicts) -> list[str]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene() as one:
             process = one.start()
-            time.sleep(_moment(seed, name))
+            time.sleep(_moment(seed, name, expected))
             workers = [other for other in one.processes() if other != process.pid]
             if workers:
                 with contextlib.suppress(ProcessLookupError):
@@ -100,7 +98,7 @@ def _hurting(name: str, number: signal.Signals, seed: int) -> Fault:
             found = verdicts(one.results())
             hit = [case for case, (outcome, _) in found.items() if outcome is Outcome.FAILED]
             others = {case: value for case, value in found.items() if case not in hit}
-            if any(expected.get(case) != value for case, value in others.items()):
+            if any(expected.verdicts.get(case) != value for case, value in others.items()):
                 wrong.append("a case that was not hit came out otherwise")
             if not found and ended.code not in (3, 128 + number):
                 wrong.append(f"no results, and exit code {ended.code}: {ended.told[-300:]!r}")
@@ -111,11 +109,11 @@ def _hurting(name: str, number: signal.Signals, seed: int) -> Fault:
     return Fault(name=f"signals/{name}, seed {seed}", check=check)
 
 
-def _twice(seed: int) -> Callable[[Verdicts], list[str]]:
-    def check(expected: Verdicts) -> list[str]:
+def _twice(seed: int) -> Callable[[Undisturbed], list[str]]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene() as one:
             process = one.start()
-            time.sleep(_moment(seed, "twice"))
+            time.sleep(_moment(seed, "twice", expected))
             for _ in range(2):
                 _to_group(process, signal.SIGINT)
                 time.sleep(random.Random(seed).uniform(0, 0.3))
@@ -129,11 +127,11 @@ def _twice(seed: int) -> Callable[[Verdicts], list[str]]:
     return check
 
 
-def _paused(seed: int) -> Callable[[Verdicts], list[str]]:
-    def check(expected: Verdicts) -> list[str]:
+def _paused(seed: int) -> Callable[[Undisturbed], list[str]]:
+    def check(expected: Undisturbed) -> list[str]:
         with scene() as one:
             process = one.start()
-            time.sleep(_moment(seed, "paused"))
+            time.sleep(_moment(seed, "paused", expected))
             for number in (signal.SIGSTOP, signal.SIGCONT):
                 for other in one.processes():
                     with contextlib.suppress(ProcessLookupError):
@@ -141,7 +139,7 @@ def _paused(seed: int) -> Callable[[Verdicts], list[str]]:
                 time.sleep(2)
             ended = one.ended(process)
             wrong = [*told_wrong(ended), *one.left_behind()]
-            if ended.code != 0 or verdicts(one.results()) != expected:
+            if ended.code != 0 or verdicts(one.results()) != expected.verdicts:
                 wrong.append(f"exit code {ended.code}: {ended.told[-300:]!r}")
             return wrong
 

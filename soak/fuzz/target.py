@@ -39,6 +39,8 @@ class Target:
         seeds: sound inputs to begin from.
         words: pieces that mutations put in.
         share: of the time, relative to the others.
+        bounded: whether the parser itself bounds what an input costs. What stands in `system.py`
+            is a program's text and may compute for ever; there a run's own limits are the bound.
     """
 
     name: str
@@ -47,6 +49,7 @@ class Target:
     seeds: Callable[[], Iterator[bytes]]
     words: tuple[str, ...]
     share: float = 1.0
+    bounded: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +76,8 @@ def attack(target: Target, data: bytes) -> Find | None:
     except target.errors:
         return None
     except (Exception, SlowError) as error:
+        if isinstance(error, SlowError | MemoryError) and not target.bounded:
+            return None
         said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
         return Find(target=target.name, place=_place(error), told=said, input=data)
     return None

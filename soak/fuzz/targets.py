@@ -33,10 +33,9 @@ from harness.records.read import ResultsError, read_results
 from harness.records.results import Results
 from harness.scaffold.constants import Ledger
 from harness.scaffold.folder import NewError
-from harness.scaffold.mjcf import read_mjcf
+from harness.scaffold.from_model import _read, _with_symbols
 from harness.scaffold.scenarios import provisional
 from harness.scaffold.text import system_text
-from harness.scaffold.urdf import read_urdf as read_mechanism
 from reference.declaration import DeclarationError, PublishedEquation
 from reference.load import load_system
 from reference.notation import readings
@@ -173,10 +172,10 @@ def _written(data: bytes, suffix: str) -> object:
     """The system.py that `crosscheck new --from` would write: nothing of the file became code."""
     path = _model(f"model{suffix}", data)
     ledger = Ledger(path, data)
-    read = read_mjcf if suffix == ".xml" else read_mechanism
-    mechanism = read(path, data, ledger)
+    mechanism = _read(path, data, ledger)
     if not mechanism.joints:
         return None
+    mechanism = _with_symbols(mechanism, ledger)
     text = system_text("new", path.name, mechanism, ledger.rows, provisional(mechanism.joints))
     _check_calls(ast.parse(text))
     return text
@@ -304,7 +303,7 @@ TARGETS = {
             seeds=_baseline_seeds, words=('"', ":", "null", "[", "{", "NaN", *_NUMBERS), share=0.5,
         ),
         Target(
-            name="notation", parse=_notation, errors=(DeclarationError,),
+            name="notation", parse=_notation, errors=(DeclarationError,), bounded=False,
             seeds=_notation_seeds, words=(*_MATHS, "f(", "'", "''", ", ", "theta", "m", "l"),
         ),
         Target(
