@@ -163,8 +163,8 @@ def _addresses(address: str, *patterns: str) -> Iterator[bytes]:
 
 
 def _urdf(data: bytes) -> object:
-    path = Path("model.urdf")
-    robot = read_urdf(data.decode("utf-8"), path)
+    path = _model("model.urdf", data)
+    robot = read_urdf(path)
     return joint_springs(robot, path), mimics(robot, path)
 
 
@@ -283,7 +283,7 @@ TARGETS = {
             words=(*_MATHS, *_NUMBERS, "def ", "class ", "global ", "# coding: latin-1", "\f"),
         ),
         Target(
-            name="urdf", parse=_urdf, errors=(EngineError, UnicodeDecodeError),
+            name="urdf", parse=_urdf, errors=(EngineError,),
             seeds=lambda: _files("*.urdf"), words=(*_XML, *_NUMBERS),
         ),
         Target(
