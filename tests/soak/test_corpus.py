@@ -24,7 +24,7 @@ FOLDERS = [
     entry
     for entry in ENTRIES.values()
     if entry.batched and entry.name.startswith(("system.py/", "sidecar/", "mjcf/"))
-][::4]
+][::6]
 
 
 def wrong(judged: list[Judged]) -> list[str]:
