@@ -100,6 +100,17 @@ class Scene:
         )
         return process
 
+    def begun(self, process: subprocess.Popen[str]) -> None:
+        """Wait until it hears signals: before, they are the interpreter's, which is starting."""
+        caught = 1 << (signal.SIGTERM - 1)
+        until = time.monotonic() + GRACE
+        while process.poll() is None and time.monotonic() < until:
+            with contextlib.suppress(OSError):
+                status = Path(f"/proc/{process.pid}/status").read_text("ascii")
+                if int(status.partition("SigCgt:")[2].split()[0], 16) & caught:
+                    return
+            time.sleep(0.02)
+
     def run(self, *further: str) -> Ended:
         """A run from its beginning to its end."""
         return self.ended(self.start(self.command(*further)))

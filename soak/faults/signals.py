@@ -56,6 +56,7 @@ def _stopping(name: str, number: signal.Signals, seed: int, send: Send) -> Fault
     def check(expected: Undisturbed) -> list[str]:
         with scene() as one:
             process = one.start()
+            one.begun(process)
             time.sleep(_moment(seed, name, expected))
             over = process.poll() is not None
             send(process, number)
@@ -88,6 +89,7 @@ def _hurting(name: str, number: signal.Signals, seed: int) -> Fault:
     def check(expected: Undisturbed) -> list[str]:
         with scene() as one:
             process = one.start()
+            one.begun(process)
             time.sleep(_moment(seed, name, expected))
             workers = [other for other in one.processes() if other != process.pid]
             if workers:
@@ -113,6 +115,7 @@ def _twice(seed: int) -> Callable[[Undisturbed], list[str]]:
     def check(expected: Undisturbed) -> list[str]:
         with scene() as one:
             process = one.start()
+            one.begun(process)
             time.sleep(_moment(seed, "twice", expected))
             for _ in range(2):
                 _to_group(process, signal.SIGINT)
@@ -131,6 +134,7 @@ def _paused(seed: int) -> Callable[[Undisturbed], list[str]]:
     def check(expected: Undisturbed) -> list[str]:
         with scene() as one:
             process = one.start()
+            one.begun(process)
             time.sleep(_moment(seed, "paused", expected))
             for number in (signal.SIGSTOP, signal.SIGCONT):
                 for other in one.processes():

@@ -32,6 +32,7 @@ def main() -> int:
         for target in chosen:
             seconds = options.seconds / options.rounds * target.share / total
             runs[target.name] += fuzz(target.name, max(1.0, seconds), options.out)
+            print(f"{target.name:<12} {runs[target.name]:>9} inputs so far", flush=True)
     for name, count in runs.items():
         print(f"{name:<12} {count:>9} inputs")
     return report(finds)
