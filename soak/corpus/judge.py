@@ -160,7 +160,8 @@ def _wanted(entry: Entry, code: int | None, told: str) -> list[str]:
         wrong.append(f"exit code {code}, not {' or '.join(map(str, entry.codes))}")
     if code == 0 and 0 in entry.codes:
         return wrong
-    if entry.says and not re.search(entry.says, told):
+    # Where a model was judged and differs, its id and its diagnosis say which it is.
+    if entry.says and code != 1 and not re.search(entry.says, told):
         wrong.append(f"nothing matches {entry.says!r}")
     if "Traceback (most recent call last)" in told:
         wrong.append("a traceback is told")
@@ -201,10 +202,8 @@ def _subset(results: Results, folder: Path) -> tuple[int, str]:
     told = [case.reason for case in cases if case.outcome is not Outcome.AGREES]
     wrong = [f"{reason!r} has several lines" for reason in told if "\n" in reason.strip()]
     findings = [finding.message for model in models for finding in model.audit or ()]
-    names = [f"{case.id}" for case in cases]
-    return exit_code(own, require_engines=False), "\n".join(
-        (*(str(reason) for reason in told), *wrong, *findings, *names)
-    )
+    lines = (*(str(reason) for reason in told), *wrong, *findings)
+    return exit_code(own, require_engines=False), "\n".join(lines)
 
 
 def _files(place: Path) -> set[str]:
