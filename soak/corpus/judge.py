@@ -96,10 +96,14 @@ def _together(entries: Sequence[Entry]) -> Iterator[Judged]:
             yield from map(alone, entries)
             return
         for entry, place, before in zip(entries, places, built, strict=True):
-            own, said = _subset(results, place / "hostile")
-            wrong = (*_wanted(entry, own, said), *_strays(place, before))
+            own, said, wrong = _subset(results, place / "hostile")
+            wrong += [*_wanted(entry, own, said), *_strays(place, before)]
             yield Judged(
-                name=entry.name, code=own, told=said, seconds=seconds / len(entries), wrong=wrong
+                name=entry.name,
+                code=own,
+                told=said,
+                seconds=seconds / len(entries),
+                wrong=tuple(wrong),
             )
 
 
@@ -182,7 +186,8 @@ def _of_run(place: Path, code: int | None, told: str) -> tuple[int | None, str, 
     except ResultsError as error:
         return code, told, [f"no results: {error}"]
     wrong = [] if _sound(results) else ["the sound folder beside it does not agree"]
-    own, said = _subset(results, place / "hostile")
+    own, said, further = _subset(results, place / "hostile")
+    wrong += further
     if code not in (own, max(own, 0)):
         wrong.append(f"the run ends with {code}, the folder's cases with {own}")
     return own, said, wrong
@@ -194,16 +199,18 @@ def _sound(results: Results) -> bool:
     return bool(cases) and all(case.outcome is Outcome.AGREES for case in cases)
 
 
-def _subset(results: Results, folder: Path) -> tuple[int, str]:
-    """Exit code and sentences of one folder's cases and models."""
+def _subset(results: Results, folder: Path) -> tuple[int, str, list[str]]:
+    """Exit code and sentences of one folder's cases and models, and what is wrong with these."""
     cases = tuple(case for case in results.cases if case.folder == str(folder))
     models = tuple(model for model in results.models if model.folder == str(folder))
     own = msgspec.structs.replace(results, cases=cases, models=models)
     told = [case.reason for case in cases if case.outcome is not Outcome.AGREES]
-    wrong = [f"{reason!r} has several lines" for reason in told if "\n" in reason.strip()]
+    wrong = [
+        f"a sentence of several lines: {one[:99]!r}" for one in told if "\n" in str(one).strip()
+    ]
     findings = [finding.message for model in models for finding in model.audit or ()]
-    lines = (*(str(reason) for reason in told), *wrong, *findings)
-    return exit_code(own, require_engines=False), "\n".join(lines)
+    lines = (*(str(reason) for reason in told), *findings)
+    return exit_code(own, require_engines=False), "\n".join(lines), wrong
 
 
 def _files(place: Path) -> set[str]:
