@@ -46,6 +46,7 @@ def main() -> int:
                 judged.append(one)
                 if one.wrong or options.verbose:
                     print(_line(one), flush=True)
+            print(f"{len(judged)} of {len(chosen)}", file=sys.stderr, flush=True)
     print(table(judged))
     bad = sum(bool(one.wrong) for one in judged)
     print(f"{len(judged)} entries, {bad} wrong, {time.monotonic() - began:.0f} s")
