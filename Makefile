@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: report test check bench clean
+.PHONY: report test check bench soak fuzz clean
 
 report: .venv/.report
 	$(BIN)/crosscheck run --out reports
@@ -20,6 +20,14 @@ check: .venv/.test
 bench: .venv/.report
 	$(BIN)/python -m benchmarks.bench
 
+# What is attacked, and how: docs/reliability.md. An hour at most on two cores.
+soak: .venv/.test
+	$(BIN)/python -m soak
+
+# Coverage-guided fuzzing of the parsers; an hour on one core.
+fuzz: .venv/.fuzz
+	$(BIN)/python -m soak.fuzz --seconds 3600
+
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
@@ -30,6 +38,10 @@ bench: .venv/.report
 .venv/.test: .venv/bin/python pyproject.toml constraints.txt
 	$(PIP) install --constraint constraints.txt --editable '.[dev]'
 	touch $@ .venv/.report
+
+.venv/.fuzz: .venv/.test
+	$(PIP) install --constraint constraints.txt --editable '.[fuzz]'
+	touch $@
 
 clean:
 	rm -rf .venv

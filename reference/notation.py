@@ -174,7 +174,10 @@ def _set(setting: str, names: Names, system: System) -> None:
 
 
 def _parsed(text: str, names: Names) -> sp.Expr:
-    return parse_expr(text, local_dict=names, global_dict=_FUNCTIONS)
+    found = parse_expr(text, local_dict=names, global_dict=_FUNCTIONS)
+    if not isinstance(found, sp.Expr):
+        raise ValueError(f"{text.strip()!r} is no expression")
+    return found
 
 
 def _check_names(

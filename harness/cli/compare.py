@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import math
 import sys
 from pathlib import Path
 
@@ -102,7 +103,10 @@ def _start(text: str) -> dict[str, float]:
     for part in text.split(","):
         name, _, value = part.partition("=")
         try:
-            state[name.strip()] = float(value)
+            number = float(value)
         except ValueError:
             raise argparse.ArgumentTypeError(f"{part!r} is not like theta=1.5") from None
+        if not math.isfinite(number):
+            raise argparse.ArgumentTypeError(f"{part!r} is no state to start from")
+        state[name.strip()] = number
     return state

@@ -27,7 +27,8 @@ def main(options: argparse.Namespace) -> int:
         if engine is None or engine.version() is None:
             there = ", ".join(sorted(name for name in known if known[name].version() is not None))
             print(
-                f"no engine {options.conformance!r} is installed; there is {there}", file=sys.stderr
+                f"crosscheck: no engine {options.conformance!r} is installed; there is {there}",
+                file=sys.stderr,
             )
             return USAGE
         return _conformance(engine)

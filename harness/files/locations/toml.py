@@ -166,7 +166,10 @@ def _toml_key(address: str) -> _Key | None:
         else:
             if not dotted:
                 return None
-            key.append(_unquote(part))
+            try:
+                key.append(_unquote(part))
+            except tomllib.TOMLDecodeError:  # a quoted key may hold no control character
+                return None
             dotted = False
     return None if dotted else tuple(key)
 

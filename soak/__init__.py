@@ -1,0 +1,1 @@
+"""Attacks on this project: hostile inputs, faults while running, and fuzzing of its parsers."""

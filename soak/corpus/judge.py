@@ -1,0 +1,232 @@
+"""Entries run through the command line in this process, and held against what must be true.
+
+Folders of `run` go together, many in one run, as a user would have them: what one of them does must
+not touch the others. An entry of a run that was not sound as a whole is run again alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import resource
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from harness.cli.exit_codes import exit_code
+from harness.cli.main import main
+from harness.records.outcome import Outcome
+from harness.records.read import ResultsError, read_results
+from harness.records.results import Results
+from soak.corpus.entry import RUN, Entry
+from soak.corpus.sound import sound
+
+LONGEST = 1200
+"""Characters of a sentence: what a person still reads."""
+
+MEMORY = 12 << 30
+"""Bytes of address space for everything that an entry starts: a bomb must not take the machine."""
+
+_FOLDERS = ("hostile", "sound")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """What became of an entry; `wrong` is empty where all held."""
+
+    name: str
+    code: int | None
+    told: str
+    seconds: float
+    wrong: tuple[str, ...]
+
+
+def judge(entries: Sequence[Entry]) -> Iterator[Judged]:
+    """Judge some entries; those that may share a run do."""
+    together = [entry for entry in entries if entry.batched]
+    if len(together) > 1:
+        yield from _together(together)
+    else:
+        yield from map(alone, together)
+    for entry in entries:
+        if not entry.batched:
+            yield alone(entry)
+
+
+def alone(entry: Entry) -> Judged:
+    """Run one entry's command, as a person would."""
+    with _workspace(entry) as place:
+        for command in entry.before:
+            _called(place, command)
+        before = _files(place)
+        entry.build(place)
+        built = _files(place)
+        code, told, seconds = _called(place, entry.command)
+        wrong = [*_always(code, told), *_strays(place, built | before)]
+        if entry.command[:1] == ("run",) and "@sound" in entry.command:
+            code, told, further = _of_run(place, code, told)
+            wrong += further
+        wrong += _wanted(entry, code, told)
+    return Judged(name=entry.name, code=code, told=told, seconds=seconds, wrong=tuple(wrong))
+
+
+def _together(entries: Sequence[Entry]) -> Iterator[Judged]:
+    """One run of all their folders; again one by one where it is not sound as a whole."""
+    with contextlib.ExitStack() as stack:
+        places = [stack.enter_context(_workspace(entry)) for entry in entries]
+        for entry, place in zip(entries, places, strict=True):
+            entry.build(place)
+        built = [_files(place) for place in places]
+        folders = [str(place / "hostile") for place in places]
+        command = ("run", *folders, *RUN[2:])
+        code, told, seconds = _called(places[0], command)
+        try:
+            results = read_results(places[0] / "out" / "results.json")
+        except ResultsError:
+            results = None
+        if code is None or results is None or _always(code, told) or not _sound(results):
+            yield from map(alone, entries)
+            return
+        for entry, place, before in zip(entries, places, built, strict=True):
+            own, said, wrong = _subset(results, place / "hostile")
+            wrong += [*_wanted(entry, own, said), *_strays(place, before)]
+            yield Judged(
+                name=entry.name,
+                code=own,
+                told=said,
+                seconds=seconds / len(entries),
+                wrong=tuple(wrong),
+            )
+
+
+@contextlib.contextmanager
+def _workspace(entry: Entry) -> Iterator[Path]:
+    """A folder with `hostile/` and `sound/`, both sound so far; taken away afterwards."""
+    place = Path(tempfile.mkdtemp(prefix="soak-"))
+    try:
+        sound(place / "hostile", entry.model)
+        sound(place / "sound", "mujoco.xml")
+        yield place
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
+
+
+def _called(place: Path, command: Sequence[str]) -> tuple[int | None, str, float]:
+    """Exit code, what was printed, and seconds; no code where something was raised."""
+    given = [_path(place, word) for word in command]
+    out, began = io.StringIO(), time.monotonic()
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, hard))
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    code: int | None
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
+            code = main(given)
+    except SystemExit as ended:
+        code = ended.code if isinstance(ended.code, int) else 1
+    except BaseException as error:
+        code = None
+        out.write(f"raised {type(error).__name__}: {error}")
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    return code, out.getvalue(), time.monotonic() - began
+
+
+def _path(place: Path, word: str) -> str:
+    """`@name/x` is a path of the workspace; `@` may follow a `=` too."""
+    return re.sub(r"(^|(?<==))@", lambda _: f"{place}/", word)
+
+
+def _always(code: int | None, told: str) -> list[str]:
+    """What is wrong whatever the command was."""
+    wrong = []
+    if code is None:
+        wrong.append(f"raised: {told[-300:]}")
+    if "Traceback (most recent call last)" in told:
+        wrong.append("a traceback is told")
+    return wrong
+
+
+def _wanted(entry: Entry, code: int | None, told: str) -> list[str]:
+    """What is wrong with an exit code, and with what was said for it."""
+    wrong = []
+    if code not in entry.codes:
+        wrong.append(f"exit code {code}, not {' or '.join(map(str, entry.codes))}")
+    if code == 0 and 0 in entry.codes:
+        return wrong
+    # Where a model was judged and differs, its id and its diagnosis say which it is.
+    if entry.says and code != 1 and not re.search(entry.says, told):
+        wrong.append(f"nothing matches {entry.says!r}")
+    if "Traceback (most recent call last)" in told:
+        wrong.append("a traceback is told")
+    # What the command line itself was given may be told back in full.
+    given = any(len(word) > LONGEST for word in entry.command)
+    long = [line for line in told.splitlines() if len(line) > LONGEST and not given]
+    if long:
+        wrong.append(f"a line of {len(long[0])} characters")
+    if "\x1b" in told:
+        wrong.append("codes for the terminal are passed on")
+    return wrong
+
+
+def _of_run(place: Path, code: int | None, told: str) -> tuple[int | None, str, list[str]]:
+    """The hostile folder's own exit code and sentences, and what is wrong with the run."""
+    try:
+        results = read_results(place / "out" / "results.json")
+    except ResultsError as error:
+        return code, told, [f"no results: {error}"]
+    wrong = [] if _sound(results) else ["the sound folder beside it does not agree"]
+    own, said, further = _subset(results, place / "hostile")
+    wrong += further
+    if code not in (own, max(own, 0)):
+        wrong.append(f"the run ends with {code}, the folder's cases with {own}")
+    return own, said, wrong
+
+
+def _sound(results: Results) -> bool:
+    """Whether the folder beside the hostile ones agrees."""
+    cases = [case for case in results.cases if case.folder.endswith("/sound")]
+    return bool(cases) and all(case.outcome is Outcome.AGREES for case in cases)
+
+
+def _subset(results: Results, folder: Path) -> tuple[int, str, list[str]]:
+    """Exit code and sentences of one folder's cases and models, and what is wrong with these."""
+    cases = tuple(case for case in results.cases if case.folder == str(folder))
+    models = tuple(model for model in results.models if model.folder == str(folder))
+    own = msgspec.structs.replace(results, cases=cases, models=models)
+    told = [case.reason for case in cases if case.outcome is not Outcome.AGREES]
+    wrong = [
+        f"a sentence of several lines: {one[:99]!r}" for one in told if "\n" in str(one).strip()
+    ]
+    findings = [finding.message for model in models for finding in model.audit or ()]
+    lines = (*(str(reason) for reason in told), *findings)
+    return exit_code(own, require_engines=False), "\n".join(lines), wrong
+
+
+def _files(place: Path) -> set[str]:
+    """Everything below a workspace but what Python caches, by its path."""
+    found = set()
+    for here, folders, files in os.walk(place):
+        folders[:] = [name for name in folders if name != "__pycache__"]
+        found |= {str(Path(here, name).relative_to(place)) for name in (*files, *folders)}
+    return found
+
+
+def _strays(place: Path, known: set[str]) -> list[str]:
+    """Files where none belong: beside the out folder, in the working folder, in the hostile one."""
+    allowed = ("out", "baseline", "new", "og")
+    new = {p for p in _files(place) - known if p.split("/")[0] not in allowed}
+    here = {str(p) for p in Path.cwd().iterdir()} - {str(place)}
+    here = {p for p in here if not Path(p).name.startswith(("soak-", "pymp-", ".", "hangs"))}
+    half = {p for p in _files(place) if Path(p).name.startswith(".") and p.startswith("out")}
+    return [f"left behind: {name}" for name in sorted(new | here | half)]

@@ -1,0 +1,114 @@
+"""Hostile `results.json`, met by `report`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from soak.corpus.entry import Build, Entry
+
+_COMMAND = ("report", "@hostile/results.json", "--out", "@out")
+_NAMED = r"results\.json"
+
+
+def _example() -> Any:
+    """Results with every field of the records."""
+    from harness.records.results import Results
+    from tests.records.examples import example
+
+    return example(Results)
+
+
+def _text(data: bytes) -> Build:
+    return lambda place: (place / "hostile" / "results.json").write_bytes(data)
+
+
+def _changed(*path: str | int, value: object) -> Build:
+    """The example with a value replaced."""
+
+    def build(place: Path) -> None:
+        whole = _example()
+        at = whole
+        for part in path[:-1]:
+            at = at[part]
+        at[path[-1]] = value
+        (place / "hostile" / "results.json").write_text(json.dumps(whole), "utf-8")
+
+    return build
+
+
+TEXTS = {
+    "nothing": b"",
+    "no JSON": b"{",
+    "null": b"null",
+    "a number": b"1",
+    "a list": b"[]",
+    "nested 100000 deep": b"[" * 100_000,
+    "objects nested 100000 deep": b'{"a":' * 100_000,
+    "cases nested 100000 deep": b'{"schema": 1, "cases": ' + b"[" * 100_000,
+    "another schema": b'{"schema": 99}',
+    "a schema of 5000 digits": b'{"schema": ' + b"9" * 5000 + b"}",
+    "a schema that is a text": b'{"schema": "1"}',
+    "a schema alone": b'{"schema": 1}',
+    "a mark of byte order": b'\xef\xbb\xbf{"schema": 1}',
+    "UTF-16": '{"schema": 1}'.encode("utf-16"),
+    "no UTF-8": b'{"schema": 1, "created": "\xff"}',
+    "half a character": b'{"schema": 1, "created": "\\ud800"}',
+    "a number of 5000 digits": b'{"schema": 1, "seconds": ' + b"9" * 5000 + b"}",
+    "nan": b'{"schema": 1, "seconds": NaN}',
+    "zeros": bytes(4096),
+    "noise": bytes(range(256)) * 16,
+    "two of them": b'{"schema": 1}{"schema": 1}',
+    "a key twice": b'{"schema": 1, "schema": 1}',
+}
+
+VALUES: dict[str, tuple[tuple[str | int, ...], object]] = {
+    "cases null": (("cases",), None),
+    "cases a text": (("cases",), "none"),
+    "an unknown outcome": (("cases", 0, "outcome"), "PASSES"),
+    "an outcome that is null": (("cases", 0, "outcome"), None),
+    "a system that is a list": (("systems", 0), []),
+    "an unknown field": (("cases", 0, "colour"), "red"),
+    "series of other lengths": (("cases", 0, "series", "t"), [0.0, 1.0, 2.0]),
+    "a sketch that is code": (("systems", 0, "sketch", "shapes", 0, "radius"), ["exec", 1.0]),
+    "rungs of 400 digits": (("cases", 0, "verdict", "steps"), 10**400),
+    "seconds of 1e999": (("seconds",), 1e308 * 10),
+}
+
+MARKUP = "</script><script>open('PWNED')</script>{{ 7 * 7 }}{% for %}<!-- \u202e \x00 \x1b[2J"
+
+
+def results() -> Iterator[Entry]:
+    """Every entry of the format."""
+    for name, data in TEXTS.items():
+        yield Entry(name=f"report/{name}", build=_text(data), command=_COMMAND, codes=(2,),
+                    says=_NAMED)  # fmt: skip
+    for name, (path, value) in VALUES.items():
+        yield Entry(name=f"report/{name}", build=_changed(*path, value=value), command=_COMMAND,
+                    codes=(2,), says=_NAMED)  # fmt: skip
+    for path in (("created",), ("cases", 0, "reason"), ("cases", 0, "stdout"),
+                 ("systems", 0, "title"), ("models", 0, "text"),
+                 ("models", 0, "sidecar")):  # fmt: skip
+        build = _changed(*path, value=MARKUP)
+        yield Entry(name=f"report/markup in {'.'.join(map(str, path))}", build=build,
+                    command=_COMMAND, codes=(0, 2))  # fmt: skip
+    for name, make in _ODD.items():
+        yield Entry(name=f"report/{name}", build=make, command=_COMMAND, codes=(2, 3), says=_NAMED)
+    yield Entry(name="report/an out folder that is a file", build=_out_is_a_file,
+                command=("report", "@hostile/results.json", "--out", "@hostile/system.py"),
+                codes=(2, 3))  # fmt: skip
+
+
+def _out_is_a_file(place: Path) -> None:
+    (place / "hostile" / "results.json").write_text(json.dumps(_example()), "utf-8")
+
+
+_ODD: dict[str, Build] = {
+    "a folder": lambda place: (place / "hostile" / "results.json").mkdir(),
+    "not there": lambda place: None,
+    "a link to itself": lambda place: (place / "hostile" / "results.json").symlink_to(
+        place / "hostile" / "results.json"
+    ),
+}

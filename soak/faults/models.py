@@ -1,0 +1,77 @@
+"""Models that end their process, hang, take all memory, or leave others behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from harness.records.outcome import Outcome
+from soak.corpus.sound import sound
+from soak.faults.fault import Fault
+from soak.faults.scene import Undisturbed, scene, told_wrong, verdicts
+
+CODE = {
+    "segfaults": "import ctypes; ctypes.string_at(0)",
+    "aborts": "import os; os.abort()",
+    "ends with 0": "import os; os._exit(0)",
+    "kills itself": "import os; os.kill(os.getpid(), 9)",
+    "kills its group": "import os, signal; os.killpg(os.getpgid(0), signal.SIGTERM)",
+    "kills its parent": "import os, signal; os.kill(os.getppid(), signal.SIGKILL)",
+    "sleeps": "import time; time.sleep(1e6)",
+    "computes": "while True: pass",
+    "computes and hears nothing": (
+        "import signal; [signal.signal(n, signal.SIG_IGN) for n in (2, 14, 15, 24, 26, 27)]\n"
+        "{indent}while True: pass"
+    ),
+    "takes all memory": "a = []\n{indent}while True: a.append(bytearray(10**8))",
+    "takes all memory at once": "a = bytearray(10**13)",
+    "prints without end": "while True: print('x' * 10000)",
+    "opens every file": "a = [open('/dev/null') for _ in range(10**6)]",
+    "leaves a process": "import subprocess; subprocess.Popen(['sleep', '5'])",
+    "leaves a thread": "import threading as h, time; h.Thread(target=time.sleep, args=[9]).start()",
+    "closes every file": "import os; os.closerange(0, 1000)",
+}  # fmt: skip
+"""Lines at the top of `system.py`, or of a `space.py`'s build."""
+
+PASSES = ("leaves a process", "leaves a thread")
+
+
+def models() -> Iterator[Fault]:
+    """Every one of them, in both places."""
+    for name in CODE:
+        for file in ("system.py", "space.py"):
+            yield Fault(name=f"models/{file} {name}", check=_beside(name, file))
+
+
+def _beside(name: str, file: str) -> Callable[[Undisturbed], list[str]]:
+    """The folder fails, with its reason; the one beside it agrees, and nothing is left."""
+
+    def check(expected: Undisturbed) -> list[str]:
+        with scene(folders=1) as one:
+            odd = sound(one.place / "odd", "space.py")
+            _plant(odd / file, CODE[name])
+            ended = one.run("--limit", "4", "--memory", "1")
+            wrong = [*told_wrong(ended), *one.left_behind()]
+            found = verdicts(one.results())
+            for case, value in expected.of("sound_0").items():
+                if found.get(case) != value:
+                    wrong.append(f"beside it, {case[1]} is {found.get(case)}")
+            own = {outcome for (folder, _), (outcome, _) in found.items() if folder == "odd"}
+            right = {Outcome.AGREES} if name in PASSES else {Outcome.FAILED}
+            if own != right or ended.code != (0 if name in PASSES else 3):
+                wrong.append(f"exit code {ended.code}, {own}: {ended.told[-300:]!r}")
+            return wrong
+
+    return check
+
+
+def _plant(path: object, code: str) -> None:
+    from pathlib import Path
+
+    file = Path(str(path))
+    text = file.read_text("utf-8")
+    if file.name == "space.py":
+        mark = "    space = pymunk.Space()\n"
+        text = text.replace(mark, f"    {code.format(indent='    ')}\n{mark}")
+    else:
+        text += f"\n{code.format(indent='')}\n"
+    file.write_text(text, "utf-8")

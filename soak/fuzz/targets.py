@@ -1,0 +1,315 @@
+"""The parsers, each with its contract, its seeds and its words."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import tempfile
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import msgspec
+
+from harness.baseline.file import FileError, SystemBaseline, file_text, read_file
+from harness.baseline.seal import sealed, snapshot_key
+from harness.compare.candidate import CompareError
+from harness.compare.match import declared
+from harness.engines.protocol import EngineError
+from harness.engines.urdf import joint_springs, mimics, read_urdf
+from harness.files.bindings import bindings
+from harness.files.folders import builtin, template
+from harness.files.locations import LocationError, find_in
+from harness.files.locations.attributes import Attribute, with_attributes
+from harness.files.locations.location import Source
+from harness.files.locations.outline import outline
+from harness.files.locations.python import python_numbers, python_offset
+from harness.files.locations.toml import toml_offset
+from harness.files.locations.xml import read_elements, xml_numbers, xml_offset
+from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.records.baseline import BaselineFile
+from harness.records.read import ResultsError, read_results
+from harness.records.results import Results
+from harness.scaffold.constants import Ledger
+from harness.scaffold.folder import NewError
+from harness.scaffold.from_model import _read, _with_symbols
+from harness.scaffold.scenarios import provisional
+from harness.scaffold.text import system_text
+from reference.declaration import DeclarationError, PublishedEquation
+from reference.load import load_system
+from reference.notation import readings
+from reference.system import System
+from soak.fuzz.target import BrokenError, Target
+from tests.baseline.samples import baseline
+from tests.records.examples import example
+
+_SPLIT = b"\n---\n"
+"""Between an address and the file that it leads into."""
+
+_NUMBERS = ("0", "-0", "1e999", "-1e999", "nan", "inf", "1_000", "0x10", "1e-400", "9" * 400,
+            "+.5", "5.", "1e", "\u0661", "\u00b2")  # fmt: skip
+_XML = ("<", ">", "/>", "<!--", "-->", "<![CDATA[", "]]>", "&#49;", "&lt;", "<!DOCTYPE x [", "<?",
+        "?>", "xmlns:a=", "encoding=", "\ufeff", "<frame>", "<include file=", "<robot>",
+        "<link name=", "<joint name=", "<gazebo reference=", "<mimic joint=", "<springStiffness>",
+        "<body name=", "<inertial", "<option", "mass=", "pos=", "xyz=", "rpy=", "type=", "euler=",
+        "axis=", "limit", "lower=", "upper=", '"""', "'''", "{", "\\", "\\n")  # fmt: skip
+_TOML = ("[", "]", "[[", "]]", "{", "}", "=", ".", ",", "#", '"""', "'''", "\\u0041", "inf",
+         "nan", "true", "1979-05-27", "0o7", "settings", "spring", "bindings", "coordinates",
+         "readback", "engines", "step", "gravity", "sidecar:", "\r\n")  # fmt: skip
+_MATHS = ("**", "^", "/0", "log(", "asin(", "sqrt(-1)", "atan2(", "pi", "(", ")", ",", "lambda",
+          " if ", " else ", "[", "]", ".x", "1j", "__class__", "1e999", "0.1", "9**9**9", "'", "\0",
+          "not ", "@", "f''", "±", "=", "d/dt(", "theta0")  # fmt: skip
+
+
+def _files(*patterns: str) -> Iterator[bytes]:
+    for folder in (*sorted(builtin().iterdir()), template()):
+        for pattern in patterns:
+            for path in sorted(folder.glob(pattern)):
+                yield path.read_bytes()
+
+
+@cache
+def _folder() -> Path:
+    """Where inputs are written that a parser wants as a file; removed with the process."""
+    _keep = tempfile.TemporaryDirectory(prefix="soak-fuzz-")
+    _KEPT.append(_keep)
+    return Path(_keep.name)
+
+
+_KEPT: list[tempfile.TemporaryDirectory[str]] = []
+
+
+@cache
+def _system() -> System:
+    return load_system(builtin() / "simple_pendulum")
+
+
+def _model(name: str, data: bytes = b"") -> Path:
+    path = _folder() / name
+    path.write_bytes(data)
+    return path
+
+
+def _sidecar(data: bytes) -> object:
+    _model("model.xml")
+    return read_sidecar(_model("model.xml.toml", data))
+
+
+def _expression(data: bytes) -> object:
+    """A binding's expression, read and evaluated as `run` does."""
+    model = _model("model.py", b"MASS = 1.5\n")
+    text = data.decode("utf-8", errors="replace")
+    sidecar = Sidecar(
+        model=model,
+        engines=("pymunk",),
+        settings={},
+        engine_settings={},
+        coordinates={},
+        readback={},
+        springs=(),
+        bindings={"MASS": text},
+    )
+    return bindings(_system(), sidecar)
+
+
+def _expression_seeds() -> Iterator[bytes]:
+    yield from (b"-m", b"m * l**2", b"180 / pi * atan2(l, g)", b"sqrt(m) + 1.5e-3", b"-(m + 2) / 3")
+
+
+def _addressed(suffix: str, data: bytes) -> object:
+    address, _, text = data.partition(_SPLIT)
+    file, name = Path(f"model{suffix}"), address.decode("utf-8", errors="replace")
+    found = find_in(text, file, [name])
+    place = found[name]
+    # What is found is a number where it is said to be.
+    if float(text[place.start : place.end]) != place.value:
+        raise BrokenError(f"{name!r} is said to be {place.value!r}")
+    return found
+
+
+def _xml(data: bytes) -> object:
+    address, _, text = data.partition(_SPLIT)
+    source, name = Source(Path("model.xml"), text), address.decode("utf-8", errors="replace")
+    elements = read_elements(source)
+    text.decode("utf-8")
+    outline(source.file, text)
+    xml_offset(source, name)
+    list(xml_numbers(source, re.compile(r".*")))
+    for element in elements[:2]:
+        with_attributes(text, source.file, [Attribute(element.start, "name", "a")])
+    return _addressed(".xml", data)
+
+
+def _toml(data: bytes) -> object:
+    address, _, text = data.partition(_SPLIT)
+    text.decode("utf-8")
+    toml_offset(Source(Path("m.toml"), text), address.decode("utf-8", errors="replace"))
+    return _addressed(".toml", data)
+
+
+def _python(data: bytes) -> object:
+    address, _, text = data.partition(_SPLIT)
+    source = Source(Path("model.py"), text)
+    text.decode("utf-8")
+    python_offset(source, address.decode("utf-8", errors="replace"))
+    list(python_numbers(source, re.compile(r".*")))
+    return _addressed(".py", data)
+
+
+def _addresses(address: str, *patterns: str) -> Iterator[bytes]:
+    for text in _files(*patterns):
+        yield address.encode() + _SPLIT + text
+
+
+def _urdf(data: bytes) -> object:
+    path = _model("model.urdf", data)
+    robot = read_urdf(path)
+    return joint_springs(robot, path), mimics(robot, path)
+
+
+def _written(data: bytes, suffix: str) -> object:
+    """The system.py that `crosscheck new --from` would write: nothing of the file became code."""
+    path = _model(f"model{suffix}", data)
+    ledger = Ledger(path, data)
+    mechanism = _read(path, data, ledger)
+    if not mechanism.joints:
+        return None
+    mechanism = _with_symbols(mechanism, ledger)
+    text = system_text("new", path.name, mechanism, ledger.rows, provisional(mechanism.joints))
+    _check_calls(ast.parse(text))
+    return text
+
+
+def _check_calls(tree: ast.Module) -> None:
+    """Refuse a call of what the text neither imports nor defines: a builtin such as `open`."""
+    nodes = list(ast.walk(tree))
+    own = {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
+    for node in nodes:
+        if isinstance(node, ast.ImportFrom | ast.Import):
+            own |= {alias.asname or alias.name for alias in node.names}
+    for node in nodes:
+        match node:
+            case ast.Call(func=ast.Name(id=name)) if name not in own:
+                raise BrokenError(f"what is written calls {name!r}")
+
+
+def _results(data: bytes) -> object:
+    return read_results(_model("results.json", data))
+
+
+def _results_seeds() -> Iterator[bytes]:
+    yield json.dumps(example(Results)).encode()
+    yield b'{"schema": 1}'
+
+
+def _baseline(data: bytes) -> object:
+    """A baseline's file; once with the seals that it has, once with seals that fit."""
+    try:
+        return read_file(data, "spring")
+    except FileError:
+        file = _unsealed(data)
+        if file is None:
+            raise
+    snapshots = {snapshot_key(one): one for one in file.snapshots.values()}
+    renamed = {old: snapshot_key(one) for old, one in file.snapshots.items()}
+    cases = {
+        one.id: sealed(msgspec.structs.replace(one, snapshot=renamed.get(one.snapshot, "")))
+        for one in file.cases
+    }
+    if any(one.snapshot not in snapshots for one in cases.values()):
+        raise FileError("its snapshot is not there")
+    whole = SystemBaseline(declared=sealed(file.declared), snapshots=snapshots, cases=cases)
+    return read_file(file_text(whole).encode(), "spring")
+
+
+def _unsealed(data: bytes) -> BaselineFile | None:
+    try:
+        return msgspec.json.decode(data, type=BaselineFile)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        return None
+
+
+def _baseline_seeds() -> Iterator[bytes]:
+    yield file_text(baseline()).encode()
+
+
+def _notation(data: bytes) -> object:
+    text = data.decode("utf-8", errors="replace")
+    equation = PublishedEquation("1", text, "linear part", of="theta", driven=False, note="")
+    return readings(equation, _system(), _system().coordinates[0])
+
+
+def _notation_seeds() -> Iterator[bytes]:
+    for one in _system().published:
+        yield one.text.encode()
+
+
+def _joints(data: bytes) -> object:
+    joints, _, table = data.partition(_SPLIT)
+    path = _model("map.toml", table) if table else None
+    return declared(joints.decode("utf-8", errors="replace"), path)
+
+
+def _joints_seeds() -> Iterator[bytes]:
+    yield b"hip=j1,knee=-j2"
+    yield _SPLIT + b'[joints]\nhip = "j1 - j2"\n'
+
+
+TARGETS = {
+    target.name: target
+    for target in (
+        Target(
+            name="sidecar", parse=_sidecar, errors=(SidecarError,),
+            seeds=lambda: _files("*.toml"), words=(*_TOML, *_NUMBERS),
+        ),
+        Target(
+            name="expression", parse=_expression, errors=(SidecarError,),
+            seeds=_expression_seeds, words=(*_MATHS, *_NUMBERS, "m", "l", "g"), share=1.5,
+        ),
+        Target(
+            name="xml", parse=_xml, errors=(LocationError, UnicodeDecodeError),
+            seeds=lambda: _addresses("body[pendulum]/inertial@pos[2]", "*.xml", "*.urdf"),
+            words=(*_XML, *_NUMBERS), share=1.5,
+        ),
+        Target(
+            name="toml", parse=_toml, errors=(LocationError, UnicodeDecodeError),
+            seeds=lambda: _addresses("settings.gravity[2]", "*.toml"),
+            words=(*_TOML, *_NUMBERS), share=1.5,
+        ),
+        Target(
+            name="python", parse=_python, errors=(LocationError, UnicodeDecodeError),
+            seeds=lambda: _addresses("MASS", "*.py"),
+            words=(*_MATHS, *_NUMBERS, "def ", "class ", "global ", "# coding: latin-1", "\f"),
+        ),
+        Target(
+            name="urdf", parse=_urdf, errors=(EngineError,),
+            seeds=lambda: _files("*.urdf"), words=(*_XML, *_NUMBERS),
+        ),
+        Target(
+            name="new_urdf", parse=lambda data: _written(data, ".urdf"), errors=(NewError,),
+            seeds=lambda: _files("*.urdf"), words=(*_XML, *_NUMBERS), share=1.5,
+        ),
+        Target(
+            name="new_mjcf", parse=lambda data: _written(data, ".xml"), errors=(NewError,),
+            seeds=lambda: _files("*.xml"), words=(*_XML, *_NUMBERS), share=1.5,
+        ),
+        Target(
+            name="results", parse=_results, errors=(ResultsError,),
+            seeds=_results_seeds, words=('"', ":", "null", "[", "{", "NaN", *_NUMBERS), share=0.5,
+        ),
+        Target(
+            name="baseline", parse=_baseline, errors=(FileError,),
+            seeds=_baseline_seeds, words=('"', ":", "null", "[", "{", "NaN", *_NUMBERS), share=0.5,
+        ),
+        Target(
+            name="notation", parse=_notation, errors=(DeclarationError,), bounded=False,
+            seeds=_notation_seeds, words=(*_MATHS, "f(", "'", "''", ", ", "theta", "m", "l"),
+        ),
+        Target(
+            name="joints", parse=_joints, errors=(CompareError,),
+            seeds=_joints_seeds, words=("=", ",", "[joints]", *_TOML), share=0.5,
+        ),
+    )
+}  # fmt: skip
+"""Every parser by its name."""

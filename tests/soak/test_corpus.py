@@ -1,0 +1,75 @@
+"""A part of the corpus: cheap entries, those of a run in a few runs of many folders each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from soak.corpus.__main__ import chunks, table
+from soak.corpus.entries import ENTRIES
+from soak.corpus.entry import RUN, Entry
+from soak.corpus.judge import Judged, alone, judge
+
+SLOW_TO_REFUSE = ("tower of powers", "more jobs", "a folder twice")
+"""What takes long because it may, or runs a model."""
+
+COMMANDS = [
+    entry
+    for entry in ENTRIES.values()
+    if entry.name.startswith(("arguments/", "report/"))
+    and not any(words in entry.name for words in SLOW_TO_REFUSE)
+]
+FOLDERS = [
+    entry
+    for entry in ENTRIES.values()
+    if entry.batched and entry.name.startswith(("system.py/", "sidecar/", "mjcf/"))
+][::6]
+
+
+def wrong(judged: list[Judged]) -> list[str]:
+    return [f"{one.name}: {'; '.join(one.wrong)}: {one.told[:200]}" for one in judged if one.wrong]
+
+
+def test_there_are_many_over_every_format_and_command() -> None:
+    assert len(ENTRIES) > 1000
+    assert len(COMMANDS) + len(FOLDERS) > 200
+    formats = {name.split("/")[0] for name in ENTRIES}
+    assert formats == {
+        "system.py", "sidecar", "mjcf", "urdf", "space.py", "report", "baseline", "arguments",
+        "new", "compare", "derive", "audit", "gate", "mutate", "wrong", "right",
+    }  # fmt: skip
+
+
+def test_commands_refuse_what_they_are_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("CI", "GITHUB_ACTIONS"):
+        monkeypatch.delenv(name, raising=False)
+    assert not wrong([alone(entry) for entry in COMMANDS])
+
+
+@pytest.mark.parametrize("part", range(0, len(FOLDERS), 24))
+def test_hostile_folders_fail_alone_and_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: int
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert not wrong(list(judge(FOLDERS[part : part + 24])))
+
+
+def test_what_is_slow_has_a_process_of_its_own() -> None:
+    def entry(name: str, **fields: object) -> Entry:
+        return Entry(name=name, build=lambda place: None, **fields)  # type: ignore[arg-type]
+
+    some = [entry("a"), entry("b", slow=True), entry("c", command=("derive",)), entry("d")]
+    assert [[one.name for one in chunk] for chunk in chunks(some, 2)] == [["c"], ["a", "d"], ["b"]]
+    assert entry("a").command == RUN
+
+
+def test_a_wrong_entry_is_counted() -> None:
+    some = [
+        Judged(name=name, code=3, told="", seconds=0.1, wrong=wrong)
+        for name, wrong in (("urdf/a", ()), ("urdf/b", ("a traceback is told",)))
+    ]
+    assert table(some).splitlines()[1].split() == ["urdf", "2", "1"]
