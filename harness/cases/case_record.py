@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from harness.cases.verdict import Verdict as Judgement
-from harness.numerics.full_run import TARGETS, StepStudy
 from harness.numerics.linearization import EngineLinearization as Found
 from harness.numerics.segments import Extrapolated
+from harness.numerics.step_study import TARGETS, StepStudy
 from harness.records.base import Number, Numbers, Rows, number, numbers, rows
 from harness.records.case import (
     CheckedStep,
@@ -53,8 +53,8 @@ def full_run_record(study: StepStudy, shipped_step: float, integrator: str) -> F
         shipped_step=number(shipped_step),
         integrator=integrator,
         global_error=number(study.global_error),
-        order=number(study.global_order),
-        residual=number(study.global_residual),
+        order=number(study.witness.order),
+        residual=number(study.witness.residual),
         decomposition=_decomposition(study),
         steps_for=tuple(
             TargetStep(target=target, step=number(step))

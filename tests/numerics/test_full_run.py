@@ -8,7 +8,9 @@ import pytest
 from sympy import Heaviside, Rational
 
 from harness.engines.protocol import Array, Force
-from harness.numerics.full_run import ErrorDecomposition, StepStudy, full_run, study_step
+from harness.numerics.decomposition import ErrorDecomposition
+from harness.numerics.full_run import full_run
+from harness.numerics.step_study import StepStudy, study_step
 from reference import t
 from tests.numerics.conftest import (
     DAMPING,
@@ -72,8 +74,8 @@ def test_a_wrong_frequency_is_told_as_that(bench: MakeBench) -> None:
 
 def test_the_global_error_falls_with_the_claimed_order(bench: MakeBench) -> None:
     found = study(bench())
-    assert found.converges
-    assert found.global_order == pytest.approx(1, abs=0.1)
+    assert found.witness.bears_out
+    assert found.witness.order == pytest.approx(1, abs=0.1)
     assert 1e-3 < found.global_error < 1e-1
 
 
@@ -111,7 +113,7 @@ class Sleepy(SymplecticEuler):
 
 
 def test_a_run_that_does_not_converge_is_a_finding(bench: MakeBench) -> None:
-    assert not study(bench(Sleepy())).converges
+    assert not study(bench(Sleepy())).witness.bears_out
 
 
 class Tiring(SymplecticEuler):
@@ -131,15 +133,15 @@ class Tiring(SymplecticEuler):
 
 def test_memory_below_the_steps_own_error_is_a_finding_all_the_same(bench: MakeBench) -> None:
     found = study(bench(Tiring()))
-    assert found.global_order > 0.9  # the global error alone looks well
-    assert found.global_residual > 1e-4
-    assert not found.converges
+    assert found.witness.order > 0.9  # the global error alone looks well
+    assert found.witness.residual > 1e-4
+    assert not found.witness.bears_out
 
 
 def test_an_honest_engine_leaves_nothing_as_the_step_falls(bench: MakeBench) -> None:
     found = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
-    assert found.converges
-    assert found.global_residual < 1e-6
+    assert found.witness.bears_out
+    assert found.witness.residual < 1e-6
 
 
 class Leaning(SymplecticEuler):
@@ -154,13 +156,13 @@ class Leaning(SymplecticEuler):
 
 def test_an_error_that_does_not_fall_with_the_step_is_a_finding(bench: MakeBench) -> None:
     found = study(bench(Leaning(step=2e-5)))
-    assert not found.converges
-    assert found.global_order < 0.5
+    assert not found.witness.bears_out
+    assert found.witness.order < 0.5
 
 
 def test_a_run_that_blows_up_is_not_finite(bench: MakeBench) -> None:
     found = study(bench(SymplecticEuler(step=2.0)))
-    assert not found.converges
+    assert not found.witness.bears_out
     assert found.steps_for == (None, None, None) or found.global_error > 1
 
 
