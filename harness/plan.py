@@ -225,7 +225,7 @@ class Plan:
             self._found.amend(key, linearization_failure=failure.reason)
             return ()
 
-        task = linearization_task(prepared, sidecar, key[-1])
+        task = linearization_task(prepared, sidecar, key[-1], self._options.resolution)
         return Job(task=Task(run_linearizations, task), done=done, failed=failed)
 
     def _audit(

@@ -76,6 +76,7 @@ class LinearizationTask:
     equilibria: tuple[Equilibrium, ...]
     amplitude: Array
     push: Array
+    resolution: float
 
 
 def case_task(
@@ -97,7 +98,9 @@ def case_task(
     )
 
 
-def linearization_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> LinearizationTask:
+def linearization_task(
+    prepared: Prepared, sidecar: Sidecar, engine: str, resolution: float
+) -> LinearizationTask:
     """Gather what the linearizations of one model in one engine need."""
     return LinearizationTask(
         system=prepared.system,
@@ -106,6 +109,7 @@ def linearization_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> Lin
         equilibria=prepared.equilibria,
         amplitude=prepared.amplitude,
         push=prepared.push,
+        resolution=resolution,
     )
 
 
@@ -142,7 +146,13 @@ def run_case(task: CaseTask) -> Case:
         verdict = with_residual(verdict, found.residual, motion, own, task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
     study = study_step(
-        model, coordinates, motion, power=task.power, amplitude=amplitude, claimed=claimed
+        model,
+        coordinates,
+        motion,
+        power=task.power,
+        amplitude=amplitude,
+        claimed=claimed,
+        agrees=verdict.outcome is Outcome.AGREES,
     )
     outcome, reason = with_full_runs(verdict, study, motion, claimed)
     if outcome is Outcome.FAILED:
@@ -197,6 +207,7 @@ def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ..
                 taylor=e.matrices,
                 amplitude=task.amplitude,
                 push=task.push,
+                resolution=task.resolution,
             )
         )
         for e in task.equilibria

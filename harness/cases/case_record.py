@@ -44,6 +44,8 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
         claimed_order=claimed,
         rungs=tuple(found.rungs),
         steps=int(found.steps),
+        map_residual=number(judged.map_residual),
+        map_uncertainty=number(judged.map_uncertainty),
     )
 
 
@@ -55,6 +57,7 @@ def full_run_record(study: StepStudy, shipped_step: float, integrator: str) -> F
         global_error=number(study.global_error),
         order=number(study.witness.order),
         residual=number(study.witness.residual),
+        resolved_until=number(study.witness.until),
         decomposition=_decomposition(study),
         steps_for=tuple(
             TargetStep(target=target, step=number(step))
@@ -156,6 +159,9 @@ def linearization_record(found: Found) -> EngineLinearization:
         poles=tuple(_pole(pole) for pole in found.poles),
         taylor_poles=tuple(_pole(pole) for pole in found.taylor_poles),
         transfer_error=number(found.transfer_error),
+        a_bound=number(found.a_bound),
+        b_bound=number(found.b_bound),
+        differs=found.differs,
         mode_similarity=number(found.shapes),
         frequencies=_row(found.frequencies, 5),
         response=tuple(_rows(matrix, 5) for matrix in found.response),

@@ -69,7 +69,8 @@ def _reservation(study: StepStudy, motion: Motion) -> str:
     if found.until <= 0:
         return (
             "the segments alone say so: no part of a run from start to end is resolved at the steps"
-            f" tried, which are coarse for a motion that multiplies differences by {found.growth:.1g}"
+            " tried, which are coarse for a motion that multiplies differences by"
+            f" {found.growth:.1g}"
         )
     return (
         f"a run from start to end bears it out until t = {found.until:.3g} s of"

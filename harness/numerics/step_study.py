@@ -59,12 +59,15 @@ def study_step(
     power: NumericFunction,
     amplitude: Array,
     claimed: int,
+    agrees: bool = True,
 ) -> StepStudy:
     """Run at the shipped step and its neighbours, and tell what the step costs.
 
     Args:
         amplitude: what errors are relative to, per component, (2n,), nowhere zero.
         claimed: order that the engine claims.
+        agrees: whether the segments agree: where runs don't bear that out, it is worth another run
+            to see whether the motion is to blame.
     """
     size = amplitude[: len(amplitude) // 2]
 
@@ -86,7 +89,7 @@ def study_step(
         quarter = runs[-1].h / 2, 2 * runs[-1].every
         together.append(beginning(model, coordinates, motion, *quarter, most=MOST_STEPS))
         found = witness(together, claimed, size, motion)
-    usable = follows(motion, shipped.h) and shipped.finite and runs[-1].finite
+    usable = agrees and follows(motion, shipped.h) and shipped.finite and runs[-1].finite
     if usable and not (found.bears_out and found.foretold):
         # Not what an honest engine's runs are; unless the motion is one that no run can follow.
         sensitive = sensitivity(model, coordinates, motion, runs[-1], claimed, amplitude)
