@@ -171,7 +171,7 @@ def witness(
     if sensitive is not None:
         ends = [sensitive.horizon(run.h) for run in (runs[max(len(runs) - 3, 0)], runs[0])]
     order, until = _order(runs[-2], runs[-1], size, ends[0])
-    until = min(until, first)
+    until = float(min(until, first))
     residual, increment = _residual(runs[-3:], until, claimed, size)
     left = increment + RESIDUAL
     if sensitive is not None:
