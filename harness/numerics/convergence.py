@@ -57,7 +57,6 @@ class Sensitivity:
         local: largest error e over a segment, relative to the amplitude, at `step`.
         step: seconds.
         order: of the method.
-        reference: largest error of the reference over a segment, and of rounding, likewise.
     """
 
     t: Array
@@ -66,7 +65,6 @@ class Sensitivity:
     local: float
     step: float
     order: int
-    reference: float
 
     def horizon(self, h: float) -> float:
         """Time until which the error of a run with step h is to be expected small."""
@@ -74,10 +72,10 @@ class Sensitivity:
         large = expected > SMALL
         return float(self.t[max(int(np.argmax(large)) - 1, 0)] if large.any() else self.t[-1])
 
-    def of_reference(self, until: float) -> float:
-        """What the reference's whole motion may be off by then, relative to the amplitude."""
+    def of_rounding(self, until: float) -> float:
+        """What an epsilon of the amplitude in every segment has become by then, relative to it."""
         share = (self.begun * self.growth)[self.t <= until]
-        return float(np.max(share, initial=0.0)) * self.reference
+        return float(np.max(share, initial=0.0)) * EPSILON
 
 
 def sensitivity(
@@ -111,7 +109,6 @@ def sensitivity(
         local=float(off) if math.isfinite(off) else math.inf,
         step=float(np.max(motion.lengths)) / 2,
         order=order,
-        reference=float(np.max(motion.bound / size)) + EPSILON,
     )
 
 
@@ -173,9 +170,11 @@ def witness(
     order, until = _order(runs[-2], runs[-1], size, ends[0])
     until = float(min(until, first))
     residual, increment = _residual(runs[-3:], until, claimed, size)
-    left = increment + RESIDUAL
+    times = runs[0].t[runs[0].t <= until]
+    known = motion.global_bound_at(times)[:, : len(size)] / size
+    left = increment + RESIDUAL + float(np.max(known, initial=0.0))
     if sensitive is not None:
-        left += sensitive.of_reference(until)
+        left += sensitive.of_rounding(until)
     nothing = sensitive is not None and not math.isfinite(order)
     low, high = claimed - SLACK, claimed + NEXT_ORDERS + SLACK
     rounded = min(largest(runs[0], size), largest(runs[-1], size)) <= ROUNDING

@@ -287,7 +287,6 @@ def multiplied(motion: Motion, rate: float) -> Sensitivity:
     times = np.linspace(0, motion.duration, 301)
     return Sensitivity(
         t=times, growth=np.exp(rate * times), begun=np.ones(301), local=1e-3, step=0.01, order=1,
-        reference=1e-15,
     )  # fmt: skip
 
 
