@@ -34,7 +34,7 @@ from harness.files.sidecar import Sidecar
 from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId, ModelKey
 from harness.records.coverage import Coverage
-from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.finding import Diagnosis
 from harness.records.journal import Kind, Work
 from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
@@ -202,7 +202,7 @@ class Plan:
             self._found.amend(key, linearization_failure=failure.reason)
             return ()
 
-        task = linearization_task(prepared, sidecar, key[-1])
+        task = linearization_task(prepared, sidecar, key[-1], self._options.resolution)
         job = Job(task=Task(run_linearizations, task), done=done, failed=failed)
         return self._found.once(self._work("linearizations", key), job)
 

@@ -69,7 +69,52 @@ class Compiled:
         for about, one in terms:
             seen.setdefault((one.kind, about), one)
         yield from seen.values()
-        yield from self._anywhere(any(f.severity == "finding" for f in seen.values()))
+        states, inputs = self._drawn()
+        yield from self._anywhere(
+            states, inputs, any(f.severity == "finding" for f in seen.values())
+        )
+        if self.accelerations.coordinates.redundant:
+            yield from self._off_the_map(states, inputs)
+
+    def _drawn(self) -> tuple[Array, Array]:
+        """Random states (DRAWS, 2n) and inputs, of the size of the system's motions."""
+        n = len(self.names)
+        random = np.random.default_rng(SEED)
+        # Positions that the motions pass, with velocities that they have elsewhere: drawn one by
+        # one, coordinates could be where the mechanism never is.
+        places, speeds = random.integers(0, len(self.task.states), (2, DRAWS))
+        states = np.hstack([self.task.states[places, :n], self.task.states[speeds, n:]])
+        return states, random.uniform(-1, 1, (DRAWS, len(self.task.push))) * self.task.push
+
+    def _off_the_map(self, states: Array, inputs: Array) -> Iterator[AuditFinding]:
+        """Each engine coordinate that leaves the coordinate map, where the equations hold it."""
+        found, scale = self.accelerations.off_the_map(states, inputs)
+        if not np.isfinite(found.value).all():
+            return  # said of the accelerations
+        model = self.accelerations.model
+        size = np.abs(found.value)
+        for j, name in enumerate(model.coordinates):
+            differing = size[:, j] > found.uncertainty[:, j]
+            if differing.any():
+                row = int(np.argmax(np.where(differing, size[:, j], 0.0)))
+                yield finding(
+                    "freedom",
+                    f"{name} accelerates with {found.value[row, j]:.6g} off the coordinate map, at"
+                    f" {self._at(states[row])} (one of {int(differing.sum())} of {DRAWS} random"
+                    " states): a freedom that the equations don't have",
+                    expected=0.0,
+                    found=float(found.value[row, j]),
+                )
+            elif (found.uncertainty[:, j] > RESOLVED * scale[j]).any():
+                yield finding(
+                    "unresolved",
+                    f"whether {name} keeps to the coordinate map is not resolved without motion",
+                    severity="note",
+                )
+
+    def _at(self, state: Array) -> str:
+        names = (*self.names, *(f"{x}_dot" for x in self.names))
+        return ", ".join(f"{name} = {x:.4g}" for name, x in zip(names, state, strict=True))
 
     def _reference(self, states: Array, inputs: Array) -> tuple[Array, Array]:
         """Mass matrices (B, n, n) and generalized forces (B, n) of the equations."""
@@ -210,15 +255,9 @@ class Compiled:
                 ),
             )
 
-    def _anywhere(self, known: bool) -> Iterator[AuditFinding]:
-        """Accelerations at random states and inputs, of the size of the system's motions."""
+    def _anywhere(self, states: Array, inputs: Array, known: bool) -> Iterator[AuditFinding]:
+        """Accelerations at random states and inputs."""
         n = len(self.names)
-        random = np.random.default_rng(SEED)
-        # Positions that the motions pass, with velocities that they have elsewhere: drawn one by
-        # one, coordinates could be where the mechanism never is.
-        places, speeds = random.integers(0, len(self.task.states), (2, DRAWS))
-        states = np.hstack([self.task.states[places, :n], self.task.states[speeds, n:]])
-        inputs = random.uniform(-1, 1, (DRAWS, len(self.task.push))) * self.task.push
         masses, forces = self._reference(states, inputs)
         wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
         found = self.accelerations.at(states, inputs, np.zeros((DRAWS, n)))
@@ -242,19 +281,13 @@ class Compiled:
             return
         share = np.where(differing, miss / np.where(scale > 0, scale, 1.0), 0.0)
         row, i = np.unravel_index(int(np.argmax(share)), share.shape)
-        at = ", ".join(
-            f"{name} = {value:.4g}"
-            for name, value in zip(
-                (*self.names, *(f"{x}_dot" for x in self.names)), states[row], strict=True
-            )
-        )
         here, there = float(found.value[row, i]), float(wanted[row, i])
         shown = _told_apart(here, there)
+        of = f"one of {int(differing.any(axis=1).sum())} of {DRAWS} random states"
         yield finding(
             "acceleration",
             f"{self.names[i]} accelerates with {shown[0]} in the model, {shown[1]}"
-            f" in the equations, at {at} (one of {int(differing.any(axis=1).sum())} of {DRAWS}"
-            " random states)",
+            f" in the equations, at {self._at(states[row])} ({of})",
             expected=there,
             found=here,
             severity="note" if known else "finding",

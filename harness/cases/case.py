@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -14,14 +15,18 @@ from harness.cases.case_record import (
     verdict_record,
 )
 from harness.cases.prepare import Equilibrium, Prepared
-from harness.cases.verdict import Verdict, judge
+from harness.cases.verdict import judge, with_residual
+from harness.cases.witness import with_full_runs
 from harness.engines.protocol import Model
 from harness.engines.registry import engines
+from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
-from harness.numerics.full_run import StepStudy, study_step
+from harness.numerics.full_run import why_no_run
 from harness.numerics.linearization import linearize_engine
 from harness.numerics.segments import Batch, BlownUpError, extrapolate
+from harness.numerics.step_study import study_step
+from harness.records.base import SourceLine
 from harness.records.case import Case, CaseId
 from harness.records.model import EngineLinearization
 from harness.records.outcome import FLOOR, Outcome
@@ -29,8 +34,9 @@ from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 from reference.system import System
 
-BLOWN_UP = 1e6
-"""Global errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""
+
+class StepError(ValueError):
+    """A shipped step at which nothing can be run; the message names file, place and remedy."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +76,7 @@ class LinearizationTask:
     equilibria: tuple[Equilibrium, ...]
     amplitude: Array
     push: Array
+    resolution: float
 
 
 def case_task(
@@ -91,7 +98,9 @@ def case_task(
     )
 
 
-def linearization_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> LinearizationTask:
+def linearization_task(
+    prepared: Prepared, sidecar: Sidecar, engine: str, resolution: float
+) -> LinearizationTask:
     """Gather what the linearizations of one model in one engine need."""
     return LinearizationTask(
         system=prepared.system,
@@ -100,6 +109,7 @@ def linearization_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> Lin
         equilibria=prepared.equilibria,
         amplitude=prepared.amplitude,
         push=prepared.push,
+        resolution=resolution,
     )
 
 
@@ -117,11 +127,13 @@ def run_case(task: CaseTask) -> Case:
     """Run and judge one case.
 
     Raises:
-        EngineError, SidecarError, BlownUpError: the case is FAILED with that message.
+        EngineError, SidecarError, BlownUpError, StepError: the case is FAILED with that message.
     """
     began = time.perf_counter()
     model, coordinates = load(task.system, task.sidecar, task.engine)
     motion = task.motion
+    if why := why_no_run(motion, model.step):
+        raise StepError(f"{_place_of_step(task.sidecar, task.engine)}: {why}")
     claimed = model.exponents(motion.varying)[0]
     batch = Batch.of(motion, task.scale)
     try:
@@ -129,11 +141,20 @@ def run_case(task: CaseTask) -> Case:
     except BlownUpError as error:
         raise BlownUpError(_warned(str(error), model)) from None
     verdict = judge(found.limit, motion, task.scale, task.components, claimed, task.resolution)
+    if found.residual is not None:
+        own = tuple(model.coordinates)
+        verdict = with_residual(verdict, found.residual, motion, own, task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
     study = study_step(
-        model, coordinates, motion, power=task.power, amplitude=amplitude, claimed=claimed
+        model,
+        coordinates,
+        motion,
+        power=task.power,
+        amplitude=amplitude,
+        claimed=claimed,
+        agrees=verdict.outcome is Outcome.AGREES,
     )
-    outcome, reason = _with_full_runs(verdict, study, claimed)
+    outcome, reason = with_full_runs(verdict, study, motion, claimed)
     if outcome is Outcome.FAILED:
         reason = _warned(reason, model)
     return Case(
@@ -163,26 +184,14 @@ def _warned(reason: str, model: Model) -> str:
     return "; the engine warns: ".join((reason, *model.warnings))
 
 
-def _with_full_runs(verdict: Verdict, study: StepStudy, claimed: int) -> tuple[Outcome, str]:
-    if not study.shipped.finite:
-        bad = study.shipped.t[~np.isfinite(study.shipped.states).all(axis=1)][0]
-        return Outcome.FAILED, (
-            f"at the shipped step of {study.shipped.h:g} s the motion is no longer finite at"
-            f" t = {bad:.4g} s"
-        )
-    if study.global_error > BLOWN_UP:
-        return Outcome.FAILED, (
-            f"at the shipped step of {study.shipped.h:g} s the motion blows up, to"
-            f" {study.global_error:.0e} of its amplitude; the step is too coarse for it"
-        )
-    if verdict.outcome is Outcome.AGREES and not study.converges:
-        return Outcome.UNRESOLVED, (
-            "every segment agrees, but a run from start to end does not converge to the motion"
-            f" (order {study.global_order:.2f} where {claimed} is claimed, global error"
-            f" {study.global_error:.1e}, {study.global_residual:.1e} of it left as the step falls):"
-            " something is carried from step to step"
-        )
-    return verdict.outcome, verdict.reason
+def _place_of_step(sidecar: Sidecar, engine: str) -> SourceLine:
+    """Where a model's step stands: in a line of its sidecar, or else in the file."""
+    if "step" not in sidecar.spec(engine).settings:
+        return SourceLine(file=str(sidecar.model))
+    own = engine in sidecar.engine_settings and "step" in sidecar.engine_settings[engine]
+    file = Path(f"{sidecar.model}.toml")
+    address = f"settings.{engine}.step" if own else "settings.step"
+    return SourceLine(file=str(file), line=line_of(file, address))
 
 
 def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ...]:
@@ -198,6 +207,7 @@ def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ..
                 taylor=e.matrices,
                 amplitude=task.amplitude,
                 push=task.push,
+                resolution=task.resolution,
             )
         )
         for e in task.equilibria

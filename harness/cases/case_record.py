@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from harness.cases.verdict import Verdict as Judgement
-from harness.numerics.full_run import TARGETS, StepStudy
 from harness.numerics.linearization import EngineLinearization as Found
 from harness.numerics.segments import Extrapolated
+from harness.numerics.step_study import TARGETS, StepStudy
 from harness.records.base import Number, Numbers, Rows, number, numbers, rows
 from harness.records.case import (
     CheckedStep,
@@ -44,6 +44,8 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
         claimed_order=claimed,
         rungs=tuple(found.rungs),
         steps=int(found.steps),
+        map_residual=number(judged.map_residual),
+        map_uncertainty=number(judged.map_uncertainty),
     )
 
 
@@ -53,8 +55,9 @@ def full_run_record(study: StepStudy, shipped_step: float, integrator: str) -> F
         shipped_step=number(shipped_step),
         integrator=integrator,
         global_error=number(study.global_error),
-        order=number(study.global_order),
-        residual=number(study.global_residual),
+        order=number(study.witness.order),
+        residual=number(study.witness.residual),
+        resolved_until=number(study.witness.until),
         decomposition=_decomposition(study),
         steps_for=tuple(
             TargetStep(target=target, step=number(step))
@@ -156,6 +159,9 @@ def linearization_record(found: Found) -> EngineLinearization:
         poles=tuple(_pole(pole) for pole in found.poles),
         taylor_poles=tuple(_pole(pole) for pole in found.taylor_poles),
         transfer_error=number(found.transfer_error),
+        a_bound=number(found.a_bound),
+        b_bound=number(found.b_bound),
+        differs=found.differs,
         mode_similarity=number(found.shapes),
         frequencies=_row(found.frequencies, 5),
         response=tuple(_rows(matrix, 5) for matrix in found.response),

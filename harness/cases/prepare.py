@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from harness.cases.system_record import system_record
-from harness.cases.verdict import component_scale
+from harness.cases.verdict import component_scale, filled
 from harness.files.reads import recorded
 from harness.records import system as records
 from reference.derive import derive
@@ -40,7 +40,7 @@ class Prepared:
     Attributes:
         motions: reference motion by scenario.
         scales: what a defect is relative to, by scenario, (2n,) each.
-        amplitude: largest magnitude over all scenarios, (2n,).
+        amplitude: largest magnitude over all scenarios, (2n,); nowhere zero.
         push: largest input over all scenarios, (inputs,).
         power: (energy, supplied, dissipated) of (q, v, u, (t,)).
         components: names of the state's components, positions then velocities.
@@ -86,17 +86,18 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
     names = [c.name for c in system.coordinates]
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
+    amplitude = filled(np.max([m.amplitude for m in motions.values()], axis=0))
     record = system_record(folder, equations, linear, motions, described=described)
     return Prepared(
         folder=folder,
         system=system,
         motions=motions,
         scales=scales,
-        amplitude=np.max([m.amplitude for m in motions.values()], axis=0),
+        amplitude=amplitude,
         push=np.where(push > 0, push, 1.0),
         power=equations.numeric_power,
         equilibria=tuple(Equilibrium(e.equilibrium, e.position, e.arrays) for e in linear),
-        variants=variants(equations, np.max([m.amplitude for m in motions.values()], axis=0)),
+        variants=variants(equations, amplitude),
         components=(*names, *(f"{name}_dot" for name in names)),
         record=msgspec.structs.replace(record, seconds=time.perf_counter() - began),
         reads=reads.names(),

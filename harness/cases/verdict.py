@@ -6,13 +6,14 @@ uncertainty is that of the extrapolation, its rounding and the reference.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from harness.numerics import judgement
 from harness.numerics.judgement import Judgement, Obstacle, obstacle
 from harness.numerics.ladder import EPSILON, Limit
+from harness.numerics.segments import Residual
 from harness.records.outcome import FLOOR, Outcome
 from reference.motion import Motion
 from reference.numeric import Array
@@ -31,7 +32,9 @@ class Verdict:
         component: the component they belong to, such as `x` or `theta_dot`.
         time: start of the segment with the largest defect, seconds.
         order: leading order seen on the segments' rungs; nan where rounding hides it.
-        reason: one sentence for whatever is not AGREES.
+        map_residual, map_uncertainty: E and U of the engine's coordinates against the coordinate
+            map, likewise, the largest; nan where the map leaves nothing open.
+        reason: one sentence for whatever is not AGREES, and for what does with a reservation.
     """
 
     outcome: Outcome
@@ -42,7 +45,27 @@ class Verdict:
     component: str
     time: float
     order: float
+    map_residual: float
+    map_uncertainty: float
     reason: str
+
+
+STILL = 1e-12
+"""A component that moves by less than this share of its like moves by rounding alone."""
+
+
+def filled(sizes: Array) -> Array:
+    """Sizes (2n,) of positions and velocities, nowhere zero.
+
+    One that rounding alone makes, as of a coordinate that nothing moves, is the largest of its
+    like; where none of these moves either, 1.
+    """
+    found = sizes.copy()
+    half = len(found) // 2
+    for part in (slice(0, half), slice(half, None)):
+        most = np.max(found[part])
+        found[part] = np.where(found[part] > STILL * most, found[part], most)
+    return np.where(found > 0, found, 1.0)
 
 
 def component_scale(motion: Motion, others: list[Motion]) -> Array:
@@ -52,11 +75,7 @@ def component_scale(motion: Motion, others: list[Motion]) -> Array:
     scale among the positions (or velocities).
     """
     reach = np.max([m.movement for m in others], axis=0) if others else motion.movement
-    scale: Array = np.maximum(motion.movement, FLOOR * reach)
-    half = len(scale) // 2
-    for part in (slice(0, half), slice(half, None)):
-        scale[part] = np.where(scale[part] > 0, scale[part], np.max(scale[part]))
-    return np.where(scale > 0, scale, 1.0)
+    return filled(np.maximum(motion.movement, FLOOR * reach))
 
 
 def judge(
@@ -67,7 +86,10 @@ def judge(
     claimed: int,
     resolution: float,
 ) -> Verdict:
-    """Judge the extrapolated segments of one scenario: `harness.numerics.judgement`."""
+    """Judge the extrapolated segments of one scenario: `harness.numerics.judgement`.
+
+    `with_residual` judges what the engine's coordinates leave of the map as well.
+    """
     defect = np.abs(limit.value - motion.end) / scale
     # Never below what a double resolves: a component at rest at zero has no rounding at all.
     uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
@@ -80,6 +102,8 @@ def judge(
             f" {found.discrepancy:.2e} of its movement off; the uncertainty there is"
             f" {found.uncertainty:.1e}"
         )
+    elif found.below_resolution:
+        reason = _below(component, time, found, resolution)
     elif found.obstacle is not None:
         reason = _unresolved(found, limit, time, component, claimed, resolution)
     return Verdict(
@@ -91,7 +115,73 @@ def judge(
         component=component,
         time=time,
         order=limit.order,
+        map_residual=float("nan"),
+        map_uncertainty=float("nan"),
         reason=reason,
+    )
+
+
+def with_residual(
+    verdict: Verdict, residual: Residual, motion: Motion, names: tuple[str, ...], resolution: float
+) -> Verdict:
+    """A verdict with that on the coordinate map's residual, whose reference is zero.
+
+    What leaves the map is a freedom that the equations don't have, or a constraint that has let go:
+    it shows in no motion that is read back.
+
+    Args:
+        names: of the engine's coordinates, nz.
+    """
+    limit, scale = residual.limit, residual.scale
+    defect = np.abs(limit.value) / scale
+    uncertainty = np.maximum(limit.uncertainty / scale, EPSILON)
+    found = judgement.judge(defect, uncertainty, resolution, None)
+    component = (*names, *(f"{name}_dot" for name in names))[found.component]
+    time, segment = float(motion.t[found.segment]), found.segment
+    known = replace(
+        verdict,
+        map_residual=found.largest_discrepancy,
+        map_uncertainty=found.largest_uncertainty,
+    )
+    worse = found.outcome.severity > verdict.outcome.severity
+    if found.outcome is Outcome.DIFFERS:
+        off = float(np.abs(limit.value[segment, found.component]))
+        told = (
+            f"engine coordinate {component} leaves the coordinate map by {off:.3g} over the segment"
+            f" at t = {time:.4g} s (relative {found.discrepancy:.2e}, uncertainty"
+            f" {found.uncertainty:.1e}): the model has a freedom that the equations don't have, or"
+            " its constraint does not hold"
+        )
+    elif found.outcome is Outcome.UNRESOLVED:
+        told = (
+            f"whether engine coordinate {component} keeps to the coordinate map is known to"
+            f" {found.uncertainty:.1e} at best, near t = {time:.4g} s, where {resolution:.0e} was"
+            " asked: its constraint gives way to every step in another way"
+        )
+    elif found.below_resolution:
+        told = _below(f"engine coordinate {component}", time, found, resolution)
+    else:
+        return known
+    if not worse:
+        return replace(known, reason="; ".join(part for part in (verdict.reason, told) if part))
+    return replace(
+        known,
+        outcome=found.outcome,
+        discrepancy=found.discrepancy,
+        uncertainty=found.uncertainty,
+        largest_discrepancy=max(verdict.largest_discrepancy, found.largest_discrepancy),
+        largest_uncertainty=max(verdict.largest_uncertainty, found.largest_uncertainty),
+        component=component,
+        time=time,
+        reason=told,
+    )
+
+
+def _below(what: str, time: float, found: Judgement, resolution: float) -> str:
+    """What is said of a difference that is measurable and was not asked for."""
+    return (
+        f"{what} differs at {found.discrepancy:.0e}, below the resolution asked, {resolution:.0e}"
+        f" (segment at t = {time:.4g} s, uncertainty {found.uncertainty:.0e})"
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import RUNGS
+from harness.numerics.ladder import EPSILON, RUNGS
 from harness.numerics.segments import Batch, extrapolate, limits_alone, over, spread
 from reference.motion import Motion
 from reference.numeric import Array
@@ -86,6 +86,26 @@ def engine_ends(
         values.append((found.value / scale).ravel())
         uncertainties.append((found.uncertainty / scale).ravel())
     return np.concatenate(values), np.concatenate(uncertainties)
+
+
+def freedoms(
+    model: Model, coordinates: CoordinateMap, samples: Sequence[Sample]
+) -> tuple[str, ...]:
+    """The engine's coordinates that leave the coordinate map, where the equations hold them.
+
+    Raises:
+        BlownUpError: where the engine returns values that are not finite.
+    """
+    names, free = tuple(model.coordinates), set[int]()
+    for batch, _ in _batches(samples):
+        found = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).residual
+        if found is None:
+            return ()
+        limit = found.limit
+        known = np.maximum(limit.uncertainty, EPSILON * found.scale)
+        columns = np.flatnonzero((np.abs(limit.value) > known).any(axis=0))
+        free |= {int(column) % len(names) for column in columns}
+    return tuple(names[i] for i in sorted(free))
 
 
 def quick_ends(

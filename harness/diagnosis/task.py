@@ -16,7 +16,7 @@ from harness.diagnosis.diagnose import Ranking, diagnose
 from harness.diagnosis.fit import Fit
 from harness.diagnosis.hypotheses import TrialModel, everything
 from harness.diagnosis.hypotheses.trial import scratch
-from harness.diagnosis.samples import engine_ends, reference_ends, sample_segments
+from harness.diagnosis.samples import engine_ends, freedoms, reference_ends, sample_segments
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
 from harness.numerics.ladder import EPSILON
@@ -59,13 +59,26 @@ def diagnosis_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> Diagnos
 def diagnose_model(task: DiagnosisTask) -> Diagnosis:
     """Name the cause of a model's discrepancy, from its motions alone.
 
+    A freedom that the equations don't have has no value that could be fitted: it is named where no
+    cause explains the motion, or nothing of it shows in what is read back.
+
     Raises:
         EngineError, SidecarError, LocationError, BlownUpError: naming what could not be run.
     """
     began = time.perf_counter()
     with trial_model(task) as (whole, uncertainty):
-        ranking = diagnose(whole, uncertainty)
+        shows = bool(np.any(np.abs(whole.defect({})) > uncertainty))
+        ranking = diagnose(whole, uncertainty) if shows else Ranking((), False, 1.0)
+        free: tuple[str, ...] = ()
+        if not ranking.explained:
+            free = freedoms(whole.model, whole.coordinates, whole.samples)
         corrected = correct_motion(whole, task.motions, ranking)
+    if free:
+        return Diagnosis(
+            failure="the model has a freedom that the equations don't have, or a constraint that"
+            f" does not hold: {', '.join(free)}",
+            seconds=time.perf_counter() - began,
+        )
     return Diagnosis(
         explained=ranking.explained,
         explanations=tuple(explanation(fit) for fit in ranking.fits[:RECORDED]),

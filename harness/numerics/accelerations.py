@@ -8,6 +8,7 @@ from step to step: that difference is part of the uncertainty.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import RUNGS, weights
 from harness.numerics.rounding import with_companions
-from harness.numerics.segments import BlownUpError, Observable, climb
+from harness.numerics.segments import LEAST_SHARE, BlownUpError, Observable, climb
 from reference.numeric import Array
 
 STEPS = range(4, 9)
@@ -46,6 +47,22 @@ class Estimate:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Velocities:
+    """Which velocities are looked at: C of them.
+
+    Attributes:
+        of: from engine positions and velocities, (B, nz) each, near states (B, 2n) -> (B, C).
+        speed: what counts as one, (C,), nowhere zero.
+        rounding_scale: how far one unit of relative rounding moves each position, and velocity, of
+            which they are, (2C,).
+    """
+
+    of: Callable[[Array, Array, Array], Array]
+    speed: Array
+    rounding_scale: Array
+
+
+@dataclass(frozen=True, kw_only=True)
 class Accelerations:
     """What measures accelerations: a loaded model, its map, and the size of the system's motions.
 
@@ -64,11 +81,41 @@ class Accelerations:
 
         A model far quicker than its equations, by a wrong literal, is given shorter steps.
         """
+        n = len(self.speed)
+        own = Velocities(
+            of=lambda z, w, near: self.coordinates.from_engine(z, w, near)[:, n:],
+            speed=self.speed,
+            rounding_scale=self.coordinates.rounding_scale(*self.coordinates.to_engine(states)),
+        )
+        return self._resolved(own, states, inputs, forces)
+
+    def off_the_map(self, states: Array, inputs: Array) -> tuple[Estimate, Array]:
+        """Accelerations (B, nz) with which the engine's coordinates leave the coordinate map.
+
+        The equations' are zero. With them what counts as one, (nz,).
+        """
+        z, w = self.coordinates.to_engine(states)
+        nz = z.shape[1]
+        quick = np.max(np.abs(w), axis=0)
+        quick = np.maximum(quick, LEAST_SHARE * np.max(quick))
+        left = Velocities(
+            of=lambda z, w, near: self._residual(z, w, near)[:, nz:],
+            speed=np.where(quick > 0, quick, 1.0),
+            rounding_scale=self.coordinates.residual_rounding_scale(z, w),
+        )
+        found = self._resolved(left, states, inputs, np.zeros((len(states), len(self.speed))))
+        return found, left.speed * self.fastest
+
+    def _residual(self, z: Array, w: Array, near: Array) -> Array:
+        return self.coordinates.residual(z, w, self.coordinates.from_engine(z, w, near))
+
+    def _resolved(self, of: Velocities, states: Array, inputs: Array, forces: Array) -> Estimate:
+        """With steps as short as it takes to resolve every acceleration."""
         best: Estimate | None = None
         least = np.inf
         for fastest in (self.fastest * quicker for quicker in QUICKER):
-            found = self._over(states, inputs, forces, fastest)
-            size = np.maximum(np.nan_to_num(np.abs(found.value)), self.speed * self.fastest)
+            found = self._over(of, states, inputs, forces, fastest)
+            size = np.maximum(np.nan_to_num(np.abs(found.value)), of.speed * self.fastest)
             worst = float(np.max(found.uncertainty / size))
             if best is None or worst < least:
                 best, least = found, worst
@@ -77,7 +124,9 @@ class Accelerations:
         assert best is not None
         return best
 
-    def _over(self, states: Array, inputs: Array, forces: Array, fastest: float) -> Estimate:
+    def _over(
+        self, of: Velocities, states: Array, inputs: Array, forces: Array, fastest: float
+    ) -> Estimate:
         """The forces on the engine's coordinates are those at the start: as h -> 0 no others."""
         n = len(self.speed)
         z, w = self.coordinates.to_engine(states)
@@ -96,7 +145,7 @@ class Accelerations:
             h = longest / rung
             ends_z, ends_w = self.model.rollout(starts.z, starts.w, h, last, held, 1)
             velocities = [
-                self.coordinates.from_engine(ends_z[:, k - 1], ends_w[:, k - 1], near)[:, n:]
+                of.of(ends_z[:, k - 1], ends_w[:, k - 1], near)
                 for k in range(STEPS[0] - 1, last + 1)
             ]
             found = np.diff(velocities, axis=0) / h
@@ -105,20 +154,21 @@ class Accelerations:
             return latest
 
         # Rounding: of the velocities, in differences over steps as short as the last rung's.
-        size = self.coordinates.rounding_scale(z, w)
-        rounded = size[n:] + self.speed * SHARE + size[:n] * fastest
+        count = len(of.speed)
+        size = of.rounding_scale
+        rounded = size[count:] + of.speed * SHARE + size[:count] * fastest
         observable = Observable(
             at=changes,
             starts=starts,
             exponents=(1, 1),
             rounding_scale=rounded / longest * np.sqrt(LADDER[-1]),
-            scale=self.speed * self.fastest,
+            scale=of.speed * self.fastest,
             where=lambda row, rung: f"from state {row}, in steps of {longest / rung:.3g} s",
         )
         try:
             limit = climb(observable, LADDER).limit
         except BlownUpError:
-            bad = np.full((len(states), n), np.nan)
+            bad = np.full((len(states), count), np.nan)
             return Estimate(value=bad, uncertainty=np.full_like(bad, np.inf))
         each = np.tensordot(weights(LADDER, (1, 1)), np.stack(by_step), axes=1)
         carried = np.max(np.abs(each - each[-1]), axis=0)

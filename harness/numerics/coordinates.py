@@ -67,6 +67,31 @@ class CoordinateMap:
                 states[:, i] = np.unwrap(states[:, i])
         return states
 
+    @property
+    def redundant(self) -> bool:
+        """Whether there are more engine coordinates than the system has.
+
+        As many as it has leave nothing of the map: it is one to one.
+        """
+        return self.forward.size > self.back.size
+
+    def residual(self, z: Array, w: Array, states: Array) -> Array:
+        """What z and w leave of the map at the states (B, 2n) read from them: (B, 2nz).
+
+        Zero as long as constraints hold what the equations take to be held.
+        """
+        own_z, own_w = self.to_engine(states)
+        return np.concatenate([z - own_z, w - own_w], axis=1)
+
+    def residual_rounding_scale(self, z: Array, w: Array) -> Array:
+        """How far one unit of relative rounding in z and w moves each residual, (2nz,)."""
+        n = self.back.size
+        there = np.abs(self.forward_slope(self.back(z))).reshape(len(z), -1, n)
+        back = np.abs(self.back_slope(z)).reshape(len(z), n, -1)
+        own = [np.abs(a) for a in (z, w)]
+        moved = [a + np.einsum("bzn,bny,by->bz", there, back, a) for a in own]
+        return np.concatenate([np.max(a, axis=0) for a in moved])
+
     def drift(self, z: Array) -> float:
         """Largest |z - Z(R(z))|: how far the engine's constraints have let go."""
         return float(np.max(np.abs(z - self.forward(self.back(z))), initial=0.0))

@@ -1,8 +1,10 @@
 """The rule by which limits are judged: beside a system's equations, or beside another model.
 
-Where E > U a model differs; where U is below the resolution and E below U it agrees; where neither
-can be said it is unresolved. A segment is judged by its own uncertainty: one that could not be
-resolved doesn't hide one that was. What is said of it, in words, is each room's own.
+Where E > U, and E + U is above the resolution, a model differs; where U is below the resolution
+and nothing differs it agrees; where neither can be said it is unresolved. A segment is judged by
+its own uncertainty: one that could not be resolved doesn't hide one that was. What is measurable
+and below the resolution agrees, and is told all the same. What is said of it, in words, is each
+room's own.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.numerics.ladder import Limit
 from harness.records.outcome import Outcome
@@ -36,6 +39,7 @@ class Judgement:
         obstacle: why it is unresolved.
         segment, component: where it shows most.
         discrepancy, uncertainty: E and U of that component, relative; where it differs, there.
+        below_resolution: whether it agrees although E > U there, since E + U was not asked for.
         largest_discrepancy, largest_uncertainty: over all segments and components.
     """
 
@@ -45,6 +49,7 @@ class Judgement:
     component: int
     discrepancy: float
     uncertainty: float
+    below_resolution: bool
     largest_discrepancy: float
     largest_uncertainty: float
 
@@ -72,21 +77,29 @@ def judge(
         )
     with np.errstate(invalid="ignore"):
         ratio = np.where(np.isfinite(uncertainty), defect / uncertainty, 0.0)
-    component = int(np.argmax(np.max(ratio, axis=0)))
-    differing = ratio[:, component] > 1
     both = defect, uncertainty
+    measurable = ratio > 1
+    differing = measurable & (defect + uncertainty > resolution)
     if differing.any():
-        segment = int(np.argmax(np.where(differing, defect[:, component], -1.0)))
-        return _judgement(Outcome.DIFFERS, (segment, component), both)
+        return _judgement(Outcome.DIFFERS, _most_telling(ratio, defect, differing), both)
     worst = _place(uncertainty)
     if uncertainty[worst] > resolution:
         known = bool(np.isfinite(uncertainty[worst]))
         here = Obstacle.COARSE if known else Obstacle.DIVERGES_HERE
         return _judgement(Outcome.UNRESOLVED, worst, both, here)
+    if measurable.any():
+        return _judgement(Outcome.AGREES, _most_telling(ratio, defect, measurable), both)
     largest = np.max(defect, axis=0), np.max(uncertainty, axis=0)
     component = int(np.argmax(largest[0] / largest[1]))
     segment = int(np.argmax(defect[:, component]))
     return _judgement(Outcome.AGREES, (segment, component), both)
+
+
+def _most_telling(ratio: Array, defect: Array, chosen: NDArray[np.bool_]) -> tuple[int, int]:
+    """Of the chosen, the component with the largest E/U, and its segment with the largest E."""
+    component = int(np.argmax(np.max(np.where(chosen, ratio, 0.0), axis=0)))
+    segment = int(np.argmax(np.where(chosen[:, component], defect[:, component], -1.0)))
+    return segment, component
 
 
 def _judgement(
@@ -98,7 +111,8 @@ def _judgement(
     defect, uncertainty = values
     segment, component = at
     # What differs is told where it does; else a component's largest E and largest U.
-    rows = slice(segment, segment + 1) if outcome is Outcome.DIFFERS else slice(None)
+    there = bool(defect[at] > uncertainty[at])
+    rows = slice(segment, segment + 1) if there else slice(None)
     return Judgement(
         outcome=outcome,
         obstacle=obstacle,
@@ -106,6 +120,7 @@ def _judgement(
         component=component,
         discrepancy=float(np.nanmax(defect[rows, component])),
         uncertainty=float(np.max(uncertainty[rows, component])),
+        below_resolution=there and outcome is Outcome.AGREES,
         largest_discrepancy=float(np.nanmax(defect)),
         largest_uncertainty=float(np.max(uncertainty)),
     )

@@ -43,6 +43,9 @@ class EngineLinearization:
         poles: the engine's eigenvalues, sorted like `taylor_poles`.
         transfer_error: largest difference of the transfer functions from Taylor's over the grid of
             frequencies, relative to the largest value there; nan without inputs.
+        a_bound, b_bound: largest uncertainty of any entry, relative to the largest entry.
+        differs: whether what the engine makes of a state over a short segment differs from what
+            Taylor's matrices make of it, by more than is uncertain, and than was asked for.
         frequencies: that grid, rad/s.
         response, taylor_response: |transfer function|, (frequencies, outputs, inputs).
         shapes: smallest modal assurance criterion between paired eigenvectors; 1 is equal.
@@ -58,6 +61,9 @@ class EngineLinearization:
     poles: tuple[complex, ...]
     taylor_poles: tuple[complex, ...]
     transfer_error: float
+    a_bound: float
+    b_bound: float
+    differs: bool
     frequencies: Array
     response: Array
     taylor_response: Array
@@ -73,6 +79,7 @@ def linearize_engine(
     taylor: Mapping[str, Array],
     amplitude: Array,
     push: Array,
+    resolution: float,
 ) -> EngineLinearization:
     """Linearize an engine's model about an equilibrium, and compare.
 
@@ -81,6 +88,7 @@ def linearize_engine(
         taylor: A, B, Cy, D of the Taylor linearization.
         amplitude: size of the system's motions, per component, (2n,).
         push: size of its inputs, (inputs,).
+        resolution: share of the largest entry from which on a difference counts.
     """
     a, b = taylor["A"], taylor["B"]
     fastest = max(float(np.max(np.abs(np.linalg.eigvals(a)))), 1e-6)
@@ -117,6 +125,9 @@ def linearize_engine(
         poles=poles,
         taylor_poles=taylor_poles,
         transfer_error=transfer_error,
+        a_bound=_share(uncertainty[:size, :size], a),
+        b_bound=_share(uncertainty[:size, size:], b),
+        differs=_differs(transition, a, b, length, resolution),
         frequencies=frequencies,
         response=on_axis[0],
         taylor_response=on_axis[1],
@@ -189,9 +200,32 @@ def _response(a: Array, b: Array, c: Array, d: Array, line: Complex) -> Complex:
 
 
 def _relative(found: Array, wanted: Array) -> float:
+    return _share(np.abs(found - wanted), wanted)
+
+
+def _share(values: Array, wanted: Array) -> float:
+    """The largest of the values, relative to the largest entry; absolute where all are zero."""
     if not wanted.size:
         return 0.0
-    return float(np.max(np.abs(found - wanted)) / np.max(np.abs(wanted)))
+    return float(np.max(values) / (np.max(np.abs(wanted)) or 1.0))
+
+
+def _differs(transition: Estimate, a: Array, b: Array, length: float, resolution: float) -> bool:
+    """Whether a transition is another one than Taylor's, which has a limit where no logarithm does.
+
+    The rule of `harness.numerics.judgement`, by entries. A share of A's or B's largest entry counts
+    as that share of what it makes of a state over the segment.
+    """
+    size, columns = len(a), len(transition.value)
+    both = np.zeros((columns, columns))
+    both[:size, :size], both[:size, size:] = a, b
+    wanted = scipy.linalg.expm(both * length)
+    makes = [np.max(np.abs(one), initial=0.0) or 1.0 for one in (a, b)]
+    scale = length * np.repeat(makes, [size, columns - size])
+    # Rounding of Taylor's own, in doubles as they are.
+    error = (transition.uncertainty + 16 * EPSILON * np.abs(wanted))[:size] / scale
+    off = np.abs(transition.value - wanted)[:size] / scale
+    return bool(np.any((off > error) & (off + error > resolution)))
 
 
 def _pair(found: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[complex, ...], float]:

@@ -8,14 +8,14 @@ rung after rung and takes the limit, of ends for `extrapolate` and of velocity c
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
+from harness.numerics.ladder import EPSILON, FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
 from harness.numerics.rounding import Starts, with_companions, without_companions
 from reference.motion import Motion, Span
 from reference.numeric import Array
@@ -95,6 +95,22 @@ def held(values: Array) -> StepInputs:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Residual:
+    """What the engine's coordinates leave of the map at the ends of K segments, as h -> 0.
+
+    The equations' is zero: see `CoordinateMap.residual`.
+
+    Attributes:
+        limit: of positions, then velocities, (K, 2nz).
+        scale: what counts as one: how far each moves over a segment at most by the map, floored by
+            its like; the largest of these where the map holds one still, (2nz,).
+    """
+
+    limit: Limit
+    scale: Array
+
+
+@dataclass(frozen=True, kw_only=True)
 class Extrapolated:
     """Every segment of a batch, extrapolated.
 
@@ -103,12 +119,14 @@ class Extrapolated:
         raw: ends at each rung, (M, K, c).
         rungs: step counts of `raw`.
         steps: engine steps taken, the companions' included.
+        residual: of the coordinate map; None where that leaves nothing open.
     """
 
     limit: Limit
     raw: Array
     rungs: tuple[int, ...]
     steps: int
+    residual: Residual | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,9 +168,13 @@ def extrapolate(
     Raises:
         BlownUpError: where the engine returns values that are not finite.
     """
-    z, w = coordinates.to_engine(batch.states)
-    observable = _ends(model, coordinates, batch, with_companions(z, w))
-    return climb(observable, rungs, resolution)
+    starts = with_companions(*coordinates.to_engine(batch.states))
+    left: list[Array] = []
+    observable = _ends(model, coordinates, batch, starts, left)
+    found = climb(observable, rungs, resolution)
+    if batch.ends is None or not coordinates.redundant:
+        return found
+    return replace(found, residual=_residual(coordinates, batch, starts, found.rungs, left))
 
 
 def limits_alone(
@@ -163,9 +185,8 @@ def limits_alone(
     Raises:
         BlownUpError: where the engine returns values that are not finite.
     """
-    observable = _ends(
-        model, coordinates, batch, without_companions(*coordinates.to_engine(batch.states))
-    )
+    starts = without_companions(*coordinates.to_engine(batch.states))
+    observable = _ends(model, coordinates, batch, starts, [])
     values = list(_rungs(observable, rungs))  # no companions are among them
     limit: Array = np.tensordot(weights(rungs, observable.exponents), np.stack(values), axes=1)
     return limit
@@ -225,8 +246,15 @@ def _rungs(o: Observable, rungs: Sequence[int]) -> Iterator[Array]:
         yield found
 
 
-def _ends(model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts) -> Observable:
-    """The ends of all segments."""
+def _ends(
+    model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, left: list[Array]
+) -> Observable:
+    """The ends of all segments; what each rung leaves of the coordinate map is added to `left`."""
+
+    def at(rung: int) -> Array:
+        ends, residual = run_rung(model, coordinates, batch, starts, rung)
+        left.append(residual)
+        return ends
 
     def where(row: int, rung: int) -> str:
         length = batch.lengths[row]
@@ -236,7 +264,7 @@ def _ends(model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts
 
     size = starts.count
     return Observable(
-        at=lambda rung: run_rung(model, coordinates, batch, starts, rung),
+        at=at,
         starts=starts,
         exponents=model.exponents(batch.varying),
         rounding_scale=coordinates.rounding_scale(starts.z[:size], starts.w[:size]),
@@ -248,11 +276,16 @@ def _ends(model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts
 
 def run_rung(
     model: Model, coordinates: CoordinateMap, batch: Batch, starts: Starts, rung: int
-) -> Array:
-    """Ends (K + 2P, c) of all segments and companions, in `rung` steps from `starts`."""
+) -> tuple[Array, Array]:
+    """Ends (K + 2P, c) of all segments and companions, in `rung` steps from `starts`.
+
+    With them what they leave of the coordinate map, (K + 2P, 2nz); no columns where that leaves
+    nothing open.
+    """
     near = batch.states if batch.ends is None else batch.ends
     lengths = batch.lengths[starts.rows]
     ends = np.empty((len(lengths), near.shape[1]))
+    residual = np.zeros((len(lengths), 2 * starts.z.shape[1] if coordinates.redundant else 0))
     for length in np.unique(lengths):
         chosen = lengths == length
         rows, z, w = starts.rows[chosen], starts.z[chosen], starts.w[chosen]
@@ -260,7 +293,53 @@ def run_rung(
         force = coordinates.force(inputs)
         end_z, end_w = model.rollout(z, w, float(length) / rung, rung, force, rung)
         ends[chosen] = coordinates.from_engine(end_z[:, 0], end_w[:, 0], near[rows])
-    return ends
+        if coordinates.redundant:
+            residual[chosen] = coordinates.residual(end_z[:, 0], end_w[:, 0], ends[chosen])
+    return ends, residual
+
+
+def _residual(
+    coordinates: CoordinateMap,
+    batch: Batch,
+    starts: Starts,
+    rungs: tuple[int, ...],
+    left: Sequence[Array],
+) -> Residual:
+    """The limit of what the rungs left of the coordinate map.
+
+    Extrapolated with the exponents 1, 2, 3, ..., which hold whatever the engine claims of a motion:
+    what holds a constraint may be of a lower order, and as stiff as the step allows.
+    """
+    assert batch.ends is not None
+    count = starts.count
+    ends = np.stack(left)[:, :count]
+    finite: NDArray[np.bool_] = np.array([np.isfinite(one).all() for one in ends.swapaxes(0, 1)])
+    moved = [np.concatenate(coordinates.to_engine(a), axis=1) for a in (batch.ends, batch.states)]
+    scale = _held_scale(*moved)
+    rounding = coordinates.residual_rounding_scale(starts.z[:count], starts.w[:count])
+    limit = limits(
+        list(np.where(finite[:, None], ends, 0.0)),
+        rungs,
+        (1, 1),
+        scale,
+        np.maximum(rounding, scale),
+        [starts.observed_rounding(one) for one in left],
+    )
+    limit.uncertainty[~finite] = np.inf
+    return Residual(limit=limit, scale=scale)
+
+
+def _held_scale(ends: Array, starts: Array) -> Array:
+    """What counts as one of engine coordinates, (2nz,): `movement`, and where the map holds one
+    still the largest of its like.
+    """
+    scale = movement(ends, starts)
+    moved = np.max(np.abs(ends - starts), axis=0)
+    half = len(scale) // 2
+    for part in (slice(0, half), slice(half, None)):
+        still = moved[part] <= EPSILON * scale[part]
+        scale[part] = np.where(still, np.max(scale[part]), scale[part])
+    return scale
 
 
 def movement(ends: Array, starts: Array) -> Array:

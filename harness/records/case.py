@@ -66,6 +66,9 @@ class Verdict(Record, frozen=True, kw_only=True):
             where rounding hides it) and as the engine claims.
         rungs: step counts of the ladder.
         steps: engine steps taken.
+        map_residual, map_uncertainty: by how much the engine's coordinates leave the coordinate map
+            at most, and how sure that is, relative to how far they move; None where the map leaves
+            nothing open.
     """
 
     discrepancy: Number
@@ -78,6 +81,8 @@ class Verdict(Record, frozen=True, kw_only=True):
     claimed_order: Count
     rungs: tuple[Count, ...]
     steps: Count
+    map_residual: Number = None
+    map_uncertainty: Number = None
 
 
 class ErrorDecomposition(Record, frozen=True, kw_only=True):
@@ -132,6 +137,7 @@ class FullRun(Record, frozen=True, kw_only=True):
         global_error: largest position error at the shipped step, relative to the amplitude.
         order: observed order of it.
         residual: what is left of it as the step falls, by extrapolation.
+        resolved_until: end of the stretch on which order and residual were read, seconds.
         decomposition: None where the error is not small.
         steps_for: steps that would give 1 %, 0.1 % and 0.01 %.
         checked_step: None where none was run.
@@ -144,6 +150,7 @@ class FullRun(Record, frozen=True, kw_only=True):
     global_error: Number
     order: Number
     residual: Number
+    resolved_until: Number = None
     decomposition: ErrorDecomposition | None
     steps_for: tuple[TargetStep, ...]
     checked_step: CheckedStep | None
@@ -246,7 +253,7 @@ class Case(Record, frozen=True, kw_only=True):
         system, model, scenario, engine: its name, as in `CaseId`.
         folder: of the system.
         outcome: what became of it.
-        reason: a sentence for whatever is not AGREES.
+        reason: a sentence for whatever is not AGREES, and for what AGREES with a reservation.
         accepted: the reason for which a known difference is accepted; empty where none is.
         stdout: what a failed case printed.
         seconds: that it took, of wall-clock time.

@@ -31,6 +31,9 @@ class EngineLinearization(Record, frozen=True, kw_only=True):
         equilibrium: its name.
         a, b: the engine's matrices, states in the order of the components.
         a_error, b_error: largest difference from Taylor's in any entry, relative to the largest.
+        a_bound, b_bound: largest uncertainty of any entry, likewise; None where there is no limit.
+        differs: whether what the engine makes of a state over a short segment differs from what
+            Taylor's matrices make of it, by more than is uncertain, and than the resolution asked.
         poles, taylor_poles: paired.
         transfer_error: largest difference of the transfer functions, relative to the largest value;
             None without inputs.
@@ -44,6 +47,9 @@ class EngineLinearization(Record, frozen=True, kw_only=True):
     b: Rows
     a_error: Number
     b_error: Number
+    a_bound: Number = None
+    b_bound: Number = None
+    differs: bool = False
     poles: tuple[EnginePole, ...]
     taylor_poles: tuple[EnginePole, ...]
     transfer_error: Number
@@ -100,8 +106,17 @@ class Model(Record, frozen=True, kw_only=True):
 
     @property
     def findings(self) -> tuple[AuditFinding, ...]:
-        """What the audit found wrong; notes are left out."""
-        return tuple(one for one in self.audit or () if one.severity == "finding")
+        """What is wrong without any motion; notes are left out.
+
+        What the audit found, and each linearization that is not Taylor's.
+        """
+        audit = (one for one in self.audit or () if one.severity == "finding")
+        return (*audit, *(_other_linearization(one) for one in self.linearization_differs))
+
+    @property
+    def linearization_differs(self) -> tuple[EngineLinearization, ...]:
+        """The linearizations that are not Taylor's."""
+        return tuple(one for one in self.linearizations if one.differs)
 
     @property
     def failures(self) -> tuple[tuple[str, str], ...]:
@@ -116,5 +131,23 @@ class Model(Record, frozen=True, kw_only=True):
 
     @property
     def passes(self) -> bool:
-        """Whether all was done, and the audit finds nothing, or what it finds is accepted."""
+        """Whether all was done, and nothing was found, or what was found is accepted."""
         return not self.failures and (bool(self.accepted) or not self.findings)
+
+
+def _other_linearization(one: EngineLinearization) -> AuditFinding:
+    parts = [
+        f"{name} by {error:.1e} of its largest entry"
+        + ("" if bound is None else f" (uncertainty {bound:.0e})")
+        for name, error, bound in (("A", one.a_error, one.a_bound), ("B", one.b_error, one.b_bound))
+        if error
+    ]
+    return AuditFinding(
+        kind="linearization",
+        message=f"the engine's own linearization about {one.equilibrium!r} is not Taylor's: it"
+        f" differs in {' and in '.join(parts)}",
+        where=None,
+        expected=None,
+        found=None,
+        severity="finding",
+    )

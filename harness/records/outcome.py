@@ -30,9 +30,9 @@ class Outcome(StrEnum):
 
 
 _MEANINGS = {
-    Outcome.AGREES: "no difference beyond the uncertainty, and that is below the resolution",
+    Outcome.AGREES: "no difference beyond the uncertainty, or none above the resolution asked",
     Outcome.ABSENT: "the engine is not installed; nothing was tested",
     Outcome.UNRESOLVED: "no difference that could be told from the uncertainty, which is too large",
-    Outcome.DIFFERS: "a difference larger than its uncertainty: the model is another one",
+    Outcome.DIFFERS: "a difference beyond uncertainty and resolution: the model is another one",
     Outcome.FAILED: "it could not be run to its end",
 }

@@ -20,10 +20,10 @@ from harness.report.text import quantity, shown, slug
 from harness.text.table import summary
 
 MEANINGS = {
-    Outcome.AGREES: "no difference beyond the uncertainty, and that is below the resolution",
+    Outcome.AGREES: "no difference beyond the uncertainty, or none above the resolution asked",
     Outcome.ABSENT: "the engine is not installed; nothing was tested",
     Outcome.UNRESOLVED: "no difference that could be told from the uncertainty, which is too large",
-    Outcome.DIFFERS: "a difference larger than its uncertainty: the model is another one",
+    Outcome.DIFFERS: "a difference beyond uncertainty and resolution: the model is another one",
     Outcome.FAILED: "it could not be run to its end",
 }
 

@@ -17,7 +17,7 @@ def failure_message(
 ) -> str:
     """What a failing test prints: the verdict, its numbers, the cause, what the engine printed."""
     if isinstance(record, Model):
-        findings = audit_lines(record.audit or (), notes=False)
+        findings = audit_lines(record.findings)
         return "\n".join([f"audit: {decision.reason}", *(f"  {text}" for text in findings)])
     agrees = record.outcome is Outcome.AGREES
     # What agrees may fail a project's demands.

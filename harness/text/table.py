@@ -39,6 +39,7 @@ def print_results(console: Console, results: Results) -> None:
     troubled = [case for case in amiss if not case.accepted]
     for case in sorted(troubled, key=_worst_first)[:MOST_TOLD]:
         _print_case(console, case)
+    _print_reservations(console, results.cases)
     for model in results.models:
         _print_diagnosis(console, model)
         _print_audit(console, model)
@@ -164,21 +165,25 @@ def _range(values: Sequence[float]) -> str:
 
 
 def _print_linear(console: Console, models: Iterable[Model]) -> None:
+    """How far linearizations equal Taylor's; those that don't are findings of their models."""
+    alike = [(model, one) for model in models for one in model.linearizations if not one.differs]
+    lost = [str(model.id) for model, one in alike if one.a_bound is None]
     errors: list[tuple[float, Model, EngineLinearization]] = [
         (max(one.a_error, one.b_error or 0.0), model, one)
-        for model in models
-        for one in model.linearizations
-        if one.a_error is not None
+        for model, one in alike
+        if one.a_error is not None and one.a_bound is not None
     ]
-    if not errors:
-        return
-    worst, model, one = max(errors, key=lambda entry: entry[0])
-    where = f"{model.id} about {one.equilibrium}"
-    console.print(
-        f"\nThe engines' own linearizations where motions agree, {len(errors)}, equal Taylor's A"
-        f" and B to {worst:.1e} of the largest entry (worst: {escape(where)}).",
-        soft_wrap=True,
-    )
+    if errors:
+        worst, model, one = max(errors, key=lambda entry: entry[0])
+        where = f"{model.id} about {one.equilibrium}"
+        console.print(
+            f"\nThe engines' own linearizations where motions agree, {len(errors)}, equal Taylor's"
+            f" A and B to {worst:.1e} of the largest entry (worst: {escape(where)}).",
+            soft_wrap=True,
+        )
+    if lost:
+        told = ", ".join(dict.fromkeys(lost))
+        console.print(f"\nLinearizations without a limit: {escape(told)}.", soft_wrap=True)
 
 
 def _print_case(console: Console, case: Case) -> None:
@@ -186,6 +191,17 @@ def _print_case(console: Console, case: Case) -> None:
     console.print(f"  {escape(case.reason)}", soft_wrap=True)
     for line in case.stdout.splitlines()[-6:]:
         console.print(f"  | {escape(line)}", soft_wrap=True)
+
+
+def _print_reservations(console: Console, cases: Iterable[Case]) -> None:
+    """What is said of cases that agree all the same."""
+    told = [case for case in cases if case.outcome is Outcome.AGREES and case.reason]
+    if told:
+        console.print("\n[bold]AGREES[/], with a reservation")
+    for case in told[:MOST_TOLD]:
+        console.print(f"  {escape(str(case.id))}: {escape(case.reason)}", soft_wrap=True)
+    if len(told) > MOST_TOLD:
+        console.print(f"  and {len(told) - MOST_TOLD} more, in results.json")
 
 
 def _print_diagnosis(console: Console, model: Model) -> None:

@@ -55,7 +55,7 @@ def test_the_engines_linearizations_are_taylors(folder: Path) -> None:
         for engine in sidecar.engines:
             if known[engine].version() is None:
                 pytest.skip(f"{engine} is not installed")
-            found = run_linearizations(linearization_task(physics, sidecar, engine))
+            found = run_linearizations(linearization_task(physics, sidecar, engine, 1e-9))
             assert len(found) == len(physics.equilibria)
             for one in found:
                 assert one.a_error is not None

@@ -65,6 +65,7 @@ def linearization(made: Bench) -> Array:
         taylor=taylor.arrays,
         amplitude=made.motion.amplitude,
         push=np.array([5.0]),
+        resolution=1e-9,
     )
     a = np.abs(found.a - taylor.arrays["A"]) / found.a_uncertainty
     b = np.abs(found.b - taylor.arrays["B"]) / found.b_uncertainty

@@ -2,14 +2,21 @@
 
 import cmath
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from sympy import Heaviside, Rational
 
 from harness.engines.protocol import Array, Force
-from harness.numerics.full_run import ErrorDecomposition, StepStudy, full_run, study_step
+from harness.numerics import step_study
+from harness.numerics.convergence import Sensitivity, witness
+from harness.numerics.decomposition import ErrorDecomposition, decompose
+from harness.numerics.full_run import SampledRun, full_run
+from harness.numerics.step_study import StepStudy, study_step
 from reference import t
+from reference.motion import Motion
 from tests.numerics.conftest import (
     DAMPING,
     MASS,
@@ -72,8 +79,8 @@ def test_a_wrong_frequency_is_told_as_that(bench: MakeBench) -> None:
 
 def test_the_global_error_falls_with_the_claimed_order(bench: MakeBench) -> None:
     found = study(bench())
-    assert found.converges
-    assert found.global_order == pytest.approx(1, abs=0.1)
+    assert found.witness.bears_out
+    assert found.witness.order == pytest.approx(1, abs=0.1)
     assert 1e-3 < found.global_error < 1e-1
 
 
@@ -111,7 +118,7 @@ class Sleepy(SymplecticEuler):
 
 
 def test_a_run_that_does_not_converge_is_a_finding(bench: MakeBench) -> None:
-    assert not study(bench(Sleepy())).converges
+    assert not study(bench(Sleepy())).witness.bears_out
 
 
 class Tiring(SymplecticEuler):
@@ -131,15 +138,15 @@ class Tiring(SymplecticEuler):
 
 def test_memory_below_the_steps_own_error_is_a_finding_all_the_same(bench: MakeBench) -> None:
     found = study(bench(Tiring()))
-    assert found.global_order > 0.9  # the global error alone looks well
-    assert found.global_residual > 1e-4
-    assert not found.converges
+    assert found.witness.order > 0.9  # the global error alone looks well
+    assert found.witness.residual > 1e-4
+    assert not found.witness.bears_out
 
 
 def test_an_honest_engine_leaves_nothing_as_the_step_falls(bench: MakeBench) -> None:
     found = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
-    assert found.converges
-    assert found.global_residual < 1e-6
+    assert found.witness.bears_out
+    assert found.witness.residual < 1e-6
 
 
 class Leaning(SymplecticEuler):
@@ -154,13 +161,13 @@ class Leaning(SymplecticEuler):
 
 def test_an_error_that_does_not_fall_with_the_step_is_a_finding(bench: MakeBench) -> None:
     found = study(bench(Leaning(step=2e-5)))
-    assert not found.converges
-    assert found.global_order < 0.5
+    assert not found.witness.bears_out
+    assert found.witness.order < 0.5
 
 
 def test_a_run_that_blows_up_is_not_finite(bench: MakeBench) -> None:
     found = study(bench(SymplecticEuler(step=2.0)))
-    assert not found.converges
+    assert not found.witness.bears_out
     assert found.steps_for == (None, None, None) or found.global_error > 1
 
 
@@ -184,3 +191,126 @@ def test_sampling_does_not_change_what_is_seen_at_the_end(bench: MakeBench) -> N
     assert run.steps == 30000
     assert run.t[-1] == pytest.approx(3.0, abs=1e-12)
     assert len(run.t) <= 1100
+
+
+@dataclass
+class Draining(SymplecticEuler):
+    """Takes a share of the velocity a step, at one step alone."""
+
+    drain: float = 1e-3
+    at: float = 0.002
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        if h != self.at:
+            return super().rollout(q, v, h, n, force, every)
+        zs, ws = [], []
+        for i in range(n):
+            z, w = super().rollout(q, v, h, 1, None, 1)
+            q, v = z[:, 0], w[:, 0] * (1 - self.drain)
+            if (i + 1) % every == 0:
+                zs.append(q)
+                ws.append(v)
+        return np.stack(zs, axis=1), np.stack(ws, axis=1)
+
+
+@pytest.mark.parametrize("drain", [1e-3, 1e-5, -1e-4])
+def test_what_is_wrong_at_the_shipped_step_alone_is_not_what_finer_steps_foretell(
+    bench: MakeBench, drain: float
+) -> None:
+    found = study(bench(Draining(drain=drain))).witness
+    assert found.bears_out  # the two finest see nothing of it
+    assert not found.foretold
+
+
+@pytest.mark.parametrize("most", [60_000, 2_000])
+def test_it_is_seen_as_well_where_a_third_run_would_take_too_many_steps(
+    bench: MakeBench, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    monkeypatch.setattr(step_study, "MOST_STEPS", most)
+    assert not study(bench(Draining())).witness.foretold
+    assert study(bench()).witness.foretold
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+@pytest.mark.parametrize("damping", [0.0, DAMPING])
+def test_a_sound_engine_is_what_its_finer_steps_foretell_up_to_the_limit_of_stability(
+    bench: MakeBench, share: float, damping: float
+) -> None:
+    limit = 2 / math.sqrt(STIFFNESS / MASS)
+    if damping:  # of v explicit in the damper: its own limit is lower
+        limit *= 0.9
+    model = SymplecticEuler(damping=damping, step=share * limit)
+    found = study(bench(model, damping=damping, duration=12.0)).witness
+    assert found.bears_out
+    assert found.foretold
+
+
+def oscillation(times: Array, a: complex, s: complex) -> Array:
+    values: Array = (a * np.exp(s * times)).real
+    return values
+
+
+@pytest.mark.parametrize("damping", [0.9, 3.0, 8.0])
+def test_amplitude_and_phase_at_the_end_are_those_of_an_exact_oscillation(
+    bench: MakeBench, damping: float
+) -> None:
+    made = bench(damping=damping, duration=4.0)
+    pole = complex(-damping / 2 / MASS, math.sqrt(STIFFNESS / MASS - (damping / 2 / MASS) ** 2))
+    # q(0) = 0.25 and v(0) = -0.4.
+    a = complex(0.25, -(-0.4 - pole.real * 0.25) / pole.imag)
+    other, moved = a * (1 + 2e-4) * cmath.exp(-3e-4j), pole + complex(-2e-4, 3e-4)
+    times = np.linspace(0, 4.0, 801)
+    assert made.motion.at(times)[:, 0] == pytest.approx(oscillation(times, a, pole), abs=1e-12)
+    found = decompose(times, oscillation(times, other, moved), made.motion, 0)
+    change = other / a * cmath.exp((moved - pole) * 4.0)
+    assert found.amplitude == pytest.approx(abs(change) - 1, rel=0.01)
+    assert found.explained > 0.99999
+
+
+def runs_of(error: Callable[[float, Array], Array], motion: Motion) -> list[SampledRun]:
+    """Six runs, each of half the step, with errors (S,) that are a function of step and time."""
+    times = np.linspace(0, motion.duration, 301)
+    found = []
+    for i in range(6):
+        h = 0.01 / 2**i
+        off = np.stack([error(h, times), np.zeros_like(times)], axis=1)
+        states = motion.at(times) + off
+        found.append(
+            SampledRun(h=h, steps=300 * 2**i, every=2**i, t=times, states=states, error=off)
+        )
+    return found
+
+
+def multiplied(motion: Motion, rate: float) -> Sensitivity:
+    times = np.linspace(0, motion.duration, 301)
+    return Sensitivity(
+        t=times, growth=np.exp(rate * times), begun=np.ones(301), local=1e-3, step=0.01, order=1,
+    )  # fmt: skip
+
+
+def test_a_chaotic_run_bears_witness_as_far_as_it_is_resolved(bench: MakeBench) -> None:
+    motion = bench().motion
+    size = np.array([0.25])
+
+    def chaos(h: float, times: Array) -> Array:
+        grown = 0.002 * h * np.exp(8 * times)
+        # What is large has been folded back, whatever the step.
+        folded: Array = np.where(grown < 0.002, grown, 0.008)
+        return folded
+
+    runs = runs_of(chaos, motion)
+    assert not witness(runs, 1, size, motion).bears_out
+    found = witness(runs, 1, size, motion, multiplied(motion, 8.0))
+    assert found.bears_out
+    assert found.excused
+    assert 0 < found.until < 1.0
+
+
+def test_what_is_carried_from_step_to_step_is_no_chaos(bench: MakeBench) -> None:
+    motion = bench().motion
+    size = np.array([0.25])
+    runs = runs_of(lambda h, times: (h + 0.003) * 0.25 * times, motion)
+    assert not witness(runs, 1, size, motion).bears_out
+    assert not witness(runs, 1, size, motion, multiplied(motion, 0.0)).bears_out

@@ -86,3 +86,17 @@ def test_obstacles_are_told_in_the_order_in_which_they_take_away_meaning(
         converges=converges,
     )
     assert obstacle(limit) is why
+
+
+@pytest.mark.parametrize(("resolution", "outcome"), [(1e-9, "AGREES"), (1e-12, "DIFFERS")])
+def test_what_is_measurable_below_the_resolution_agrees_and_is_told(
+    resolution: float, outcome: str
+) -> None:
+    defect, uncertainty = told(1e-13)
+    defect[:] *= 1e-3
+    defect[2, 1] = 4e-12
+    found = judge(defect, uncertainty, resolution, None)
+    assert found.outcome == outcome
+    assert found.below_resolution is (outcome == "AGREES")
+    assert (found.segment, found.component) == (2, 1)
+    assert (found.discrepancy, found.uncertainty) == (4e-12, 1e-13)

@@ -9,7 +9,7 @@ from reference.linearize import linearize
 from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 
-def linear(bench: Bench) -> EngineLinearization:
+def linear(bench: Bench, resolution: float = 1e-9) -> EngineLinearization:
     taylor = linearize(bench.equations, bench.system.equilibria[0])
     return linearize_engine(
         bench.model,
@@ -19,6 +19,7 @@ def linear(bench: Bench) -> EngineLinearization:
         taylor=taylor.arrays,
         amplitude=bench.motion.amplitude,
         push=np.array([5.0]),
+        resolution=resolution,
     )
 
 
@@ -71,3 +72,16 @@ def test_every_entry_is_known_to_its_uncertainty(bench: MakeBench, kind: type) -
     ):
         assert np.all(np.abs(own - wanted) <= error)
         assert np.max(error) < 1e-8 * np.max(np.abs(wanted))
+
+
+@pytest.mark.parametrize(("fault", "resolution", "differs"), [
+    (0.0, 1e-13, False),
+    (1e-6, 1e-9, True),
+    (13.0, 1e-9, True),
+    (1e-7, 1e-6, False),  # not asked for
+])  # fmt: skip
+def test_what_is_above_its_own_uncertainty_and_the_resolution_differs(
+    bench: MakeBench, fault: float, resolution: float, differs: bool
+) -> None:
+    found = linear(bench(SymplecticEuler(stiffness=STIFFNESS * (1 + fault))), resolution)
+    assert found.differs is differs

@@ -60,6 +60,7 @@ def model(name: str, file: str, engine: str, coordinates: int) -> Model:
                 a=((0.0,),),
                 b=((0.0,),),
                 a_error=2.5e-14,
+                a_bound=1e-11,
                 b_error=3.5e-15,
                 poles=(pole(-0.1, -3.0), pole(-0.1, 3.0003)),
                 taylor_poles=(pole(-0.1, -3.0), pole(-0.1, 3.0)),

@@ -1,0 +1,169 @@
+"""What a step costs: the shipped one, and the steps that would give a wanted error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+
+from harness.engines.protocol import Model
+from harness.numerics.convergence import SMALL, Witness, largest, sensitivity, witness
+from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.decomposition import ErrorDecomposition, decompose
+from harness.numerics.full_run import FullRun, SampledRun, beginning, follows, full_run
+from reference.motion import Motion
+from reference.numeric import Array, NumericFunction
+
+TARGETS = (0.01, 0.001, 0.0001)
+"""Global errors, relative to the amplitude, for which a step is told."""
+
+MOST_STEPS = 60_000
+MOST_RUNS = 6
+
+APART = 0.3
+"""Errors up to this share of the amplitude are taken apart."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepStudy:
+    """What the step costs, from full runs at several.
+
+    Attributes:
+        shipped: run at the shipped step.
+        finer: runs at half, and where needed a quarter, of it.
+        global_error: largest position error at the shipped step, relative to the amplitude.
+        witness: what the runs bear out together.
+        decomposition: of the error of the position with the largest; None where it is not small.
+        steps_for: step that would give each of `TARGETS`, seconds; None where the order is unknown.
+        checked: (target, step, measured error) of the one prediction that was run.
+    """
+
+    shipped: FullRun
+    finer: tuple[FullRun, ...]
+    global_error: float
+    witness: Witness
+    decomposition: ErrorDecomposition | None
+    steps_for: tuple[float | None, ...]
+    checked: tuple[float, float, float] | None
+
+
+def study_step(
+    model: Model,
+    coordinates: CoordinateMap,
+    motion: Motion,
+    *,
+    power: NumericFunction,
+    amplitude: Array,
+    claimed: int,
+    agrees: bool = True,
+) -> StepStudy:
+    """Run at the shipped step and its neighbours, and tell what the step costs.
+
+    Args:
+        amplitude: what errors are relative to, per component, (2n,), nowhere zero.
+        claimed: order that the engine claims.
+        agrees: whether the segments agree: where runs don't bear that out, it is worth another run
+            to see whether the motion is to blame.
+    """
+    size = amplitude[: len(amplitude) // 2]
+
+    def run(h: float, every: int = 0) -> FullRun:
+        return full_run(model, coordinates, motion, power, h, every)
+
+    def half(of: FullRun) -> FullRun:
+        return run(of.h / 2, 2 * of.every)
+
+    shipped = run(model.step)
+    runs = [shipped, half(shipped)]
+    found = witness(runs, claimed, size, motion)
+    # Three runs to extrapolate; more where errors are not small enough yet for the leading term.
+    while _wants_more(runs, found):
+        runs.append(half(runs[-1]))
+        found = witness(runs, claimed, size, motion)
+    together: list[SampledRun] = [*runs]
+    if len(runs) == 2:  # a third in full would take too many steps
+        quarter = runs[-1].h / 2, 2 * runs[-1].every
+        together.append(beginning(model, coordinates, motion, *quarter, most=MOST_STEPS))
+        found = witness(together, claimed, size, motion)
+    usable = agrees and follows(motion, shipped.h) and shipped.finite and runs[-1].finite
+    if usable and not (found.bears_out and found.foretold):
+        # Not what an honest engine's runs are; unless the motion is one that no run can follow.
+        sensitive = sensitivity(model, coordinates, motion, runs[-1], claimed, amplitude)
+        found = witness(together, claimed, size, motion, sensitive)
+    predicted = tuple(_step_for(target, runs, size, motion) for target in TARGETS)
+    return StepStudy(
+        shipped=shipped,
+        finer=tuple(runs[1:]),
+        global_error=largest(shipped, size),
+        witness=found,
+        decomposition=_decomposed(shipped, motion, size),
+        steps_for=predicted,
+        checked=_check(run, predicted, motion.duration, size),
+    )
+
+
+def _wants_more(runs: list[FullRun], found: Witness) -> bool:
+    if runs[-1].steps > MOST_STEPS:
+        return False
+    return len(runs) < 3 or (len(runs) < MOST_RUNS and not found.settled)
+
+
+def _decomposed(run: FullRun, motion: Motion, size: Array) -> ErrorDecomposition | None:
+    """The error of the worst position taken apart, where it is small enough for that."""
+    if not run.finite or largest(run, size) > APART:
+        return None
+    n = len(size)
+    component = int(np.argmax(np.max(np.abs(run.error[:, :n]), axis=0) / size))
+    return decompose(run.t, run.states[:, component], motion, component)
+
+
+def _step_for(target: float, runs: list[FullRun], size: Array, motion: Motion) -> float | None:
+    """The step of a target error: on the line through the runs' errors, log over log.
+
+    None while even the finest run's error is not small: the line has no meaning there.
+    """
+    points = [(run.h, largest(run, size)) for run in runs]
+    if not all(0 < error < math.inf for _, error in points) or points[-1][1] > SMALL:
+        return None
+    pairs = list(pairwise(points))
+    coarse, fine = next((p for p in pairs if p[1][1] <= target), pairs[-1])
+    slope = math.log(coarse[1] / fine[1]) / math.log(coarse[0] / fine[0])
+    if slope < 0.3:
+        return None
+    return _handy(fine[0] * (target / fine[1]) ** (1 / slope), motion)
+
+
+def _handy(h: float, motion: Motion) -> float:
+    """A step no coarser than h that reaches every break of the input, or else has two digits.
+
+    A force that sets in between two steps would cost more than the step itself.
+    """
+    breaks = [Fraction(span.start).limit_denominator(10**6) for span in motion.spans[1:]]
+    if breaks:
+        grid = breaks[0]
+        for b in breaks[1:]:
+            grid = Fraction(
+                math.gcd(grid.numerator * b.denominator, b.numerator * grid.denominator),
+                grid.denominator * b.denominator,
+            )
+        return float(grid / math.ceil(grid / Fraction(h)))
+    digits = -math.floor(math.log10(h)) + 1
+    return math.floor(h * 10.0**digits) / 10.0**digits
+
+
+def _check(
+    run: Callable[[float], FullRun],
+    predicted: tuple[float | None, ...],
+    duration: float,
+    size: Array,
+) -> tuple[float, float, float] | None:
+    """Run the finest predicted step that is cheap enough: (target, step, measured error)."""
+    for target, h in reversed(list(zip(TARGETS, predicted, strict=True))):
+        if h is not None and duration / h <= MOST_STEPS / 3:
+            measured = run(h)
+            return (target, h, largest(measured, size)) if measured.finite else None
+    return None

@@ -1,0 +1,174 @@
+"""One case from its files to its record, in this process, with the known-answer engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.audit import run as audit_run
+from harness.audit.task import audit_task
+from harness.cases import case as case_room
+from harness.cases.case import StepError, case_task, run_case
+from harness.cases.prepare import Prepared, prepare
+from harness.cases.verdict import filled
+from harness.diagnosis import task as diagnosis_room
+from harness.diagnosis.task import diagnose_model, diagnosis_task
+from harness.engines.known_answer import KnownEngine
+from harness.engines.protocol import Engine
+from harness.files.sidecar import Sidecar, read_sidecar
+from harness.records.case import Case
+from tests.faults.known_folder import KNOWN, SYSTEM, known_folder
+
+FREED = """
+names = ["x", "fall"]
+M = [[1.3, 0.0], [0.0, 0.7]]
+C = [[0.9, 0.0], [0.0, 0.0]]
+K = [[47.0, 0.0], [{pull}, {hold}]]
+W = [0.0, 0.0]
+step = 0.005
+method = "euler"
+claims = 1
+"""
+HELD = 'engines = ["known"]\n[coordinates]\nfall = 0\n'
+
+
+@pytest.fixture(autouse=True)
+def known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The known-answer engine is the one that there is."""
+
+    def engines() -> dict[str, Engine]:
+        return {"known": KnownEngine()}
+
+    for room in (case_room, audit_run, diagnosis_room):
+        monkeypatch.setattr(room, "engines", engines)
+
+
+@pytest.fixture(scope="module")
+def oscillator(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
+    return prepare(known_folder(tmp_path_factory.mktemp("known") / "oscillator", {}), False)
+
+
+def written(place: Path, text: str, sidecar: str = 'engines = ["known"]\n') -> Sidecar:
+    (place / "one.known").write_text(text)
+    (place / "one.known.toml").write_text(sidecar)
+    return read_sidecar(place / "one.known.toml")
+
+
+def ran(prepared: Prepared, sidecar: Sidecar, resolution: float = 1e-9) -> Case:
+    return run_case(case_task(prepared, sidecar, "known", "free", resolution))
+
+
+@pytest.mark.parametrize("step", ["3.0", "1e30", "1e-9", "1e-300", "inf", "nan", "0.0", "-0.005"])
+def test_a_step_at_which_nothing_can_be_run_fails_and_names_the_file(
+    oscillator: Prepared, tmp_path: Path, step: str
+) -> None:
+    sidecar = written(tmp_path, KNOWN.replace("0.005", step))
+    with pytest.raises(StepError, match=r"one\.known: .*step.* state (one|a)") as told:
+        ran(oscillator, sidecar)
+    if step == "1e-9":
+        assert "5e+09 steps" in str(told.value)
+
+
+def test_a_step_that_follows_nothing_of_the_motion_fails(
+    oscillator: Prepared, tmp_path: Path
+) -> None:
+    found = ran(oscillator, written(tmp_path, KNOWN.replace("0.005", "2.0")))
+    assert found.outcome == "FAILED"
+    assert "too coarse" in found.reason
+
+
+def test_the_line_of_the_sidecar_is_named_where_the_step_stands_there(tmp_path: Path) -> None:
+    sidecar = written(tmp_path, KNOWN, 'engines = ["known"]\n\n[settings]\nstep = 9\n')
+    assert str(case_room._place_of_step(sidecar, "known")).endswith("one.known.toml:4")
+
+
+def test_one_freedom_too_many_differs_and_is_named(oscillator: Prepared, tmp_path: Path) -> None:
+    sidecar = written(tmp_path, FREED.format(pull=12.0, hold=0.0), HELD)
+    found = ran(oscillator, sidecar)
+    assert found.outcome == "DIFFERS"
+    assert "engine coordinate fall" in found.reason
+    assert "freedom that the equations don't have" in found.reason
+    assert found.verdict is not None
+    assert found.verdict.map_residual is not None
+    assert found.verdict.map_residual > 1e-3
+    (audited,) = (
+        one
+        for one in audit_run.run_audit(audit_task(oscillator, sidecar, "known")).findings
+        if one.severity == "finding"
+    )
+    assert audited.kind == "freedom"
+    assert audited.message.startswith("fall accelerates with ")
+    diagnosis = diagnose_model(diagnosis_task(oscillator, sidecar, "known"))
+    assert not diagnosis.explained
+    assert diagnosis.failure.endswith(": fall")
+
+
+def test_a_freedom_of_a_millionth_differs_and_one_that_nothing_moves_agrees(
+    oscillator: Prepared, tmp_path: Path
+) -> None:
+    little = ran(oscillator, written(tmp_path, FREED.format(pull=1e-6, hold=0.0), HELD))
+    assert little.outcome == "DIFFERS"
+    still = ran(oscillator, written(tmp_path, FREED.format(pull=0.0, hold=5.0), HELD))
+    assert still.outcome == "AGREES"
+    assert still.verdict is not None
+    assert still.verdict.map_residual == 0.0
+
+
+@pytest.mark.parametrize(("resolution", "outcome"), [(1e-9, "AGREES"), (1e-12, "DIFFERS")])
+def test_what_differs_below_the_resolution_asked_agrees_and_says_so(
+    oscillator: Prepared, tmp_path: Path, resolution: float, outcome: str
+) -> None:
+    sidecar = written(tmp_path, KNOWN + "[fault]\noff = 1e-10\n")
+    found = ran(oscillator, sidecar, resolution)
+    assert found.outcome == outcome
+    assert found.passes is (outcome == "AGREES")
+    assert ("below the resolution asked" in found.reason) is (outcome == "AGREES")
+
+
+TWO = SYSTEM.replace(
+    'x = Coordinate("x", "m", "displacement")',
+    'x = Coordinate("x", "m", "displacement")\ny = Coordinate("y", "m", "another")',
+).replace("(x,)", "(x, y)").replace("{x: 0}", "{x: 0, y: 0}").replace(
+    "m * x.v**2 / 2", "m * (x.v**2 + y.v**2) / 2"
+).replace("k * x.q**2 / 2", "k * (x.q**2 + y.q**2) / 2").replace(
+    "c * x.v**2 / 2", "c * (x.v**2 + y.v**2) / 2"
+).replace("q={x: 0.25}, v={x: -0.4}", "q={x: 0.25, y: 0}, v={x: -0.4, y: 0}").replace(
+    "q={x: 0.1}, v={x: 0.2}", "q={x: 0.1, y: 0}, v={x: 0.2, y: 0}"
+)  # fmt: skip
+
+
+def test_a_coordinate_that_no_scenario_moves_is_measured_against_its_like(tmp_path: Path) -> None:
+    (tmp_path / "system.py").write_text(TWO)
+    prepared = prepare(tmp_path, False)
+    assert prepared.amplitude[1] == prepared.amplitude[0] > 0
+    sound = FREED.format(pull=0.0, hold=47.0).replace("fall", "y").replace("0.7", "1.3")
+    text = sound.replace("C = [[0.9, 0.0], [0.0, 0.0]]", "C = [[0.9, 0.0], [0.0, 0.9]]")
+    found = ran(prepared, written(tmp_path, text))
+    assert (found.outcome, found.reason) == ("AGREES", "")
+    assert found.full_run is not None
+    assert found.full_run.global_error is not None
+    assert 0 < found.full_run.global_error < 1
+    task = case_room.linearization_task(
+        prepared, read_sidecar(tmp_path / "one.known.toml"), "known", 1e-9
+    )
+    (linear,) = case_room.run_linearizations(task)
+    assert linear.a_error is not None
+    assert linear.a_error < 1e-9
+    assert not linear.differs
+
+
+@pytest.mark.parametrize(
+    ("sizes", "whole"),
+    [
+        ([0.3, 0.0, 2.0, 0.1], [0.3, 0.3, 2.0, 0.1]),
+        ([0.3, 1e-17, 2.0, 3e-17], [0.3, 0.3, 2.0, 2.0]),
+        ([0.0, 0.0, 2.0, 0.1], [1.0, 1.0, 2.0, 0.1]),
+        ([0.3, 1e-9, 2.0, 0.1], [0.3, 1e-9, 2.0, 0.1]),
+    ],
+)
+def test_what_rounding_alone_moves_has_no_size_of_its_own(
+    sizes: list[float], whole: list[float]
+) -> None:
+    assert filled(np.array(sizes)) == pytest.approx(whole, rel=1e-15)
