@@ -34,7 +34,7 @@ from harness.files.sidecar import Sidecar
 from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId, ModelKey
 from harness.records.coverage import Coverage
-from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.finding import Diagnosis
 from harness.records.journal import Kind, Work
 from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
