@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from harness.records.coverage import Coverage
 from harness.records.finding import Diagnosis
 from harness.records.journal import NAME, Kind, Value, Work, journal
 from harness.records.read import ResultsError
-from tests.records.made import case, finding
+from tests.records.made import case
 
 
 def work(what: Kind = "case", scenario: str = "", inputs: str = "i") -> Work:
@@ -19,7 +20,7 @@ def work(what: Kind = "case", scenario: str = "", inputs: str = "i") -> Work:
 
 DONE: dict[Work, Value] = {
     work(scenario="free"): case(),
-    work("audit"): (finding(),),
+    work("coverage"): Coverage(note="none"),
     work("linearizations"): (),
     work("diagnosis"): Diagnosis(explained=True),
 }
