@@ -173,10 +173,14 @@ def _passed(mechanism: Mechanism, segments: int) -> tuple[float, Array]:
     start = np.array([*mechanism.q, *mechanism.v])[None]
     fastest = max(SLOWEST, _rate(dynamics, start))
     with loaded(mechanism) as (model, _):
-        # Twice: the rate at the start may be a small one.
+        # Twice: the rate at the start may be a small one, and steps by it too long.
         for _ in range(2):
-            states = _rolled(model, dynamics, start, _length(fastest), segments)
-            fastest = max(fastest, _rate(dynamics, states[:: max(1, segments // 10)]))
+            try:
+                states = _rolled(model, dynamics, start, _length(fastest), segments)
+            except TruthError:
+                fastest *= 4
+            else:
+                fastest = max(fastest, _rate(dynamics, states[:: max(1, segments // 10)]))
         return fastest, _rolled(model, dynamics, start, _length(fastest), segments)
 
 
