@@ -324,6 +324,7 @@ def _residual(
         scale,
         np.maximum(rounding, scale),
         [starts.observed_rounding(one) for one in left],
+        starts.last_digits(left[-1]),
     )
     limit.uncertainty[~finite] = np.inf
     return Residual(limit=limit, scale=scale)
