@@ -43,10 +43,10 @@ def program() -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     given = sys.argv[1:] if arguments is None else list(arguments)
-    options = _parser(given).parse_args(given)
     try:
         with raising():
-            return _run(options)
+            # Within: a command's modules are imported here, which takes a while on a busy machine.
+            return _run(_parser(given).parse_args(given))
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         print(f"crosscheck: {where}{error.strerror or error}", file=sys.stderr)

@@ -68,7 +68,12 @@ def read_xml(text: str, path: Path) -> XmlSource:
         NoXmlError, EngineError: naming file and line.
     """
     lines = _lines(text, path)
-    root: ET.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
+    try:
+        root: ET.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
+    except ET.ParseError as error:  # a prefix without a namespace, which expat alone reads over
+        raise NoXmlError(
+            f"{path}:{error.position[0]}: no XML: {error}", second_root=False
+        ) from None
     return XmlSource(path, root, dict(zip(root.iter(), lines, strict=True)))
 
 

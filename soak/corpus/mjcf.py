@@ -10,7 +10,7 @@ from soak.corpus.odd_files import odd_files
 from soak.corpus.sound import MJCF
 
 FILE = "mujoco.xml"
-_NAMED = r"mujoco\.xml"
+_NAMED = r"mujoco\.xml|can't be read|not finite"
 _LINED = r"mujoco\.xml:\d+"
 _STEP = 'timestep="0.002"'
 _MASS = 'mass="1.3"'

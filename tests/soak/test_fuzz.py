@@ -16,6 +16,8 @@ FINDS = [
     ("toml", b"a.'''\0'''\n---\n[settings]\nstep = 1\n"),
     ("toml", b"a[" + b"9" * 5000 + b"]\n---\na = [1]\n"),
     ("xml", b"a@b[" + b"9" * 5000 + b"]\n---\n<a b='0 0 1'/>"),
+    # A prefix that no namespace is bound to.
+    ("new_mjcf", b'<mujoco><worldbody><m :=""/></worldbody></mujoco>'),
     # A published equation that Python's parser reads as a string.
     ("notation", b"f''"),
     ("notation", b"'x' = 0"),
