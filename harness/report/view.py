@@ -19,14 +19,6 @@ from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
 from harness.text.table import summary
 
-MEANINGS = {
-    Outcome.AGREES: "no difference beyond the uncertainty, or none above the resolution asked",
-    Outcome.ABSENT: "the engine is not installed; nothing was tested",
-    Outcome.UNRESOLVED: "no difference that could be told from the uncertainty, which is too large",
-    Outcome.DIFFERS: "a difference beyond uncertainty and resolution: the model is another one",
-    Outcome.FAILED: "it could not be run to its end",
-}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Count:
@@ -129,8 +121,7 @@ def report(results: Results) -> Report:
         ),
         absent=tuple(shown(k) for k, v in results.versions.items() if v is None),
         counts=tuple(
-            Count(outcome=o, symbol=SYMBOLS[o], meaning=MEANINGS[o], cases=counts[o])
-            for o in Outcome
+            Count(outcome=o, symbol=SYMBOLS[o], meaning=o.meaning, cases=counts[o]) for o in Outcome
         ),
         troubles=troubles(worst_first, results.models, diagnoses),
         changes=None if baseline is None else changes(baseline, pairs),

@@ -40,7 +40,8 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
         where = f"{model}:{source.line(element.start)}: it needs {name}"
         if path.suffix in _MEANT:
             raise NewError(
-                f"{where}; in a folder, files that end with {path.suffix} are run or read"
+                f"{where}; in a folder, files that end with {path.suffix} are run or read:"
+                " rename it"
             )
         if path.is_absolute() or ".." in path.parts or ":" in str(path):
             raise NewError(f"{where}, which is not below its folder; a folder holds all it needs")

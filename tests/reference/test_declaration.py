@@ -342,11 +342,15 @@ def test_the_faultless_system_passes() -> None:
     assert System(**two()).q == (X.q, Y.q)
 
 
-# No motion is computed from a sketch, or from a quantity of published equations: a system may do
-# without.
+# No motion is computed from a sketch, from a quantity of published equations, or from a frame (that
+# none is declared is said): a system may do without.
 @pytest.mark.parametrize(
     "field",
-    [f.name for f in dataclasses.fields(System) if f.name not in ("sketch", "quantities")],
+    [
+        f.name
+        for f in dataclasses.fields(System)
+        if f.name not in ("sketch", "quantities", "frames")
+    ],
 )
 def test_no_field_of_a_system_has_a_default(field: str) -> None:
     fields = declared()

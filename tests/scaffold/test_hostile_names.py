@@ -141,7 +141,7 @@ def test_no_mesh_becomes_code_of_the_folder(tmp_path: Path, mesh: str) -> None:
     model = tmp_path / "model.urdf"
     geometry = f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual></link>'
     model.write_text(URDF.format(name="joint", comment="").replace("</link>", geometry, 1))
-    with pytest.raises(NewError, match="has a meaning in a folder"):
+    with pytest.raises(NewError, match="are run or read: rename it"):
         from_model(model, tmp_path / "made")
 
 
