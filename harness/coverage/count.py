@@ -48,7 +48,7 @@ def count_numbers(task: AuditTask) -> Coverage:
     coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
     z, w = coordinates.to_engine(_some(task.states))
     probe = Probe(z, w, model.step, engine, _frames(task.system, task.sidecar))
-    found = _numbers(task.sidecar, task.engine)
+    found, bound = _numbers(task.sidecar, task.engine), _bound(task.sidecar)
     idle = {**_STEP, **engine.idle}
     reasons = [_reason(one, idle) for one in found]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
@@ -56,11 +56,15 @@ def count_numbers(task: AuditTask) -> Coverage:
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in found]
         tried = [i for i, choice in enumerate(chosen) if not choice]
         trials.nudge([i for i in tried if reasons[i]])
-        trials.nudge([i for i in tried if not reasons[i]])
+        # What stands for a constant has a say, as a rule: it is not looked for among others.
+        for i in tried:
+            if not reasons[i] and _place(found[i]) in bound:
+                trials.nudge([i])
+        trials.nudge([i for i in tried if not reasons[i] and _place(found[i]) not in bound])
         trials.flip([i for i, one in enumerate(found) if _DIRECTION.fullmatch(one.path)])
     said = {**dict.fromkeys(range(len(found)), Say.UNTRIED), **trials.said}
     said |= {i: Say.CHOICE for i, choice in enumerate(chosen) if choice}
-    return _counted(found, said, _bound(task.sidecar), reasons)
+    return _counted(found, said, bound, reasons)
 
 
 def _some(states: Array) -> Array:
@@ -97,6 +101,10 @@ def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:
     return frozenset((str(place.file), place.start) for place in places.values())
 
 
+def _place(literal: Literal) -> tuple[str, int]:
+    return str(literal.location.file), literal.location.start
+
+
 def _reason(literal: Literal, idle: Mapping[str, str]) -> str:
     """What numbers of its kind are for, where no motion depends on them; empty: not known."""
     return next((why for kind, why in idle.items() if re.fullmatch(kind, literal.path)), "")
@@ -114,7 +122,7 @@ def _counted(
         say = said[i]
         if say is Say.MOTION:
             counts["motion"] += 1
-        elif (str(one.location.file), one.location.start) in bound:
+        elif _place(one) in bound:
             counts["audit"] += 1
         elif say is Say.FRAMES:
             counts["frames"] += 1

@@ -191,7 +191,10 @@ def with_texts(sidecar: Sidecar, texts: Mapping[Path, bytes], into: Path) -> Sid
     _link_neighbours(sidecar, into)
     for file, data in texts.items():
         _write_whole(into / file.name, data)
-    return _as_set(read_sidecar(into / _file(sidecar).name), sidecar)
+    own = _file(sidecar)
+    if texts.get(own) == own.read_bytes():
+        return replace(sidecar, model=into / sidecar.model.name)
+    return _as_set(read_sidecar(into / own.name), sidecar)
 
 
 def _as_set(copy: Sidecar, sidecar: Sidecar) -> Sidecar:
