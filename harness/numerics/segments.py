@@ -21,6 +21,9 @@ from reference.motion import Motion, Span
 from reference.numeric import Array
 from reference.signal import Inputs
 
+FINEST = 3
+"""Rungs, the finest, whose own values bound what is left of the coordinate map."""
+
 Rows = NDArray[np.intp]
 StepInputs = Callable[[Rows, int], Array]
 """Inputs over chosen segments, at the starts of so many equal steps: (B, steps, inputs)."""
@@ -308,14 +311,16 @@ def _residual(
     """The limit of what the rungs left of the coordinate map.
 
     Extrapolated with the exponents 1, 2, 3, ..., which hold whatever the engine claims of a motion:
-    what holds a constraint may be of a lower order, and as stiff as the step allows.
+    what holds a constraint may be of a lower order, and as stiff as the step allows. A constraint
+    that holds to the last digits leaves them in no order at all: its rungs have no limit, and are
+    near zero. So the uncertainty is never more than what the finest rungs leave themselves.
     """
     assert batch.ends is not None
     count = starts.count
     ends = np.stack(left)[:, :count]
     finite: NDArray[np.bool_] = np.array([np.isfinite(one).all() for one in ends.swapaxes(0, 1)])
     moved = [np.concatenate(coordinates.to_engine(a), axis=1) for a in (batch.ends, batch.states)]
-    scale = _held_scale(*moved)
+    scale = np.maximum(_held_scale(*moved), _reach(coordinates, batch))
     rounding = coordinates.residual_rounding_scale(starts.z[:count], starts.w[:count])
     limit = limits(
         list(np.where(finite[:, None], ends, 0.0)),
@@ -326,8 +331,28 @@ def _residual(
         [starts.observed_rounding(one) for one in left],
         starts.last_digits(left[-1]),
     )
+    finest = np.max(np.abs(ends[-FINEST:]), axis=0)
+    closer = finest < limit.uncertainty
+    limit = replace(
+        limit,
+        value=np.where(closer, ends[-1], limit.value),
+        uncertainty=np.where(closer, finest, limit.uncertainty),
+    )
     limit.uncertainty[~finite] = np.inf
     return Residual(limit=limit, scale=scale)
+
+
+def _reach(coordinates: CoordinateMap, batch: Batch) -> Array:
+    """How far engine coordinates move where each component moves by what counts as one, (2nz,)."""
+    at = np.concatenate(coordinates.to_engine(batch.states), axis=1)
+    if batch.scale is None:
+        return np.zeros(at.shape[1])
+    moved = [
+        np.concatenate(coordinates.to_engine(batch.states + step), axis=1) - at
+        for step in np.diag(batch.scale)
+    ]
+    reach: Array = np.max(np.abs(moved), axis=(0, 1))
+    return reach
 
 
 def _held_scale(ends: Array, starts: Array) -> Array:
