@@ -321,9 +321,10 @@ def _as_servers_start() -> Iterator[None]:
     What is beside it, multiprocessing's tracker of resources, comes first: as it starts, it lets
     signals through again.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that it had to be started again
-        resource_tracker.ensure_running()
+    if "forkserver" in multiprocessing.get_all_start_methods():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that it had to be started again
+            resource_tracker.ensure_running()
     with _safe_path(), _signals_held():
         yield
 
