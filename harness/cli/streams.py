@@ -72,5 +72,5 @@ class _Unheard(io.FileIO):
                 raise
             self._gone = True
             if error.errno != errno.EPIPE:
-                self.lost = error.strerror
+                self.lost = error.strerror or str(error)
             return view.nbytes
