@@ -96,13 +96,19 @@ class _Worker:
         self.pending, self.since = pending, time.monotonic()
         self.used = processor_seconds(self.process.pid or 0)
 
-    @property
-    def waits(self) -> bool:
-        """Whether its task is overdue by the clock, and not for want of the processor."""
-        elapsed = time.monotonic() - self.since
-        if self.pending is None or elapsed <= self.station.limits.wall:
-            return False
-        return is_waiting(processor_seconds(self.process.pid or 0) - self.used, elapsed)
+    def overdue(self) -> str:
+        """Why its task is to be ended; "" while it may go on.
+
+        By the clock, and not for want of the processor; or it has had twice its share of that: it
+        does not hear the signal that ends such tasks.
+        """
+        elapsed, limits = time.monotonic() - self.since, self.station.limits
+        if self.pending is None or elapsed <= min(2 * limits.seconds, limits.wall):
+            return ""
+        used = processor_seconds(self.process.pid or 0) - self.used
+        if used > 2 * limits.seconds:
+            return limits.spent
+        return limits.waited if elapsed > limits.wall and is_waiting(used, elapsed) else ""
 
     def lives_on(self) -> bool:
         """Whether it lives though its end was told: the process that started it has ended."""
@@ -217,8 +223,8 @@ class Workers:
                 worker.orphaned = worker.pending is not None and worker.lives_on()
                 if not worker.orphaned:
                     self._bury(worker)
-            elif worker.waits:
-                self._bury(worker, _at(worker, self._limits.waited))
+            elif why := worker.overdue():
+                self._bury(worker, _at(worker, why))
             if pending is not None and pending.ended:
                 yield pending
 

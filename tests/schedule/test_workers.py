@@ -36,6 +36,12 @@ def spin(_: object) -> None:
         pass
 
 
+def spin_deaf(_: object) -> None:
+    signal.signal(signal.SIGPROF, signal.SIG_IGN)
+    while True:
+        pass
+
+
 def sleep(_: object) -> None:
     time.sleep(3600)
 
@@ -234,6 +240,12 @@ def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_wait
     began = processor_seconds(os.getpid())
     while processor_seconds(os.getpid()) == began:
         pass
+
+
+def test_a_task_that_ignores_the_signal_of_its_limit_is_ended_all_the_same() -> None:
+    with Workers(1, Limits(seconds=0.3)) as pool:
+        (reason,) = reasons(pool, spin_deaf)
+    assert "ran out of its 0.3 processor seconds" in reason
 
 
 @pytest.mark.parametrize(("function", "argument"), [(hoard, 0), (raise_it, MemoryError)])
