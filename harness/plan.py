@@ -13,7 +13,7 @@ from typing import Any
 
 from harness.audit.run import Audit, run_audit
 from harness.audit.task import audit_task
-from harness.baseline.inputs import inputs
+from harness.baseline.inputs import inputs, with_elsewhere
 from harness.baseline.measure import measure, measure_task
 from harness.cases.case import (
     CaseTask,
@@ -147,6 +147,7 @@ class Plan:
                 self._found.add(barred_case(task.id, task.folder, why))
             return
         key = str(prepared.folder), sidecar.model.name, engine
+        self._inputs[key] = with_elsewhere(self._inputs.get(key, ""), key, prepared.reads)
         self._found.models[key] = model_record(prepared, sidecar, engine)
         selection = self._options.selection
         if selection is None or selection.diagnose:

@@ -87,7 +87,11 @@ def _line(error: Exception, path: Path) -> int:
 def _sentence(error: Exception) -> str:
     if isinstance(error, DeclarationError):
         return str(error)
-    if isinstance(error, TypeError) and "missing" in str(error):
-        told = str(error).replace(".__init__()", "")
+    try:
+        told = str(error)
+    except Exception as worse:
+        told = f"its own message can't be told ({type(worse).__name__})"
+    if isinstance(error, TypeError) and "missing" in told:
+        told = told.replace(".__init__()", "")
         return re.sub("required (positional|keyword-only) argument", "field", told)
-    return f"{type(error).__name__}: {error}"
+    return f"{type(error).__name__}: {told}"

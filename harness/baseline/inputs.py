@@ -5,13 +5,19 @@ from __future__ import annotations
 import dataclasses
 import importlib.metadata
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from harness.baseline.fingerprint import Dependencies, dependencies, digest_of, folder_files
+from harness.baseline.fingerprint import (
+    Dependencies,
+    dependencies,
+    digest_of,
+    digests,
+    folder_files,
+)
 from harness.engines.registry import engines
 from harness.records.case import ModelKey
 
@@ -36,6 +42,22 @@ def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey
         for one in scan.models
         for engine in one.engines
     }
+
+
+def with_elsewhere(known: str, key: ModelKey, reads: Iterable[str]) -> str:
+    """The hash of a model with what `system.py` has read outside its folder; "": it can't be told.
+
+    Args:
+        known: hash of the model.
+        key: of the model. One that is code may read files of any place while it is run.
+        reads: files by their places relative to the folder; those within are in the hash already.
+    """
+    if not known or Path(key[1]).suffix == ".py":
+        return ""
+    elsewhere = digests(Path(key[0]), sorted(name for name in reads if name.startswith("../")))
+    if not elsewhere:
+        return known
+    return digest_of(msgspec.json.encode([known, elsewhere], order="sorted"))
 
 
 def _hash(depends: Dependencies, known: Mapping[str, str | None]) -> str:

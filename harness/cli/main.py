@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from harness.cli.exit_codes import FAIL, SIGNALLED, USAGE
-from harness.cli.streams import claim_streams
+from harness.cli.streams import claim_streams, unprinted
 from harness.schedule.stop import Stopped, raising
 
 COMMANDS = {
@@ -37,7 +37,10 @@ EXIT_CODES = (
 def program() -> int:
     """The command line as a program of its own; returns the exit code."""
     claim_streams()
-    return main()
+    code = main()
+    if lost := unprinted():
+        print(f"crosscheck: standard output: {lost}", file=sys.stderr)
+    return code or (FAIL if lost else 0)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

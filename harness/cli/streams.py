@@ -1,4 +1,7 @@
-"""Standard streams that nobody reads any more: `| head`, `>&-`. The work and its verdict go on."""
+"""Standard streams that nobody reads any more: `| head`, `>&-`. The work and its verdict go on.
+
+One whose disk is full does not end the work either, but what was printed is not whole then.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +30,16 @@ def claim_streams() -> None:
     sys.stdout, sys.stderr = _patient(sys.stdout, 1), _patient(sys.stderr, 2)
 
 
+def unprinted() -> str:
+    """Why not all that was printed is in standard output; empty where nobody wanted more of it."""
+    stream = sys.stdout
+    if not isinstance(stream, io.TextIOWrapper):
+        return ""
+    stream.flush()
+    raw = getattr(stream.buffer, "raw", None)
+    return raw.lost if isinstance(raw, _Unheard) else ""
+
+
 def _patient(stream: TextIO | None, number: int) -> TextIO:
     """A stream like another, from which nothing is raised where its reader is gone."""
     known = stream if isinstance(stream, io.TextIOWrapper) else None
@@ -45,6 +58,7 @@ class _Unheard(io.FileIO):
     """A file that forgets what can't be written any more."""
 
     _gone = False
+    lost = ""
 
     def write(self, data: object) -> int:
         """As a file does, until its reader is gone or its disk is full; then nothing."""
@@ -57,4 +71,6 @@ class _Unheard(io.FileIO):
             if error.errno not in (errno.EPIPE, errno.ENOSPC, errno.EIO, errno.ESHUTDOWN):
                 raise
             self._gone = True
+            if error.errno != errno.EPIPE:
+                self.lost = error.strerror or str(error)
             return view.nbytes

@@ -4,15 +4,35 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from harness.text.visible import visible
+
+LONGEST = 600
+"""Characters of a reason: whoever raised it may have said a megabyte, which nobody reads."""
+
+_END = 150
+"""Of them at its end, where the remedy stands."""
+
 
 @dataclass(frozen=True)
 class Failure:
     """Why a task has no value: one sentence, and what was printed meanwhile.
 
     Attributes:
+        reason: in one line, of a length that a person reads; what can't be shown is escaped.
         usage: whether what was asked makes no sense, rather than something having gone wrong.
     """
 
     reason: str
     stdout: str
     usage: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reason", _sentence(self.reason))
+
+
+def _sentence(text: str) -> str:
+    """A text as a reason is told."""
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST - _END - 5]} ... {text[-_END:]}"
+    lines = (line.strip() for line in text.replace("\t", " ").splitlines())
+    return visible(" ".join(filter(None, lines)))

@@ -27,6 +27,7 @@ import physics_crosscheck
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
 from harness.schedule.source import user_line
+from harness.schedule.stop import SIGNALS
 
 MOST_WRITTEN = 2**28
 """Bytes of one file that a worker may write: a task that prints for ever fills no disk."""
@@ -63,6 +64,8 @@ def serve(tasks: Connection, station: Station) -> NoReturn:
     with contextlib.suppress(OSError):
         os.setpgid(0, 0)  # whatever a task starts ends with it; Ctrl-C is the program's, not ours
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # held by what started us
     threading.Thread(target=_end_with_the_program, args=[station.scratch], daemon=True).start()
     physics_crosscheck.claim()
     with contextlib.suppress(OSError):

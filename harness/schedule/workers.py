@@ -15,11 +15,12 @@ import shutil
 import signal
 import tempfile
 import time
+import warnings
 import weakref
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
@@ -41,6 +42,12 @@ MOST_PRINTED = 4000
 
 MOMENT = 0.2
 """Seconds between two looks at the clock."""
+
+_TRIES = 5
+"""Times that a worker is tried to be started: a task may end the process that starts them."""
+
+_UNKNOWN = 255
+"""Exit code that multiprocessing gives where the process that would have told it is gone."""
 
 _NO_MEMORY = ("bad_alloc", "Could not allocate memory", "Cannot allocate memory", "out of memory")
 """What C and C++ print before they end the process for want of memory."""
@@ -70,7 +77,11 @@ class Pending(Generic[Value]):
 
 @dataclass(eq=False)
 class _Worker:
-    """A process, and the task that it has, since when."""
+    """A process, and the task that it has, since when.
+
+    Attributes:
+        orphaned: whether the process that started it is gone: its pipe alone tells of its end.
+    """
 
     process: BaseProcess
     tasks: Connection
@@ -78,24 +89,41 @@ class _Worker:
     pending: Pending[Any] | None = None
     since: float = 0.0
     used: float = 0.0
+    orphaned: bool = False
 
     def begin(self, pending: Pending[Any]) -> None:
         """It gets a task now."""
         self.pending, self.since = pending, time.monotonic()
         self.used = processor_seconds(self.process.pid or 0)
 
-    @property
-    def waits(self) -> bool:
-        """Whether its task is overdue by the clock, and not for want of the processor."""
-        elapsed = time.monotonic() - self.since
-        if self.pending is None or elapsed <= self.station.limits.wall:
+    def overdue(self) -> str:
+        """Why its task is to be ended; "" while it may go on.
+
+        By the clock, and not for want of the processor; or it has had twice its share of that: it
+        does not hear the signal that ends such tasks.
+        """
+        elapsed, limits = time.monotonic() - self.since, self.station.limits
+        if self.pending is None or elapsed <= min(2 * limits.seconds, limits.wall):
+            return ""
+        used = processor_seconds(self.process.pid or 0) - self.used
+        if used > 2 * limits.seconds:
+            return limits.spent
+        return limits.waited if elapsed > limits.wall and is_waiting(used, elapsed) else ""
+
+    def lives_on(self) -> bool:
+        """Whether it lives though its end was told: the process that started it has ended."""
+        if self.process.exitcode != _UNKNOWN:
             return False
-        return is_waiting(processor_seconds(self.process.pid or 0) - self.used, elapsed)
+        with contextlib.suppress(OSError, AttributeError):
+            return os.getpgid(self.process.pid or 0) > 0
+        return False
 
     def printed(self) -> str:
         """The end of what the task printed."""
         try:
-            text = self.station.log.read_text(encoding="utf-8", errors="replace")
+            with self.station.log.open("rb") as log:
+                log.seek(max(0, self.station.log.stat().st_size - 4 * MOST_PRINTED))
+                text = log.read().decode(errors="replace")
         except OSError:
             return ""
         return text.strip()[-MOST_PRINTED:]
@@ -176,7 +204,7 @@ class Workers:
             limits=self._limits,
         )
         process = self._context.Process(target=serve, args=(theirs, station))
-        process.start()
+        _start(process)
         theirs.close()
         worker = _Worker(process, ours, station)
         self._crew.append(worker)
@@ -185,15 +213,18 @@ class Workers:
     def _take(self) -> Iterator[Pending[Any]]:
         """Wait a moment; yields the tasks that ended, in the order of the workers."""
         ends: list[Connection | int] = [one.tasks for one in self._crew]
-        ready = wait([*ends, *(one.process.sentinel for one in self._crew)], MOMENT)
+        ends += [one.process.sentinel for one in self._crew if not one.orphaned]
+        ready = wait(ends, MOMENT)
         for worker in tuple(self._crew):
             pending = worker.pending
             if worker.tasks in ready:
                 self._receive(worker)
             elif worker.process.sentinel in ready:
-                self._bury(worker)
-            elif worker.waits:
-                self._bury(worker, _at(worker, self._limits.waited))
+                worker.orphaned = worker.pending is not None and worker.lives_on()
+                if not worker.orphaned:
+                    self._bury(worker)
+            elif why := worker.overdue():
+                self._bury(worker, _at(worker, why))
             if pending is not None and pending.ended:
                 yield pending
 
@@ -215,7 +246,7 @@ class Workers:
         if isinstance(value, Failure):
             value = replace(value, stdout=worker.printed())
         pending.end(value)
-        if last:
+        if last or worker.orphaned:
             self._bury(worker)
 
     def _bury(self, worker: _Worker, reason: str = "") -> None:
@@ -267,9 +298,41 @@ def _context() -> Any:
         context.set_forkserver_preload(
             ["physics_crosscheck", "harness.cases.case", "harness.cases.prepare"]
         )
-        with _safe_path(), _signals_held():
+        with _as_servers_start():
             forkserver.ensure_running()
     return context
+
+
+def _start(process: BaseProcess) -> None:
+    """Start a worker; where the server is gone, killed by a task perhaps, by another one.
+
+    Raises:
+        OSError: where that is of no use.
+    """
+    for _ in range(_TRIES):
+        try:
+            with _as_servers_start():
+                process.start()
+        except (EOFError, ConnectionError):
+            time.sleep(MOMENT)  # it is about to end, which is to be seen
+        else:
+            return
+    raise OSError("no worker process can be started: what starts them ends each time")
+
+
+@contextlib.contextmanager
+def _as_servers_start() -> Iterator[None]:
+    """Meanwhile a server may be started, which hears no signal and takes no module of a user's.
+
+    What is beside it, multiprocessing's tracker of resources, comes first: as it starts, it lets
+    signals through again.
+    """
+    if "forkserver" in multiprocessing.get_all_start_methods():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that it had to be started again
+            resource_tracker.ensure_running()
+    with _safe_path(), _signals_held():
+        yield
 
 
 @contextlib.contextmanager

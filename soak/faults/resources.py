@@ -157,7 +157,7 @@ _STREAMS = {
     "stderr closed": ("RUN 2>&-", (0, 3)),
     "both closed": ("RUN >&- 2>&-", (0, 3)),
     "all closed": ("RUN <&- >&- 2>&-", (0, 3)),
-    "stdout full": ("RUN > /dev/full", (0, 3)),
+    "stdout full": ("RUN > /dev/full", (3,)),
     "stderr full": ("RUN 2> /dev/full", (0, 3)),
     "into head": ("RUN | head -1", (0,)),
     "into nothing": ("RUN | true", (0,)),

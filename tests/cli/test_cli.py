@@ -225,6 +225,18 @@ def test_streams_that_nobody_reads_change_nothing(tmp_path: Path, closing: str) 
     assert done.stderr == ""
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no disk here is full")
+def test_what_could_not_be_printed_for_want_of_room_is_told(tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "harness", "engines"]
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == 3
+    assert done.stderr == "crosscheck: standard output: No space left on device\n"
+
+
 def test_a_run_writes_its_files_where_nobody_reads_what_it_prints(
     folder: Path, tmp_path: Path
 ) -> None:

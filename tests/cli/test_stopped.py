@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from harness.baseline.inputs import with_elsewhere
 from harness.cli.main import main
 from harness.records.case import Case
 from harness.records.journal import NAME, journal
@@ -97,6 +98,33 @@ def test_what_changed_since_is_run_again(
     after(lambda done: None)
     assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 1
     assert "2 DIFFERS" in capsys.readouterr().out
+
+
+def test_what_a_declaration_read_elsewhere_counts_among_its_files(
+    folder: Path, after: Callable[[Told], None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    stiffness = Path("stiffness.txt")
+    stiffness.write_text("47.0")
+    read = "float(open('stiffness.txt').read())"
+    (folder / "system.py").write_text(SYSTEM.replace("47.0", read))
+    after(lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 2 else None)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 130
+    (folder / "slow.known").unlink()
+    (folder / "slow.known.toml").unlink()
+    stiffness.write_text("47.00047")
+    after(lambda done: None)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 1
+    assert "2 DIFFERS" in capsys.readouterr().out
+
+
+def test_what_a_model_that_is_code_depends_on_is_not_known(tmp_path: Path) -> None:
+    (tmp_path / "beside.txt").write_text("1")
+    place = str(tmp_path / "osc")
+    space, xml = (place, "space.py", "pymunk"), (place, "m.xml", "mujoco")
+    assert with_elsewhere("hash", space, []) == ""
+    assert with_elsewhere("hash", xml, ["system.py"]) == "hash"
+    assert with_elsewhere("", xml, ["../beside.txt"]) == ""
+    assert with_elsewhere("hash", xml, ["../beside.txt"]) not in ("", "hash")
 
 
 def test_two_runs_into_one_folder_are_refused(

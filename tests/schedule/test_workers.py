@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from multiprocessing import resource_tracker
 from pathlib import Path
 
 import pytest
 
 from harness.engines.protocol import EngineError
 from harness.schedule.clock import is_waiting, processor_seconds
+from harness.schedule.failure import LONGEST
+from harness.schedule.stop import SIGNALS
 from harness.schedule.workers import Failure, Limits, Workers
 
 
@@ -28,6 +32,12 @@ def crash(_: object) -> None:
 
 def spin(_: object) -> None:
     print("still here", flush=True)
+    while True:
+        pass
+
+
+def spin_deaf(_: object) -> None:
+    signal.signal(signal.SIGPROF, signal.SIG_IGN)
     while True:
         pass
 
@@ -55,6 +65,25 @@ def chatter(_: object) -> str:
 
 def refused(_: object) -> Failure:
     return Failure("no such joint", "", usage=True)
+
+
+def ramble(text: str) -> None:
+    raise ValueError(text)
+
+
+def orphan(_: object) -> str:
+    """End the process that started this one, and go on."""
+    os.kill(os.getppid(), signal.SIGKILL)
+    time.sleep(0.5)
+    return "done"
+
+
+def held_signals(which: str) -> set[int]:
+    """The signals that this process, or the one that started it, does not hear now."""
+    process = {"pid": os.getpid(), "ppid": os.getppid()}[which]
+    status = Path(f"/proc/{process}/status").read_text()
+    held = int(status.partition("SigBlk:")[2].split()[0], 16)
+    return {number for number in range(1, 65) if held >> (number - 1) & 1}
 
 
 class MuteError(Exception):
@@ -213,6 +242,12 @@ def test_a_task_that_gets_little_of_the_processor_is_not_taken_for_one_that_wait
         pass
 
 
+def test_a_task_that_ignores_the_signal_of_its_limit_is_ended_all_the_same() -> None:
+    with Workers(1, Limits(seconds=0.3)) as pool:
+        (reason,) = reasons(pool, spin_deaf)
+    assert "ran out of its 0.3 processor seconds" in reason
+
+
 @pytest.mark.parametrize(("function", "argument"), [(hoard, 0), (raise_it, MemoryError)])
 def test_too_much_memory_costs_the_task_alone(
     workers: Workers, function: Callable[..., object], argument: object
@@ -231,6 +266,54 @@ def test_what_cannot_be_told_or_sent_is_a_sentence(workers: Workers) -> None:
         "its value can't be sent" in failed(workers.outcome(workers.submit(unsendable, 0))).reason
     )
     assert "pickle" in failed(workers.outcome(workers.submit(len, lambda: None))).reason  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("one\n  two\t2\r\n\nthree\x0b", "ValueError: one two 2 three"),
+        ("\x1b[2J\u202eAGREES\ud800", r"ValueError: \x1b[2J\u202eAGREES\ud800"),
+    ],
+)
+def test_a_reason_is_one_line_that_writes_nothing_else_to_a_terminal(text: str, told: str) -> None:
+    assert Failure(f"ValueError: {text}", "").reason == told
+
+
+def test_a_reason_of_a_megabyte_keeps_its_beginning_and_its_end(workers: Workers) -> None:
+    text = f"begins {'x' * 10**6} ends"
+    reason = failed(workers.outcome(workers.submit(ramble, text))).reason
+    assert reason.startswith("ValueError: begins x")
+    assert reason.endswith("x ends")
+    assert " ... " in reason
+    assert len(reason) == LONGEST
+
+
+def test_a_task_that_ends_what_starts_the_workers_ends_none_of_them() -> None:
+    with Workers(2, Limits(seconds=5.0)) as pool:
+        tasks = [pool.submit(one, 0) for one in (orphan, wait_a_little)]
+        said = list(map(pool.outcome, tasks))
+        assert said == ["done", "waited"]
+        assert pool.outcome(pool.submit(square, 3)) == 9
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to look into")
+def test_what_starts_the_workers_hears_no_signal_and_they_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before: list[set[int]] = []
+    # As it starts, it lets these through again: it must have by the time that they are held.
+    monkeypatch.setattr(
+        resource_tracker,
+        "ensure_running",
+        lambda: before.append(set(signal.pthread_sigmask(signal.SIG_BLOCK, ()))),
+    )
+    with Workers(1) as pool:
+        server, worker = (pool.outcome(pool.submit(held_signals, one)) for one in ("ppid", "pid"))
+    assert isinstance(server, set)
+    assert isinstance(worker, set)
+    assert not set(SIGNALS) & before[0]
+    assert set(SIGNALS) <= server
+    assert not set(SIGNALS) & worker
 
 
 def test_what_a_task_started_ends_with_its_worker(workers: Workers) -> None:

@@ -1,4 +1,8 @@
-"""Some of the faults while running, at one random time each."""
+"""Some of the faults while running, at one random time each: those that need a process of its own.
+
+Stops, full disks and deaths of workers are brought about within the process in `tests/cli` and
+`tests/schedule`, which is quicker.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +14,7 @@ from soak.faults.scene import Undisturbed, scene
 FAULTS = {fault.name: fault for fault in every(seeds=1)}
 SOME = (
     "signals/SIGKILL to the run, seed 0",
-    "signals/Ctrl-C in a terminal, seed 0",
     "streams/into head",
-    "disk/files of 4 kB at most",
 )
 
 
