@@ -250,7 +250,8 @@ def _subset(results: Results, folder: Path) -> tuple[int, str, list[str]]:
     ]
     wrong += _unsaid(own)
     findings = [finding.message for model in models for finding in model.audit or ()]
-    lines = (*(str(reason) for reason in told), *findings)
+    failures = [why for model in models for _, why in model.failures]
+    lines = (*(str(reason) for reason in told), *findings, *failures)
     return exit_code(own, require_engines=False), "\n".join(lines), wrong
 
 
