@@ -88,7 +88,7 @@ FILES = {
         file="hostile/joint.part", text=_PART,
     ),
     "an include by character references": Elsewhere(
-        reads=_included("&#106;oint&#x2E;xml"), file="hostile/joint.xml", text=_PART
+        reads=_included("&#106;oint&#x2E;part"), file="hostile/joint.part", text=_PART
     ),
     "an include outside": Elsewhere(
         reads=_included("../shared.xml"), file="shared.xml", text=_PART
