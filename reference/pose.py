@@ -28,7 +28,7 @@ class Pose:
     rotation: Any = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", tuple(sp.sympify(p) for p in self.position))
+        object.__setattr__(self, "position", tuple(map(_number, self.position)))
         if self.rotation is not None:
             object.__setattr__(self, "rotation", _matrix(self.rotation))
 
@@ -40,14 +40,34 @@ class Pose:
 
 
 def _matrix(rotation: Any) -> sp.ImmutableMatrix:
-    """A matrix, or that of a unit quaternion."""
-    if isinstance(rotation, (tuple, list)) and len(rotation) == 4:
-        w, x, y, z = map(sp.sympify, rotation)
-        return sp.ImmutableMatrix(
-            [
-                [1 - 2 * (y**2 + z**2), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x**2 + z**2), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x**2 + y**2)],
-            ]
-        )
-    return sp.ImmutableMatrix(rotation)
+    """A matrix, or that of a quaternion; not orthonormal where that is not of length 1."""
+    if isinstance(rotation, (tuple, list)):
+        rotation = [_row(row) for row in rotation]
+    elif isinstance(rotation, (str, bytes)):
+        raise _text(rotation)
+    if not isinstance(rotation, list) or len(rotation) != 4:
+        return sp.ImmutableMatrix(rotation)
+    w, x, y, z = rotation
+    return sp.ImmutableMatrix(
+        [
+            [w**2 + x**2 - y**2 - z**2, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w**2 - x**2 + y**2 - z**2, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w**2 - x**2 - y**2 + z**2],
+        ]
+    )
+
+
+def _row(row: Any) -> Any:
+    return [_number(entry) for entry in row] if isinstance(row, (tuple, list)) else _number(row)
+
+
+def _number(value: Any) -> Any:
+    """A number or an expression."""
+    if isinstance(value, (str, bytes)):
+        raise _text(value)
+    return sp.sympify(value)
+
+
+def _text(value: str | bytes) -> ValueError:
+    """The refusal of a text: sympy would run it as code."""
+    return ValueError(f"a pose has the text {value[:60]!r}; write a number or an expression")

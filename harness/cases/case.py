@@ -139,7 +139,7 @@ def run_case(task: CaseTask) -> Case:
     try:
         found = extrapolate(model, coordinates, batch, resolution=task.resolution)
     except BlownUpError as error:
-        raise BlownUpError(_warned(str(error), model)) from None
+        raise BlownUpError(_told(str(error), task.sidecar, model)) from None
     verdict = judge(found.limit, motion, task.scale, task.components, claimed, task.resolution)
     if found.residual is not None:
         own = tuple(model.coordinates)
@@ -156,7 +156,7 @@ def run_case(task: CaseTask) -> Case:
     )
     outcome, reason = with_full_runs(verdict, study, motion, claimed)
     if outcome is Outcome.FAILED:
-        reason = _warned(reason, model)
+        reason = _told(reason, task.sidecar, model)
     return Case(
         system=task.system.name,
         model=task.sidecar.model.name,
@@ -179,9 +179,9 @@ def run_case(task: CaseTask) -> Case:
     )
 
 
-def _warned(reason: str, model: Model) -> str:
-    """A reason with what the engine warned of: it may know why."""
-    return "; the engine warns: ".join((reason, *model.warnings))
+def _told(reason: str, sidecar: Sidecar, model: Model) -> str:
+    """A reason with the file that it is about, and what the engine warned of: it may know why."""
+    return "; the engine warns: ".join((f"{sidecar.model}: {reason}", *model.warnings))
 
 
 def _place_of_step(sidecar: Sidecar, engine: str) -> SourceLine:

@@ -18,9 +18,10 @@ from pathlib import Path
 
 import sympy as sp
 
+from harness.files.brief import brief
 from harness.files.expressions import parse
 from harness.files.locations import Location, LocationError, find, find_in
-from harness.files.sidecar import Sidecar, SidecarError, brief, read_sidecar
+from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
 from reference.declaration import DeclarationError
 from reference.system import System
 
@@ -99,7 +100,7 @@ def bindings(system: System, sidecar: Sidecar) -> tuple[Binding, ...]:
         place = places[address]
         other = taken.setdefault((place.file, place.start), address)
         if other != address:
-            raise SidecarError(f"{where} is the same number as {other!r} ({place}); keep one")
+            raise SidecarError(f"{where} is the same number as {brief(other)} ({place}); keep one")
         expected, rounding = _evaluate(system, expression, where)
         found.append(
             Binding(
@@ -253,7 +254,9 @@ def _replaced(sidecar: Sidecar, literals: Mapping[str, float]) -> dict[Path, byt
                 data = data[: place.start] + repr(wanted[own]).encode() + data[place.end :]
         for own, place in find_in(data, file, wanted).items():
             if place.value != wanted[own]:
-                raise LocationError(f"{place}: {own!r} is the same number as another that is set")
+                raise LocationError(
+                    f"{place}: {brief(own)} is the same number as another that is set"
+                )
         texts[file] = data
     return texts
 

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
+from harness.files.brief import brief
 from harness.files.expressions import parse
 from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar, SidecarError
@@ -132,7 +133,7 @@ class _Reader:
         if said is None:
             return np.zeros(3)
         if not isinstance(said, list) or len(said) != 3:
-            raise SidecarError(f"{where}: {what} is {said!r}, where three lengths belong")
+            raise SidecarError(f"{where}: {what} is {brief(said)}, where three lengths belong")
         return np.array([self._number(one, f"{where}: {what}") for one in said])
 
     def _axes(self, said: object, where: str, unsaid: Array) -> Array:
@@ -143,8 +144,8 @@ class _Reader:
         found = np.array([self._axis(one, where) for one in said])
         if np.max(np.abs(found @ found.T - np.eye(3))) > _RIGHT or np.linalg.det(found) < 0:
             raise SidecarError(
-                f"{where}: axes {said!r} are not three right-handed axes of length 1, each at a"
-                " right angle to the others; a mirror is no world"
+                f"{where}: axes {brief(said)} are not three right-handed axes of length 1, each at"
+                " a right angle to the others; a mirror is no world"
             )
         return found
 
@@ -157,13 +158,15 @@ class _Reader:
 
     def _number(self, said: object, where: str) -> float:
         if isinstance(said, bool) or not isinstance(said, (str, int, float)):
-            raise SidecarError(f"{where} has {said!r}, where a number or an expression belongs")
+            raise SidecarError(
+                f"{where} has {brief(said)}, where a number or an expression belongs"
+            )
         try:
             number = float(parse(str(said), self.symbols, where).xreplace(self.values))
         except (TypeError, ValueError, OverflowError, ZeroDivisionError) as error:
             if isinstance(error, SidecarError):
                 raise
-            raise SidecarError(f"{where}: {said!r} is no finite real number") from None
+            raise SidecarError(f"{where}: {brief(said)} is no finite real number") from None
         if not np.isfinite(number):
-            raise SidecarError(f"{where}: {said!r} is no finite real number")
+            raise SidecarError(f"{where}: {brief(said)} is no finite real number")
         return number

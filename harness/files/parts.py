@@ -78,7 +78,8 @@ def check_parts(model: Path) -> None:
             if deepest > MOST_INCLUDED:
                 raise PartError(f"{model}: more than {MOST_INCLUDED} includes in one another")
     except OSError as error:
-        raise PartError(f"{error.filename}: can't be read: {error.strerror}") from None
+        named = "" if error.filename == str(model) else f"{model}: it names "
+        raise PartError(f"{named}{error.filename}: can't be read: {error.strerror}") from None
     except LocationError as error:
         raise PartError(str(error)) from None
 

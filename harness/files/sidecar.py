@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 from harness.engines.protocol import ModelSpec, Spring
+from harness.files.brief import brief
 from harness.files.parts import PartError, check_parts
 from harness.files.reading import MOST_SIDECAR, TomlError, read_regular, toml_document
 
 _KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames"}
-
-MOST_SHOWN = 100
-"""Characters of a value in a message."""
 
 
 class SidecarError(ValueError):
@@ -120,12 +118,6 @@ def _document(path: Path) -> dict[str, Any]:
         raise SidecarError(f"{path}: byte {error.start} is no UTF-8; save it as UTF-8") from None
     except TomlError as error:
         raise SidecarError(f"{path}{error}") from None
-
-
-def brief(value: object) -> str:
-    """A value of a sidecar as a message shows it."""
-    text = repr(value)
-    return text if len(text) <= MOST_SHOWN else f"{text[:MOST_SHOWN]}..."
 
 
 def _table(data: Mapping[str, object], key: str, path: Path) -> dict[str, object]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from harness.engines.protocol import Model
+from harness.files.brief import brief, cut
 from harness.files.frames import FrameTarget, SidecarFrames
 from harness.files.sidecar import SidecarError
 from harness.numerics.coordinates import CoordinateMap
@@ -122,5 +123,5 @@ def _moved(placed: Callable[[Array], Placed], x: Array) -> Array:
 def _lacking(target: FrameTarget, known: Sequence[str]) -> str:
     kind = target.place.partition(":")[0]
     same = [place for place in known if place.startswith(f"{kind}:")]
-    shown = ", ".join((same or list(known))[:24])
-    return f"{target.where}: the model has no {target.place!r}; it has {shown}"
+    shown = ", ".join(map(cut, (same or list(known))[:24]))
+    return f"{target.where}: the model has no {brief(target.place)}; it has {shown}"

@@ -76,12 +76,39 @@ FILES = {
 }
 
 
+def _swap(table: str, *names: str) -> Build:
+    """Two entries with some fields of each other."""
+
+    def change(whole: Any) -> None:
+        one, other, *_ = whole[table]
+        for name in names:
+            one[name], other[name] = other[name], one[name]
+
+    return _edited(change)
+
+
+SWAPPED = {
+    "entries swapped": _swap("cases", "engine"),
+    "entries with each other's seals": _swap("cases", "seal"),
+    "entries swapped but for their names": _edited(
+        lambda t: t.update(cases=[
+            {**other, "engine": one["engine"]} for one, other in zip(
+                t["cases"], reversed(t["cases"]), strict=True)])
+    ),
+}  # fmt: skip
+"""Of a model in two engines."""
+
+
 def baselines() -> Iterator[Entry]:
     """Every entry of the format."""
     for name, build in FILES.items():
         for command in (_GATE, _RUN):
             yield Entry(name=f"baseline/{command[0]}, {name}", build=build, before=(ACCEPT,),
                         command=command, codes=(2, 3), says=_NAMED)  # fmt: skip
+    for name, build in SWAPPED.items():
+        for command in (_GATE, _RUN):
+            yield Entry(name=f"baseline/{command[0]}, {name}", build=build, model="robot.urdf",
+                        before=(ACCEPT,), command=command, codes=(2, 3), says=_NAMED)  # fmt: skip
     yield Entry(name="baseline/gate, a file", build=_a_file, command=_GATE, codes=(2, 3),
                 says="baseline")  # fmt: skip
     yield Entry(name="baseline/run, a file", build=_a_file, command=_RUN, codes=(2, 3),

@@ -6,9 +6,12 @@ from collections.abc import Iterable
 
 from soak.corpus.arguments import arguments
 from soak.corpus.baselines import baselines
+from soak.corpus.beyond import beyond
 from soak.corpus.entry import Entry
 from soak.corpus.files_of_new import files_of_new
+from soak.corpus.frames import frames
 from soak.corpus.mjcf import mjcf
+from soak.corpus.pytests import pytests
 from soak.corpus.results import results
 from soak.corpus.sidecars import sidecars
 from soak.corpus.spaces import spaces
@@ -27,6 +30,9 @@ ROOMS = (
     arguments,
     files_of_new,
     verdicts,
+    frames,
+    beyond,
+    pytests,
 )
 
 

@@ -25,6 +25,8 @@ class Entry:
         before: commands that run while the folder is still sound, to accept a baseline, say.
         codes: exit codes that are right; of `run`, that of the hostile folder's own cases.
         says: regular expression that what is told must match, file and line where they are asked.
+        first: written before these commands.
+        absent: engines that are not installed, for all that is asked.
         slow: whether it needs the time limit, or a process of its own.
     """
 
@@ -35,12 +37,15 @@ class Entry:
     before: tuple[tuple[str, ...], ...] = ()
     codes: tuple[int, ...] = (3,)
     says: str = ""
+    first: Build | None = None
+    absent: tuple[str, ...] = ()
     slow: bool = False
 
     @property
     def batched(self) -> bool:
         """Whether it may be one of many folders of one run."""
-        return self.command == RUN and not self.slow and not self.before
+        alone = self.slow or self.before or self.absent
+        return self.command == RUN and not alone
 
 
 def replaced(name: str, *changes: tuple[str, str]) -> Build:

@@ -7,16 +7,20 @@ not touch the others. An entry of a run that was not sound as a whole is run aga
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import os
 import re
 import resource
 import shutil
 import signal
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 
 import msgspec
@@ -35,7 +39,8 @@ LONGEST = 1200
 MEMORY = 12 << 30
 """Bytes of address space for everything that an entry starts: a bomb must not take the machine."""
 
-_FOLDERS = ("hostile", "sound")
+_PLUGINS = ("-p", "no:cacheprovider", "-p", "pytest_crosscheck")
+ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,12 +69,15 @@ def judge(entries: Sequence[Entry]) -> Iterator[Judged]:
 def alone(entry: Entry) -> Judged:
     """Run one entry's command, as a person would."""
     with _workspace(entry) as place:
+        if entry.first is not None:
+            entry.first(place)
         for command in entry.before:
             _called(place, command)
         before = _files(place)
         entry.build(place)
         built = _files(place)
-        code, told, seconds = _called(place, entry.command)
+        with _without(entry.absent):
+            code, told, seconds = _called(place, entry.command)
         wrong = [*_always(code, told), *_strays(place, built | before)]
         if entry.command[:1] == ("run",) and "@sound" in entry.command:
             code, told, further = _of_run(place, code, told)
@@ -92,7 +100,9 @@ def _together(entries: Sequence[Entry]) -> Iterator[Judged]:
             results = read_results(places[0] / "out" / "results.json")
         except ResultsError:
             results = None
-        if code is None or results is None or _always(code, told) or not _sound(results):
+        whole = results is not None and _sound(results) and not _dropped(places[0])
+        if code is None or results is None or _always(code, told) or not whole:
+            _sweep(places[0])
             yield from map(alone, entries)
             return
         for entry, place, before in zip(entries, places, built, strict=True):
@@ -122,6 +132,8 @@ def _workspace(entry: Entry) -> Iterator[Path]:
 def _called(place: Path, command: Sequence[str]) -> tuple[int | None, str, float]:
     """Exit code, what was printed, and seconds; no code where something was raised."""
     given = [_path(place, word) for word in command]
+    if given[:1] == ["pytest"]:
+        return _tested(place, given[1:])
     out, began = io.StringIO(), time.monotonic()
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, hard))
@@ -142,6 +154,32 @@ def _called(place: Path, command: Sequence[str]) -> tuple[int | None, str, float
     return code, out.getvalue(), time.monotonic() - began
 
 
+def _tested(place: Path, given: Sequence[str]) -> tuple[int | None, str, float]:
+    """The same of pytest, which is a process of its own."""
+    began = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", *_PLUGINS, *given],
+        cwd=place, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=False,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+    )  # fmt: skip
+    return done.returncode, done.stdout, time.monotonic() - began
+
+
+@contextlib.contextmanager
+def _without(names: Sequence[str]) -> Iterator[None]:
+    """Some packages are not to be found meanwhile."""
+    find = importlib.util.find_spec
+
+    def found(name: str, package: str | None = None) -> ModuleSpec | None:
+        return None if name in names else find(name, package)
+
+    importlib.util.find_spec = found
+    try:
+        yield
+    finally:
+        importlib.util.find_spec = find
+
+
 def _path(place: Path, word: str) -> str:
     """`@name/x` is a path of the workspace; `@` may follow a `=` too."""
     return re.sub(r"(^|(?<==))@", lambda _: f"{place}/", word)
@@ -154,6 +192,8 @@ def _always(code: int | None, told: str) -> list[str]:
         wrong.append(f"raised: {told[-300:]}")
     if "Traceback (most recent call last)" in told:
         wrong.append("a traceback is told")
+    if "INTERNALERROR" in told:
+        wrong.append("pytest tells an internal error")
     return wrong
 
 
@@ -208,9 +248,24 @@ def _subset(results: Results, folder: Path) -> tuple[int, str, list[str]]:
     wrong = [
         f"a sentence of several lines: {one[:99]!r}" for one in told if "\n" in str(one).strip()
     ]
+    wrong += _unsaid(own)
     findings = [finding.message for model in models for finding in model.audit or ()]
-    lines = (*(str(reason) for reason in told), *findings)
+    failures = [why for model in models for _, why in model.failures]
+    lines = (*(str(reason) for reason in told), *findings, *failures)
     return exit_code(own, require_engines=False), "\n".join(lines), wrong
+
+
+def _unsaid(results: Results) -> list[str]:
+    """Models that agree without a word of what that covers."""
+    agreeing = {c.id.of_model for c in results.cases if c.outcome is Outcome.AGREES}
+    wrong = []
+    for model in results.models:
+        if model.id in agreeing and not model.failures:
+            wrong += [f"no coverage of {model.model}"] * (model.coverage is None)
+            wrong += [f"nothing of the poses of {model.model}"] * (
+                model.poses is None or not (model.poses.frames or model.poses.note)
+            )
+    return wrong
 
 
 def _files(place: Path) -> set[str]:
@@ -226,7 +281,19 @@ def _strays(place: Path, known: set[str]) -> list[str]:
     """Files where none belong: beside the out folder, in the working folder, in the hostile one."""
     allowed = ("out", "baseline", "new", "og")
     new = {p for p in _files(place) - known if p.split("/")[0] not in allowed}
-    here = {str(p) for p in Path.cwd().iterdir()} - {str(place)}
-    here = {p for p in here if not Path(p).name.startswith(("soak-", "pymp-", ".", "hangs"))}
+    here = {str(p) for p in _dropped(place)}
+    _sweep(place)
     half = {p for p in _files(place) if Path(p).name.startswith(".") and p.startswith("out")}
     return [f"left behind: {name}" for name in sorted(new | here | half)]
+
+
+def _dropped(place: Path) -> list[Path]:
+    """What an entry has left in the working folder."""
+    ours = ("soak-", "pymp-", ".", "hangs")
+    return [p for p in Path.cwd().iterdir() if p != place and not p.name.startswith(ours)]
+
+
+def _sweep(place: Path) -> None:
+    """Take that away, so that no other entry is blamed for it."""
+    for path in _dropped(place):
+        shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink()

@@ -10,7 +10,7 @@ from soak.corpus.odd_files import odd_files
 from soak.corpus.sound import MJCF
 
 FILE = "mujoco.xml"
-_NAMED = r"mujoco\.xml|can't be read|not finite"
+_NAMED = r"mujoco\.xml"
 _LINED = r"mujoco\.xml:\d+"
 _STEP = 'timestep="0.002"'
 _MASS = 'mass="1.3"'
@@ -88,7 +88,8 @@ ELEMENTS = {
     "a limit within the motion": ("axis=", 'limited="true" range="-0.01 0.01" axis='),
     "dry friction": ("axis=", 'frictionloss="0.1" axis='),
     "a stop in the way": (
-        "</worldbody>", '<geom type="box" size="1 1 1" pos="0 0 1"/></worldbody>'
+        "    </body>\n  </worldbody>",
+        '<geom size="0.1"/></body><geom type="box" size="1 1 1" pos="0 0 1"/></worldbody>',
     ),
     "bytes that are no text": (_MASS, 'mass="1.3\udcff"'),
     "a name of 100000 characters": ('name="block"', f'name="{"b" * 100_000}"'),

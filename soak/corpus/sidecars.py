@@ -37,6 +37,8 @@ TEXTS: dict[str, str | bytes] = {
     "half a character": b'engines = ["\xed\xa0\x80"]\n',
     "no UTF-8": b'engines = ["\xff"]\n',
     "a null byte": b'engines = ["mujoco"]\0\n',
+    "frames a number": 'engines = ["mujoco"]\nframes = 1\n',
+    "frames a list": 'engines = ["mujoco"]\nframes = ["body:block"]\n',
     "settings a number": 'engines = ["mujoco"]\nsettings = 1\n',
     "settings of another engine": 'engines = ["mujoco"]\n[settings.pymunk]\nstep = 0.1\n',
     "a spring that is a table": 'engines = ["mujoco"]\n[spring]\nstiffness = 1\n',

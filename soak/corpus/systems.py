@@ -177,6 +177,8 @@ EXPRESSIONS = {
         'equilibria=(Equilibrium("rest", {x: __import__("sympy").oo}, True',
     ),
     "no equilibria": ('(Equilibrium("rest", {x: 0}, False, "relaxed"),)', "()"),
+    "a force by a complex number": ("on={x: 1}", "on={x: 1j}"),
+    "a complex output": ('Output("x", x.q,', 'Output("x", x.q * 1j,'),
     "a force on nothing": ("on={x: 1}", "on={}"),
     "a force by nan": ("on={x: 1}", "on={x: float('nan')}"),
     "a force by its own velocity": ("on={x: 1}", "on={x: x.v}"),

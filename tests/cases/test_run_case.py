@@ -18,6 +18,7 @@ from harness.diagnosis.task import diagnose_model, diagnosis_task
 from harness.engines.known_answer import KnownEngine
 from harness.engines.protocol import Engine
 from harness.files.sidecar import Sidecar, read_sidecar
+from harness.numerics.segments import BlownUpError
 from harness.records.case import Case
 from tests.faults.known_folder import KNOWN, SYSTEM, known_folder
 
@@ -58,6 +59,12 @@ def written(place: Path, text: str, sidecar: str = 'engines = ["known"]\n') -> S
 
 def ran(prepared: Prepared, sidecar: Sidecar, resolution: float = 1e-9) -> Case:
     return run_case(case_task(prepared, sidecar, "known", "free", resolution))
+
+
+def test_a_motion_that_is_not_finite_names_the_file(oscillator: Prepared, tmp_path: Path) -> None:
+    sidecar = written(tmp_path, KNOWN.replace("47.0", "1e308"))
+    with pytest.raises(BlownUpError, match=r"^.*one\.known: values that are not finite"):
+        ran(oscillator, sidecar)
 
 
 @pytest.mark.parametrize("step", ["3.0", "1e30", "1e-9", "1e-300", "inf", "nan", "0.0", "-0.005"])

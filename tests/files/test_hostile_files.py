@@ -107,7 +107,9 @@ def test_a_model_that_is_no_file_is_not_opened(
 def test_what_a_model_names_and_is_no_file_is_not_opened(folder: Path, body: str) -> None:
     os.mkfifo(folder / "part")
     (folder / "m.xml").write_text(f"<mujoco>{body}</mujoco>")
-    assert "part: can't be read: it is a named pipe" in told(folder)
+    assert f"{folder / 'm.xml'}: it names {folder / 'part'}: can't be read: it is a named pipe" in (
+        told(folder)
+    )
 
 
 @pytest.mark.parametrize(("make", "_"), KINDS)

@@ -286,3 +286,14 @@ def test_numbers_of_python_are_names_at_the_top_level(tmp_path: Path) -> None:
     file = tmp_path / "space.py"
     file.write_text("A = 1.5\nB: float = -2\nC = A * 2\n\ndef f():\n    D = 3\n")
     assert numbers(file, "unused") == ("A", "B")
+
+
+@pytest.mark.parametrize(
+    "address", ["a" * 9999, f"option@gravity[{'9' * 4000}]", f"body[{'b' * 9999}]"]
+)
+def test_what_is_long_is_told_in_brief(tmp_path: Path, address: str) -> None:
+    file = tmp_path / "m.xml"
+    file.write_text(MJCF.replace('"drum"', f'"{"d" * 9999}"'), "utf-8")
+    with pytest.raises(LocationError) as caught:
+        find(file, [address])
+    assert len(str(caught.value)) < 1000 + len(str(file))

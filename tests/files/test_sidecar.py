@@ -60,7 +60,7 @@ def test_an_engine_sees_its_own_settings_and_no_other(write: Callable[[str], Pat
     (("[0, 0, -9.81]", "-9.81"), "gravity is -9.81, where three numbers belong"),
     (("[settings.mujoco]", "[settings.drake]"), "not in engines"),
     (("[readback]", "[read_back]"), "unknown key 'read_back'; known are"),
-    (('phi = "x / r"', "phi = true"), "phi must be an expression"),
+    (('phi = "x / r"', "phi = true"), "'phi' must be an expression"),
     (("stiffness = 38.0\n", ""), "must have damping, joints, rest, stiffness, each stated"),
     (("stiffness = 38.0", "stiffness = nan"), "stiffness is nan"),
     (("{x1 = 1, x2 = -1}", "['x1', 'x2']"), "joints must map joint names"),

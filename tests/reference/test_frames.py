@@ -52,6 +52,8 @@ def test_a_unit_quaternion_is_the_rotation_that_it_stands_for() -> None:
         (Pose("rod", (l + a.q, 0, 0), "rod"), "has the unit"),
         (Pose("rod", (sp.I, 0, 0), "rod"), "which is no real number"),
         (Pose("rod", (0, 0, 0), "rod", 2 * EYE), "not orthonormal"),
+        (Pose("rod", (0, 0, 0), "rod", (0, 0, 0, 0)), "not orthonormal"),
+        (Pose("rod", (0, 0, 0), "rod", (2, 0, 0, 0)), "not orthonormal"),
         (Pose("rod", (0, 0, 0), "rod", sp.diag(1, 1, -1)), "its rotation mirrors"),
         (Pose("rod", (0, 0, 0), "rod", sp.eye(2)), "no 3 x 3 matrix and no quaternion"),
         (Pose("rod", (0, 0, 0), "rod", l * TILTED), "its rotation has the unit m, where 1 belongs"),
@@ -71,3 +73,20 @@ def test_two_frames_of_one_name_are_refused() -> None:
 
 def test_a_plain_number_beside_a_length_is_in_metres() -> None:
     assert frames(Pose("rod", (l + 1.2, 0, 3), "rod", TILTED)).frames[0].position[2] == 3
+
+
+@pytest.mark.parametrize(
+    ("position", "rotation"),
+    [
+        (("print('run')", 0, 0), None),
+        ((0, 0, 0), "print('run')"),
+        ((0, 0, 0), ("print('run')", 0, 0, 0)),
+        ((0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, "print('run')"))),
+    ],
+)
+def test_a_text_in_a_pose_is_not_run(
+    position: Any, rotation: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(ValueError, match="write a number or an expression"):
+        Pose("rod", position, "rod", rotation)
+    assert capsys.readouterr().out == ""

@@ -23,7 +23,7 @@ COMMANDS = [
 FOLDERS = [
     entry
     for entry in ENTRIES.values()
-    if entry.batched and entry.name.startswith(("system.py/", "sidecar/", "mjcf/"))
+    if entry.batched and entry.name.startswith(("system.py/", "sidecar/", "mjcf/", "frames/"))
 ][::6]
 
 
@@ -37,7 +37,8 @@ def test_there_are_many_over_every_format_and_command() -> None:
     formats = {name.split("/")[0] for name in ENTRIES}
     assert formats == {
         "system.py", "sidecar", "mjcf", "urdf", "space.py", "report", "baseline", "arguments",
-        "new", "compare", "derive", "audit", "gate", "mutate", "wrong", "right",
+        "new", "compare", "derive", "audit", "gate", "mutate", "wrong", "right", "frames",
+        "absent", "pytest",
     }  # fmt: skip
 
 

@@ -45,6 +45,8 @@ def _collect(path: Path, folder: Path, found: dict[Path, XmlSource | None]) -> N
     for include in source.root.iter("include"):
         name = include.get("file", "")
         if name and (folder / name).exists():  # these stand beside the first
+            if not (folder / name).is_file():
+                raise source.refused(include, f"<include file> has {name!r}, which is no file")
             _collect(folder / name, folder, found)
 
 

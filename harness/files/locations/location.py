@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.files.brief import brief, cut
+
 
 class LocationError(ValueError):
     """An address that means no number or several; the message names file, line and remedy."""
@@ -75,16 +77,20 @@ class Source:
     def error(self, address: str, sentence: str, offset: int | None = None) -> LocationError:
         """An address can't be resolved, because of the byte at `offset`."""
         where = f"{self.file}" if offset is None else f"{self.file}:{self.line(offset)}"
-        return LocationError(f"{where}: {address!r} {sentence}")
+        return LocationError(f"{where}: {brief(address)} {sentence}")
 
     def place(self, found: tuple[Span, float], address: str) -> Location:
         """The place of a number, if its bytes say what the file's parser has read there."""
         (start, end), read = found
         text = self.data[start:end].decode("utf-8")
         if not _NUMBER.fullmatch(text):
-            raise self.error(address, f"is {text!r} there, where a decimal number belongs", start)
+            raise self.error(
+                address, f"is {brief(text)} there, where a decimal number belongs", start
+            )
         if float(text) != read:
-            raise self.error(address, f"is read as {read!r} there, but written {text!r}", start)
+            raise self.error(
+                address, f"is read as {read!r} there, but written {brief(text)}", start
+            )
         before = re.split(rb"\r\n|\r|\n", self.data[:start])
         column = len(before[-1].decode("utf-8").removeprefix("\ufeff")) + 1
         return Location(
@@ -97,4 +103,4 @@ def nearest(wanted: str, known: Iterable[str]) -> str:
     names = list(dict.fromkeys(known))
     alike = difflib.get_close_matches(wanted, names, n=6, cutoff=0.0) if wanted else names[:6]
     more = len(names) - len(alike)
-    return ", ".join(alike) + (f" and {more} more" if more else "")
+    return ", ".join(map(cut, alike)) + (f" and {more} more" if more else "")

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
+from harness.files.brief import brief, cut
 from harness.files.locations.location import (
     LocationError,
     RefusedError,
@@ -240,7 +241,7 @@ def _walk(
             near = near or [e.spelled(1) for e in pool]
             raise source.error(
                 address,
-                f"means nothing: there is no {step}{within}; there is"
+                f"means nothing: there is no {cut(step)}{cut(within)}; there is"
                 f" {nearest(step, near) or 'nothing'}",
                 parents[0].start if parents else None,
             )
@@ -320,5 +321,5 @@ def _component(
         # Python would read 1_000; no XML reader does.
         return spans[place], float(words[place].replace("_", "?"))
     except ValueError:
-        reason = f"is {words[place]!r} there, where a number belongs"
+        reason = f"is {brief(words[place])} there, where a number belongs"
         raise source.error(address, reason, spans[place][0]) from None
