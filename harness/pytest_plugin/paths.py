@@ -25,6 +25,8 @@ def folders_under(name: str, unwanted: Sequence[str]) -> list[Path]:
     Raises:
         FolderError: where there is none.
     """
+    if not name:  # an unset variable, which would mean all there is
+        raise FolderError("PATH is empty; name a folder, or . for all that lie here")
     path = Path(os.path.abspath(name))
     if path.name == DECLARATION and path.is_file():
         path = path.parent

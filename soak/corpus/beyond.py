@@ -125,7 +125,7 @@ def _absent() -> Iterator[Entry]:
     ):
         yield Entry(name=f"absent/{command[0]}{' as required' * ('--require-engines' in command)}",
                     build=lambda place: None, command=command, codes=(1, 2, 3), absent=ENGINES,
-                    says="not installed")  # fmt: skip
+                    says="installed")  # fmt: skip
     # What was accepted stands, but was not seen again.
     changed = replaced("mujoco.xml", ('"47"', '"48"'))
     yield Entry(name="absent/gate of what has changed", build=changed, before=(ACCEPT,),
