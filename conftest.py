@@ -6,6 +6,7 @@ scenario.
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,10 @@ if TYPE_CHECKING:
 
 # Here too where the package is not installed.
 pytest_plugins = ["pytest_crosscheck"]
+
+# A shell's background job ignores Ctrl-C, and so would every run that is started here to be stopped.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 BAR = 1e-10
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -20,6 +21,8 @@ from soak.faults.signals import signals
 def main() -> int:
     """Bring every fault about and print what was wrong then."""
     options = _options()
+    # A shell's background job ignores Ctrl-C, and so would the runs.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     faults = [fault for fault in every(options.seeds) if _meant(fault.name, options.only)]
     began = time.monotonic()
     expected = undisturbed()
