@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 # Here too where the package is not installed.
 pytest_plugins = ["pytest_crosscheck"]
 
-# A shell's background job ignores Ctrl-C, and so would every run that is started here to be stopped.
+# A shell's background job ignores Ctrl-C, and so would every run that is started to be stopped.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
