@@ -49,9 +49,13 @@ class Reads:
         return tuple(Path(os.path.relpath(file, self._folder)).as_posix() for file in self.files)
 
 
+_METADATA = (".dist-info", ".egg-info")
+"""Folders that say what is installed, wherever the package itself is; engines are looked up there."""
+
+
 def _installed(path: str) -> bool:
     """Whether a file belongs to Python, to an installed package, to us or to the machine."""
-    return path.startswith(_roots())
+    return path.startswith(_roots()) or os.path.dirname(path).endswith(_METADATA)
 
 
 @lru_cache(maxsize=1)

@@ -93,6 +93,13 @@ def test_bytecode_without_a_source_is_recorded(folder: Path) -> None:
     assert reads(folder, code) == {".hidden/local_bytes.pyc"}
 
 
+def test_what_says_which_packages_are_installed_is_no_input_of_a_case(folder: Path) -> None:
+    about = folder.parent / "anywhere" / "adapter-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "entry_points.txt").write_text("[crosscheck.engines]\n")
+    assert reads(folder, f"open({str(about / 'entry_points.txt')!r}).close()\n") == set()
+
+
 def test_each_folder_gets_its_own_module_of_a_name(folder: Path, tmp_path: Path) -> None:
     code = "import sys\nsys.path.insert(0, str(HERE / 'lib'))\nimport local_name\n"
     for number in (1.5, 2.5):

@@ -44,7 +44,7 @@ def test_a_right_engine_agrees_to_eleven_digits(bench: MakeBench, drive: Expr | 
 def test_a_wrong_literal_differs_by_its_fault(bench: MakeBench, literal: str, fault: float) -> None:
     model = SymplecticEuler()
     setattr(model, literal, getattr(model, literal) * (1 + fault))
-    found, _ = verdict(bench(model))
+    found, _ = verdict(bench(model), resolution=min(1e-9, fault / 100))
     assert found.outcome is Outcome.DIFFERS
     # The damper makes a twentieth of the force, so its fault reads smaller.
     assert 0.02 * fault < found.discrepancy < 2 * fault
