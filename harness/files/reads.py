@@ -50,7 +50,7 @@ class Reads:
 
 
 _METADATA = (".dist-info", ".egg-info")
-"""Folders that say what is installed, wherever the package itself is; engines are looked up there."""
+"""Folders that say what is installed, wherever the package is; engines are looked up there."""
 
 
 def _installed(path: str) -> bool:
