@@ -132,5 +132,5 @@ def test_a_sidecar_that_cannot_be_read_is_named(tmp_path: Path) -> None:
 def test_a_model_that_cannot_be_loaded_is_named_with_its_engine(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     other = changed(tmp_path, path, ('mass="0.45"', 'mass="-0.45"'))
-    with pytest.raises(FailureError, match=r"mujoco.xml: MuJoCo can't load it"):
+    with pytest.raises(FailureError, match=r"mujoco.xml:34: MuJoCo can't load it"):
         compared(path, other)
