@@ -71,7 +71,7 @@ def test_an_engine_that_crashes_exits_3_and_is_told_with_what_it_printed(tmp_pat
     done = crosscheck(a, b, "--json", "record.json", cwd=tmp_path)
     assert done.returncode == 3, done.stdout + done.stderr
     assert "FAILED" in done.stdout
-    assert f"{b} [known]: the engine's process died (SIGSEGV)" in done.stdout
+    assert f"{b} [known]: the process died (SIGSEGV)" in done.stdout
     found = decoded((tmp_path / "record.json").read_bytes(), Comparison)
     assert found.outcome is Outcome.FAILED
     assert "SIGSEGV" in found.reason
