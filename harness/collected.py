@@ -67,6 +67,11 @@ class Collected:
         self.left: dict[tuple[str, CaseId], None] = {}
         self._progress, self._journal = progress, journal
 
+    @property
+    def keeps(self) -> bool:
+        """Whether anything is kept, should the run be ended."""
+        return self._journal is not None
+
     def expect(self, folder: str, cases: Iterable[CaseId]) -> None:
         """These are known of; or a folder is, by its `system.py`, until its cases are."""
         self.left.pop((folder, stand_in(Path(folder))), None)

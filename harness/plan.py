@@ -90,7 +90,8 @@ class Plan:
         """Prepare a folder, then run its models."""
         self._found.expect(str(folder), [stand_in(folder)])
         # As it is before anything of it is run: what changes meanwhile is another folder's.
-        self._inputs |= inputs(folder, self._options.resolution, self._options.baseline)
+        if self._found.keeps:
+            self._inputs |= inputs(folder, self._options.resolution, self._options.baseline)
         preparing = partial(prepare, described=self._options.selection is None)
         unprepared = partial(self._unprepared, folder)
         return Job(task=Task(preparing, folder), done=self._models, failed=unprepared)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from time import process_time
 
 import numpy as np
-import pebble
 from msgspec.structs import replace
 
 from campaigns.mechanisms.drawn import draw
@@ -19,11 +16,12 @@ from campaigns.mechanisms.mechanism import Mechanism
 from campaigns.mechanisms.results import Result
 from campaigns.mechanisms.trial import Judged, Posed, examine, pose, undone
 from harness.records.outcome import Outcome
+from harness.schedule.workers import Failure, Limits, Workers
 
 RESOLUTION = 1e-9
 
 SECONDS = 120
-"""For one mechanism, before its process is ended."""
+"""Of a processor, for one mechanism, before its process is ended."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,30 +84,12 @@ def _explained(posed: Posed, found: Judged) -> str:
 
 def census(options: Options, indices: Sequence[int], jobs: int) -> Iterator[Result]:
     """Results as they come, in order; a process that dies or hangs costs its mechanism alone."""
-    pool = pebble.ProcessPool(
-        max_workers=jobs, initializer=_quiet, context=multiprocessing.get_context("spawn")
-    )
-    try:
-        found = pool.map(partial(study, options), indices, timeout=SECONDS).result()
-        for index in indices:
-            try:
-                yield next(found)
-            except Exception as error:
-                yield Result(
-                    index=index,
-                    group="lost",
-                    joints=0,
-                    outcome="FAILED",
-                    reason=f"{type(error).__name__}: {error}",
+    with Workers(jobs, Limits(seconds=SECONDS)) as workers:
+        tasks = [workers.submit(partial(study, options), index) for index in indices]
+        for index, task in zip(indices, tasks, strict=True):
+            found = workers.outcome(task)
+            if isinstance(found, Failure):
+                found = Result(
+                    index=index, group="lost", joints=0, outcome="FAILED", reason=found.reason
                 )
-    finally:
-        # Nothing is waited for where the census was ended early.
-        pool.stop()
-        pool.join()
-
-
-def _quiet() -> None:
-    """PyBullet speaks past Python's standard output."""
-    null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, 1)
-    os.close(null)
+            yield found

@@ -27,6 +27,7 @@ from harness.records.case import CaseId, ModelId
 from harness.records.outcome import Outcome
 
 T = TypeVar("T")
+A = TypeVar("A", AcceptedCase, AcceptedAudit)
 
 _RESTORE = "restore it from version control, or remove it and accept anew"
 _NOT_BELIEVED = (
@@ -206,14 +207,9 @@ def _decoded(data: bytes, wanted: type[T]) -> T:
 def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
     cases: dict[CaseId, AcceptedCase] = {}
     for entry in file.cases:
-        if sealed(entry) != entry:
-            raise FileError(f"{entry.id}: {_NOT_BELIEVED}")
-        if entry.system != system:
-            raise FileError(f"{entry.id}: is of another system; {_RESTORE}")
+        _believe(entry, str(entry.id), system, known=entry.id in cases)
         if not (entry.model and entry.scenario and entry.engine):
             raise FileError(f"{entry.id}: names no model, scenario or engine; {_RESTORE}")
-        if entry.id in cases:
-            raise FileError(f"{entry.id}: is there twice; {_RESTORE}")
         snapshot = file.snapshots.get(entry.snapshot)
         if snapshot is None:
             raise FileError(f"{entry.id}: is not whole: its snapshot is not there; {_RESTORE}")
@@ -223,15 +219,20 @@ def _cases(file: BaselineFile, system: str) -> dict[CaseId, AcceptedCase]:
     return cases
 
 
+def _believe(one: A, called: str, system: str, *, known: bool) -> None:
+    """Refuse what is not as it was sealed, of another system, or there twice."""
+    if sealed(one) != one:
+        raise FileError(f"{called}: {_NOT_BELIEVED}")
+    if one.system != system:
+        raise FileError(f"{called}: is of another system; {_RESTORE}")
+    if known:
+        raise FileError(f"{called}: is there twice; {_RESTORE}")
+
+
 def _audits(file: BaselineFile, system: str) -> dict[ModelId, AcceptedAudit]:
     audits: dict[ModelId, AcceptedAudit] = {}
     for audit in file.audits:
-        if sealed(audit) != audit:
-            raise FileError(f"the audit of {audit.id}: {_NOT_BELIEVED}")
-        if audit.system != system:
-            raise FileError(f"the audit of {audit.id}: is of another system; {_RESTORE}")
-        if audit.id in audits:
-            raise FileError(f"the audit of {audit.id}: is there twice; {_RESTORE}")
+        _believe(audit, f"the audit of {audit.id}", system, known=audit.id in audits)
         audits[audit.id] = audit
     return audits
 
