@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import itertools
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ from typing import TypeAlias
 import sympy as sp
 from sympy.parsing.sympy_parser import parse_expr
 
-from reference.declaration import Coordinate, DeclarationError, PublishedEquation, t
+from reference.declaration import Coordinate, DeclarationError, PublishedEquation, about, t
 from reference.simplify import tidy
 from reference.system import System
 
@@ -20,6 +22,12 @@ Names: TypeAlias = dict[str, sp.Expr | Callable[..., sp.Expr]]
 """What each word of a text stands for."""
 
 ENERGIES = ("T", "V", "D", "L")
+
+MOST_DEGREE = 400
+"""Of a side: its terms, a power as often as its exponent says."""
+
+MOST_SIGNS = 8
+"""Of an equation, whose signs are tried in every combination."""
 
 _FUNCTIONS = {
     name: getattr(sp, name)
@@ -53,8 +61,17 @@ def readings(
     Raises:
         DeclarationError: for a text that can't be read, or a name that is declared nowhere.
     """
+    with about("PublishedEquation", published.number):
+        return _readings(published, system, coordinate)
+
+
+def _readings(
+    published: PublishedEquation, system: System, coordinate: Coordinate | None
+) -> list[Reading]:
     where = f"system {system.name!r}, Eq. {published.number}"
     count = published.text.count("±")
+    if count > MOST_SIGNS:
+        raise DeclarationError(f"{where}: {count} signs ±, where at most {MOST_SIGNS} are tried")
     signs = sp.symbols(f"sign_:{count}") if count else ()
     names = _names(system, coordinate) | {str(sign): sign for sign in signs}
     names |= {f"{c.name}0": _point(c) for c in system.coordinates if c.name == published.of}
@@ -174,10 +191,51 @@ def _set(setting: str, names: Names, system: System) -> None:
 
 
 def _parsed(text: str, names: Names) -> sp.Expr:
+    _check_size(ast.parse(text.strip(), mode="eval").body)
     found = parse_expr(text, local_dict=names, global_dict=_FUNCTIONS)
     if not isinstance(found, sp.Expr):
         raise ValueError(f"{text.strip()!r} is no expression")
     return found
+
+
+def _check_size(node: ast.expr) -> int:
+    """The degree of a side, once it is known to be arithmetic that can be computed.
+
+    Raises:
+        ValueError: for what is neither numbers, names, arithmetic nor functions of these, and for
+            powers that would keep a worker busy.
+    """
+    match node:
+        case ast.Constant(value=int() | float()) | ast.Name():
+            degree = 1
+        case ast.UnaryOp(operand=operand):
+            degree = _check_size(operand)
+        case ast.BinOp(op=ast.Pow(), left=base, right=exponent):
+            degree = math.ceil(_check_size(base) * max(1.0, abs(_exponent(exponent))))
+        case ast.BinOp(left=left, right=right):
+            degree = _check_size(left) + _check_size(right)
+        case ast.Call(func=ast.Name(), args=given, keywords=[]):
+            degree = sum(map(_check_size, given))
+        case _:
+            raise ValueError(f"{ast.unparse(node)} is neither a number, a name nor arithmetic")
+    if degree > MOST_DEGREE:
+        raise ValueError("its powers grow too large to be computed")
+    return degree
+
+
+def _exponent(node: ast.expr) -> float:
+    match node:
+        case ast.Constant(value=int() | float() as value):
+            return value
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
+            return _exponent(operand)
+        case ast.BinOp(
+            op=ast.Div(),
+            left=ast.Constant(value=int() as over),
+            right=ast.Constant(value=int() as by),
+        ) if by:
+            return over / by
+    raise ValueError(f"{ast.unparse(node)} is no exponent: it is a plain number, such as 2")
 
 
 def _check_names(

@@ -87,7 +87,8 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
     pushes = [np.max(np.abs(m.inputs(m.t)), axis=0, initial=0.0) for m in motions.values()]
     push = np.max(pushes, axis=0)
     amplitude = filled(np.max([m.amplitude for m in motions.values()], axis=0))
-    record = system_record(folder, equations, linear, motions, described=described)
+    with told_with_file(folder):
+        record = system_record(folder, equations, linear, motions, described=described)
     return Prepared(
         folder=folder,
         system=system,

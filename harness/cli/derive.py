@@ -13,7 +13,7 @@ from harness.cli.exit_codes import AGREE, FAIL
 from harness.files.folders import system_folders
 from harness.schedule.workers import Failure, Workers
 from harness.text.equations import describe
-from reference.load import load_system
+from reference.load import load_system, told_with_file
 
 Form = Literal["latex", "text"]
 
@@ -46,4 +46,6 @@ def derived(task: tuple[Path, Form]) -> str:
         DeclarationError, ReferenceError: naming what is wrong and where.
     """
     folder, form = task
-    return describe(derivation(load_system(folder)), form)
+    system = load_system(folder)
+    with told_with_file(folder):
+        return describe(derivation(system), form)

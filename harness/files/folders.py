@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -48,7 +49,7 @@ def system_folders(named: Sequence[str]) -> list[Path]:
         if not path.is_dir():
             known = ", ".join(p.name for p in _inside(builtin()))
             raise FolderError(f"{visible(name)}: no such folder; built-in systems are {known}")
-        found = [path] if (path / "system.py").is_file() else _inside(path)
+        found = [path] if _declares(path) else _inside(path)
         if not found:
             raise FolderError(f"{visible(name)}: neither it nor a folder in it has a system.py")
         for folder in found:
@@ -59,7 +60,12 @@ def system_folders(named: Sequence[str]) -> list[Path]:
 
 
 def _inside(folder: Path) -> list[Path]:
-    return sorted(path.parent for path in folder.glob("*/system.py"))
+    return sorted(path for path in folder.iterdir() if path.is_dir() and _declares(path))
+
+
+def _declares(folder: Path) -> bool:
+    """Whether it has a `system.py`, be it a link to nowhere: reading that says what is wrong."""
+    return os.path.lexists(folder / "system.py")
 
 
 def check_engines(names: Sequence[str]) -> None:

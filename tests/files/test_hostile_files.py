@@ -251,6 +251,16 @@ def test_a_folder_whose_name_is_none_is_refused(tmp_path: Path) -> None:
         assert str(caught.value).isprintable()
 
 
+def test_a_declaration_that_is_a_link_to_nowhere_is_a_folder_all_the_same(tmp_path: Path) -> None:
+    """Left out, its models would pass by never being run."""
+    for name in ("broken", "sound"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "broken" / "system.py").symlink_to("system.py")
+    (tmp_path / "sound" / "system.py").write_text("")
+    assert system_folders([str(tmp_path)]) == [tmp_path / "broken", tmp_path / "sound"]
+    assert system_folders([str(tmp_path / "broken")]) == [tmp_path / "broken"]
+
+
 @pytest.mark.parametrize(("suffix", "engine", "lines"), [
     (".xml", "mujoco", 3), (".py", "pymunk", 3),
 ])  # fmt: skip

@@ -1,0 +1,45 @@
+"""What a published equation may hold: arithmetic of names, no program and no endless work."""
+
+from time import process_time
+
+import pytest
+
+from reference import DeclarationError, PublishedEquation
+from reference.notation import MOST_DEGREE, MOST_SIGNS, readings
+from tests.reference.mechanisms import built_in
+
+
+def refused(text: str) -> str:
+    published = PublishedEquation("9.9", text, "motion", of="theta", driven=False, note="")
+    began = process_time()
+    with pytest.raises(DeclarationError, match=r"Eq\. 9\.9") as caught:
+        readings(published, built_in("simple_pendulum"))
+    assert process_time() - began < 2
+    assert caught.value.about == ("PublishedEquation", "9.9")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("text", [
+    "theta'' = 9**9**9", "theta'' = (9**64)**64", "theta'' = theta^(10^9)", "theta'' = 9**(-9**9)",
+    f"theta'' = {'*'.join(['theta'] * (MOST_DEGREE + 1))}",
+])  # fmt: skip
+def test_powers_that_keep_a_worker_busy_are_refused(text: str) -> None:
+    assert "exponent" in refused(text) or "grow too large" in refused(text)
+
+
+@pytest.mark.parametrize("text", [
+    "theta'' = (lambda: 0)()", "theta'' = theta.__class__", "theta'' = [theta][0]",
+    "theta'' = f'{theta}'", "theta'' = (theta if g else 0)", "theta'' = sin(*[theta])",
+])  # fmt: skip
+def test_what_is_a_program_is_refused(text: str) -> None:
+    assert "is neither a number, a name nor arithmetic" in refused(text)
+
+
+def test_signs_are_tried_in_so_many_combinations_at_most() -> None:
+    assert f"at most {MOST_SIGNS} are tried" in refused(f"theta'' = {'± g ' * (MOST_SIGNS + 1)}")
+
+
+def test_a_root_is_an_exponent() -> None:
+    published = PublishedEquation("1", "g = (g^2)^(1/2)", "value", of="", driven=False, note="")
+    (one,) = readings(published, built_in("simple_pendulum"))
+    assert one.sides[0] == one.sides[1]
