@@ -191,7 +191,7 @@ def with_texts(sidecar: Sidecar, texts: Mapping[Path, bytes], into: Path) -> Sid
     into.mkdir(parents=True, exist_ok=True)
     _link_neighbours(sidecar, into)
     for file, data in texts.items():
-        _write_whole(into / file.name, data)
+        _write_copy(into / file.name, data)
     own = _file(sidecar)
     if texts.get(own) == own.read_bytes():
         return replace(sidecar, model=into / sidecar.model.name)
@@ -312,6 +312,23 @@ def _write_whole(path: Path, data: bytes) -> None:
     except BaseException:
         os.unlink(temporary)
         raise
+    _forget_bytecode(path)
+
+
+def _write_copy(path: Path, data: bytes) -> None:
+    """Write a copy that nobody else knows of; what is there already is left as it is."""
+    try:
+        if path.read_bytes() == data:
+            return
+    except FileNotFoundError:
+        pass
+    if path.is_symlink():
+        path.unlink()
+    path.write_bytes(data)
+    _forget_bytecode(path)
+
+
+def _forget_bytecode(path: Path) -> None:
+    """Bytecode is told stale by second and size; a literal changes within both."""
     if path.suffix == ".py":
-        # Bytecode is told stale by second and size; a literal changes within both.
         Path(importlib.util.cache_from_source(str(path))).unlink(missing_ok=True)

@@ -264,10 +264,10 @@ def _of_command(command: str) -> Iterator[Entry]:
 
 
 EXTRA = {
-    "derive": (),
-    "audit": (),
-    "gate": ("--baseline", "@baseline", "--out", "@out", "--jobs", "1"),
-    "mutate": ("--jobs", "1"),
+    "derive": ("--limit", "20"),
+    "audit": ("--limit", "20"),
+    "gate": ("--baseline", "@baseline", "--out", "@out", "--jobs", "1", "--limit", "20"),
+    "mutate": ("--jobs", "1", "--limit", "20"),
 }
 
 LIMITED = ("run", "@hostile", "@sound", "--out", "@out", "--baseline", "@baseline", "--jobs", "1",
