@@ -90,8 +90,13 @@ def pytest_configure(config: pytest.Config) -> None:
     Raises:
         pytest.UsageError: for a path without a system folder, or an option out of range.
     """
-    if not (config.getoption("crosscheck") or config.getini("crosscheck_paths")):
-        return
+    try:
+        if not (config.getoption("crosscheck") or config.getini("crosscheck_paths")):
+            return
+    except (TypeError, pytest.UsageError) as error:
+        # pytest joins what stands there to its folder, whatever it is.
+        told = f"{config.inipath}: crosscheck_paths is a list of paths: {error}"
+        raise pytest.UsageError(told) from None
     try:
         # Binds `harness` and `reference` to ours, if no conftest.py has imported others by then.
         import physics_crosscheck

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
+from dataclasses import fields, is_dataclass
 from typing import TypeVar
 
 import sympy as sp
@@ -26,6 +27,9 @@ from reference.units import ENERGY, POWER, TIME, Dimension, UnitError, dimension
 
 Item = TypeVar("Item", Coordinate, Input)
 
+SHORTEST = 1e-12
+"""Of a scenario's duration, s."""
+
 _SMOOTHLESS = (
     sp.Abs, sp.sign, sp.Heaviside, sp.DiracDelta, sp.Piecewise, sp.Max, sp.Min,
     sp.floor, sp.ceiling, sp.Mod, sp.re, sp.im, sp.arg, sp.conjugate,
@@ -39,6 +43,7 @@ def check(system: Declaration) -> None:
         DeclarationError: with one sentence that names what is missing or wrong.
     """
     where = f"system {system.name!r}"
+    _check_texts(system, where)
     _check_names(system, where)
     _check_values(system, where)
     _check_smooth(system, where)
@@ -46,6 +51,19 @@ def check(system: Declaration) -> None:
     _check_energies(system, where)
     _check_maps(system, where)
     _check_sketch(system, where)
+
+
+def _check_texts(part: object, where: str) -> None:
+    """Half a pair of surrogates can be neither written nor shown."""
+    if isinstance(part, str):
+        if any("\ud800" <= c <= "\udfff" for c in part):
+            raise DeclarationError(f"{where}: {part!a} is no Unicode text; write it anew")
+    elif isinstance(part, tuple):
+        for one in part:
+            _check_texts(one, where)
+    elif is_dataclass(part) and not isinstance(part, type):
+        for field in fields(part):
+            _check_texts(getattr(part, field.name), where)
 
 
 def _check_names(system: Declaration, where: str) -> None:
@@ -62,6 +80,8 @@ def _check_names(system: Declaration, where: str) -> None:
         for name in names:
             if names.count(name) > 1:
                 raise DeclarationError(f"{where} has two {kind} entries named {name!r}")
+            if not name.isprintable():
+                raise DeclarationError(f"{where}: the {kind} name {name!r} can't be printed")
     for constant in system.constants:
         with about("Constant", constant.name):
             _check_constant(constant, where)
@@ -262,6 +282,11 @@ def _check_scenario(system: Declaration, scenario: Scenario, place: str) -> None
     duration = number_of(scenario.duration, {}, f"{place}: the duration")
     if duration <= 0:
         raise DeclarationError(f"{place}: the duration is {scenario.duration}; it must be positive")
+    if duration < SHORTEST:
+        raise DeclarationError(
+            f"{place}: the duration is {scenario.duration} s, shorter than the {SHORTEST:g} s below"
+            " which no engine steps; make it longer"
+        )
     at = {c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates}
     mass = sp.hessian(system.T, system.v).xreplace(system.values | {t: sp.Integer(0)})
     if not mass.xreplace(at).evalf().is_positive_definite:

@@ -57,7 +57,7 @@ def audits(
 def _folder(folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit]) -> Job[Prepared]:
     def failed(failure: Failure) -> tuple[()]:
         one = ModelId(system=folder.name, model="system.py", engine="-")
-        found[one] = ModelAudit(one, failure=failure.reason)
+        found[one] = ModelAudit(one, failure=failure.about(folder / one.model))
         return ()
 
     return Job(task=Task(prepare, folder), done=partial(_models, only, found), failed=failed)
@@ -91,7 +91,7 @@ def _audit(
         return ()
 
     def failed(failure: Failure) -> tuple[()]:
-        found[one] = ModelAudit(one, failure=failure.reason)
+        found[one] = ModelAudit(one, failure=failure.about(sidecar.model))
         return ()
 
     task = Task(run_audit, audit_task(prepared, sidecar, one.engine))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from harness.engines.protocol import Engine
 from harness.files.sidecar import Sidecar
@@ -43,7 +44,8 @@ def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
 
 def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
     """A case, or what stands for the cases of a model or a folder, that could not be run."""
-    return _case(one, folder, Outcome.FAILED, failure.reason, failure.stdout)
+    reason = failure.about(Path(folder) / one.model)
+    return _case(one, folder, Outcome.FAILED, reason, failure.stdout)
 
 
 def _case(one: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) -> Case:

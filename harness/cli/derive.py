@@ -33,7 +33,7 @@ def main(options: argparse.Namespace) -> int:
         for folder in folders:
             text = workers.outcome(workers.submit(derived, (folder, form)))
             if isinstance(text, Failure):
-                print(f"crosscheck: {text.reason}", file=sys.stderr)
+                print(f"crosscheck: {text.about(folder / 'system.py')}", file=sys.stderr)
                 return FAIL
             print(text)
     return AGREE

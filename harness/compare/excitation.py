@@ -87,7 +87,10 @@ def record(task: SourceTask) -> Recorded:
     """
     model = task.candidate.load()
     rng = np.random.default_rng(SEED)
-    found = characteristic_scales(model, rng)
+    try:
+        found = characteristic_scales(model, rng)
+    except CompareError as error:
+        raise CompareError(f"{task.candidate.name}: {error}") from None
     names = tuple(model.coordinates)
     z, w, driven, links = _starts(model, found, task.given, names, rng)
     reduced = task.match.slopes(model.home[None])[0]

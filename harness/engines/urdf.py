@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from harness.engines.protocol import Array, EngineError, Sample
 from harness.engines.remark import Remark, limit_remarks
-from harness.engines.source import read_source, read_xml
+from harness.engines.source import finite_numbers, read_source, read_xml
 from harness.engines.urdf_check import check_urdf
 
 SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
@@ -86,10 +86,10 @@ def mimics(robot: ET.Element, path: Path) -> list[Mimic]:
 
 
 def _number(text: str | None, place: str) -> float:
-    try:
-        return float(text or "")
-    except ValueError:
-        raise EngineError(f"{place} is {text!r}, where a number belongs") from None
+    numbers = finite_numbers(text or "")
+    if numbers is None or len(numbers) != 1:
+        raise EngineError(f"{place} is {text!r}, where a finite number belongs")
+    return numbers[0]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,13 +81,15 @@ class _Plan:
     def folder(self, folder: Path) -> Job[Prepared]:
         """Prepare it, then survey its models."""
         self.unknown += 1
-        return Job(task=Task(prepare, folder), done=self._surveys, failed=_unsound)
+        unsound = partial(_unsound, folder / "system.py")
+        return Job(task=Task(prepare, folder), done=self._surveys, failed=unsound)
 
     def _surveys(self, prepared: Prepared) -> Iterator[Job[Survey]]:
         self.unknown -= 1
         for task in _models(prepared, self.only):
             self.unknown += 1
-            yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=_unsound)
+            unsound = partial(_unsound, task.sidecar.model)
+            yield Job(task=Task(survey, task), done=partial(self._faults, task), failed=unsound)
 
     def _faults(self, model: DiagnosisTask, found: Survey) -> Iterator[Job[Mutation]]:
         self.unknown -= 1
@@ -111,8 +113,8 @@ class _Plan:
         return ()
 
 
-def _unsound(failure: Failure) -> NoReturn:
-    raise MutationError(failure.reason)
+def _unsound(file: Path, failure: Failure) -> NoReturn:
+    raise MutationError(failure.about(file))
 
 
 def _models(prepared: Prepared, only: Sequence[str]) -> Iterator[DiagnosisTask]:

@@ -30,7 +30,7 @@ def folders_under(name: str, unwanted: Sequence[str]) -> list[Path]:
     path = Path(os.path.abspath(name))
     if path.name == DECLARATION and path.is_file():
         path = path.parent
-    if (path / DECLARATION).is_file():
+    if os.path.lexists(path / DECLARATION):  # a link to nowhere too: reading it says so
         return [path]
     if not path.is_dir():
         return [Path(os.path.abspath(folder)) for folder in system_folders([name])]

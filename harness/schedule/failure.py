@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from harness.text.visible import visible
 
@@ -28,6 +29,10 @@ class Failure:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reason", _sentence(self.reason))
+
+    def about(self, file: Path) -> str:
+        """The reason, with the file that it is about where it does not name it itself."""
+        return self.reason if file.name in self.reason else f"{visible(str(file))}: {self.reason}"
 
 
 def _sentence(text: str) -> str:

@@ -16,7 +16,7 @@ import sys
 import tempfile
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.reduction import ForkingPickler
@@ -31,6 +31,8 @@ from harness.schedule.stop import SIGNALS
 
 MOST_WRITTEN = 2**28
 """Bytes of one file that a worker may write: a task that prints for ever fills no disk."""
+
+_APPEND = os.O_WRONLY | os.O_CREAT | os.O_APPEND
 
 try:
     import resource
@@ -73,6 +75,7 @@ def serve(tasks: Connection, station: Station) -> NoReturn:
     tempfile.tempdir = str(station.scratch)
     _redirect(station)
     _limit(station.limits)
+    found = _Surroundings.now()
     while True:
         try:
             function, argument = tasks.recv()
@@ -82,8 +85,38 @@ def serve(tasks: Connection, station: Station) -> NoReturn:
             _answer(tasks, Failure(f"its task can't be sent: {_said(error)}", ""), last=False)
             continue
         value, full = _done(function, argument, station)
+        if os.getpid() != found.process:
+            os._exit(0)  # a task forked, and this is the other one of the two: it has no answer
+        found.restore(station)
         # Where memory ran out, what it holds is not given back: the next task has another worker.
         _answer(tasks, value, last=full)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Surroundings:
+    """What a worker's tasks share, which one of them may have changed for those after it."""
+
+    process: int
+    path: tuple[str, ...]
+    environment: Mapping[str, str]
+
+    @staticmethod
+    def now() -> _Surroundings:
+        """As they are."""
+        return _Surroundings(
+            process=os.getpid(), path=tuple(sys.path), environment=dict(os.environ)
+        )
+
+    def restore(self, station: Station) -> None:
+        """As they were."""
+        sys.path[:] = self.path
+        if os.environ != self.environment:
+            os.environ.clear()
+            os.environ.update(self.environment)
+        with contextlib.suppress(OSError):
+            os.chdir(station.cwd)
+        sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
+        _redirect_streams(station)
 
 
 def _end_with_the_program(scratch: Path) -> None:
@@ -99,12 +132,8 @@ def _redirect(station: Station) -> None:
     """Send everything that is printed to the log, and last words to the trace."""
     sys.stdout.flush()
     sys.stderr.flush()
-    flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
-    log = os.open(station.log, flags)
-    os.dup2(log, 1)
-    os.dup2(log, 2)
-    os.close(log)
-    trace = os.open(station.trace, flags)
+    _redirect_streams(station)
+    trace = os.open(station.trace, _APPEND)
     faulthandler.enable(trace, all_threads=False)
     for name in ("SIGPROF", "SIGTERM"):
         if hasattr(signal, name) and hasattr(faulthandler, "register"):
@@ -117,6 +146,14 @@ def _redirect(station: Station) -> None:
         leave(status)
 
     os._exit = told
+
+
+def _redirect_streams(station: Station) -> None:
+    log = os.open(station.log, _APPEND)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    if log > 2:  # where one was closed, it is that itself
+        os.close(log)
 
 
 def _limit(limits: Limits) -> None:

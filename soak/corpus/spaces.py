@@ -89,7 +89,7 @@ def spaces() -> Iterator[Entry]:
         yield Entry(name=f"space.py/{name}", build=added(FILE, f"\n{code}\n"), model=FILE,
                     codes=(0,))  # fmt: skip
     for name, change in WITHIN.items():
-        same = name in ("a callback after each step", "a body on rails")
+        same = name in ("a callback after each step", "a body on rails", "a shape in the way")
         yield Entry(name=f"space.py/{name}", build=replaced(FILE, change), model=FILE,
                     says="" if same else _NAMED, codes=(0, 1, 3) if same else (1, 3))  # fmt: skip
     for name, code in ENDLESS.items():

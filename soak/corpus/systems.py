@@ -43,7 +43,6 @@ CODE = {
     "segfaults": "import ctypes\nctypes.string_at(0)",
     "kills itself": "import os, signal\nos.kill(os.getpid(), signal.SIGKILL)",
     "terminates itself": "import os, signal\nos.kill(os.getpid(), signal.SIGTERM)",
-    "interrupts itself": "import os, signal\nos.kill(os.getpid(), signal.SIGINT)",
     "imports what is not there": "import no_such_package",
     "imports itself": "import system",
     "divides by nothing": "1 / 0",
@@ -68,6 +67,8 @@ HARMLESS = {
     "closes the terminal": "import os\nos.close(1); os.close(2)",
     "shadows names": "str = int = len = print = open = None",
     "empties the path": "import sys\nsys.path[:] = []",
+    # Ctrl-C is the program's, which ends its workers: they don't hear it.
+    "interrupts itself": "import os, signal\nos.kill(os.getpid(), signal.SIGINT)",
     "forks": "import os\nif os.fork() == 0: os._exit(0)",
     "starts a thread": "import threading\nthreading.Thread(target=lambda: None).start()",
 }
@@ -86,7 +87,7 @@ EXPRESSIONS = {
     "V is zoo": (_V, "V=k * x.q**2 + __import__('sympy').zoo"),
     "V has an impulse": (_V, "V=k * x.q**2 / 2 * __import__('sympy').DiracDelta(x.q)"),
     "V has a step": (_V, "V=k * x.q**2 / 2 * __import__('sympy').Heaviside(x.q)"),
-    "V has Abs": (_V, "V=k * abs(x.q)**2 / 2"),
+    "V has Abs": (_V, "V=k * x.q * abs(x.q) / 2"),
     "V has an unknown function": (_V, "V=k * x.q**2 * __import__('sympy').Function('h')(1)"),
     "V has the velocity": (_V, "V=k * x.q**2 / 2 + c * x.q * x.v"),
     "V has another unit": (_V, "V=k * x.q / 2"),
@@ -122,7 +123,6 @@ EXPRESSIONS = {
     "its force has a pole within": (_FORCE, "1 / (t - 0.5)"),
     "its force is a logarithm": (_FORCE, "__import__('sympy').log(t)"),
     "its force is an impulse": (_FORCE, "__import__('sympy').DiracDelta(t - 0.5)"),
-    "its force is a step": (_FORCE, "__import__('sympy').Heaviside(t - 0.5)"),
     "its force has Abs": (_FORCE, "abs(sin(t))"),
     "its force is the position": (_FORCE, "x.q"),
     "its force is an unknown symbol": (_FORCE, "__import__('sympy').Symbol('z')"),

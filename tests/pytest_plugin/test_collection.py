@@ -86,6 +86,15 @@ def test_the_ini_files_paths_are_added_to_a_plain_run_and_to_no_other(project: P
     assert len(project.collected("models/msd")) == 4
 
 
+def test_paths_that_are_none_are_refused_naming_file_and_setting(project: Project) -> None:
+    (project.path / "pyproject.toml").write_text(
+        "[tool.pytest.ini_options]\ncrosscheck_paths = [{}]\n"
+    )
+    done = project.run("-q")
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stderr.fnmatch_lines("*pyproject.toml: crosscheck_paths is a list of paths: *")
+
+
 def test_python_files_of_a_model_are_no_test_modules(project: Project) -> None:
     project.add(files=("space.py",))
     (project.path / "pytest.ini").write_text("[pytest]\npython_files = s*.py\n")

@@ -42,6 +42,27 @@ def spin_deaf(_: object) -> None:
         pass
 
 
+def fork(x: int) -> int:
+    os.fork()
+    time.sleep(0.05)
+    return x
+
+
+def leave_a_mess(folder: str) -> None:
+    sys.path[:] = []
+    os.environ["LEFT"] = "behind"
+    os.chdir(folder)
+    sys.stdout = sys.stderr = None
+    os.close(1)
+    os.close(2)
+
+
+def surroundings(_: object) -> tuple[tuple[str, ...], bool, str]:
+    print("heard")
+    os.write(2, b"too")
+    return tuple(sys.path), "LEFT" in os.environ, os.getcwd()
+
+
 def sleep(_: object) -> None:
     time.sleep(3600)
 
@@ -277,6 +298,21 @@ def test_what_cannot_be_told_or_sent_is_a_sentence(workers: Workers) -> None:
 )
 def test_a_reason_is_one_line_that_writes_nothing_else_to_a_terminal(text: str, told: str) -> None:
     assert Failure(f"ValueError: {text}", "").reason == told
+
+
+def test_a_task_that_forks_answers_once(workers: Workers) -> None:
+    """Else the next task is given the answer of this one."""
+    asked = [*(workers.submit(fork, x) for x in range(8)), workers.submit(square, 5)]
+    answers = [workers.outcome(one) for one in asked]
+    assert answers == [*range(8), 25]
+
+
+def test_what_a_task_changes_of_its_surroundings_is_not_there_for_the_next(tmp_path: Path) -> None:
+    with Workers(1) as one:
+        before = one.outcome(one.submit(surroundings, None))
+        for _ in range(2):
+            assert one.outcome(one.submit(leave_a_mess, str(tmp_path))) is None
+            assert one.outcome(one.submit(surroundings, None)) == before
 
 
 def test_a_reason_of_a_megabyte_keeps_its_beginning_and_its_end(workers: Workers) -> None:

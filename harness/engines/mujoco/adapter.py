@@ -6,7 +6,7 @@ import importlib.metadata
 import importlib.util
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -147,14 +147,24 @@ class MujocoEngine(Engine):
 
 def _not_finite(model: Any) -> dict[str, object]:
     """Fields of a compiled model that are not finite; ranges may well be."""
-    fields = {
-        name: value
-        for part in (model, model.opt)
+    parts = ((model, _reals("model")), (model.opt, _reals("options")))
+    fields = {name: getattr(part, name) for part, names in parts for name in names}
+    return {name: value for name, value in fields.items() if not np.isfinite(value).all()}
+
+
+@cache
+def _reals(of: str) -> tuple[str, ...]:
+    """Which attributes of a model, or of its options, are arrays of real numbers."""
+    import mujoco
+
+    empty = mujoco.MjSpec().compile()
+    part = empty if of == "model" else empty.opt
+    return tuple(
+        name
         for name in dir(part)
         if name[0] != "_" and "range" not in name
         if isinstance(value := getattr(part, name), np.ndarray) and value.dtype.kind == "f"
-    }
-    return {name: value for name, value in fields.items() if not np.isfinite(value).all()}
+    )
 
 
 def _complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:

@@ -1,0 +1,27 @@
+"""A case that could not be run says of which file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.cases.not_run import failed_case
+from harness.records.case import CaseId
+from harness.schedule.workers import Failure
+
+ONE = CaseId(system="s", model="robot.urdf", scenario="free", engine="mujoco")
+
+
+@pytest.mark.parametrize("reason", [
+    "the process died (SIGKILL); the cases beside it are not affected",
+    "it ran out of its 120 processor seconds; --limit raises it",
+])  # fmt: skip
+def test_a_reason_that_names_no_file_is_told_with_that_of_the_case(reason: str) -> None:
+    told = failed_case(ONE, "folder", Failure(reason, "")).reason
+    assert told == f"{Path('folder') / 'robot.urdf'}: {reason}"
+
+
+def test_a_reason_that_names_the_file_is_told_as_it_is() -> None:
+    reason = "folder/robot.urdf:7: <mass value> is 'a', where a finite number belongs"
+    assert failed_case(ONE, "folder", Failure(reason, "")).reason == reason

@@ -1,0 +1,91 @@
+"""A `system.py` is loaded, and what is wrong with it is told with its line."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from reference import DeclarationError
+from reference.load import load_system
+from tests.reference.mechanisms import MODELS, NAMES, built_in
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Copy a built-in folder's declaration, to spoil it."""
+    shutil.copy(MODELS / "mass_spring_damper" / "system.py", tmp_path)
+    return tmp_path
+
+
+def spoil(folder: Path, old: str, new: str) -> int:
+    """Replace text in the declaration; return the line of the replacement."""
+    path = folder / "system.py"
+    text = path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    return text[: text.index(old)].count("\n") + 1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_built_in_folder_is_named_as_its_system(name: str) -> None:
+    assert built_in(name).name == name
+
+
+def test_a_folder_without_a_declaration_is_refused_naming_the_file(tmp_path: Path) -> None:
+    with pytest.raises(DeclarationError, match=r"system\.py: no such file"):
+        load_system(tmp_path)
+
+
+def test_a_syntax_error_is_refused_with_file_and_line(folder: Path) -> None:
+    line = spoil(folder, 'x = Coordinate("x", "m",', 'x = = Coordinate("x", "m",')
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: SyntaxError: invalid syntax"):
+        load_system(folder)
+
+
+def test_a_missing_field_is_refused_with_file_and_line_and_its_name(folder: Path) -> None:
+    spoil(folder, "    D=c * x.v**2 / 2,\n", "")
+    # A call is placed at its first line.
+    line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: .*missing 1 field: 'D'"):
+        load_system(folder)
+
+
+def test_a_wrong_name_is_refused_with_file_and_line(folder: Path) -> None:
+    line = spoil(folder, "V=k * x.q**2 / 2", "V=kk * x.q**2 / 2")
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: NameError: name 'kk'"):
+        load_system(folder)
+
+
+def test_an_error_that_cannot_be_told_is_refused_with_file_and_line(folder: Path) -> None:
+    mute = "type('Mute', (ValueError,), {'__str__': lambda self: 1 / 0})"
+    line = spoil(folder, "V=k * x.q**2 / 2", f"V=(_ for _ in ()).throw({mute}())")
+    told = rf"system\.py:{line}: Mute: its own message can't be told \(ZeroDivisionError\)"
+    with pytest.raises(DeclarationError, match=told):
+        load_system(folder)
+
+
+def test_a_declaration_error_is_refused_with_file_and_line(folder: Path) -> None:
+    spoil(folder, "V=k * x.q**2 / 2", "V=k * x.q")
+    line = (folder / "system.py").read_text().split("system = System(")[0].count("\n") + 1
+    with pytest.raises(DeclarationError, match=rf"system\.py:{line}: system 'mass_.*V has the u"):
+        load_system(folder)
+
+
+def test_a_file_that_declares_no_system_is_refused_with_the_remedy(folder: Path) -> None:
+    spoil(folder, "system = System(", "other = System(")
+    with pytest.raises(DeclarationError, match=r"must end with `system = System\(\.\.\.\)`"):
+        load_system(folder)
+
+
+def test_two_folders_share_no_module_and_no_path(
+    folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    other = tmp_path_factory.mktemp("other")
+    shutil.copy(folder / "system.py", other)
+    spoil(other, 'Constant("k", 47.0', 'Constant("k", 48.0')
+    before = list(sys.path)
+    first, second = load_system(folder), load_system(other)
+    assert first.constants[2].value == 47.0
+    assert second.constants[2].value == 48.0
+    assert sys.path == before
