@@ -302,9 +302,10 @@ def test_a_reason_is_one_line_that_writes_nothing_else_to_a_terminal(text: str, 
 
 def test_a_task_that_forks_answers_once(workers: Workers) -> None:
     """Else the next task is given the answer of this one."""
-    asked = [*(workers.submit(fork, x) for x in range(8)), workers.submit(square, 5)]
-    answers = [workers.outcome(one) for one in asked]
-    assert answers == [*range(8), 25]
+    forked = [workers.submit(fork, x) for x in range(8)]
+    after = workers.submit(square, 5)
+    assert [workers.outcome(one) for one in forked] == list(range(8))
+    assert workers.outcome(after) == 25
 
 
 def test_what_a_task_changes_of_its_surroundings_is_not_there_for_the_next(tmp_path: Path) -> None:
