@@ -304,7 +304,7 @@ def test_a_task_that_forks_answers_once(workers: Workers) -> None:
     """Else the next task is given the answer of this one."""
     forked = [workers.submit(fork, x) for x in range(8)]
     after = workers.submit(square, 5)
-    assert [workers.outcome(one) for one in forked] == list(range(8))
+    assert list(map(workers.outcome, forked)) == list(range(8))
     assert workers.outcome(after) == 25
 
 
