@@ -1,0 +1,1 @@
+"""Trees of rigid bodies: what they are, and their equations of motion by recursion."""

@@ -1,0 +1,126 @@
+"""Vectors and rotations over any scalar, a batch of them at once.
+
+The components come first and the batch after them: a vector is (3, ...), a matrix (3, 3, ...), so
+that a batch is one array operation and a single value of any kind (a double, a long double, an
+mpmath number, a symbol) is the same code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Scalars = NDArray[Any]
+"""Numbers, or what else can be added and multiplied."""
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+
+
+@dataclass(frozen=True)
+class Field:
+    """The kind of numbers that are computed with, and their functions that are no arithmetic.
+
+    Attributes:
+        dtype: of arrays of them.
+        sin, cos: of arrays.
+        number: one of them from a double.
+    """
+
+    dtype: Any
+    sin: Callable[[Any], Any]
+    cos: Callable[[Any], Any]
+    number: Callable[[float], Any]
+
+    def array(self, values: Any) -> Scalars:
+        """An array of them from doubles."""
+        plain = np.asarray(values)
+        if self.dtype is not object:
+            return plain.astype(self.dtype)
+        out = np.empty(plain.shape, dtype=object)
+        for at in np.ndindex(plain.shape):
+            out[at] = self.number(float(plain[at]))
+        return out
+
+
+DOUBLES = Field(dtype=np.float64, sin=np.sin, cos=np.cos, number=float)
+LONG_DOUBLES = Field(dtype=np.longdouble, sin=np.sin, cos=np.cos, number=np.longdouble)
+
+
+def objects(sin: Callable[[Any], Any], cos: Callable[[Any], Any], number: Any) -> Field:
+    """Any other kind, by its sine and cosine: mpmath's numbers, or a library's symbols."""
+    return Field(
+        dtype=object,
+        sin=np.frompyfunc(sin, 1, 1),
+        cos=np.frompyfunc(cos, 1, 1),
+        number=number,
+    )
+
+
+def turned(matrix: Scalars, vector: Scalars) -> Scalars:
+    """R x: (3, 3, ...) by (3, ...)."""
+    found: Scalars = (matrix * vector).sum(axis=1)
+    return found
+
+
+def turned_back(matrix: Scalars, vector: Scalars) -> Scalars:
+    """R^T x."""
+    found: Scalars = (matrix * vector[:, None]).sum(axis=0)
+    return found
+
+
+def cross(one: Scalars, other: Scalars) -> Scalars:
+    """Vector product, (3, ...)."""
+    found: Scalars = one[_NEXT] * other[_LAST] - one[_LAST] * other[_NEXT]
+    return found
+
+
+def product(one: Scalars, other: Scalars) -> Scalars:
+    """A B: (3, 3, ...) by (3, 3, ...)."""
+    found: Scalars = (one[:, :, None] * other[None]).sum(axis=1)
+    return found
+
+
+def about_axis(axis: Scalars, angle: Scalars, field: Field) -> Scalars:
+    """The rotation by an angle (...) about a unit vector (3,): Rodrigues' formula."""
+    batch = (1,) * np.ndim(angle)
+    one = axis.reshape(3, *batch)
+    sin, cos = field.sin(angle), field.cos(angle)
+    eye = field.array(np.eye(3)).reshape(3, 3, *batch)
+    skew = _skew(axis, field).reshape(3, 3, *batch)
+    found: Scalars = eye * cos + skew * sin + one[:, None] * one[None] * (1 - cos)
+    return found
+
+
+def _skew(x: Scalars, field: Field) -> Scalars:
+    """The matrix that takes y to x cross y."""
+    zero = field.number(0.0)
+    return np.array([[zero, -x[2], x[1]], [x[2], zero, -x[0]], [-x[1], x[0], zero]])
+
+
+def from_quaternion(q: Scalars) -> Scalars:
+    """The rotation of a quaternion (4, ...), its real part first; of any length but zero.
+
+    (w^2 - x.x) 1 + 2 x x^T + 2 w [x], by its length squared.
+    """
+    w, x, y, z = q
+    rows = [
+        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ]
+    found: Scalars = np.array(rows) / (q * q).sum(axis=0)
+    return found
+
+
+def quaternion_rate(q: Scalars, angular: Scalars) -> Scalars:
+    """dq/dt of a quaternion (4, ...) whose frame turns with (3, ...), in its own axes: q (0, w)/2.
+
+    Its length stays as it is.
+    """
+    w, x = q[0], q[1:]
+    real = -(x * angular).sum(axis=0)
+    return np.concatenate([real[None], w * angular + cross(x, angular)]) / 2

@@ -1,0 +1,118 @@
+"""What moves a tree: springs, dampers, forces on its joints; its accelerations and energies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reference.multibody.algebra import DOUBLES, Field, Scalars, cross, turned
+from reference.multibody.recursion import Recursion
+from reference.multibody.tree import Tree, TreeError
+
+
+class Dynamics:
+    """Accelerations and energies of a tree over one kind of numbers.
+
+    Positions are (nq, ...), velocities and forces (nv, ...): the batch comes last.
+
+    Args:
+        tree: the links.
+        field: the kind of numbers.
+    """
+
+    def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
+        self.tree, self.recursion, self._field = tree, Recursion(tree, field), field
+        for link in tree.links:
+            if link.stiffness and link.kind not in ("hinge", "slide"):
+                raise TreeError(f"{link.name}: springs on a {link.kind} joint are not covered")
+        self._damping = field.array(
+            np.repeat(
+                [link.damping for link in tree.links],
+                [there.stop - there.start for there in tree.velocities],
+            )
+        )
+
+    def springs(self, q: Scalars) -> Scalars:
+        """What springs ask of the joints: k (q - rest), (nv, ...)."""
+        out = self._field.array(np.zeros((self.tree.nv, *q.shape[1:])))
+        rows = zip(self.tree.links, self.tree.positions, self.tree.velocities, strict=True)
+        for link, here, there in rows:
+            if link.stiffness:
+                out[there] = self._array(link.stiffness) * (q[here] - self._array(link.rest[0]))
+        return out
+
+    def force(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
+        """f of M(q) a = f(q, v, u): what is left for accelerations, (nv, ...).
+
+        Args:
+            q, v: state.
+            u: forces on the joints, (nv, ...).
+        """
+        damping = self._damping.reshape(-1, *(1,) * (v.ndim - 1)) * v
+        bodies = self.recursion.bias(q, v) + self._turned_armature(v)
+        left: Scalars = u - bodies - self.springs(q) - damping
+        return left
+
+    def _turned_armature(self, v: Scalars) -> Scalars:
+        """What a free joint's armature asks because its velocity is told in a frame that turns.
+
+        It is a mass that has no moment and feels no gravity: m w x u, (nv, ...).
+        """
+        out = 0 * v
+        for link, there in zip(self.tree.links, self.tree.velocities, strict=True):
+            if link.kind == "free" and link.armature:
+                own = v[there]
+                linear = slice(there.start + 3, there.stop)
+                out[linear] = self._array(link.armature) * cross(own[:3], own[3:])
+        return out
+
+    def acceleration(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
+        """a = M^-1 f, (nv, ...)."""
+        return solved(self.recursion.mass(q), self.force(q, v, u))
+
+    def kinetic(self, q: Scalars, v: Scalars) -> Scalars:
+        """T = v^T M v / 2, joules, (...)."""
+        mass = self.recursion.mass(q)
+        found: Scalars = (v * (mass * v).sum(axis=1)).sum(axis=0) / 2
+        return found
+
+    def potential(self, q: Scalars) -> Scalars:
+        """V of gravity and springs, joules, (...)."""
+        gravity = self._field.array(self.tree.gravity)
+        found: Scalars = 0 * q.sum(axis=0, keepdims=True)
+        rows = zip(self.tree.links, self.tree.positions, self.recursion.poses(q), strict=True)
+        for link, here, pose in rows:
+            center = self._field.array(link.center).reshape(3, *(1,) * (q.ndim - 1))
+            at = pose.origin + turned(pose.rotation, center)
+            found = found - self._array(link.mass) * np.tensordot(gravity[None], at, 1)
+            if link.stiffness:
+                stretched = q[here] - self._array(link.rest[0])
+                found = found + self._array(link.stiffness) * stretched**2 / 2
+        whole: Scalars = found[0]
+        return whole
+
+    def _array(self, number: float) -> Scalars:
+        """(1,): it broadcasts against every batch."""
+        return self._field.array([number])
+
+
+def solved(mass: Scalars, force: Scalars) -> Scalars:
+    """M^-1 f of a symmetric positive definite M, (n, n, ...), and f, (n, ...).
+
+    Doubles by LAPACK; of any other numbers, by the factors L D L^T, which need no roots.
+    """
+    if mass.dtype == np.float64 and force.dtype == np.float64:
+        axes = (*range(2, mass.ndim), 0, 1)
+        columns = np.moveaxis(force, 0, -1)[..., None]
+        return np.moveaxis(np.linalg.solve(mass.transpose(axes), columns)[..., 0], -1, 0)
+    n = len(mass)
+    left, found = mass.copy(), force.copy()
+    for k in range(n):
+        for i in range(k + 1, n):
+            share = left[i, k] / left[k, k]
+            left[i, k + 1 :] = left[i, k + 1 :] - share * left[k, k + 1 :]
+            found[i] = found[i] - share * found[k]
+    for k in reversed(range(n)):
+        for j in range(k + 1, n):
+            found[k] = found[k] - left[k, j] * found[j]
+        found[k] = found[k] / left[k, k]
+    return found

@@ -1,0 +1,286 @@
+"""Equations of motion M(q) a = f(q, v) of a tree, by recursion along its links.
+
+Featherstone, Rigid Body Dynamics Algorithms (2008): the recursive Newton-Euler algorithm (section
+5.3) for the forces that velocities and gravity ask for, the composite-rigid-body algorithm (section
+6.2) for the mass matrix. Accelerations of points are the usual ones, not the spatial ones, so that
+every line can be read as mechanics; all in each link's own frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from reference.multibody.algebra import (
+    DOUBLES,
+    Field,
+    Scalars,
+    about_axis,
+    cross,
+    from_quaternion,
+    product,
+    quaternion_rate,
+    turned,
+    turned_back,
+)
+from reference.multibody.tree import WORLD, Link, Tree
+
+
+class Placement(NamedTuple):
+    """A frame in another: its axes as columns, (3, 3, ...), and its origin, (3, ...)."""
+
+    rotation: Scalars
+    origin: Scalars
+
+
+@dataclass(frozen=True)
+class _Constants:
+    """A link's numbers, as those that are computed with; single ones are arrays (1,).
+
+    Libraries of symbols have ideas of their own about a symbol times an array.
+    """
+
+    placement: Placement
+    axis: Scalars
+    turning: Scalars
+    sliding: Scalars
+    mass: Scalars
+    armature: Scalars
+    center: Scalars
+    inertia: Scalars
+
+
+class Recursion:
+    """The equations of a tree over one kind of numbers.
+
+    Positions are (nq, ...), velocities (nv, ...): the batch comes last.
+
+    Args:
+        tree: the links.
+        field: the kind of numbers.
+    """
+
+    def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
+        self.tree, self._field = tree, field
+        self._links = [_constants(link, field) for link in tree.links]
+        self._gravity = field.array(tree.gravity)
+
+    def placements(self, q: Scalars) -> list[Placement]:
+        """Each link's frame in its parent's."""
+        rows = zip(self.tree.links, self._links, self.tree.positions, strict=True)
+        return [self._placed(link.kind, one, q[here]) for link, one, here in rows]
+
+    def poses(self, q: Scalars) -> list[Placement]:
+        """Each link's frame in the world."""
+        found: list[Placement] = []
+        for link, own in zip(self.tree.links, self.placements(q), strict=True):
+            if link.parent == WORLD:
+                found.append(own)
+                continue
+            base = found[link.parent]
+            rotation = product(base.rotation, own.rotation)
+            found.append(Placement(rotation, base.origin + turned(base.rotation, own.origin)))
+        return found
+
+    def rates(self, q: Scalars, v: Scalars) -> Scalars:
+        """dq/dt, (nq, ...)."""
+        parts = []
+        rows = zip(self.tree.links, self.tree.positions, self.tree.velocities, strict=True)
+        for link, here, there in rows:
+            given, own = q[here], v[there]
+            match link.kind:
+                case "hinge" | "slide":
+                    parts.append(own)
+                case "ball":
+                    parts.append(quaternion_rate(given, own))
+                case "free":
+                    parts.append(turned(from_quaternion(given[3:]), own[3:]))
+                    parts.append(quaternion_rate(given[3:], own[:3]))
+        return np.concatenate(parts)
+
+    def mass(self, q: Scalars) -> Scalars:
+        """The mass matrix, (nv, nv, ...), armatures included."""
+        placements, tree = self.placements(q), self.tree
+        bodies = self._composites(placements)
+        batch = q.shape[1:]
+        out = self._field.array(np.zeros((tree.nv, tree.nv, *batch)))
+        for i, (one, there) in enumerate(zip(self._links, tree.velocities, strict=True)):
+            for k, column in enumerate(range(there.start, there.stop)):
+                force, moment = bodies[i].momentum(_tall(one.turning[:, k], batch),
+                                                   _tall(one.sliding[:, k], batch))  # fmt: skip
+                j = i
+                while True:
+                    rows = self.tree.velocities[j]
+                    out[rows, column] = self._felt(j, force, moment)
+                    out[column, rows] = out[rows, column]
+                    if tree.links[j].parent == WORLD:
+                        break
+                    force = turned(placements[j].rotation, force)
+                    moment = turned(placements[j].rotation, moment)
+                    moment = moment + cross(placements[j].origin, force)
+                    j = tree.links[j].parent
+                out[column, column] = (out[column, column] + one.armature).reshape(batch)
+        return out
+
+    def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
+        """Forces that the joints must give for accelerations (nv, ...), none: zero; (nv, ...).
+
+        Of bodies and gravity alone: no springs, dampers or armatures.
+        """
+        placements, tree = self.placements(q), self.tree
+        batch = v.shape[1:]
+        still = self._field.array(np.zeros((3, *batch)))
+        up = still - _tall(self._gravity, batch)
+        motions: list[_Motion] = []
+        forces: list[tuple[Scalars, Scalars]] = []
+        for i, (link, one) in enumerate(zip(tree.links, self._links, strict=True)):
+            base = _Motion(still, still, up) if link.parent == WORLD else motions[link.parent]
+            own, here = v[tree.velocities[i]], placements[i]
+            moved = None if a is None else a[tree.velocities[i]]
+            motions.append(_carried(base, here, one, own, moved))
+            forces.append(motions[i].asks(one))
+        out: list[Scalars] = [still] * len(tree.links)
+        for i in reversed(range(len(tree.links))):
+            force, moment = forces[i]
+            out[i] = self._felt(i, force, moment)
+            if (parent := tree.links[i].parent) != WORLD:
+                force = turned(placements[i].rotation, force)
+                moment = turned(placements[i].rotation, moment) + cross(placements[i].origin, force)
+                forces[parent] = forces[parent][0] + force, forces[parent][1] + moment
+        return np.concatenate(out)
+
+    def _felt(self, link: int, force: Scalars, moment: Scalars) -> Scalars:
+        """What a joint's velocities feel of a force and its moment about the link's origin."""
+        one = self._links[link]
+        found: Scalars = np.tensordot(one.turning.T, moment, 1)
+        found = found + np.tensordot(one.sliding.T, force, 1)
+        return found
+
+    def _placed(self, kind: str, one: _Constants, q: Scalars) -> Placement:
+        batch = q.shape[1:]
+        base = one.placement
+        rotation = base.rotation.reshape(3, 3, *(1,) * len(batch))
+        origin = _tall(base.origin, batch)
+        match kind:
+            case "hinge":
+                return Placement(product(rotation, about_axis(one.axis, q[0], self._field)), origin)
+            case "slide":
+                moved = turned(rotation, _tall(one.axis, batch)) * q[0]
+                return Placement(rotation + 0 * q[0], origin + moved)
+            case "ball":
+                return Placement(product(rotation, from_quaternion(q)), origin)
+        return Placement(
+            product(rotation, from_quaternion(q[3:])), origin + turned(rotation, q[:3])
+        )
+
+    def _composites(self, placements: list[Placement]) -> list[_Body]:
+        """Each link with all that it carries, in its own frame."""
+        bodies = [
+            _Body(one.mass, _tall(one.mass * one.center, here.origin.shape[1:]), self._about(one))
+            for one, here in zip(self._links, placements, strict=True)
+        ]
+        for i in reversed(range(len(bodies))):
+            if (parent := self.tree.links[i].parent) != WORLD:
+                bodies[parent] = bodies[parent].with_(bodies[i].seen(placements[i], self._field))
+        return [_widened(one, here) for one, here in zip(bodies, placements, strict=True)]
+
+    def _about(self, one: _Constants) -> Scalars:
+        """Inertia about the link's origin, (3, 3)."""
+        c = one.center
+        eye = self._field.array(np.eye(3))
+        moved = (c * c).sum(keepdims=True) * eye - c[:, None] * c[None]
+        found: Scalars = one.inertia + one.mass * moved
+        return found
+
+
+class _Body(NamedTuple):
+    """Mass, its first moment (3, ...) and inertia (3, 3, ...), about a frame's origin."""
+
+    mass: Scalars
+    moment: Scalars
+    inertia: Scalars
+
+    def momentum(self, angular: Scalars, linear: Scalars) -> tuple[Scalars, Scalars]:
+        """Linear momentum, and angular momentum about the origin, of a motion of the frame."""
+        push = self.mass * linear + cross(angular, self.moment)
+        return push, turned(self.inertia, angular) + cross(self.moment, linear)
+
+    def seen(self, placed: Placement, field: Field) -> _Body:
+        """The same from the frame in which its own is placed (Steiner)."""
+        r, moment = placed.origin, turned(placed.rotation, self.moment)
+        inertia = self.inertia.reshape(3, 3, *self.inertia.shape[2:] or (1,) * (r.ndim - 1))
+        own = product(product(placed.rotation, inertia), np.swapaxes(placed.rotation, 0, 1))
+        eye = field.array(np.eye(3)).reshape(3, 3, *(1,) * (r.ndim - 1))
+        square = self.mass * (r * r).sum(axis=0) + 2 * (r * moment).sum(axis=0)
+        mixed = r[:, None] * moment[None]
+        whole = own + square * eye - self.mass * r[:, None] * r[None]
+        return _Body(self.mass, moment + self.mass * r, whole - mixed - np.swapaxes(mixed, 0, 1))
+
+    def with_(self, other: _Body) -> _Body:
+        """Both together."""
+        one = self.inertia
+        inertia = one.reshape(3, 3, *(1,) * (other.inertia.ndim - 2)) if one.ndim == 2 else one
+        return _Body(self.mass + other.mass, self.moment + other.moment, inertia + other.inertia)
+
+
+class _Motion(NamedTuple):
+    """Angular velocity and acceleration of a link, and acceleration of its origin."""
+
+    angular: Scalars
+    turning: Scalars
+    linear: Scalars
+
+    def asks(self, one: _Constants) -> tuple[Scalars, Scalars]:
+        """Force, and moment about the origin, that move the link so (Newton, Euler)."""
+        center = _tall(one.center, self.linear.shape[1:])
+        w, dw = self.angular, self.turning
+        force = one.mass * (self.linear + cross(dw, center) + cross(w, cross(w, center)))
+        spin = np.tensordot(one.inertia, w, 1)
+        return force, np.tensordot(one.inertia, dw, 1) + cross(w, spin) + cross(center, force)
+
+
+def _carried(
+    base: _Motion, here: Placement, one: _Constants, v: Scalars, a: Scalars | None
+) -> _Motion:
+    """The motion of a link that another one carries, whose joint has velocities and accelerations.
+
+    Of accelerations none are zero.
+    """
+    w, r = base.angular, here.origin
+    carried = turned_back(here.rotation, w)
+    turning, sliding = np.tensordot(one.turning, v, 1), np.tensordot(one.sliding, v, 1)
+    point = base.linear + cross(base.turning, r) + cross(w, cross(w, r))
+    angular = turned_back(here.rotation, base.turning) + cross(carried, turning)
+    linear = turned_back(here.rotation, point) + cross(2 * carried + turning, sliding)
+    if a is not None:
+        angular = angular + np.tensordot(one.turning, a, 1)
+        linear = linear + np.tensordot(one.sliding, a, 1)
+    return _Motion(carried + turning, angular, linear)
+
+
+def _constants(link: Link, field: Field) -> _Constants:
+    turning, sliding = link.motion
+    return _Constants(
+        placement=Placement(field.array(link.rotation), field.array(link.position)),
+        axis=field.array(link.axis),
+        turning=field.array(turning),
+        sliding=field.array(sliding),
+        mass=field.array([link.mass]),
+        armature=field.array([link.armature]),
+        center=field.array(link.center),
+        inertia=field.array(link.inertia),
+    )
+
+
+def _tall(vector: Scalars, batch: tuple[int, ...]) -> Scalars:
+    """A vector (3,) beside a batch, (3, 1, ...)."""
+    return vector.reshape(3, *(1,) * len(batch))
+
+
+def _widened(body: _Body, here: Placement) -> _Body:
+    """A body whose inertia may be one for the whole batch, beside a batch."""
+    if body.inertia.ndim > 2 or here.origin.ndim == 1:
+        return body
+    return body._replace(inertia=body.inertia.reshape(3, 3, *(1,) * (here.origin.ndim - 1)))

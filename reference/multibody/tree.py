@@ -1,0 +1,143 @@
+"""A tree of rigid bodies, each on one joint to the body before it.
+
+A body that several joints carry, one after the other, is a chain of links of which the last alone
+has mass; what is welded together is one body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from reference.numeric import Array
+
+Kind = Literal["hinge", "slide", "ball", "free"]
+"""Of a joint: it turns about an axis, slides along one, turns any way, or moves any way."""
+
+WORLD = -1
+"""Parent of what hangs from nothing that moves."""
+
+POSITIONS: Mapping[Kind, int] = MappingProxyType({"hinge": 1, "slide": 1, "ball": 4, "free": 7})
+"""Numbers of a joint's position: an angle or a distance; a unit quaternion, its real part first;
+a point and a quaternion."""
+
+VELOCITIES: Mapping[Kind, int] = MappingProxyType({"hinge": 1, "slide": 1, "ball": 3, "free": 6})
+"""Numbers of a joint's velocity: those of a ball are the angular velocity, those of a free joint
+the angular velocity and the velocity of the link's origin, all in the link's own frame."""
+
+
+class TreeError(ValueError):
+    """A tree that is none; the message names the link."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Link:
+    """A body and the joint that carries it.
+
+    The joint's frame stands still in the parent's; the link's frame is the joint's, moved by the
+    joint's position from where that is zero (the quaternion one).
+
+    Attributes:
+        name: of the joint, by which its coordinate is called.
+        parent: index of the link that carries it, or `WORLD`.
+        position: of the joint's frame in the parent's, m, (3,).
+        rotation: of the joint's frame in the parent's: columns are its axes there, (3, 3).
+        kind: of the joint.
+        axis: unit vector, in both frames; of no meaning for a ball and a free joint, (3,).
+        mass: kg.
+        center: of mass, in the link's frame, m, (3,).
+        inertia: about the center of mass, in the link's frame, kg m^2, (3, 3).
+        armature: added to the diagonal of the mass matrix: kg or kg m^2.
+        damping: force by velocity, against it: N s/m or N m s/rad.
+        stiffness: N/m or N m/rad.
+        rest: position at which the spring pulls nothing, as the joint's; none for a free joint.
+    """
+
+    name: str
+    parent: int
+    position: Array
+    rotation: Array
+    kind: Kind
+    axis: Array
+    mass: float
+    center: Array
+    inertia: Array
+    armature: float = 0.0
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: tuple[float, ...] = (0.0,)
+
+    @cached_property
+    def motion(self) -> tuple[Array, Array]:
+        """What the joint's velocity does: angular and linear velocity, in the link's frame.
+
+        Each is (3, numbers of the velocity).
+        """
+        still = np.zeros((3, 1))
+        match self.kind:
+            case "hinge":
+                return self.axis[:, None], still
+            case "slide":
+                return still, self.axis[:, None]
+            case "ball":
+                return np.eye(3), np.zeros((3, 3))
+            case "free":
+                return np.eye(3, 6), np.eye(3, 6, 3)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tree:
+    """Links, each after the one that carries it.
+
+    Attributes:
+        links: in the order of the coordinates.
+        gravity: m/s^2, (3,).
+    """
+
+    links: tuple[Link, ...]
+    gravity: Array
+
+    def __post_init__(self) -> None:
+        for i, link in enumerate(self.links):
+            if not WORLD <= link.parent < i:
+                raise TreeError(f"{link.name}: the link that carries it does not come before it")
+
+    @cached_property
+    def positions(self) -> tuple[slice, ...]:
+        """Where each link's numbers stand among those of q."""
+        return _slices([POSITIONS[link.kind] for link in self.links])
+
+    @cached_property
+    def velocities(self) -> tuple[slice, ...]:
+        """Where each link's numbers stand among those of v."""
+        return _slices([VELOCITIES[link.kind] for link in self.links])
+
+    @property
+    def nq(self) -> int:
+        """Numbers of q."""
+        return self.positions[-1].stop if self.links else 0
+
+    @property
+    def nv(self) -> int:
+        """Numbers of v: degrees of freedom."""
+        return self.velocities[-1].stop if self.links else 0
+
+    @property
+    def zero(self) -> Array:
+        """Positions of which each is zero, quaternions one, (nq,)."""
+        q = np.zeros(self.nq)
+        for link, here in zip(self.links, self.positions, strict=True):
+            if link.kind in ("ball", "free"):
+                q[here.stop - 4] = 1.0
+        return q
+
+
+def _slices(sizes: Sequence[int]) -> tuple[slice, ...]:
+    ends = np.cumsum([0, *sizes])
+    return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))

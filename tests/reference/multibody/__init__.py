@@ -1,0 +1,1 @@
+"""Trees of bodies: their equations against others that share nothing with them."""

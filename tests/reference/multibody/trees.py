@@ -1,0 +1,57 @@
+"""Random trees of bodies, drawn from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from reference.multibody.algebra import from_quaternion
+from reference.multibody.tree import WORLD, Kind, Link, Tree
+from reference.numeric import Array
+
+KINDS: tuple[Kind, ...] = ("hinge", "slide", "ball", "free")
+
+
+def tree(kinds: Sequence[Kind], seed: int, *, chain: bool = False) -> Tree:
+    """A tree of so many links; of a chain each carries the next."""
+    rng = np.random.default_rng(seed)
+    path, links = [WORLD], list[Link]()
+    for i, kind in enumerate(kinds):
+        # Branch after branch, each to its end: some libraries take links in no other order.
+        path = path if chain else path[: int(rng.integers(len(path))) + 1]
+        links.append(link(kind, f"j{i}", path[-1], rng))
+        path = [*path, i]
+    return Tree(links=tuple(links), gravity=rng.normal(size=3) * 9.81)
+
+
+def link(kind: Kind, name: str, parent: int, rng: np.random.Generator) -> Link:
+    """A body of about a kilogram and a metre, with products of inertia."""
+    axis, points = rng.normal(size=3), rng.normal(size=(6, 3)) * 0.3
+    turns = kind in ("hinge", "slide")
+    return Link(
+        name=name,
+        parent=parent,
+        position=rng.normal(size=3) * 0.5,
+        rotation=from_quaternion(rng.normal(size=4)),
+        kind=kind,
+        axis=axis / np.linalg.norm(axis),
+        mass=float(rng.uniform(0.5, 2.0)),
+        center=rng.normal(size=3) * 0.2,
+        inertia=sum((p @ p * np.eye(3) - np.outer(p, p) for p in points), np.zeros((3, 3))) / 6,
+        armature=float(rng.uniform(0.0, 0.1)),
+        damping=float(rng.uniform(0.0, 0.5)),
+        stiffness=float(rng.uniform(1.0, 20.0)) if turns else 0.0,
+        rest=(float(rng.normal()),),
+    )
+
+
+def state(one: Tree, seed: int, batch: tuple[int, ...] = ()) -> tuple[Array, Array]:
+    """Positions (nq, ...), quaternions of length one among them, and velocities (nv, ...)."""
+    rng = np.random.default_rng(seed)
+    q, v = rng.normal(size=(one.nq, *batch)), rng.normal(size=(one.nv, *batch))
+    for body, here in zip(one.links, one.positions, strict=True):
+        if body.kind in ("ball", "free"):
+            part = slice(here.stop - 4, here.stop)
+            q[part] /= np.sqrt((q[part] ** 2).sum(axis=0))
+    return q, v
