@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -43,17 +45,19 @@ class Probe:
         return model if len(model.coordinates) == self.z.shape[1] else None
 
     def of(self, model: Model) -> Behaviour:
-        """What it does."""
+        """What it does; its frames are looked up when that is asked, with the model still there."""
         q, v = model.rollout(self.z, self.w, self.h, 1, None, 1)
-        places = [target.place for target in self.said.targets if target.place in model.places]
-        few = self.z[:POSED]
-        origins, turns = model.poses(places, few) if places else (np.zeros(0), np.zeros(0))
         return Behaviour(
             moved=(q[:, 0] - self.z) / self.h,
             pushed=(v[:, 0] - self.w) / self.h,
-            origins=origins,
-            turns=turns,
+            look=partial(self._look, model),
         )
+
+    def _look(self, model: Model) -> tuple[Array, Array]:
+        places = [target.place for target in self.said.targets if target.place in model.places]
+        if not places:
+            return np.zeros(0), np.zeros(0)
+        return model.poses(places, self.z[:POSED])
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,13 +66,17 @@ class Behaviour:
 
     Attributes:
         moved, pushed: changes of positions and velocities over a step, a second, (S, nz).
-        origins, turns: of the frames.
+        look: origins of the frames, and their rotations.
     """
 
     moved: Array
     pushed: Array
-    origins: Array
-    turns: Array
+    look: Callable[[], tuple[Array, Array]]
+
+    @cached_property
+    def posed(self) -> tuple[Array, Array]:
+        """Origins of the frames, and their rotations."""
+        return self.look()
 
     def moves_as(self, other: Behaviour) -> bool:
         """Whether the motions are the same."""
@@ -77,7 +85,7 @@ class Behaviour:
 
     def poses_as(self, other: Behaviour) -> bool:
         """Whether the frames are where those of another are."""
-        pairs = ((self.origins, other.origins), (self.turns, other.turns))
+        pairs = zip(self.posed, other.posed, strict=True)
         return all(one.shape == two.shape and _alike(one, two) for one, two in pairs)
 
 

@@ -52,7 +52,9 @@ def count_numbers(task: AuditTask) -> Coverage:
     idle = {**_STEP, **engine.idle}
     reasons = [_reason(one, idle) for one in found]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        trials = Trials(task.sidecar, found, probe, probe.of(model), Path(folder))
+        base = probe.of(model)
+        _ = base.posed  # now: in some engines the next model ends this one
+        trials = Trials(task.sidecar, found, probe, base, Path(folder))
         chosen = [bool(engine.choices and re.fullmatch(engine.choices, p.path)) for p in found]
         tried = [i for i, choice in enumerate(chosen) if not choice]
         trials.nudge([i for i in tried if reasons[i]])
