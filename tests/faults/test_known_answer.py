@@ -178,13 +178,13 @@ def test_what_an_engine_raises_is_told_as_it_stands(ran: Results) -> None:
 def test_a_model_that_ends_the_program_fails_its_own_cases_alone(ran: Results) -> None:
     for case in cases(ran, "exits"):
         assert case.outcome == "FAILED"
-        assert case.reason == "SystemExit: 3"
+        assert case.reason.endswith("oscillator/exits.known: SystemExit: 3")
 
 
 def test_an_exception_that_cannot_be_sent_between_processes_is_told(ran: Results) -> None:
     for case in cases(ran, "odd"):
         assert case.outcome == "FAILED"
-        assert case.reason == "OddError: two arguments"
+        assert case.reason.endswith("oscillator/odd.known: OddError: two arguments")
 
 
 def test_a_broken_model_file_fails_by_name_and_line(ran: Results) -> None:
