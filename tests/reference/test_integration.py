@@ -23,7 +23,7 @@ from reference.linearize import linearize
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.signal import pieces
-from reference.solve import is_linear, solve, tile
+from reference.solve import solve, tile
 from tests.reference.mechanisms import (
     CART,
     EPS,
@@ -35,7 +35,7 @@ from tests.reference.mechanisms import (
 )
 
 NONLINEAR = [
-    *((n, s) for n, s in SCENARIOS if not is_linear(equations_of(n))),
+    *((n, s) for n, s in SCENARIOS if not equations_of(n).linear),
     (CART.name, "free"),
 ]
 HEYOKA = reference.integrate.heyoka_installed()

@@ -135,8 +135,8 @@ MOTIONS = {
         "1e+300 s holds 9.6e+299 periods",
     ),
     "a duration of nothing": (
-        declared(scenarios=(scenario(duration=1e-300),)),
-        "nothing moves in the duration of 1e-300 s",
+        declared(scenarios=(scenario(duration=1e-10),)),
+        "nothing moves in the duration of 1e-10 s",
     ),
     "a mass that is singular at rest": (
         declared(constants=ALL, T=M * X.v**2 * x**2 / L**2 / 2),
