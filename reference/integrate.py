@@ -118,7 +118,7 @@ def solve_numerically(
         if isinstance(equations, Equations) and by_series:
             checks.append(_taylor_series(equations, *given))
         else:
-            checks.append(_runge_kutta(equations, *given))
+            checks.append(by_runge_kutta(field, *given[1:]))
     end, checked = np.concatenate(ends), np.concatenate(checks)
     apart = np.max(np.abs(end - checked), axis=0)
     size = np.max(np.abs(end), axis=0)
@@ -193,11 +193,8 @@ def _gauss() -> tuple[Array, Array, Array, Callable[[float], Array]]:
     return nodes, weights / 2, matrix, integrals
 
 
-def _runge_kutta(
-    equations: EquationsOfMotion, piece: Piece, times: Array, states: Array, length: float
-) -> Array:
+def by_runge_kutta(field: Field, times: Array, states: Array, length: float) -> Array:
     """All segments as one system, by DOP853 near its smallest tolerance."""
-    field = field_of(equations, piece)
     shape = states.shape
 
     def rate(elapsed: float, flat: Array) -> Array:

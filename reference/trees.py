@@ -73,6 +73,26 @@ class TreeEquations(EquationsOfMotion):
         return TreeFunction(self._masses, self.system.tree.nv)
 
     @cached_property
+    def turning(self) -> Array:
+        """Which coordinates are angles, (n,)."""
+        return np.array([link.kind == "hinge" for link in self.system.tree.links], dtype=bool)
+
+    def pushed_acceleration(self, q: Array, v: Array, forces: Array) -> Array:
+        """Accelerations under forces on the coordinates, all (..., n)."""
+        shape = np.broadcast_shapes(q.shape, v.shape, forces.shape)
+        at = (_first(np.broadcast_to(part, shape)) for part in (q, v, forces))
+        return _last(self._doubles.acceleration(*at))
+
+    def rounding(self, q: Array, v: Array, forces: Array) -> Array:
+        """Bound of what rounding does to accelerations at such states (..., n): (n,)."""
+        at = [_first(part) for part in (q, v, forces)]
+        long = Dynamics(self.system.tree, LONG_DOUBLES)
+        exact = long.acceleration(*map(LONG_DOUBLES.array, at))
+        apart = np.abs(exact - self._doubles.acceleration(*at)).astype(float)
+        found: Array = MARGIN * np.max(apart.reshape(len(apart), -1), axis=1)
+        return found
+
+    @cached_property
     def pushes(self) -> Array:
         """Forces on the coordinates by inputs, (n, inputs)."""
         inputs = self.system.inputs
@@ -100,11 +120,9 @@ class TreeEquations(EquationsOfMotion):
         for column, by in zip(inverse, _first(off), strict=False):
             error = error + column * by
         if rounded:
-            long = Dynamics(self.system.tree, LONG_DOUBLES)
-            wide = (LONG_DOUBLES.array(part) for part in (q, v, self._forces(u, v)))
-            apart = np.abs(long.acceleration(*wide) - self._accelerations(q, v, u))
-            axes = tuple(range(1, apart.ndim))
-            error = error + MARGIN * np.max(apart.astype(float), axis=axes, keepdims=True)
+            forces = _last(self._forces(u, v))
+            own = self.rounding(states[..., :n], states[..., n:], forces)
+            error = error + _beside(own, q)
         return _last(error)
 
     @cached_property
