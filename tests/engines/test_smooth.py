@@ -65,11 +65,11 @@ def test_beyond_its_limit_and_within_a_box_a_pendulum_swings(engine: str, tmp_pa
 
 def test_without_it_a_mesh_is_looked_for(tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=r"r\.urdf"):
-        loaded("mujoco", tmp_path)
+        loaded("pybullet", tmp_path)
 
 
 def test_without_it_a_limit_holds(tmp_path: Path) -> None:
-    model = loaded("pybullet", tmp_path)
+    model = loaded("mujoco", tmp_path)
     _, v = model.rollout(np.array([[0.8]]), np.zeros((1, 1)), 1e-3, 1, None, 1)
     assert abs(v[0, 0, 0] / 1e-3 - ACCELERATION) > 1
 
