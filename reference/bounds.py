@@ -9,7 +9,7 @@ import numpy as np
 
 from reference.closed_form import Segments
 from reference.declaration import t
-from reference.derive import Equations
+from reference.equations import EquationsOfMotion
 from reference.integrate import Field, field_of
 from reference.motion import Span, chebyshev_nodes
 from reference.numeric import Array
@@ -32,7 +32,7 @@ class Bounds:
 
 
 def bounds(
-    equations: Equations,
+    equations: EquationsOfMotion,
     signals: Sequence[Piece],
     spans: Sequence[Span],
     segments: Segments,
@@ -102,7 +102,13 @@ def _two_steps(field: Field, times: Array, states: Array, length: float) -> Arra
 
 
 def _acceleration_error(
-    equations: Equations, piece: Piece, times: Array, nodes: Array, length: float, *, rounded: bool
+    equations: EquationsOfMotion,
+    piece: Piece,
+    times: Array,
+    nodes: Array,
+    length: float,
+    *,
+    rounded: bool,
 ) -> Array:
     """Bound of the error of the accelerations over B segments, (B, n).
 
@@ -112,19 +118,17 @@ def _acceleration_error(
     rounding of its own terms (the phase w t of sin(w t) by one more), and the accelerations by
     what inputs and time, and where doubles evaluate them their own terms, make of it.
     """
-    system = equations.system
-    n = len(system.q)
+    n = nodes.shape[-1] // 2
     at = times[:, None] + length * chebyshev_nodes()[LOOKED_AT]
-    off = 3 * UNIT * np.abs(at)
-    inputs = piece.numeric(at[..., None])
-    pushed = running_error(piece.expressions, {t: (at, off)})
-    states = nodes[:, LOOKED_AT]
-    none = np.zeros_like(at)
-    variables = {t: (at, off)}
-    variables |= {c.symbol: (np.full_like(at, c.value), none) for c in system.constants}
-    variables |= {s: (states[..., i], none) for i, s in enumerate((*system.q, *system.v))}
-    variables |= {s: (inputs[..., i], pushed[..., i]) for i, s in enumerate(system.u)}
-    error = running_error(list(equations.acceleration), variables, rounded=rounded)
+    late = 3 * UNIT * np.abs(at)
+    error = equations.acceleration_error(
+        nodes[:, LOOKED_AT],
+        piece.numeric(at[..., None]),
+        at,
+        off=running_error(piece.expressions, {t: (at, late)}),
+        late=late,
+        rounded=rounded,
+    )
     result: Array = np.max(error.reshape(len(times), -1, n), axis=1)
     return result
 

@@ -9,16 +9,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
 import sympy as sp
 
 from reference.declaration import t
-from reference.numeric import NumericFunction, compile_function
+from reference.equations import EquationsOfMotion
+from reference.numeric import Array, NumericFunction, compile_function
+from reference.roundoff import running_error
 from reference.simplify import LONG, solved, tidy
 from reference.system import System
 
+LONG_FORCE = 1000
+"""Operations in the forces beyond which their derivatives as formulas take long to make."""
+
 
 @dataclass(frozen=True)
-class Equations:
+class Equations(EquationsOfMotion):
     """M(q) a = f(q, v, u, t), symbolic, with numeric functions made from it.
 
     Attributes:
@@ -67,6 +73,17 @@ class Equations:
         return balance
 
     @cached_property
+    def linear(self) -> bool:
+        """Whether M is constant and f linear in q, v, u, without a constant part, and free of t."""
+        variables = (*self.system.q, *self.system.v, *self.system.u)
+        if self.mass.free_symbols & {*variables, t}:
+            return False
+        slopes = sp.Matrix(self.force).jacobian(variables)
+        rest = dict.fromkeys(variables, sp.Integer(0))
+        still = all(sp.simplify(f.xreplace(rest)) == 0 for f in self.force)
+        return still and not slopes.free_symbols & {*variables, t}
+
+    @cached_property
     def numeric_acceleration(self) -> NumericFunction:
         """a(q, v, u, t), constants put in; the argument groups are q, v, u, (t,)."""
         return self.compile(self.acceleration)
@@ -75,6 +92,53 @@ class Equations:
     def numeric_power(self) -> NumericFunction:
         """(energy, supplied, dissipated) of (q, v, u, (t,))."""
         return self.compile([self.energy, self.supplied, self.dissipated])
+
+    @cached_property
+    def numeric_mass(self) -> NumericFunction:
+        """M of (q, v, u, (t,)), row after row."""
+        return self.compile(list(self.mass))
+
+    def acceleration_error(
+        self,
+        states: Array,
+        inputs: Array,
+        times: Array,
+        *,
+        off: Array,
+        late: Array,
+        rounded: bool,
+    ) -> Array:
+        """Bound of the error of the accelerations, operation by operation."""
+        system, none = self.system, np.zeros_like(times)
+        variables = {t: (times, late)}
+        variables |= {c.symbol: (np.full_like(times, c.value), none) for c in system.constants}
+        variables |= {s: (states[..., i], none) for i, s in enumerate((*system.q, *system.v))}
+        variables |= {s: (inputs[..., i], off[..., i]) for i, s in enumerate(system.u)}
+        return running_error(list(self.acceleration), variables, rounded=rounded)
+
+    def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
+        """From M da = df - dM a, number by number: the derivatives of M^-1 f are long formulas."""
+        if sum(sp.count_ops(f) for f in self.force) > LONG_FORCE:
+            return super().slopes(states, inputs, times)
+        n = len(self.system.q)
+        values = self._derivatives(states[:, :n], states[:, n:], inputs, times[:, None])
+        parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
+        m = parts[0].reshape(-1, n, n)
+        try:
+            a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
+            turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
+            found: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
+        except np.linalg.LinAlgError:
+            return np.full((len(states), n, 2 * n), np.inf)
+        return found
+
+    @cached_property
+    def _derivatives(self) -> NumericFunction:
+        """M, f, and their derivatives by q and v."""
+        variables, n = (*self.system.q, *self.system.v), len(self.system.q)
+        mass, force = sp.Matrix(self.mass), sp.Matrix(self.force)
+        slopes = mass.reshape(n * n, 1).jacobian(variables)
+        return self.compile([*mass, *force, *force.jacobian(variables), *slopes])
 
     def compile(self, expressions: sp.ImmutableMatrix | list[sp.Expr]) -> NumericFunction:
         """Return expressions of q, v, u, t as a numeric function, constants put in as doubles."""

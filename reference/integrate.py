@@ -16,6 +16,7 @@ import sympy as sp
 from reference.closed_form import Segments
 from reference.declaration import LocatedError
 from reference.derive import Equations
+from reference.equations import EquationsOfMotion
 from reference.motion import Span, chebyshev_nodes
 from reference.numeric import Array
 from reference.signal import Piece
@@ -35,7 +36,7 @@ class ReferenceError(LocatedError, RuntimeError):
     """The reference could not be solved to the accuracy that a comparison needs."""
 
 
-def field_of(equations: Equations, piece: Piece) -> Field:
+def field_of(equations: EquationsOfMotion, piece: Piece) -> Field:
     """dy/dt under the inputs of one piece, vectorized."""
     acceleration = equations.numeric_acceleration
     n = len(equations.system.coordinates)
@@ -52,7 +53,11 @@ def field_of(equations: Equations, piece: Piece) -> Field:
 
 
 def trajectory(
-    equations: Equations, start: Array, signals: Sequence[Piece], times: Array, rtol: float = 1e-13
+    equations: EquationsOfMotion,
+    start: Array,
+    signals: Sequence[Piece],
+    times: Array,
+    rtol: float = 1e-13,
 ) -> Array:
     """States at given ascending times, (len(times), 2n), by DOP853; breaks of the input are hit."""
     acceleration = equations.numeric_acceleration.scalar
@@ -88,7 +93,7 @@ def trajectory(
 
 
 def solve_numerically(
-    equations: Equations, start: Array, signals: Sequence[Piece], spans: Sequence[Span]
+    equations: EquationsOfMotion, start: Array, signals: Sequence[Piece], spans: Sequence[Span]
 ) -> Segments:
     """Solve all segments of a nonlinear system.
 
@@ -99,7 +104,8 @@ def solve_numerically(
     starts = trajectory(equations, start, signals, times)
     starts[0] = start
     ends, nodes, checks = [], [], []
-    by_series = heyoka_installed() and _size(equations) <= MOST_OPERATIONS
+    by_series = isinstance(equations, Equations) and _size(equations) <= MOST_OPERATIONS
+    by_series = by_series and heyoka_installed()
     first = 0
     for span, piece in zip(spans, signals, strict=True):
         chosen = slice(first, first + span.count)
@@ -108,8 +114,11 @@ def solve_numerically(
         end, inner = collocate(field, times[chosen], starts[chosen], span.length)
         ends.append(end)
         nodes.append(inner)
-        check = _taylor_series if by_series else _runge_kutta
-        checks.append(check(equations, piece, times[chosen], starts[chosen], span.length))
+        given = piece, times[chosen], starts[chosen], span.length
+        if isinstance(equations, Equations) and by_series:
+            checks.append(_taylor_series(equations, *given))
+        else:
+            checks.append(by_runge_kutta(field, *given[1:]))
     end, checked = np.concatenate(ends), np.concatenate(checks)
     apart = np.max(np.abs(end - checked), axis=0)
     size = np.max(np.abs(end), axis=0)
@@ -184,11 +193,8 @@ def _gauss() -> tuple[Array, Array, Array, Callable[[float], Array]]:
     return nodes, weights / 2, matrix, integrals
 
 
-def _runge_kutta(
-    equations: Equations, piece: Piece, times: Array, states: Array, length: float
-) -> Array:
+def by_runge_kutta(field: Field, times: Array, states: Array, length: float) -> Array:
     """All segments as one system, by DOP853 near its smallest tolerance."""
-    field = field_of(equations, piece)
     shape = states.shape
 
     def rate(elapsed: float, flat: Array) -> Array:

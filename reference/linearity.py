@@ -13,7 +13,6 @@ from reference.linearize import Linearization
 from reference.modes import modes
 from reference.numeric import Array
 from reference.signal import Piece
-from reference.solve import is_linear
 
 AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5)
 
@@ -43,7 +42,7 @@ def linearity(equations: Equations, linearization: Linearization) -> tuple[Linea
     equilibrium the motion leaves whatever its amplitude: none of these has an entry.
     """
     shapes = modes(linearization)
-    if is_linear(equations) or any(mode.growth > 0 for mode in shapes):
+    if equations.linear or any(mode.growth > 0 for mode in shapes):
         return ()
     matrix = linearization.arrays["A"]
     n = len(equations.system.coordinates)

@@ -17,10 +17,9 @@ import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 
-from reference.declaration import DeclarationError, Scenario, t
+from reference.declaration import Declaration, DeclarationError, Scenario, t
 from reference.numeric import Array, NumericFunction, compile_function
 from reference.real import check_over_time
-from reference.system import System
 
 DIGITS = 40
 """Precision of the closed form, wherever it is asked for: a double's 16, and 24 to lose."""
@@ -82,7 +81,7 @@ class Piece:
         return compile_function([sp.N(e, 17) for e in self.expressions], (t,))
 
 
-def pieces(system: System, scenario: Scenario) -> tuple[Piece, ...]:
+def pieces(system: Declaration, scenario: Scenario) -> tuple[Piece, ...]:
     """Split a scenario's inputs at their breaks.
 
     Raises:

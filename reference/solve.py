@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 import sympy as sp
 
 from reference.bounds import bounds
 from reference.closed_form import solve_closed_form
-from reference.declaration import DeclarationError, Equilibrium, Scenario, about, t
+from reference.declaration import DeclarationError, Equilibrium, Scenario, about
 from reference.derive import Equations
+from reference.equations import EquationsOfMotion
 from reference.integrate import ReferenceError, solve_numerically, trajectory
 from reference.linearize import linearize
 from reference.motion import Motion, Span
@@ -26,13 +26,10 @@ MOST_SEGMENTS = 1_000_000
 LEAST_TURN = 1e-6
 """Motion of so few rad is lost in the rounding of its states."""
 
-LONG_FORCE = 1000
-"""Operations in the forces beyond which their derivatives as formulas take long to make."""
-
 __all__ = ["ReferenceError", "solve"]
 
 
-def solve(equations: Equations, scenario: Scenario) -> Motion:
+def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
     """Return the reference motion of a scenario, in segments.
 
     Linear equations under inputs that a linear equation generates have a closed form; all others
@@ -53,7 +50,7 @@ def solve(equations: Equations, scenario: Scenario) -> Motion:
         return motion
 
 
-def _solved(equations: Equations, scenario: Scenario, place: str) -> Motion:
+def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Motion:
     system = equations.system
     signals = pieces(system, scenario)
     values = system.values
@@ -65,17 +62,16 @@ def _solved(equations: Equations, scenario: Scenario, place: str) -> Motion:
         ]
     )
     duration = float(scenario.duration)
-    slopes = _slopes(equations)
-    fastest = _fastest_rate(equations, slopes, signals, np.zeros(1), start[None])
+    fastest = _fastest_rate(equations, signals, np.zeros(1), start[None])
     _check_duration(fastest, duration, place)
-    if not is_linear(equations):
+    if not equations.linear:
         times = np.linspace(0.0, duration, 400)
         states = trajectory(equations, start, signals, times, rtol=1e-6)
-        fastest = _fastest_rate(equations, slopes, signals, times, states)
+        fastest = _fastest_rate(equations, signals, times, states)
         _check_duration(fastest, duration, place)
     spans = tile(signals, fastest)
-    exact = is_linear(equations) and all(piece.generators is not None for piece in signals)
-    if exact:
+    exact = equations.linear and all(piece.generators is not None for piece in signals)
+    if exact and isinstance(equations, Equations):
         at_zero = Equilibrium("zero", dict.fromkeys(system.coordinates, 0), False, "the origin")
         segments = solve_closed_form(linearize(equations, at_zero), start, signals, spans)
     else:
@@ -119,7 +115,7 @@ def _check_duration(fastest: float, duration: float, place: str) -> None:
         )
 
 
-def _check_motion(equations: Equations, motion: Motion, place: str) -> None:
+def _check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> None:
     """Refuse a motion along which a mass matrix is not positive definite, or an energy not real.
 
     Raises:
@@ -129,7 +125,7 @@ def _check_motion(equations: Equations, motion: Motion, place: str) -> None:
     u = motion.inputs(motion.t)
     at = motion.start[:, :n], motion.start[:, n:], u, motion.t[:, None]
     with np.errstate(all="ignore"):
-        mass = equations.compile(list(equations.mass))(*at).reshape(-1, n, n)
+        mass = equations.numeric_mass(*at).reshape(-1, n, n)
         energies = equations.numeric_power(*at)
     finite = np.isfinite(np.concatenate([mass.reshape(-1, n * n), energies], axis=1)).all(axis=1)
     if not finite.all():
@@ -147,18 +143,6 @@ def _check_motion(equations: Equations, motion: Motion, place: str) -> None:
             f"{place}: the mass matrix is not positive definite at t = {time:.4g} s of the motion;"
             " mend T, or choose a start from which the motion does not come there"
         )
-
-
-def is_linear(equations: Equations) -> bool:
-    """Whether M is constant and f linear in q, v, u, without a constant part, and free of t."""
-    system = equations.system
-    variables = (*system.q, *system.v, *system.u)
-    if equations.mass.free_symbols & {*variables, t}:
-        return False
-    slopes = sp.Matrix(equations.force).jacobian(variables)
-    rest = dict.fromkeys(variables, sp.Integer(0))
-    still = all(sp.simplify(f.xreplace(rest)) == 0 for f in equations.force)
-    return still and not slopes.free_symbols & {*variables, t}
 
 
 def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
@@ -184,57 +168,8 @@ def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
     return tuple(spans)
 
 
-Slopes = Callable[[Array, Array, Array], Array]
-"""Derivatives of the accelerations by q and v, (B, n, 2n), at B states, inputs and times."""
-
-
-def _slopes(equations: Equations) -> Slopes:
-    """From M da = df - dM a, number by number: the derivatives of M^-1 f as formulas are long."""
-    variables = (*equations.system.q, *equations.system.v)
-    n = len(equations.system.q)
-    if sum(sp.count_ops(f) for f in equations.force) > LONG_FORCE:
-        return partial(_differences, equations)
-    mass, force = sp.Matrix(equations.mass), sp.Matrix(equations.force)
-    compiled = equations.compile(
-        [
-            *mass,
-            *force,
-            *force.jacobian(variables),
-            *mass.reshape(n * n, 1).jacobian(variables),
-        ]
-    )
-
-    def slopes(states: Array, inputs: Array, times: Array) -> Array:
-        values = compiled(states[:, :n], states[:, n:], inputs, times[:, None])
-        parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
-        m = parts[0].reshape(-1, n, n)
-        try:
-            a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
-            turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
-            found: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
-        except np.linalg.LinAlgError:
-            return np.full((len(states), n, 2 * n), np.inf)
-        return found
-
-    return slopes
-
-
-def _differences(equations: Equations, states: Array, inputs: Array, times: Array) -> Array:
-    """The same by central differences: a rate need not be known to more than a few digits."""
-    n = len(equations.system.q)
-    step = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
-    columns = []
-    for i, h in enumerate(step):
-        ends = [states + sign * h * np.eye(2 * n)[i] for sign in (1, -1)]
-        up, down = (
-            equations.numeric_acceleration(s[:, :n], s[:, n:], inputs, times[:, None]) for s in ends
-        )
-        columns.append((up - down) / (2 * h))
-    return np.stack(columns, axis=2)
-
-
 def _fastest_rate(
-    equations: Equations, slopes: Slopes, signals: Sequence[Piece], times: Array, states: Array
+    equations: EquationsOfMotion, signals: Sequence[Piece], times: Array, states: Array
 ) -> float:
     """Largest |eigenvalue| of the equations' Jacobian at states of a motion, rad/s.
 
@@ -245,7 +180,7 @@ def _fastest_rate(
     n = len(system.coordinates)
     inputs = numeric_inputs(signals)
     with np.errstate(all="ignore"):
-        lower = slopes(states, inputs(times), times)
+        lower = equations.slopes(states, inputs(times), times)
     if not np.isfinite(lower).all():
         return float("inf")
     full = np.zeros((len(times), 2 * n, 2 * n))

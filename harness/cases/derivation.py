@@ -22,7 +22,6 @@ from reference.derive import Equations, derive
 from reference.linearize import Linearization, classify, linearize, taylor, to_array
 from reference.modes import damped_shapes, s, transfer_functions
 from reference.simplify import LONG
-from reference.solve import is_linear
 from reference.system import System
 
 ORDER = 3
@@ -45,7 +44,7 @@ def derivation(system: System) -> DerivedSystem:
         DeclarationError: for an equilibrium that is none, or an erratum that can't be read.
     """
     equations = derive(system)
-    linear = is_linear(equations)
+    linear = equations.linear
     linearizations = tuple(linearize(equations, e) for e in system.equilibria)
     return DerivedSystem(
         title=system.title,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reference.multibody.algebra import (
     DOUBLES,
@@ -103,25 +104,20 @@ class Recursion:
     def mass(self, q: Scalars) -> Scalars:
         """The mass matrix, (nv, nv, ...), armatures included."""
         placements, tree = self.placements(q), self.tree
-        bodies = self._composites(placements)
-        batch = q.shape[1:]
+        bodies, batch = self._composites(placements), q.shape[1:]
         out = self._field.array(np.zeros((tree.nv, tree.nv, *batch)))
-        for i, (one, there) in enumerate(zip(self._links, tree.velocities, strict=True)):
-            for k, column in enumerate(range(there.start, there.stop)):
-                force, moment = bodies[i].momentum(_tall(one.turning[:, k], batch),
-                                                   _tall(one.sliding[:, k], batch))  # fmt: skip
-                j = i
-                while True:
-                    rows = self.tree.velocities[j]
-                    out[rows, column] = self._felt(j, force, moment)
-                    out[column, rows] = out[rows, column]
-                    if tree.links[j].parent == WORLD:
-                        break
-                    force = turned(placements[j].rotation, force)
-                    moment = turned(placements[j].rotation, moment)
-                    moment = moment + cross(placements[j].origin, force)
-                    j = tree.links[j].parent
-                out[column, column] = (out[column, column] + one.armature).reshape(batch)
+        felt = [_Columns.none(self._field, batch) for _ in tree.links]
+        for i in reversed(range(len(tree.links))):
+            one, rows = self._links[i], tree.velocities[i]
+            own = bodies[i].momentum(one.turning, one.sliding, rows, batch)
+            columns = felt[i].beside(own)
+            found = self._felt(i, columns.force, columns.moment)
+            out[rows, columns.which] = found
+            out[columns.which, rows] = np.swapaxes(found, 0, 1)
+            for k in range(rows.start, rows.stop):
+                out[k, k] = (out[k, k] + one.armature).reshape(batch)
+            if (parent := tree.links[i].parent) != WORLD:
+                felt[parent] = felt[parent].beside(columns.carried(placements[i]))
         return out
 
     def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
@@ -202,10 +198,18 @@ class _Body(NamedTuple):
     moment: Scalars
     inertia: Scalars
 
-    def momentum(self, angular: Scalars, linear: Scalars) -> tuple[Scalars, Scalars]:
-        """Linear momentum, and angular momentum about the origin, of a motion of the frame."""
-        push = self.mass * linear + cross(angular, self.moment)
-        return push, turned(self.inertia, angular) + cross(self.moment, linear)
+    def momentum(
+        self, turning: Scalars, sliding: Scalars, rows: slice, batch: tuple[int, ...]
+    ) -> _Columns:
+        """Linear momentum, and angular momentum about the origin, of a joint's velocities."""
+        ones = (1,) * len(batch)
+        angular, linear = (part.reshape(3, -1, *ones) for part in (turning, sliding))
+        first = self.moment[:, None]
+        moment = product(self.inertia, angular) + cross(first, linear)
+        force = self.mass * linear + cross(angular, first)
+        shape = (3, angular.shape[1], *batch)
+        which = np.arange(rows.start, rows.stop)
+        return _Columns(np.broadcast_to(force, shape), np.broadcast_to(moment, shape), which)
 
     def seen(self, placed: Placement, field: Field) -> _Body:
         """The same from the frame in which its own is placed (Steiner)."""
@@ -223,6 +227,31 @@ class _Body(NamedTuple):
         one = self.inertia
         inertia = one.reshape(3, 3, *(1,) * (other.inertia.ndim - 2)) if one.ndim == 2 else one
         return _Body(self.mass + other.mass, self.moment + other.moment, inertia + other.inertia)
+
+
+class _Columns(NamedTuple):
+    """What accelerations of some velocities, `which`, ask for at a link: (3, columns, ...) each."""
+
+    force: Scalars
+    moment: Scalars
+    which: NDArray[np.intp]
+
+    @staticmethod
+    def none(field: Field, batch: tuple[int, ...]) -> _Columns:
+        """Of no velocity."""
+        empty = field.array(np.zeros((3, 0, *batch)))
+        return _Columns(empty, empty, np.arange(0))
+
+    def beside(self, other: _Columns) -> _Columns:
+        """Both."""
+        pairs = zip(self[:2], other[:2], strict=True)
+        force, moment = (np.concatenate(pair, axis=1) for pair in pairs)
+        return _Columns(force, moment, np.concatenate([self.which, other.which]))
+
+    def carried(self, placed: Placement) -> _Columns:
+        """The same at the frame in which the link's is placed."""
+        force, moment = (product(placed.rotation, part) for part in self[:2])
+        return _Columns(force, moment + cross(placed.origin[:, None], force), self.which)
 
 
 class _Motion(NamedTuple):

@@ -21,12 +21,12 @@ from reference.motion import Motion
 from reference.numeric import Array, compile_function
 from reference.roundoff import running_error
 from reference.signal import pieces
-from reference.solve import is_linear, solve
+from reference.solve import solve
 from tests.reference.mechanisms import EPS, SCENARIOS, equations_of, oscillator
 from tests.reference.test_closed_form import FREQUENCY, textbook
 from tests.reference.test_pendulum import STARTS, G, L, flow, solved
 
-LINEAR = [(name, scenario) for name, scenario in SCENARIOS if is_linear(equations_of(name))]
+LINEAR = [(name, scenario) for name, scenario in SCENARIOS if equations_of(name).linear]
 EVERY = 3  # segments, of which one is looked at
 
 

@@ -22,7 +22,7 @@ from reference.derive import Equations, derive
 from reference.linearize import linearize
 from reference.motion import Motion
 from reference.signal import pieces
-from reference.solve import is_linear, solve
+from reference.solve import solve
 from tests.reference.mechanisms import EPS, oscillator
 
 REGIMES = {  # m, c, k: dyadic where a regime is a matter of equality
@@ -232,22 +232,22 @@ def test_what_no_linear_equation_generates_is_integrated_on_a_linear_system(forc
 def test_a_linear_system_is_told_from_a_nonlinear_and_from_a_displaced_one() -> None:
     base = oscillator(1.3, 0.9, 47.0)
     x = base.coordinates[0]
-    assert is_linear(derive(base))
+    assert derive(base).linear
     length = dataclasses.replace(base.constants[0], name="L", unit="m")
     constants = (*base.constants, length)
     bent = dataclasses.replace(base, V=base.V * (1 + x.q**2 / length**2), constants=constants)
-    assert not is_linear(derive(bent))
+    assert not derive(bent).linear
     displaced = dataclasses.replace(
         base,
         V=base.constants[2] * (x.q - length) ** 2 / 2,
         constants=constants,
         equilibria=(Equilibrium("rest", {x: length}, False, "relaxed"),),
     )
-    assert not is_linear(derive(displaced))
+    assert not derive(displaced).linear
     rate = dataclasses.replace(base.constants[0], name="w", unit="1/s")
     moving = dataclasses.replace(
         base, V=base.V * (1 + sin(rate * t) / 2), constants=(*base.constants, rate)
     )
-    assert not is_linear(derive(moving))
+    assert not derive(moving).linear
     variable = dataclasses.replace(base, T=base.T * (1 + x.q**2 / length**2), constants=constants)
-    assert not is_linear(derive(variable))
+    assert not derive(variable).linear

@@ -14,6 +14,7 @@ from reference.derive import Equations, derive
 from reference.integrate import (
     AGREEMENT,
     ReferenceError,
+    by_runge_kutta,
     collocate,
     field_of,
     solve_numerically,
@@ -23,7 +24,7 @@ from reference.linearize import linearize
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.signal import pieces
-from reference.solve import is_linear, solve, tile
+from reference.solve import solve, tile
 from tests.reference.mechanisms import (
     CART,
     EPS,
@@ -35,7 +36,7 @@ from tests.reference.mechanisms import (
 )
 
 NONLINEAR = [
-    *((n, s) for n, s in SCENARIOS if not is_linear(equations_of(n))),
+    *((n, s) for n, s in SCENARIOS if not equations_of(n).linear),
     (CART.name, "free"),
 ]
 HEYOKA = reference.integrate.heyoka_installed()
@@ -82,10 +83,9 @@ def test_heyoka_and_dop853_end_the_segments_alike(name: str, scenario: str) -> N
     for span, piece in zip(motion.spans, pieces(equations.system, declared), strict=True):
         chosen = slice(first, first + span.count)
         first += span.count
-        given = (equations, piece, motion.t[chosen], motion.start[chosen], span.length)
-        apart = reference.integrate._taylor_series(*given) - reference.integrate._runge_kutta(
-            *given
-        )
+        given = motion.t[chosen], motion.start[chosen], span.length
+        series = reference.integrate._taylor_series(equations, piece, *given)
+        apart = series - by_runge_kutta(field_of(equations, piece), *given)
         assert np.all(np.max(np.abs(apart), axis=0) <= 1e-14 * sizes(motion))
 
 
@@ -99,7 +99,7 @@ def test_a_check_that_ends_elsewhere_is_an_error(
     right = solve(equations, scenario)
     wrong = right.end + np.array([0.0, off * sizes(right)[1]])
     monkeypatch.setattr(reference.integrate, "heyoka_installed", lambda: heyoka)
-    name = "_taylor_series" if heyoka else "_runge_kutta"
+    name = "_taylor_series" if heyoka else "by_runge_kutta"
     monkeypatch.setattr(reference.integrate, name, lambda *_: wrong)
     with pytest.raises(ReferenceError, match="two integrations of component 1 are"):
         solve(equations, scenario)
@@ -110,7 +110,7 @@ def test_a_check_within_the_agreement_widens_the_bound(monkeypatch: pytest.Monke
     equations, scenario = scenario_of("simple_pendulum", "free")
     right = solve(equations, scenario)
     off = 5e-13 * sizes(right)
-    monkeypatch.setattr(reference.integrate, "_runge_kutta", lambda *_: right.end + off)
+    monkeypatch.setattr(reference.integrate, "by_runge_kutta", lambda *_: right.end + off)
     assert np.all(solve(equations, scenario).bound >= off * (1 - 1e-3))
 
 

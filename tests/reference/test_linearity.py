@@ -9,7 +9,6 @@ import pytest
 import reference.linearity
 from reference.linearity import AMPLITUDES, LinearityError, linearity
 from reference.linearize import linearize
-from reference.solve import is_linear
 from tests.reference.mechanisms import NAMES, built_in, equations_of
 
 
@@ -55,7 +54,7 @@ def test_a_wrong_linearization_does_not_fall(monkeypatch: pytest.MonkeyPatch) ->
     assert found.errors[0] > 1e-3
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if is_linear(equations_of(n))])
+@pytest.mark.parametrize("name", [n for n in NAMES if equations_of(n).linear])
 def test_linear_equations_have_no_such_error(name: str) -> None:
     assert errors_of(name) == ()
 

@@ -17,7 +17,7 @@ from reference.linearize import linearize
 from reference.modes import modes, poles
 from reference.motion import NODES, Motion, chebyshev_nodes
 from reference.signal import pieces
-from reference.solve import SEGMENTS_A_PERIOD, SEGMENTS_AT_LEAST, is_linear, solve
+from reference.solve import SEGMENTS_A_PERIOD, SEGMENTS_AT_LEAST, solve
 from tests.reference.mechanisms import EPS, SCENARIOS, built_in, equations_of
 
 
@@ -50,7 +50,7 @@ def test_the_segments_tile_the_duration_in_prime_numbers(name: str, scenario: st
 def test_each_segment_starts_where_the_last_has_ended(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     gap = np.max(np.abs(motion.start[1:] - motion.end[:-1]), axis=0)
-    if is_linear(equations_of(name)):
+    if equations_of(name).linear:
         # Two roundings, of the start and of the end.
         assert np.all(gap <= 2 * EPS * motion.amplitude)
     else:

@@ -34,6 +34,7 @@ from harness.engines.protocol import (
 from harness.engines.remark import Remark
 from harness.engines.source import XmlSource, engine_errors
 from harness.engines.urdf import IDLE, SETTINGS, joint_springs, read_urdf, sample_urdf
+from harness.engines.urdf_copy import rewritten, without_shapes
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 
@@ -103,11 +104,13 @@ class MujocoEngine(Engine):
         found, warnings = sources(spec.path), Warnings()
         try:
             with warnings.heard():
-                tree = mujoco.MjSpec.from_file(str(spec.path))
-                if robot is not None:
-                    _complete_urdf(tree, spec, robot)
-                _apply_settings(tree, spec)
-                model = tree.compile()
+                changes = [without_shapes] if robot is not None and _is_smooth(spec) else []
+                with rewritten(robot, spec.path, changes) as path:
+                    tree = mujoco.MjSpec.from_file(str(path))
+                    if robot is not None:
+                        _complete_urdf(tree, spec, robot)
+                    _apply_settings(tree, spec)
+                    model = tree.compile()
         except EngineError:
             raise
         except Exception as error:
@@ -123,7 +126,7 @@ class MujocoEngine(Engine):
                 )
         if not model.njnt:
             raise EngineError(f"{spec.path}: it has no moving joint")
-        if model.nu or model.na:
+        if (model.nu or model.na) and not _is_smooth(spec):
             raise EngineError(f"{spec.path}: it has actuators; inputs are applied to joints here")
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
         # rung would agree with itself.
@@ -193,8 +196,31 @@ def _spring_terms(value: float) -> Any:
     return value
 
 
+def _is_smooth(spec: ModelSpec) -> bool:
+    """Whether contacts, limits, dry friction and actuators are switched off.
+
+    Raises:
+        EngineError: where the setting is neither true nor false.
+    """
+    value = spec.settings.get("smooth", False)
+    if not isinstance(value, bool):
+        told = f"[settings] smooth is {value!r}, where true or false belongs"
+        raise EngineError(f"{spec.path}.toml: {told}")
+    return value
+
+
+def _switched_off() -> int:
+    """What the setting `smooth` leaves out."""
+    import mujoco
+
+    names = ("CONTACT", "LIMIT", "FRICTIONLOSS", "ACTUATION")
+    return sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in names)
+
+
 def _apply_settings(tree: Any, spec: ModelSpec) -> None:
     settings = dict(spec.settings)
+    if settings.pop("smooth", False):
+        tree.option.disableflags |= _switched_off()
     if "step" in settings:
         tree.option.timestep = settings.pop("step")
     if "gravity" in settings:

@@ -6,7 +6,6 @@ import importlib.metadata
 import importlib.util
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +47,7 @@ from harness.engines.urdf import (
     read_urdf,
     sample_urdf,
 )
+from harness.engines.urdf_copy import Change, rewritten, without_limits, without_shapes
 
 _REQUIRED = ("step", "gravity")
 _UNDONE: Mapping[str, float | bool] = {
@@ -63,7 +63,16 @@ _DEFAULTS: Mapping[str, float | bool] = {
     # Whether tensors with products are turned to principal axes by the adapter, to the last digits,
     # and not by PyBullet.
     "exact_axes": False,
+    # Whether contacts and joint limits are left out.
+    "smooth": False,
 }
+_REWRITTEN: tuple[tuple[str, Change], ...] = (
+    ("exact_axes", exact_axes),
+    ("smooth", without_shapes),
+    ("smooth", without_limits),
+)
+"""What settings change in the file that PyBullet loads."""
+
 _client: int | None = None
 _loaded: object = None
 
@@ -197,9 +206,9 @@ class PybulletModel(Model):
         flags = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
         # What is to be seen moves nothing, and is nineteen twentieths of the time to load.
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
-        turned = exact_axes(robot, spec.path) if self._setting("exact_axes") else None
+        changes = [change for key, change in _REWRITTEN if self._setting(key)]
         try:
-            with turned or nullcontext(spec.path) as path, printed() as said:
+            with rewritten(robot, spec.path, changes) as path, printed() as said:
                 return int(p.loadURDF(str(path), useFixedBase=1, flags=flags))
         except p.error as error:
             reason = said[-1] if said else folded(error)

@@ -8,12 +8,8 @@ file can mend it, short of principal axes in the `<origin>` of the `<inertial>`.
 
 from __future__ import annotations
 
-import copy
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 
@@ -132,26 +128,12 @@ def axes_remarks(lost: Mapping[str, float]) -> Iterator[Remark]:
         )
 
 
-@contextmanager
-def exact_axes(robot: ET.Element, path: Path) -> Iterator[Path]:
-    """A copy of a URDF whose tensors have no products, gone afterwards.
-
-    Each `<inertial>` is turned to principal axes that are found to the last digits; relative names
-    of files are made absolute.
-    """
-    robot = copy.deepcopy(robot)
+def exact_axes(robot: ET.Element) -> None:
+    """Turn each `<inertial>` with products to principal axes, found to the last digits."""
     for link in robot.findall("link"):
         inertial = _with_products(link)
         if inertial is not None:
             _diagonalize(inertial)
-    for element in robot.iter():
-        name = element.get("filename", "")
-        if name and "://" not in name and (path.parent / name).is_file():
-            element.set("filename", str((path.parent / name).resolve()))
-    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        file = Path(folder) / path.name
-        file.write_text(ET.tostring(robot, encoding="unicode"), encoding="utf-8")
-        yield file
 
 
 def _with_products(link: ET.Element) -> ET.Element | None:

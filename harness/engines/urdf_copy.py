@@ -1,0 +1,56 @@
+"""A URDF rewritten for an engine to load: the user's own file stays as it is."""
+
+from __future__ import annotations
+
+import copy
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+Change = Callable[[ET.Element], None]
+"""Of a `<robot>`, in place."""
+
+
+@contextmanager
+def rewritten(robot: ET.Element | None, path: Path, changes: Sequence[Change]) -> Iterator[Path]:
+    """A copy of a URDF with changes, gone afterwards; without any, the file itself.
+
+    Relative names of files are made absolute.
+    """
+    if robot is None or not changes:
+        yield path
+        return
+    robot = copy.deepcopy(robot)
+    for change in changes:
+        change(robot)
+    for element in robot.iter():
+        name = element.get("filename", "")
+        if name and "://" not in name and (path.parent / name).is_file():
+            element.set("filename", str((path.parent / name).resolve()))
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        file = Path(folder) / path.name
+        file.write_text(ET.tostring(robot, encoding="unicode"), encoding="utf-8")
+        yield file
+
+
+def without_shapes(robot: ET.Element) -> None:
+    """Leave out what is seen and what touches: neither they nor their meshes are looked for."""
+    for link in robot.findall("link"):
+        for tag in ("visual", "collision"):
+            for shape in link.findall(tag):
+                link.remove(shape)
+    for material in robot.findall("material"):
+        robot.remove(material)
+
+
+def without_limits(robot: ET.Element) -> None:
+    """Limits that PyBullet takes for none: the lower one above the upper."""
+    for joint in robot.findall("joint"):
+        if joint.get("type") in ("revolute", "prismatic"):
+            limit = joint.find("limit")
+            if limit is None:
+                limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
+            limit.set("lower", "1")
+            limit.set("upper", "-1")

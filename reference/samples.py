@@ -1,0 +1,163 @@
+"""States of a tree at random, and where its equations take them over a short segment.
+
+A robot has more joints than one motion can try; its equations hold at every state. So segments
+start anywhere within the limits, each under forces of its own that are held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reference.integrate import AGREEMENT, ReferenceError, by_runge_kutta, collocate
+from reference.numeric import Array
+from reference.trees import TreeEquations
+
+SEGMENTS_A_PERIOD = 20
+"""Of the fastest motion at any of the states."""
+
+REACH = 1.0
+"""How far positions are drawn from home where there are no limits: rad or m."""
+
+FAR = np.pi
+"""Limits further from home than this stand for none: rad or m."""
+
+LOOKED_AT = 24
+"""States at which rates are taken, each by 4 n accelerations."""
+
+SLOWEST = 1.0
+"""Rate of motions where nothing swings, rad/s."""
+
+SINGULAR = 1e-13
+"""Of a mass matrix with a diagonal of ones: a smaller eigenvalue is rounding."""
+
+GROWTH = 2.0
+"""By how much the equations may turn up an error within a segment: e^(2 pi / 20) is 1.37."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Samples:
+    """K segments of a tree of n coordinates; all in SI units.
+
+    Attributes:
+        start: states (q, v), (K, 2n).
+        forces: on the coordinates, held, (K, n).
+        length: of each, seconds.
+        end: where the equations take them, (K, 2n).
+        bound: of the error of `end`, per component, (2n,).
+        fastest: rate at any of the states, rad/s.
+    """
+
+    start: Array
+    forces: Array
+    length: float
+    end: Array
+    bound: Array
+    fastest: float
+
+
+def samples(equations: TreeEquations, limits: Array, home: Array, count: int, seed: int) -> Samples:
+    """Draw states and forces, and solve.
+
+    Velocities and forces are such as motions of the mechanism have: positions times the rate at
+    which it swings at rest, and masses times positions times its square.
+
+    Args:
+        limits: of the positions, (n, 2), infinite where there are none.
+        home: positions about which they are drawn then, (n,).
+
+    Raises:
+        ReferenceError: where the mass matrix is singular, or the two solutions are apart.
+    """
+    rng, n = np.random.default_rng(seed), len(home)
+    reach = within(limits, home)
+    q = rng.uniform(reach[:, 0], reach[:, 1], (count, n))
+    extent = np.minimum((reach[:, 1] - reach[:, 0]) / 2, REACH)
+    none, still = np.zeros((count, n)), np.zeros((count, 1))
+    unpushed = np.zeros((count, equations.pushes.shape[1]))
+    _check_masses(equations, q)
+    rest = np.concatenate([q, none], axis=1)
+    rate = max(_fastest(equations, rest, unpushed), SLOWEST)
+    v = rng.uniform(-1, 1, (count, n)) * extent * rate
+    wanted = rng.uniform(-1, 1, (count, n)) * extent * rate**2
+    mass = equations.numeric_mass(q, v, unpushed, still).reshape(count, n, n)
+    own = equations.numeric_acceleration(q, v, unpushed, still)
+    forces = np.einsum("kij,kj->ki", mass, wanted - own)
+    start = np.concatenate([q, v], axis=1)
+    spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
+    fastest = max(_fastest(equations, start, unpushed), rate, spinning)
+    length = 2 * np.pi / fastest / SEGMENTS_A_PERIOD
+
+    def field(times: Array, states: Array) -> Array:
+        pushed = forces.reshape(count, *(1,) * (states.ndim - 2), n)
+        a = equations.pushed_acceleration(states[..., :n], states[..., n:], pushed)
+        return np.concatenate([states[..., n:], a], axis=-1)
+
+    times = np.zeros(count)
+    end, _ = collocate(field, times, start, length)
+    checked = by_runge_kutta(field, times, start, length)
+    apart, size = np.max(np.abs(end - checked), axis=0), np.max(np.abs(end), axis=0)
+    sizes = np.repeat([size[:n].max(), size[n:].max()], n)
+    if not np.all(apart <= AGREEMENT * sizes):  # so that nan is refused as well
+        worst = int(np.argmax(apart / sizes))
+        raise ReferenceError(
+            f"two solutions of component {worst} are {apart[worst]:.1e} apart over a segment"
+        )
+    rounded = equations.rounding(q, v, forces)
+    jolt = np.concatenate([rounded * length**2 / 2, rounded * length])
+    bound = apart + 2 * np.finfo(float).eps * size + GROWTH * jolt
+    return Samples(start=start, forces=forces, length=length, end=end, bound=bound, fastest=fastest)
+
+
+def within(limits: Array, home: Array) -> Array:
+    """Where positions are drawn, (n, 2): within limits, and about home where these are far away."""
+    low, high = limits.T
+    low = np.where(np.isfinite(low), low, np.minimum(home, high) - REACH)
+    high = np.where(np.isfinite(high), high, np.maximum(home, low) + REACH)
+    near = np.clip(home, low, high)
+    found: Array = np.stack([np.maximum(low, near - FAR), np.minimum(high, near + FAR)], axis=1)
+    return found
+
+
+def _check_masses(equations: TreeEquations, q: Array) -> None:
+    """Refuse a tree some joint of which moves nothing that has mass.
+
+    Raises:
+        ReferenceError: naming the joint.
+    """
+    count, n = q.shape
+    none, still = np.zeros_like(q), np.zeros((count, 1))
+    unpushed = np.zeros((count, equations.pushes.shape[1]))
+    mass = equations.numeric_mass(q, none, unpushed, still).reshape(count, n, n)
+    own = np.einsum("kii->ki", mass)
+    if not np.isfinite(own).all():
+        raise ReferenceError("the masses are not finite")
+    # In units of its own diagonal, since a light part beside a heavy one is no singular one.
+    size = np.sqrt(np.where(own > 0, own, 1.0))
+    values, vectors = np.linalg.eigh(mass / size[:, :, None] / size[:, None, :])
+    at = int(np.argmin(values[:, 0]))
+    if values[at, 0] <= SINGULAR:
+        joint = int(np.argmax(np.abs(vectors[at, :, 0])))
+        name = equations.system.coordinates[joint].name
+        raise ReferenceError(
+            f"joint {name!r} moves nothing that has mass or inertia, or less than nothing: the mass"
+            " matrix is not positive definite"
+        )
+
+
+def _fastest(equations: TreeEquations, states: Array, inputs: Array) -> float:
+    """Largest |eigenvalue| of the equations' Jacobian at the states, rad/s.
+
+    Raises:
+        ReferenceError: where the accelerations are not finite.
+    """
+    states, inputs, n = states[:LOOKED_AT], inputs[:LOOKED_AT], states.shape[1] // 2
+    with np.errstate(all="ignore"):
+        lower = equations.slopes(states, inputs, np.zeros(len(states)))
+    if not np.isfinite(lower).all():
+        raise ReferenceError("the accelerations are not finite: the mass matrix is singular")
+    full = np.zeros((len(states), 2 * n, 2 * n))
+    full[:, range(n), range(n, 2 * n)] = 1.0
+    full[:, n:] = lower
+    return float(np.max(np.abs(np.linalg.eigvals(full))))

@@ -1,0 +1,187 @@
+"""A tree of bodies as a system: coordinates, inputs and scenarios, its equations by recursion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from reference.declaration import Declaration, DeclarationError
+from reference.equations import EquationsOfMotion
+from reference.multibody.algebra import DOUBLES, LONG_DOUBLES, Scalars
+from reference.multibody.dynamics import Dynamics, solved
+from reference.multibody.tree import Tree
+from reference.numeric import Array
+
+MARGIN = 4.0
+"""Rounding is seen at some states and bounded at all, by so many times the largest seen."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreeSystem(Declaration):
+    """A mechanism whose bodies are declared, and not its energies: T, V and D stand for nothing.
+
+    Its coordinates are the joints, in the tree's order.
+
+    Raises:
+        DeclarationError: naming what does not fit.
+    """
+
+    tree: Tree
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.coordinates) != self.tree.nv:
+            raise DeclarationError(
+                f"system {self.name!r} has {len(self.coordinates)} coordinates, and its tree"
+                f" {self.tree.nv} degrees of freedom"
+            )
+        for link in self.tree.links:
+            if link.kind not in ("hinge", "slide"):
+                raise DeclarationError(
+                    f"system {self.name!r}: {link.name} is a {link.kind} joint, which has no"
+                    " coordinates of its own so far"
+                )
+
+
+@dataclass(frozen=True)
+class TreeEquations(EquationsOfMotion):
+    """The equations of a tree of hinges and slides."""
+
+    system: TreeSystem
+
+    @property
+    def linear(self) -> bool:
+        """They are solved as if they were not, even where they are."""
+        return False
+
+    @cached_property
+    def numeric_acceleration(self) -> TreeFunction:
+        """a(q, v, u, (t,)), (..., n)."""
+        return TreeFunction(self._accelerations, self.system.tree.nv)
+
+    @cached_property
+    def numeric_power(self) -> TreeFunction:
+        """(energy, power supplied, power dissipated) of (q, v, u, (t,))."""
+        return TreeFunction(self._powers, self.system.tree.nv)
+
+    @cached_property
+    def numeric_mass(self) -> TreeFunction:
+        """M of (q, v, u, (t,)), row after row."""
+        return TreeFunction(self._masses, self.system.tree.nv)
+
+    @cached_property
+    def turning(self) -> Array:
+        """Which coordinates are angles, (n,)."""
+        return np.array([link.kind == "hinge" for link in self.system.tree.links], dtype=bool)
+
+    def pushed_acceleration(self, q: Array, v: Array, forces: Array) -> Array:
+        """Accelerations under forces on the coordinates, all (..., n)."""
+        shape = np.broadcast_shapes(q.shape, v.shape, forces.shape)
+        at = (_first(np.broadcast_to(part, shape)) for part in (q, v, forces))
+        return _last(self._doubles.acceleration(*at))
+
+    def rounding(self, q: Array, v: Array, forces: Array) -> Array:
+        """Bound of what rounding does to accelerations at such states (..., n): (n,)."""
+        at = [_first(part) for part in (q, v, forces)]
+        long = Dynamics(self.system.tree, LONG_DOUBLES)
+        exact = long.acceleration(*map(LONG_DOUBLES.array, at))
+        apart = np.abs(exact - self._doubles.acceleration(*at)).astype(float)
+        found: Array = MARGIN * np.max(apart.reshape(len(apart), -1), axis=1)
+        return found
+
+    @cached_property
+    def pushes(self) -> Array:
+        """Forces on the coordinates by inputs, (n, inputs)."""
+        inputs = self.system.inputs
+        rows = [[float(one.on.get(c, 0)) for one in inputs] for c in self.system.coordinates]
+        return np.array(rows).reshape(len(rows), len(inputs))
+
+    def acceleration_error(
+        self,
+        states: Array,
+        inputs: Array,
+        times: Array,
+        *,
+        off: Array,
+        late: Array,
+        rounded: bool,
+    ) -> Array:
+        """Bound of the error of the accelerations: what long doubles make otherwise of them."""
+        n = self.system.tree.nv
+        q, v, u = (_first(part) for part in (states[..., :n], states[..., n:], inputs))
+        inverse = np.stack(
+            [np.abs(solved(self._doubles.recursion.mass(q), _beside(column, q)))
+             for column in self.pushes.T] or [np.zeros((n, 0))]
+        )  # fmt: skip
+        error = np.zeros_like(q)
+        for column, by in zip(inverse, _first(off), strict=False):
+            error = error + column * by
+        if rounded:
+            forces = _last(self._forces(u, v))
+            own = self.rounding(states[..., :n], states[..., n:], forces)
+            error = error + _beside(own, q)
+        return _last(error)
+
+    @cached_property
+    def _doubles(self) -> Dynamics:
+        return Dynamics(self.system.tree, DOUBLES)
+
+    def _forces(self, u: Array, like: Array) -> Array:
+        return np.tensordot(self.pushes, u, 1) if len(u) else np.zeros_like(like)
+
+    def _accelerations(self, q: Array, v: Array, u: Array) -> Array:
+        found: Array = self._doubles.acceleration(q, v, self._forces(u, v))
+        return found
+
+    def _powers(self, q: Array, v: Array, u: Array) -> Array:
+        energy = self._doubles.kinetic(q, v) + self._doubles.potential(q)
+        supplied = (v * self._forces(u, v)).sum(axis=0)
+        damping = np.array([link.damping for link in self.system.tree.links])
+        return np.stack([energy, supplied, np.tensordot(damping, v * v, 1)])
+
+    def _masses(self, q: Array, v: Array, u: Array) -> Array:
+        mass = self._doubles.recursion.mass(q)
+        return mass.reshape(-1, *mass.shape[2:])
+
+
+@dataclass(frozen=True)
+class TreeFunction:
+    """A function of (q, v, u), the batch last, as one of (q, v, u, (t,)) with the batch first.
+
+    Attributes:
+        freedoms: of the tree, the length of q.
+    """
+
+    function: Callable[[Array, Array, Array], Array]
+    freedoms: int
+
+    def __call__(self, *arguments: Array) -> Array:
+        """Evaluate."""
+        shape = np.broadcast_shapes(*(np.shape(a)[:-1] for a in arguments))
+        q, v, u = (_first(np.broadcast_to(a, (*shape, a.shape[-1]))) for a in arguments[:3])
+        return _last(self.function(q, v, u))
+
+    def scalar(self, *columns: float) -> Sequence[float]:
+        """The same of plain numbers: q, v, u and t."""
+        n = self.freedoms
+        q, v, u = np.array(columns[:n]), np.array(columns[n : 2 * n]), np.array(columns[2 * n : -1])
+        found: list[float] = self.function(q, v, u).tolist()
+        return found
+
+
+def _first(values: Array) -> Scalars:
+    """The last axis first."""
+    return np.moveaxis(values, -1, 0)
+
+
+def _last(values: Scalars) -> Array:
+    """The first axis last."""
+    return np.moveaxis(values, 0, -1)
+
+
+def _beside(column: Array, like: Array) -> Array:
+    """A column (n,) at every state of a batch (n, ...)."""
+    return np.broadcast_to(column.reshape(-1, *(1,) * (like.ndim - 1)), like.shape)

@@ -1,0 +1,86 @@
+"""The setting `smooth`: without contacts, limits and dry friction, and no mesh is looked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines.protocol import EngineError, Model, ModelSpec
+from harness.engines.registry import engines
+
+URDF = """<robot name="r">
+  <link name="base">
+    <visual><geometry><mesh filename="package://nowhere/base.stl"/></geometry></visual>
+    <collision><geometry><box size="2 2 2"/></geometry></collision>
+  </link>
+  <link name="bob">
+    <inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0 0 -0.5"/><geometry><sphere radius="0.2"/></geometry></collision>
+  </link>
+  <link name="tip">
+    <inertial><mass value="1"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><sphere radius="0.2"/></geometry></collision>
+  </link>
+  <joint name="swing" type="revolute">
+    <parent link="base"/><child link="bob"/><axis xyz="0 1 0"/>
+    <limit lower="-0.1" upper="0.1" effort="1" velocity="1"/>
+  </joint>
+  <joint name="lock" type="fixed"><parent link="bob"/><child link="tip"/></joint>
+</robot>
+"""
+MJCF = """<mujoco>
+  <option gravity="0 0 -9.81" timestep="0.001"/>
+  <worldbody>
+    <geom type="box" size="1 1 1"/>
+    <body><joint name="swing" axis="0 1 0" limited="true" range="-0.1 0.1" frictionloss="3"/>
+      <inertial pos="0 0 -0.25" mass="2" diaginertia="0.145 0.145 0.02"/>
+      <geom type="sphere" size="0.2" pos="0 0 -0.5"/></body>
+  </worldbody>
+  <actuator><position joint="swing" kp="100"/></actuator>
+</mujoco>
+"""
+ACCELERATION = -2 * 9.81 * 0.25 * np.sin(0.8) / (0.145 + 2 * 0.25**2)
+"""Of the pendulum at 0.8 rad: two bodies of a kilogram, at 0.5 m and at the pivot."""
+
+
+def loaded(engine: str, tmp_path: Path, **settings: object) -> Model:
+    mjcf = engine == "mujoco mjcf"
+    file = tmp_path / ("r.xml" if mjcf else "r.urdf")
+    file.write_text(MJCF if mjcf else URDF)
+    given = settings if mjcf else {"step": 0.001, "gravity": [0.0, 0.0, -9.81], **settings}
+    return engines()[engine.split()[0]].load(ModelSpec(path=file, settings=given, springs=()))
+
+
+@pytest.mark.parametrize("engine", ["mujoco mjcf", "mujoco", "pybullet"])
+def test_beyond_its_limit_and_within_a_box_a_pendulum_swings(engine: str, tmp_path: Path) -> None:
+    model = loaded(engine, tmp_path, smooth=True)
+    h = 1e-7
+    _, v = model.rollout(np.array([[0.8]]), np.zeros((1, 1)), h, 1, None, 1)
+    assert v[0, 0, 0] / h == pytest.approx(ACCELERATION, rel=1e-6)
+
+
+def test_without_it_a_mesh_is_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match=r"r\.urdf"):
+        loaded("pybullet", tmp_path)
+
+
+def test_without_it_a_limit_holds(tmp_path: Path) -> None:
+    model = loaded("mujoco", tmp_path)
+    _, v = model.rollout(np.array([[0.8]]), np.zeros((1, 1)), 1e-3, 1, None, 1)
+    assert abs(v[0, 0, 0] / 1e-3 - ACCELERATION) > 1
+
+
+def test_the_file_itself_stays_as_it_is(tmp_path: Path) -> None:
+    loaded("pybullet", tmp_path, smooth=True)
+    assert (tmp_path / "r.urdf").read_text() == URDF
+    assert [path.name for path in tmp_path.iterdir()] == ["r.urdf"]
+
+
+@pytest.mark.parametrize("engine", ["mujoco mjcf", "mujoco", "pybullet"])
+def test_it_is_true_or_false(engine: str, tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match=r"\[settings\] smooth is 1.0, where true or false"):
+        loaded(engine, tmp_path, smooth=1.0)

@@ -1,0 +1,107 @@
+"""Segments from states at random: within the limits, and ending where more digits say."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from reference import Coordinate
+from reference.integrate import ReferenceError
+from reference.multibody.algebra import LONG_DOUBLES, Scalars
+from reference.multibody.dynamics import Dynamics
+from reference.multibody.tree import Kind, Tree
+from reference.numeric import Array
+from reference.samples import FAR, REACH, Samples, samples, within
+from reference.trees import TreeEquations, TreeSystem
+from tests.reference.multibody.trees import tree
+
+KINDS: tuple[Kind, ...] = ("hinge", "slide", "hinge", "hinge")
+OPEN = np.array([-np.inf, np.inf])
+
+
+def equations(one: Tree) -> TreeEquations:
+    units = {"hinge": "rad", "slide": "m"}
+    return TreeEquations(
+        TreeSystem(
+            name="t", title="t", source="a test", constants=(), inputs=(), outputs=(),
+            T=0, V=0, D=0, equilibria=(), scenarios=(), published=(), tree=one,
+            coordinates=tuple(Coordinate(k.name, units[k.kind], "-") for k in one.links),
+        )
+    )  # fmt: skip
+
+
+def in_long_doubles(one: Tree, found: Samples) -> Array:
+    """Ends by the classical Runge-Kutta method in so many steps, extrapolated, (K, 2n)."""
+    dynamics, n = Dynamics(one, LONG_DOUBLES), one.nv
+    forces = LONG_DOUBLES.array(found.forces.T)
+
+    def rate(state: Scalars) -> Scalars:
+        a = dynamics.acceleration(state[:n], state[n:], forces)
+        return np.concatenate([state[n:], a])
+
+    def ends(steps: int) -> Scalars:
+        h, y = np.longdouble(found.length) / steps, LONG_DOUBLES.array(found.start.T)
+        for _ in range(steps):
+            k1 = rate(y)
+            k2 = rate(y + h / 2 * k1)
+            k3 = rate(y + h / 2 * k2)
+            k4 = rate(y + h * k3)
+            y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return y
+
+    coarse, fine = ends(96), ends(192)
+    return np.array(fine + (fine - coarse) / 15).T
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ends_are_those_of_more_digits_within_their_bound(seed: int) -> None:
+    one = tree(KINDS, seed)
+    found = samples(equations(one), np.tile(OPEN, (4, 1)), np.zeros(4), 40, seed)
+    error = np.max(np.abs(found.end - in_long_doubles(one, found)), axis=0)
+    movement = np.max(np.abs(found.end - found.start), axis=0)
+    assert np.all(error <= found.bound)
+    assert np.all(found.bound < 1e-12 * movement)
+    # And it is no bound that anything would be within.
+    assert np.max(error / found.bound) > 1e-3
+
+
+def test_every_joint_moves_and_is_pushed_as_much_as_it_is_moved() -> None:
+    found = samples(equations(tree(KINDS, 1)), np.tile(OPEN, (4, 1)), np.zeros(4), 40, 1)
+    n = found.forces.shape[1]
+    turned = np.max(np.abs(found.end - found.start), axis=0)
+    assert np.all(turned[:n] > 1e-3)
+    assert np.all(turned[n:] > 1e-2)
+    assert np.all(np.std(found.forces, axis=0) > 0)
+
+
+def test_states_are_within_limits_and_the_same_for_one_seed() -> None:
+    limits = np.array([[-0.5, 0.2], [0.1, 0.4], OPEN, [-np.inf, -3.0]])
+    one, other = (samples(equations(tree(KINDS, 1)), limits, np.zeros(4), 60, 5) for _ in range(2))
+    q = one.start[:, :4]
+    assert np.all((q >= limits[:, 0]) & (q <= limits[:, 1]))
+    assert np.array_equal(one.start, other.start)
+    assert np.array_equal(one.end, other.end)
+
+
+@pytest.mark.parametrize(("limits", "home", "expected"), [
+    ((-0.5, 0.2), 0.0, (-0.5, 0.2)),
+    ((-np.inf, np.inf), 2.0, (2.0 - REACH, 2.0 + REACH)),
+    ((-np.inf, -3.0), 0.0, (-3.0 - REACH, -3.0)),
+    ((5.0, np.inf), 0.0, (5.0, 5.0 + REACH)),
+    ((-100.0, 100.0), 1.0, (1.0 - FAR, 1.0 + FAR)),
+    ((10.0, 100.0), 0.0, (10.0, 10.0 + FAR)),
+])  # fmt: skip
+def test_positions_are_drawn_near_home(
+    limits: tuple[float, float], home: float, expected: tuple[float, float]
+) -> None:
+    assert within(np.array([limits]), np.array([home]))[0] == pytest.approx(expected)
+
+
+def test_a_joint_without_any_inertia_is_refused() -> None:
+    one = tree(("hinge", "hinge"), 1, chain=True)
+    light = dataclasses.replace(one.links[1], mass=0.0, inertia=np.zeros((3, 3)), armature=0.0)
+    bad = dataclasses.replace(one, links=(one.links[0], light))
+    with pytest.raises(ReferenceError, match="joint 'j1' moves nothing that has mass"):
+        samples(equations(bad), np.tile(OPEN, (2, 1)), np.zeros(2), 10, 1)

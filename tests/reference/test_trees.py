@@ -1,0 +1,144 @@
+"""A tree's equations and motions are those of the energies, written out as formulas."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from reference import DeclarationError, Scenario, System, t
+from reference.derive import Equations, derive
+from reference.multibody.algebra import DOUBLES, about_axis
+from reference.multibody.tree import Link, Tree
+from reference.numeric import Array
+from reference.solve import solve
+from reference.trees import TreeEquations, TreeSystem
+from tests.cases.arms import arm
+
+
+def _tensor(values: list[float]) -> Array:
+    xx, yy, zz, xy, xz, yz = values
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def links(declared: System) -> tuple[Link, Link]:
+    """The arm as bodies: a turning shoulder, and a link on a slanted hinge."""
+    c = {constant.name: constant.value for constant in declared.constants}
+    names = ("xx", "yy", "zz", "xy", "xz", "yz")
+    first, second = (
+        _tensor([c[f"{body}_i{name}"] for name in names]) for body in ("shoulder", "link")
+    )
+    axes = np.eye(3)
+    slant = about_axis(axes[1], np.array(c["slant"]), DOUBLES)
+    return (
+        Link(
+            name="pan", parent=-1, position=np.zeros(3), rotation=axes, kind="hinge",
+            axis=axes[2], mass=c["shoulder_mass"], center=np.zeros(3), inertia=first,
+            damping=c["friction"], stiffness=c["stiffness"],
+        ),
+        Link(
+            name="lift", parent=0, position=np.array([c["reach"], 0, 0]), rotation=slant,
+            kind="hinge", axis=axes[0], mass=c["link_mass"],
+            center=np.array([c["link_x"], c["link_y"], c["link_z"]]), inertia=second,
+            damping=c["friction"],
+        ),
+    )  # fmt: skip
+
+
+def as_tree(declared: System) -> TreeEquations:
+    plain = {f.name: getattr(declared, f.name) for f in dataclasses.fields(declared)}
+    plain |= {"T": sp.Integer(0), "V": sp.Integer(0), "D": sp.Integer(0), "equilibria": ()}
+    gravity = np.array([0.0, 0.0, -9.81])
+    return TreeEquations(TreeSystem(**plain, tree=Tree(links=links(declared), gravity=gravity)))
+
+
+@pytest.fixture(scope="module")
+def written() -> Equations:
+    return derive(arm())
+
+
+@pytest.fixture(scope="module")
+def recursive(written: Equations) -> TreeEquations:
+    return as_tree(written.system)
+
+
+def random_arguments(n: int) -> tuple[Array, Array, Array, Array]:
+    rng = np.random.default_rng(3)
+    return tuple(rng.normal(size=(20, size)) for size in (n, n, 1, 1))  # type: ignore[return-value]
+
+
+def test_accelerations_masses_and_powers_are_the_formulas(
+    written: Equations, recursive: TreeEquations
+) -> None:
+    at = random_arguments(2)
+    pairs = (
+        (written.numeric_acceleration, recursive.numeric_acceleration),
+        (written.numeric_mass, recursive.numeric_mass),
+    )
+    for one, other in pairs:
+        assert np.max(np.abs(one(*at) - other(*at))) < 1e-13 * np.max(np.abs(one(*at)))
+    # Energies are told from any height.
+    apart = written.numeric_power(*at) - recursive.numeric_power(*at)
+    assert np.ptp(apart[:, 0]) < 1e-13
+    assert np.max(np.abs(apart[:, 1:])) < 1e-13
+
+
+def test_plain_numbers_are_a_batch_of_one(recursive: TreeEquations) -> None:
+    q, v, u, time = (part[0] for part in random_arguments(2))
+    one = recursive.numeric_acceleration.scalar(*q, *v, *u, *time)
+    assert one == pytest.approx(recursive.numeric_acceleration(q, v, u, time), rel=1e-14)
+
+
+def test_slopes_are_the_formulas_derivatives(written: Equations, recursive: TreeEquations) -> None:
+    q, v, u, time = random_arguments(2)
+    states = np.concatenate([q, v], axis=1)
+    exact = written.slopes(states, u, time[:, 0])
+    found = recursive.slopes(states, u, time[:, 0])
+    assert np.max(np.abs(found - exact)) < 1e-6 * np.max(np.abs(exact))
+
+
+@pytest.mark.parametrize("torque", [sp.Integer(0), sp.Rational(1, 5) * sp.sin(3 * t)])
+def test_a_motion_is_that_of_the_formulas_within_both_bounds(
+    written: Equations, torque: sp.Expr
+) -> None:
+    given = written.system.scenarios[0]
+    scenario = Scenario(
+        "one", "-", q=given.q, v=given.v, inputs=dict.fromkeys(given.inputs, torque), duration=0.5
+    )
+    system = dataclasses.replace(written.system, scenarios=(scenario,))
+    one = solve(derive(system), scenario)
+    other = solve(as_tree(system), scenario)
+    assert other.method == "Gauss collocation of order 16, checked by DOP853"
+    assert len(one.t) == len(other.t)
+    allowed = one.global_bound + other.global_bound
+    assert np.all(np.abs(one.start - other.start) <= allowed[:-1] + 1e-300)
+    assert np.max(other.bound / other.movement) < 1e-12
+
+
+def test_rounding_is_bounded_by_what_long_doubles_tell(recursive: TreeEquations) -> None:
+    q, v, u, time = random_arguments(2)
+    states, none = np.concatenate([q, v], axis=1), np.zeros(20)
+    at = states, u, time[:, 0]
+    still = recursive.acceleration_error(*at, off=0 * u, late=none, rounded=False)
+    assert not still.any()
+    own = recursive.acceleration_error(*at, off=0 * u, late=none, rounded=True)
+    size = np.max(np.abs(recursive.numeric_acceleration(q, v, u, time)))
+    assert 0 < np.max(own) < 1e-13 * size
+    moved = recursive.acceleration_error(*at, off=0 * u + 1e-3, late=none, rounded=False)
+    pushed = recursive.numeric_acceleration(q, v, u + 1e-3, time)
+    effect = np.abs(pushed - recursive.numeric_acceleration(q, v, u, time))
+    assert np.max(np.abs(moved - effect)) < 1e-9 * np.max(effect)
+
+
+def test_a_tree_of_other_freedoms_is_refused(recursive: TreeEquations) -> None:
+    system = recursive.system
+    with pytest.raises(DeclarationError, match="has 1 coordinates, and its tree 2 degrees"):
+        dataclasses.replace(system, coordinates=system.coordinates[:1])
+    ball = dataclasses.replace(system.tree.links[0], kind="ball")
+    tree = dataclasses.replace(system.tree, links=(ball,))
+    with pytest.raises(DeclarationError, match="pan is a ball joint"):
+        dataclasses.replace(
+            system, coordinates=(*system.coordinates, system.coordinates[0]), tree=tree
+        )
