@@ -119,6 +119,41 @@ def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(tmp_path: Pat
     assert not mismatches(bindings(system, read_sidecar(tmp_path / "crane" / "crane.xml.toml")))
 
 
+SHARED = """<mujoco>
+  <default><joint damping="1" armature="0.5"/></default>
+  <worldbody>
+    <body name="cart">
+      <joint name="slider" type="slide" axis="1 0 0"/>
+      <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+      <body name="pole">
+        <joint name="swing" axis="0 1 0"/>
+        <joint name="tilt" axis="1 0 0"/>
+        <inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: Path) -> None:
+    (tmp_path / "m.xml").write_text(SHARED)
+    assert from_model(tmp_path / "m.xml", tmp_path / "read") == ()
+    system = load_system(tmp_path / "read")
+    stated = {c.name: (c.value, c.unit, c.source) for c in system.constants}
+    assert stated["slider_damping"] == (1.0, "N*s/m", "m.xml:2")
+    assert stated["swing_damping"] == (1.0, "N*m*s/rad", "m.xml:2")
+    assert stated["slider_armature"][:2] == (0.5, "kg")
+    assert stated["swing_armature"][:2] == (0.5, "kg*m^2")
+    assert "tilt_damping" not in stated  # in the unit of the other hinge
+    sidecar = read_sidecar(tmp_path / "read" / "m.xml.toml")
+    assert sidecar.bindings["default/joint@damping"] == "slider_damping"
+    assert "same number is swing_damping too" in (tmp_path / "read" / "m.xml.toml").read_text()
+    assert not mismatches(bindings(system, sidecar))
+    found = run([tmp_path / "read"], Options(jobs=1), lambda *_: None).results
+    assert {case.outcome for case in found.cases} == {"AGREES"}
+
+
 def test_turned_frames_products_fixed_joints_and_limits_are_read(tmp_path: Path) -> None:
     """Both engines agree with it, or it would not have been written."""
     remarks = from_model(ARM, tmp_path / "arm")
