@@ -53,7 +53,7 @@ def _places(
     """Where a file may be, beside the model.
 
     An MJCF's is in the folder that its compiler is told, by its last part alone under `strippath`.
-    Of a URDF, some engines follow the `<compiler>` in its `<mujoco>` element, as in an MJCF, and
+    Of a URDF, some engines follow a `<compiler>` in an element of their own, as in an MJCF, and
     others take the name from the URDF's own folder, without what `package://` is for.
     """
     key = "texturedir" if element.tag == "texture" else "meshdir"
