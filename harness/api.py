@@ -23,6 +23,7 @@ from harness.records.case import Case
 from harness.run import Options, run
 from harness.schedule.limits import MEMORY, SECONDS, Limits
 from harness.schedule.main_module import without_main
+from harness.text.causes import BEGIN_WITH_AUDIT
 from harness.text.failure import diagnosis_lines, failure_message
 from harness.text.findings import audit_lines
 from harness.text.status import status_of
@@ -71,7 +72,9 @@ class Results(results.Results, frozen=True, kw_only=True):
                 blocks.append(f"{case.id}\n{failure_message(case, decision)}")
         for model in self.models:
             if model.diagnosis is not None:
-                blocks.append("\n  ".join((str(model.id), *diagnosis_lines(model.diagnosis))))
+                read = bool(model.unexplained_findings)
+                cause = (BEGIN_WITH_AUDIT,) if read else diagnosis_lines(model.diagnosis)
+                blocks.append("\n  ".join((str(model.id), *cause)))
             if not model.passes:
                 failed = (f"{what} failed: {why}" for what, why in model.failures)
                 findings = audit_lines(model.findings)

@@ -14,6 +14,7 @@ from harness.cases.prepare import Equilibrium
 from harness.engines.protocol import Model
 from harness.numerics.accelerations import RESOLVED, Accelerations, Estimate
 from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.stops import stopped
 from harness.records.finding import AuditFinding
 from reference.derive import derive
 from reference.numeric import Array, NumericFunction
@@ -127,7 +128,10 @@ class Compiled:
         n = len(self.names)
         step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
         going, more = SLOW * self.accelerations.speed, np.diag(QUICKER * self.accelerations.speed)
-        at, still = equilibrium.position, np.zeros((1, n))
+        at, still = self._smooth(equilibrium.position, step), np.zeros((1, n))
+        yield from self._held(equilibrium, at, step)
+        if at is None:
+            return
         places = np.concatenate([at[None], at + np.diag(step), at - np.diag(step)])
         speeds = np.concatenate([going[None], going + more, going - more])
         # Inertia is measured on the move: what sticks at rest would hold it.
@@ -197,8 +201,7 @@ class Compiled:
                     name,
                     finding(
                         "rest",
-                        f"at rest in equilibrium {equilibrium.name!r} {name} is pulled with"
-                        f" {pull.value[0, i]:.6g}; the equations have no force there",
+                        self._rest(equilibrium, at, name, float(pull.value[0, i])),
                         expected=float(wanted[0, i]),
                         found=float(pull.value[0, i]),
                     ),
@@ -211,6 +214,44 @@ class Compiled:
             expected - _slopes(miss, step),
             _slope_errors(miss_error, step),
         )
+
+    def _rest(self, equilibrium: Equilibrium, at: Array, name: str, pull: float) -> str:
+        if np.array_equal(at, equilibrium.position):
+            where, other = f"in equilibrium {equilibrium.name!r}", "have no force there"
+        else:
+            where = f"where {self._place(at)}"
+            other = "pull otherwise"
+        return f"at rest {where} {name} is pulled with {pull:.6g}; the equations {other}"
+
+    def _held(
+        self, equilibrium: Equilibrium, at: Array | None, step: Array
+    ) -> Iterator[tuple[str, AuditFinding]]:
+        """A note where stops act about an equilibrium: terms are taken elsewhere, if anywhere."""
+        held = ", ".join(stopped(*self._loaded, equilibrium.position, step))
+        if held:
+            where = "nowhere" if at is None else f"where {self._place(at)}"
+            message = f"a stop holds {held} in equilibrium {equilibrium.name!r}: the engine is not"
+            message += f" linearized about it, and terms are compared {where}"
+            yield "all", finding("unresolved", message, severity="note")
+
+    def _place(self, at: Array) -> str:
+        return ", ".join(f"{name} = {x:.4g}" for name, x in zip(self.names, at, strict=True))
+
+    @property
+    def _loaded(self) -> tuple[Model, CoordinateMap]:
+        return self.accelerations.model, self.accelerations.coordinates
+
+    def _smooth(self, at: Array, step: Array) -> Array | None:
+        """The equilibrium; where a stop acts a step beside it, the middle of the motions.
+
+        The equations are taken at the same place, so that any other will do; None: all are stopped.
+        """
+        passed = self.task.states[:, : len(at)]
+        away = np.linalg.norm((passed - np.median(passed, axis=0)) / step, axis=1)
+        for place in (at, *passed[np.argsort(away)]):
+            if not stopped(*self._loaded, place, step):
+                return np.array(place)
+        return None
 
     def _times(self, states: Array, mass: Estimate) -> Estimate:
         """Forces at states, from the accelerations there and inertias known already."""

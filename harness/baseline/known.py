@@ -170,19 +170,39 @@ def changes_since(
 
 
 def _missing(cases: Sequence[Case], found: Accepted) -> Iterator[CaseId]:
-    """Accepted cases of the folders that there are no more; a failed declaration's are not gone."""
+    """Accepted cases of the folders that there are no more, and that no failure bars."""
     seen = {case.id for case in cases}
-    failed = {case.system for case in cases if case.scenario == "-"}
+    barred = {one for case in cases for one in _stands_for(case, found)}
     for _, one in found.folders.values():
-        if one is None or one.system in failed:
-            continue
-        for case in one.cases:
-            if case not in seen and (not found.engines or case.engine in found.engines):
+        for case in one.cases if one is not None else ():
+            meant = not found.engines or case.engine in found.engines
+            if meant and case not in seen and case not in barred:
                 yield case
+
+
+def _stands_for(case: Case, found: Accepted) -> tuple[CaseId, ...]:
+    """Accepted cases that a failure stands for: a model's that can't be read, or a whole folder's.
+
+    A folder is found by its place: what system it declares is not known where it failed.
+    """
+    known = found.folders.get(case.folder)
+    one = found.systems.get(case.system) if known is None else known[1]
+    if case.scenario != "-" or one is None:
+        return ()
+    whole = case.model == "system.py"
+    return tuple(
+        accepted
+        for accepted in one.cases
+        if (whole or accepted.model == case.model)
+        and (not found.engines or accepted.engine in found.engines)
+    )
 
 
 def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange | None:
     """What became of one case; None where it is as it was accepted."""
+    if barred := _stands_for(case, found):
+        accepted = "1 case was" if len(barred) == 1 else f"{len(barred)} cases were"
+        return _told(case.id, "regression", f"{case.outcome}; {accepted} accepted of it")
     one = found.systems.get(case.system)
     if one is None or case.id not in one.cases:
         return _told(case.id, "new", unaccepted(case))

@@ -23,9 +23,10 @@ from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
 from harness.numerics.full_run import why_no_run
-from harness.numerics.linearization import linearize_engine
+from harness.numerics.linearization import LARGEST, linearize_engine
 from harness.numerics.segments import Batch, BlownUpError, extrapolate
 from harness.numerics.step_study import study_step
+from harness.numerics.stops import stopped
 from harness.records.base import SourceLine
 from harness.records.case import Case, CaseId
 from harness.records.model import EngineLinearization
@@ -195,8 +196,12 @@ def _place_of_step(sidecar: Sidecar, engine: str) -> SourceLine:
 
 
 def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ...]:
-    """The engine's linearization about every equilibrium, beside Taylor's."""
+    """The engine's linearization about every equilibrium, beside Taylor's.
+
+    Where a stop acts beside one, as of a spring that holds a joint there, the engine has none.
+    """
     model, coordinates = load(task.system, task.sidecar, task.engine)
+    moved = 2 * LARGEST * np.minimum(task.amplitude[: coordinates.back.size], 1.0)
     return tuple(
         linearization_record(
             linearize_engine(
@@ -211,4 +216,5 @@ def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ..
             )
         )
         for e in task.equilibria
+        if not stopped(model, coordinates, e.position, moved)
     )

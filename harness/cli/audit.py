@@ -8,7 +8,8 @@ import sys
 from harness.audit.plan import audits
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
-from harness.files.folders import check_engines, system_folders
+from harness.cli.missing import tell_missing, with_missing
+from harness.files.folders import check_engines, named_folders
 from harness.records.results import nothing_tested
 from harness.text.findings import audit_lines
 from harness.text.visible import visible
@@ -25,9 +26,10 @@ def add(command: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Audit every model of the folders and print what was found."""
     check_engines(options.engine)
-    folders = system_folders(options.folders)
+    named = named_folders(options.folders)
+    tell_missing(named)
     limits = arguments.limits_of(options)
-    found = audits(folders, engines=tuple(options.engine), jobs=options.jobs, limits=limits)
+    found = audits(named.folders, engines=tuple(options.engine), jobs=options.jobs, limits=limits)
     code = AGREE
     if all(model.absent for model in found):
         print(f"crosscheck: {nothing_tested(m.id.engine for m in found)}", file=sys.stderr)
@@ -42,4 +44,4 @@ def main(options: argparse.Namespace) -> int:
             print(f"  {visible(text)}")
         if any(finding.severity == "finding" for finding in model.findings):
             code = max(code, DIFFER)
-    return code
+    return with_missing(code, named)

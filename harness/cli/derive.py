@@ -10,7 +10,8 @@ from typing import Literal
 from harness.cases.derivation import derivation
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL
-from harness.files.folders import system_folders
+from harness.cli.missing import tell_missing, with_missing
+from harness.files.folders import named_folders
 from harness.schedule.workers import Failure, Workers
 from harness.text.equations import describe
 from reference.load import load_system, told_with_file
@@ -28,15 +29,16 @@ def add(command: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Print what the declarations entail."""
     form: Form = "latex" if options.latex else "text"
-    folders = system_folders(options.folders)
+    named = named_folders(options.folders)
+    tell_missing(named)
     with Workers(1, arguments.limits_of(options)) as workers:
-        for folder in folders:
+        for folder in named.folders:
             text = workers.outcome(workers.submit(derived, (folder, form)))
             if isinstance(text, Failure):
                 print(f"crosscheck: {text.about(folder / 'system.py')}", file=sys.stderr)
                 return FAIL
             print(text)
-    return AGREE
+    return with_missing(AGREE, named)
 
 
 def derived(task: tuple[Path, Form]) -> str:

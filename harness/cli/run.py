@@ -11,7 +11,8 @@ from rich.console import Console
 
 from harness.cli import arguments
 from harness.cli.exit_codes import SIGNALLED, exit_code
-from harness.files.folders import check_engines, system_folders
+from harness.cli.missing import tell_missing, with_missing
+from harness.files.folders import check_engines, named_folders
 from harness.records.journal import Journal, journal
 from harness.records.results import Results
 from harness.records.write import encoded, write_whole
@@ -51,7 +52,8 @@ def add(command: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Run, write results and report, print the table."""
     check_engines(options.engine)
-    folders = system_folders(options.folders)
+    named = named_folders(options.folders)
+    tell_missing(named)
     wanted = Options(
         engines=tuple(options.engine),
         resolution=options.resolution,
@@ -61,7 +63,7 @@ def main(options: argparse.Namespace) -> int:
     )
     with journal(options.out, resume=options.resume) as done:
         with Progress() as progress, asking() as stop:
-            results = run(folders, wanted, progress, Interruption(stop, done)).results
+            results = run(named.folders, wanted, progress, Interruption(stop, done)).results
         write_whole(options.out / "results.json", encoded(results))
         write_report(options.out / "index.html", results)
         if not stop.asked:
@@ -70,7 +72,8 @@ def main(options: argparse.Namespace) -> int:
     _tell_stopped(results, options.out, done)
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
-    return SIGNALLED + stop.number if stop.asked else exit_code(results, options.require_engines)
+    code = with_missing(exit_code(results, options.require_engines), named)
+    return SIGNALLED + stop.number if stop.asked else code
 
 
 def _tell(results: Results, out: Path) -> None:

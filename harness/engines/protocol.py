@@ -140,6 +140,11 @@ class Model(ABC):
         return np.tile([-1.0, 1.0], (len(self.coordinates), 1))
 
     @property
+    def limits(self) -> Array:
+        """Between which positions no stop acts, (nz, 2); infinite where there is none."""
+        return np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
+
+    @property
     def remedies(self) -> Mapping[str, Mapping[str, object]]:
         """What the engine does on its own and the settings let stand: cause -> what undoes it."""
         return {}

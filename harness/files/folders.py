@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
@@ -30,6 +31,19 @@ def _data(name: str) -> Path:
     return installed if installed.is_dir() else package.parent / name
 
 
+@dataclass(frozen=True)
+class NamedFolders:
+    """What names of a command line mean.
+
+    Attributes:
+        folders: the system folders, each once, in the order of their names.
+        faults: name -> why it means no system folder, and the remedy.
+    """
+
+    folders: list[Path]
+    faults: Mapping[str, str]
+
+
 def system_folders(named: Sequence[str]) -> list[Path]:
     """Return the system folders that are meant: none named means every built-in one.
 
@@ -37,26 +51,48 @@ def system_folders(named: Sequence[str]) -> list[Path]:
     such as `drum_pendulum` that is no path stands for the built-in system.
 
     Raises:
-        FolderError: naming the folder and the remedy.
+        FolderError: naming each folder that is not there, and the remedy.
+    """
+    found = named_folders(named)
+    if found.faults:
+        raise FolderError("; ".join(found.faults.values()))
+    return found.folders
+
+
+def named_folders(named: Sequence[str]) -> NamedFolders:
+    """Those that are there, and what is wrong with the other names.
+
+    Raises:
+        FolderError: where none is there.
     """
     if not named:
-        return _inside(builtin())
+        return NamedFolders(_inside(builtin()), {})
     folders: list[Path] = []
+    faults: dict[str, str] = {}
     for name in named:
-        path = Path(name)
-        if not path.exists() and (builtin() / name / "system.py").is_file():
-            path = builtin() / name
-        if not path.is_dir():
-            known = ", ".join(p.name for p in _inside(builtin()))
-            raise FolderError(f"{visible(name)}: no such folder; built-in systems are {known}")
-        found = [path] if _declares(path) else _inside(path)
-        if not found:
-            raise FolderError(f"{visible(name)}: neither it nor a folder in it has a system.py")
-        for folder in found:
-            if (why := odd_name(str(folder))) is not None:
-                raise FolderError(f"{visible(str(folder))}: its name has {why}; rename it")
-        folders += [folder for folder in found if folder not in folders]
-    return folders
+        try:
+            folders += [folder for folder in _meant(name) if folder not in folders]
+        except FolderError as error:
+            faults[name] = str(error)
+    if not folders:
+        raise FolderError("; ".join(faults.values()))
+    return NamedFolders(folders, faults)
+
+
+def _meant(name: str) -> list[Path]:
+    path = Path(name)
+    if not path.exists() and (builtin() / name / "system.py").is_file():
+        path = builtin() / name
+    if not path.is_dir():
+        known = ", ".join(p.name for p in _inside(builtin()))
+        raise FolderError(f"{visible(name)}: no such folder; built-in systems are {known}")
+    found = [path] if _declares(path) else _inside(path)
+    if not found:
+        raise FolderError(f"{visible(name)}: neither it nor a folder in it has a system.py")
+    for folder in found:
+        if (why := odd_name(str(folder))) is not None:
+            raise FolderError(f"{visible(str(folder))}: its name has {why}; rename it")
+    return found
 
 
 def _inside(folder: Path) -> list[Path]:

@@ -27,6 +27,9 @@ SIZES = (1.0, 0.5, 0.25)
 LARGEST = 0.02
 RUNGS_USED = RUNGS[:8]
 
+FREE = 1e-4
+"""Share of the rate of motions below which eigenvalues are taken for rounded zeros."""
+
 TERMS = 60
 """Of the logarithm's series: over a twentieth of the fastest period each is a third of the last."""
 
@@ -91,7 +94,7 @@ def linearize_engine(
         resolution: share of the largest entry from which on a difference counts.
     """
     a, b = taylor["A"], taylor["B"]
-    fastest = max(float(np.max(np.abs(np.linalg.eigvals(a)))), 1e-6)
+    fastest = _fastest(a, amplitude)
     length = 2 * np.pi / fastest / 20
     transition = _transition(
         model, coordinates, position=position, length=length, amplitude=amplitude, push=push
@@ -133,6 +136,14 @@ def linearize_engine(
         taylor_response=on_axis[1],
         shapes=shapes,
     )
+
+
+def _fastest(a: Array, amplitude: Array) -> float:
+    """The fastest rate, rad/s; where nothing pulls or slows, that of the system's motions."""
+    n = len(a) // 2
+    own = float(np.max(np.abs(np.linalg.eigvals(a))))
+    seen = float(np.max(amplitude[n:] / np.maximum(amplitude[:n], 1e-300)))
+    return max(own if own > FREE * seen else seen, 1e-6)
 
 
 def _transition(

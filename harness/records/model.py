@@ -114,6 +114,17 @@ class Model(Record, frozen=True, kw_only=True):
         return (*audit, *(_other_linearization(one) for one in self.linearization_differs))
 
     @property
+    def unexplained_findings(self) -> tuple[AuditFinding, ...]:
+        """What the audit finds wrong, where no one or two causes explain the motions.
+
+        Several numbers that are wrong at once are more than a diagnosis tries together; the cause
+        that leaves least is then none, and what reading finds is the better word.
+        """
+        if self.diagnosis is None or self.diagnosis.explained or not self.diagnosis.explanations:
+            return ()
+        return tuple(one for one in self.audit or () if one.severity == "finding")
+
+    @property
     def linearization_differs(self) -> tuple[EngineLinearization, ...]:
         """The linearizations that are not Taylor's."""
         return tuple(one for one in self.linearizations if one.differs)

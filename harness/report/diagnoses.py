@@ -10,7 +10,7 @@ from harness.records.cause import Cause
 from harness.records.finding import Explanation
 from harness.records.model import Model
 from harness.report.text import percent, sci, shown
-from harness.text.causes import cause_sentences
+from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +50,7 @@ class DiagnosisView:
         id: its permalink.
         sentence: the cause.
         explained: whether it leaves no more than the uncertainty.
+        audit_first: whether no cause explains it, and reading finds something wrong.
         explanations: ranked.
         files: the model file, or its sidecar, with the lines about the marked ones; None stands
             for what is left out.
@@ -64,6 +65,7 @@ class DiagnosisView:
     engine: str
     sentence: str
     explained: bool
+    audit_first: bool
     explanations: tuple[ExplanationView, ...]
     files: tuple[tuple[str, tuple[Line | None, ...]], ...]
     audit: tuple[tuple[str, str, str], ...]
@@ -94,6 +96,7 @@ def diagnosis_view(
         engine=shown(model.engine),
         sentence=sentence(model),
         explained=diagnosis is not None and diagnosis.explained,
+        audit_first=bool(model.unexplained_findings),
         explanations=() if diagnosis is None else tuple(map(_explanation, diagnosis.explanations)),
         files=_files(model, list(_blamed(model))),
         audit=tuple(
@@ -113,6 +116,10 @@ def sentence(model: Model) -> str:
     if not diagnosis.explanations:
         return f"Not diagnosed: {shown(diagnosis.failure or 'no hypothesis fits')}."
     best = diagnosis.explanations[0]
+    if found := model.unexplained_findings:
+        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+        begun = BEGIN_WITH_AUDIT[0].upper() + BEGIN_WITH_AUDIT[1:]
+        return f"{begun}: {shown(found[0].message)}{more}."
     if not diagnosis.explained:
         return (
             f"Unexplained: the best single cause, {named(best.causes)}, leaves"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
 from harness.files.locations.location import LocationError, Source
@@ -12,9 +13,12 @@ from harness.scaffold.folder import NewError
 _MEANT = (".py", ".pyc", ".toml")
 """Endings that mean something in a system folder: no mesh may come in under them."""
 
+_SHAPES = ("mesh", "texture")
+"""Elements of a URDF whose files engines read; others name libraries of other programs."""
+
 
 def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
-    """Relative path -> content of every file that a model file names.
+    """Relative path -> content of every file that a model file names, wherever an engine looks.
 
     Raises:
         NewError: for one that is not there, is no plain file, or not below the model's folder.
@@ -24,34 +28,64 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
         elements = read_elements(source)
     except LocationError as error:
         raise NewError(str(error)) from None
-    folders = {
-        key: e.attributes[key]
-        for e in elements
-        if e.tag == "compiler"
-        for key in ("meshdir", "texturedir", "assetdir")
-        if key in e.attributes
+    compiler = {
+        key: value for e in elements if e.tag == "compiler" for key, value in e.attributes.items()
     }
-    found = {}
+    urdf = model.suffix == ".urdf"
+    found: dict[str, bytes] = {}
     for element in elements:
-        name = element.attributes.get("filename" if model.suffix == ".urdf" else "file")
-        if not name or element.tag == "include":
+        name = element.attributes.get("filename" if urdf else "file")
+        if not name or element.tag == "include" or (urdf and element.tag not in _SHAPES):
             continue
-        path = PurePosixPath(_folder(element, folders), name)
         where = f"{model}:{source.line(element.start)}: it needs {name}"
-        if path.suffix in _MEANT:
+        if (ending := PurePosixPath(name).suffix) in _MEANT:
             raise NewError(
-                f"{where}; in a folder, files that end with {path.suffix} are run or read:"
-                " rename it"
+                f"{where}; in a folder, files that end with {ending} are run or read: rename it"
             )
-        if path.is_absolute() or ".." in path.parts or ":" in str(path):
-            raise NewError(f"{where}, which is not below its folder; a folder holds all it needs")
-        try:
-            found[str(path)] = read_regular(model.parent / path)
-        except OSError as error:
-            raise NewError(f"{where}: {error.strerror}") from None
+        places = _places(name, element, compiler, urdf)
+        found |= _contents(model.parent, places, where)
     return found
 
 
-def _folder(element: RawElement, folders: dict[str, str]) -> str:
+def _places(
+    name: str, element: RawElement, compiler: Mapping[str, str], urdf: bool
+) -> tuple[PurePosixPath, ...]:
+    """Where a file may be, beside the model.
+
+    An MJCF's is in the folder that its compiler is told, by its last part alone under `strippath`.
+    Of a URDF, some engines follow a `<compiler>` in an element of their own, as in an MJCF, and
+    others take the name from the URDF's own folder, without what `package://` is for.
+    """
     key = "texturedir" if element.tag == "texture" else "meshdir"
-    return folders.get(key, folders.get("assetdir", ""))
+    folder = compiler.get(key, compiler.get("assetdir", ""))
+    stripped = compiler.get("strippath") == "true"
+    told = PurePosixPath(folder, PurePosixPath(name).name if stripped else name)
+    if not urdf:
+        return (told,)
+    return (PurePosixPath(name.split("://", 1)[-1]), told)
+
+
+def _contents(folder: Path, places: tuple[PurePosixPath, ...], where: str) -> dict[str, bytes]:
+    """The files that are there, by place; an engine takes one of them.
+
+    Raises:
+        NewError: where none is.
+    """
+    within = [path for path in places if not _leads_away(path)]
+    found: dict[str, bytes] = {}
+    reasons = []
+    for path in within:
+        try:
+            found[str(path)] = read_regular(folder / path)
+        except OSError as error:
+            reasons.append(error.strerror)
+    if not found and len(within) < len(places):
+        raise NewError(f"{where}, which is not below its folder; a folder holds all it needs")
+    if not found:
+        looked = " or ".join(dict.fromkeys(map(str, within)))
+        raise NewError(f"{where}, looked for as {looked}: {reasons[0]}")
+    return found
+
+
+def _leads_away(path: PurePosixPath) -> bool:
+    return path.is_absolute() or ".." in path.parts or ":" in str(path)

@@ -35,7 +35,10 @@ class Row:
 class Ledger:
     """Issues a constant for every number that a model file states, and binds it to its place.
 
-    `number` returns what to write for it in a formula: `-rod_z`, or `0` where it is nothing.
+    `number` returns what to write for it in a formula: `-rod_z`, or `0` where it is nothing. One
+    number of the file may be several quantities: the damping that a class of joints has is a force
+    for a slide and a torque for a hinge. Each unit has a constant then, since no formula could hold
+    one number in two units. The place is bound to the first; `shared` has the others.
     """
 
     file: Path
@@ -43,7 +46,8 @@ class Ledger:
     rows: list[Row] = field(default_factory=list)
     bindings: dict[str, str] = field(default_factory=dict)
     names: set[str] = field(default_factory=lambda: set(_TAKEN))
-    _issued: dict[str, str] = field(default_factory=dict)
+    shared: dict[str, list[str]] = field(default_factory=dict)
+    _issued: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def name(self, *parts: str) -> str:
         """An identifier that nothing else has."""
@@ -79,11 +83,10 @@ class Ledger:
         place = None if address is None else self._place(address, value, degrees)
         if place is None:
             address = None
-        elif address in self._issued:
-            return f"{sign}{self._issued[address]}"
+        elif address is not None and (address, unit) in self._issued:
+            return f"{sign}{self._issued[address, unit]}"
         if unit == "rad" and (turn := quarter(value)) is not None:
-            if address is not None:
-                self.bindings[address] = f"({turn}) * 180 / pi" if degrees else turn
+            self._bind(address, turn, degrees)
             return turn
         own = self.name(*name)
         source = (
@@ -95,9 +98,19 @@ class Ledger:
             Row(name=own, value=abs(value), unit=unit, description=what, source=source)
         )
         if address is not None:
-            self._issued[address] = own
-            self.bindings[address] = f"{sign}{own} * 180 / pi" if degrees else f"{sign}{own}"
+            self._issued[address, unit] = own
+        self._bind(address, f"{sign}{own}", degrees)
         return f"{sign}{own}"
+
+    def _bind(self, address: str | None, formula: str, degrees: bool) -> None:
+        """Say what the number at a place stands for, where it has a place."""
+        if address is None:
+            return
+        within = f"({formula})" if " " in formula else formula
+        full = f"{within} * 180 / pi" if degrees else formula
+        others = self.shared.setdefault(address, [])
+        if self.bindings.setdefault(address, full) != full and full not in others:
+            others.append(full)
 
     def _place(self, address: str, value: float, degrees: bool) -> Location | None:
         """Where the number stands, if what stands there is it."""

@@ -63,7 +63,7 @@ def from_model(model: Path, target: Path) -> tuple[str, ...]:
             model.name,
             meant,
             mechanism,
-            ledger.bindings,
+            ledger,
             left_out,
             _settings(model.suffix),
         ).encode()

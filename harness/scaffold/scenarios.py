@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 import sympy as sp
 
 from harness.scaffold.folder import NewError
 from harness.scaffold.mechanism import Joint
+from harness.scaffold.rest import ROOM, clipped, named_position, rest_position
 from reference.declaration import Equilibrium, Scenario, t
 from reference.derive import Equations, derive
 from reference.integrate import ReferenceError, trajectory
-from reference.numeric import Array, compile_function
+from reference.numeric import Array
 from reference.signal import pieces
 from reference.system import System
 
@@ -24,19 +24,37 @@ PERIODS = 10
 SHORTEST, LONGEST = 2.0, 15.0
 """Seconds that a scenario lasts at least and at most, limits apart."""
 MOST_SEGMENTS = 1500
-ROOM = 0.02
-"""Share of a joint's range that a motion stays away from its ends."""
+STILL = 1e-3
+"""Metres or radians: a joint that moves less in a motion is given a speed to begin with."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A scenario: start, forces as (size, rate) of a sine, and duration."""
+    """A scenario of n joints.
+
+    Attributes:
+        start, speeds: positions and velocities that it begins with, (n,).
+        hold: constant forces, (n,).
+        forces: besides, (size, rate) of a sine each.
+        duration: seconds.
+    """
 
     name: str
     description: str
     start: tuple[float, ...]
+    speeds: tuple[float, ...]
+    hold: tuple[float, ...]
     forces: tuple[tuple[float, float], ...]
     duration: float
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Each force over time, as a formula of t."""
+        return tuple(
+            " + ".join([f"{held:g}"] * bool(held) + [f"{size:g} * sin({rate:g} * t)"] * bool(size))
+            or "0"
+            for held, (size, rate) in zip(self.hold, self.forces, strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -54,17 +72,14 @@ class Plan:
             "    # search=True: near there; False: exactly there.",
             "    equilibria=(",
             f'        Equilibrium("rest", at={{{at}}}, search={self.search},',
-            '                    description="where it stays"),',
+            '                    description="where it rests"),',
             "    ),",
             "    scenarios=(",
         ]
         for m in self.motions:
             q = ", ".join(f"{j.symbol}: {x:g}" for j, x in zip(joints, m.start, strict=True))
-            v = ", ".join(f"{j.symbol}: 0" for j in joints)
-            u = ", ".join(
-                f"{force}: {f'{size:g} * sin({rate:g} * t)' if size else 0}"
-                for force, (size, rate) in zip(forces, m.forces, strict=True)
-            )
+            v = ", ".join(f"{j.symbol}: {x:g}" for j, x in zip(joints, m.speeds, strict=True))
+            u = ", ".join(f"{f}: {text}" for f, text in zip(forces, m.inputs, strict=True))
             lines += [
                 f'        Scenario("{m.name}", "{m.description}",',
                 f"                 q={{{q}}},",
@@ -77,7 +92,7 @@ class Plan:
 
 def provisional(joints: Sequence[Joint]) -> Plan:
     """Any plan: what a declaration needs to be one."""
-    middle = tuple(f"{_clipped(0.0, joint):g}" for joint in joints)
+    middle = tuple(f"{clipped(0.0, joint):g}" for joint in joints)
     still = tuple((0.0, 1.0) for _ in joints)
     return Plan(
         middle,
@@ -87,6 +102,8 @@ def provisional(joints: Sequence[Joint]) -> Plan:
                 name="any",
                 description="any",
                 start=tuple(map(float, middle)),
+                speeds=tuple(0.0 for _ in joints),
+                hold=tuple(0.0 for _ in joints),
                 forces=still,
                 duration=1.0,
             ),
@@ -97,73 +114,130 @@ def provisional(joints: Sequence[Joint]) -> Plan:
 def plan(system: System, joints: Sequence[Joint]) -> Plan:
     """Choose where it rests, and motions within the joints' limits.
 
+    Where it rests at a limit or beyond, as a spring may hold a joint at its stop, motions are about
+    the middle of the range, held there by constant forces.
+
     Raises:
-        NewError: where it rests nowhere within its limits.
+        NewError: where it rests nowhere.
     """
     equations = derive(system)
-    rest = _rest(system, joints)
-    names, search = _named(rest)
-    zero = dict.fromkeys((*system.v, *system.u, t), sp.Integer(0))
-    force = sp.Matrix([f.xreplace(zero) for f in equations.force])
-    entries = [*equations.mass, *(-force.jacobian(system.q))]
-    n = len(rest)
-    values = equations.compile(entries)(rest, np.zeros(n), np.zeros(n), np.zeros(1))
-    mass, stiffness = values[: n * n].reshape(n, n), values[n * n :].reshape(n, n)
-    rates = scipy.linalg.eigh((stiffness + stiffness.T) / 2, mass, eigvals_only=True)
-    real = np.sqrt(rates[rates > 1e-9 * max(np.max(np.abs(rates)), 1e-9)])
-    slowest, fastest = (float(real.min()), float(real.max())) if real.size else (2.0, 2.0)
-    duration = min(
-        max(PERIODS * 2 * math.pi / slowest, SHORTEST),
-        LONGEST,
-        MOST_SEGMENTS * 2 * math.pi / (20 * fastest),
-    )
-    duration = float(f"{duration:.2g}")
-    signs = [(1.0, -0.6, 0.8, -0.4)[i % 4] for i in range(n)]
+    rest = rest_position(system, joints)
+    names, search = named_position(rest, joints)
+    centre = np.array([clipped(r, joint) for r, joint in zip(rest, joints, strict=True)])
+    linear = _Linear.about(equations, centre)
+    held = bool(np.any(centre != rest))
+    hold = tuple(float(f"{f:.3g}") if held else 0.0 for f in linear.pull)
+    about = "the middle of its range, held there" if held else "where it rests"
+    slowest, duration = linear.slowest, linear.duration
+    signs = [(1.0, -0.6, 0.8, -0.4)[i % 4] for i in range(len(rest))]
     still = tuple((0.0, 1.0) for _ in joints)
-    motions = [
-        Motion(
-            name="free",
-            description="released away from where it rests",
-            start=_start(rest, joints, signs, 0.7),
-            forces=still,
-            duration=duration,
-        )
-    ]
-    if any(joint.hinge and _reach(r, joint) > 2 for r, joint in zip(rest, joints, strict=True)):
-        motions.append(
-            Motion(
-                name="large",
-                description="released far away from where it rests",
-                start=_start(rest, joints, signs, 2.2),
-                forces=still,
-                duration=duration,
-            )
-        )
+    sizes = [("free", f"released away from {about}", 0.7, still)]
+    if any(joint.hinge and _reach(r, joint) > 2 for r, joint in zip(centre, joints, strict=True)):
+        sizes.append(("large", f"released far away from {about}", 2.2, still))
     pushes = []
     for i, joint in enumerate(joints):
-        reach = min(0.3 * _reach(rest[i], joint), 0.4 if joint.hinge else 0.1)
+        reach = min(0.3 * _reach(centre[i], joint), 0.4 if joint.hinge else 0.1)
         rate = 0.7 * slowest * (1 + 0.13 * i)
-        size = reach * max(float(stiffness[i, i]), float(mass[i, i]) * rate**2)
+        size = reach * max(float(linear.stiffness[i, i]), float(linear.mass[i, i]) * rate**2)
         pushes.append((float(f"{size:.2g}"), float(f"{rate:.2g}")))
-    motions.append(
-        Motion(
-            name="driven",
-            description="a harmonic force on every joint",
-            start=_start(rest, joints, signs, 0.1),
-            forces=tuple(pushes),
+    sizes.append(("driven", "a harmonic force on every joint", 0.1, tuple(pushes)))
+    motions = []
+    for name, description, size, forces in sizes:
+        motion = Motion(
+            name=name,
+            description=description,
+            start=_start(centre, joints, signs, size),
+            speeds=tuple(0.0 for _ in joints),
+            hold=hold,
+            forces=forces,
             duration=duration,
         )
-    )
-    return Plan(names, search, tuple(_within(equations, m, rest, joints) for m in motions))
+        motion = _moving(equations, motion, centre, joints, linear)
+        if not _uniform(equations, motion):
+            motions.append(_within(equations, motion, centre, joints))
+    return Plan(names, search, tuple(motions))
 
 
-def _clipped(value: float, joint: Joint) -> float:
-    """The value, or the middle of the limits where it is not well within them."""
-    if joint.limits is None:
-        return value
-    low, high = joint.limits
-    room = ROOM * (high - low)
-    return value if low + room < value < high - room else (low + high) / 2
+@dataclass(frozen=True, kw_only=True)
+class _Linear:
+    """The equations about a position, at rest.
+
+    Attributes:
+        mass, damping, stiffness: (n, n).
+        pull: forces that hold it there, (n,).
+        slowest: rate, rad/s.
+        duration: of a scenario, seconds.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    pull: Array
+    slowest: float
+    duration: float
+
+    @staticmethod
+    def about(equations: Equations, position: Array) -> _Linear:
+        """Evaluate them, and see how fast it moves there."""
+        system, n = equations.system, len(position)
+        zero = dict.fromkeys((*system.v, *system.u, t), sp.Integer(0))
+        force = sp.Matrix([f.xreplace(zero) for f in equations.force])
+        damping = -sp.Matrix(equations.force).jacobian(system.v).xreplace(zero)
+        entries = [*equations.mass, *damping, *(-force.jacobian(system.q)), *(-force)]
+        values = equations.compile(entries)(position, np.zeros(n), np.zeros(n), np.zeros(1))
+        mass, slowing, stiffness = values[: 3 * n * n].reshape(3, n, n)
+        rates = scipy.linalg.eigh((stiffness + stiffness.T) / 2, mass, eigvals_only=True)
+        real = np.sqrt(rates[rates > 1e-9 * max(np.max(np.abs(rates)), 1e-9)])
+        slowest, fastest = (float(real.min()), float(real.max())) if real.size else (2.0, 2.0)
+        duration = min(
+            max(PERIODS * 2 * math.pi / slowest, SHORTEST),
+            LONGEST,
+            MOST_SEGMENTS * 2 * math.pi / (20 * fastest),
+        )
+        return _Linear(
+            mass=mass,
+            damping=slowing,
+            stiffness=stiffness,
+            pull=values[3 * n * n :],
+            slowest=slowest,
+            duration=float(f"{duration:.2g}"),
+        )
+
+
+def _moving(
+    equations: Equations,
+    motion: Motion,
+    centre: Array,
+    joints: Sequence[Joint],
+    linear: _Linear,
+) -> Motion:
+    """The motion, with a speed to begin with for each joint that would hardly move in it.
+
+    Nothing pulls a hinge with a vertical axis: released, it stays. Its speed takes it to about the
+    other side of the centre, which is within its limits.
+    """
+    n = len(joints)
+    places = _states(equations, motion)[1][:, :n]
+    speeds = []
+    for i, joint in enumerate(joints):
+        speed = 0.0
+        if np.ptp(places[:, i]) < STILL:
+            start = float(motion.start[i] - centre[i])
+            speed = 0.5 if joint.hinge else 0.1
+            if joint.limits is not None or linear.damping[i, i] > 0:
+                # What damping lets it go, it goes within the time that damping takes.
+                slowing = float(linear.damping[i, i] / linear.mass[i, i])
+                lasting = 1 / max(slowing, 1 / motion.duration)
+                speed = min(2 * abs(start) / lasting, 4 * speed)
+            speed = -math.copysign(speed, start)
+        speeds.append(float(f"{speed:.3g}"))
+    return replace(motion, speeds=tuple(speeds))
+
+
+def _uniform(equations: Equations, motion: Motion) -> bool:
+    """Whether nothing is accelerated: no number of the model shows in such a motion."""
+    speeds = _states(equations, motion)[1][:, len(motion.start) :]
+    return bool(np.max(np.ptp(speeds, axis=0)) <= 1e-6 * np.max(np.abs(speeds)))
 
 
 def _reach(rest: float, joint: Joint) -> float:
@@ -184,64 +258,6 @@ def _start(
     return tuple(found)
 
 
-def _rest(system: System, joints: Sequence[Joint]) -> Array:
-    """A rest position within the limits, a stable one where there is one."""
-    gradient = [sp.diff(system.V, q).xreplace(system.values) for q in system.q]
-    slopes = compile_function(gradient, system.q)
-    energy = compile_function([system.V.xreplace(system.values)], system.q)
-    pulled = [q in system.V.free_symbols for q in system.q]
-    middle = np.array([_clipped(0.0, joint) for joint in joints])
-    if not any(pulled):
-        return middle
-    tries = [
-        middle + np.where(pulled, 0.1 * k * (-1.0) ** np.arange(len(middle)), 0.0)
-        for k in (1, -7, 13, -22)
-    ]
-    size = max(float(np.max(np.abs(slopes(start)))) for start in tries) or 1.0
-
-    def sound(at: Array) -> bool:
-        inside = all(_clipped(x, joint) == x for x, joint in zip(at, joints, strict=True))
-        return inside and bool(np.max(np.abs(slopes(at))) < 1e-6 * size)
-
-    found: list[Array] = []
-    for start in tries:
-        down = scipy.optimize.minimize(
-            lambda q: float(energy(q)[0]), start, jac=slopes, method="BFGS", tol=1e-10 * size
-        )
-        near = scipy.optimize.least_squares(slopes, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
-        found += [_unwound(np.asarray(x), joints) for x in (down.x, near.x)]
-        if sound(found[-2]):
-            return found[-2]  # a minimum
-    for at in found:
-        if sound(at):
-            return at
-    names = ", ".join(j.name for j, p in zip(joints, pulled, strict=True) if p)
-    raise NewError(
-        f"no rest position within the limits was found: gravity or springs pull {names} wherever"
-        " they are. A folder needs one, about which engines are linearized: give the joint a"
-        " spring, or begin from `crosscheck new` without a model"
-    )
-
-
-def _unwound(at: Array, joints: Sequence[Joint]) -> Array:
-    turns = [j.hinge and j.limits is None for j in joints]
-    return np.where(turns, (at + math.pi) % (2 * math.pi) - math.pi, at)
-
-
-def _named(rest: Array) -> tuple[tuple[str, ...], bool]:
-    """Each as text; whether all are zero or quarter turns, and so exact, is the other half."""
-    names = []
-    search = False
-    for value in rest:
-        quarters = round(float(value) * 2 / math.pi)
-        if abs(value - quarters * math.pi / 2) < 1e-5:
-            names.append({0: "0", 1: "pi / 2", -1: "-pi / 2", 2: "pi", -2: "-pi"}[quarters])
-        else:
-            names.append(f"{value:.6g}")
-            search = True
-    return tuple(names), search
-
-
 def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[Joint]) -> Motion:
     """The motion, nearer to rest or shorter where it would run into limits."""
     low = np.array([-math.inf if j.limits is None else j.limits[0] for j in joints])
@@ -260,6 +276,7 @@ def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[
             start=tuple(
                 float(f"{(x + r) / 2:.3g}") for x, r in zip(motion.start, rest, strict=True)
             ),
+            speeds=tuple(float(f"{v / 2:.3g}") for v in motion.speeds),
             forces=tuple((size / 2, rate) for size, rate in motion.forces),
         )
     return best
@@ -267,16 +284,27 @@ def _within(equations: Equations, motion: Motion, rest: Array, joints: Sequence[
 
 def _free(equations: Equations, motion: Motion, low: Array, high: Array) -> float:
     """How long the motion stays within bounds, s."""
+    times, states = _states(equations, motion)
+    places = states[:, : len(low)]
+    out = ((places <= low) | (places >= high)).any(axis=1)
+    return motion.duration if not out.any() else float(times[int(np.argmax(out))])
+
+
+def _states(equations: Equations, motion: Motion) -> tuple[Array, Array]:
+    """Times, (600,), and states along a motion, (600, 2n).
+
+    Raises:
+        NewError: where it can't be followed.
+    """
     system = equations.system
-    n = len(system.q)
     scenario = Scenario(
         motion.name,
         motion.description,
         q=dict(zip(system.coordinates, motion.start, strict=True)),
-        v=dict.fromkeys(system.coordinates, 0),
+        v=dict(zip(system.coordinates, motion.speeds, strict=True)),
         inputs={
-            u: size * sp.sin(rate * t)
-            for u, (size, rate) in zip(system.inputs, motion.forces, strict=True)
+            u: held + size * sp.sin(rate * t)
+            for u, held, (size, rate) in zip(system.inputs, motion.hold, motion.forces, strict=True)
         },
         duration=motion.duration,
     )
@@ -286,10 +314,8 @@ def _free(equations: Equations, motion: Motion, low: Array, high: Array) -> floa
         equilibria=(Equilibrium("any", dict.fromkeys(system.coordinates, 0), True, "any"),),
     )
     times = np.linspace(0.0, motion.duration, 600)
-    start = np.array([*motion.start, *np.zeros(n)])
+    start = np.array([*motion.start, *motion.speeds])
     try:
-        states = trajectory(equations, start, pieces(whole, scenario), times, rtol=1e-8)
+        return times, trajectory(equations, start, pieces(whole, scenario), times, rtol=1e-8)
     except ReferenceError as error:
         raise NewError(f"its motion can't be followed: {error}") from None
-    out = ((states[:, :n] <= low) | (states[:, :n] >= high)).any(axis=1)
-    return motion.duration if not out.any() else float(times[int(np.argmax(out))])

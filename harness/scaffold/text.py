@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from harness.engines.protocol import Engine
-from harness.scaffold.constants import Row
+from harness.scaffold.constants import Ledger, Row
 from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 from harness.scaffold.scenarios import Plan
 from reference.pose import WORLD
@@ -84,7 +84,7 @@ def sidecar_text(
     file: str,
     engines: Sequence[Engine],
     mechanism: Mechanism,
-    bindings: dict[str, str],
+    ledger: Ledger,
     left_out: dict[str, str],
     settings: Sequence[str],
 ) -> str:
@@ -113,7 +113,10 @@ def sidecar_text(
         "# What each number stands for: with it, a wrong one is named with its line.",
         "[bindings]",
     ]
-    lines += [f"{_quoted(address)} = {_quoted(formula)}" for address, formula in bindings.items()]
+    for address, formula in ledger.bindings.items():
+        lines += [f"{_quoted(address)} = {_quoted(formula)}"]
+        if others := ledger.shared.get(address):
+            lines += [f"# The same number is {', '.join(others)} too: change them together."]
     return "\n".join(lines) + "\n"
 
 

@@ -14,6 +14,9 @@ IN_FILE = ("literal", "literals", "unbound literal", "gravity")
 SWITCHES = ("axis", "default", "exchange")
 """Kinds that have no number: they hold or don't."""
 
+BEGIN_WITH_AUDIT = "no one or two causes explain the motions; begin with what the audit finds wrong"
+"""Of a model with `unexplained_findings`, instead of the cause that leaves least."""
+
 
 def cause_sentences(explanation: Explanation) -> list[str]:
     """An explanation in words: a sentence a cause, what it leaves, and what it is tied with."""

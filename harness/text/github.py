@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.records.base import SourceLine
 from harness.records.case import Case
-from harness.records.cause import Cause
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
@@ -62,15 +62,23 @@ def case_notes(results: Results) -> list[Annotation]:
 
 
 def case_note(case: Case, model: Model | None) -> Annotation:
-    """The annotation of a case that does not agree, at the line of the diagnosed cause."""
+    """The annotation of a case that does not agree, at the line of the diagnosed cause.
+
+    Where no cause explains it, the first line that the audit finds something wrong in.
+    """
     folder = Path(case.folder)
     file = folder / case.model
     path, line, message = (file if file.is_file() else folder), 1, case.reason
     diagnosis = model.diagnosis if model else None
+    blamed: list[SourceLine] = []
     if diagnosis and diagnosis.explained and diagnosis.explanations:
         causes = diagnosis.explanations[0].causes
         message = f"{' and '.join(str(cause) for cause in causes)}: {message}"
-        path, line = _first_line(causes, folder) or (path, line)
+        blamed = [one for cause in causes for one in cause.where]
+    elif model and (found := model.unexplained_findings):
+        message = f"{found[0].message}: {message}"
+        blamed = [one.where for one in found if one.where is not None]
+    path, line = _first_line(blamed, folder) or (path, line)
     return Annotation(
         level="warning" if case.outcome is Outcome.ABSENT else "error",
         file=path,
@@ -80,9 +88,9 @@ def case_note(case: Case, model: Model | None) -> Annotation:
     )
 
 
-def _first_line(causes: Sequence[Cause], folder: Path) -> tuple[Path, int] | None:
-    """The first line that causes stand in, where that is one of a file of the folder."""
-    for where in (place for cause in causes for place in cause.where):
+def _first_line(blamed: Sequence[SourceLine], folder: Path) -> tuple[Path, int] | None:
+    """The first line that is blamed, of those that are of a file of the folder."""
+    for where in blamed:
         file = folder / Path(where.file).name
         if where.line is not None and file.is_file():
             return file, where.line

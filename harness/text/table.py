@@ -14,7 +14,7 @@ from harness.records.case import Case, FullRun, ModelId, Verdict
 from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChanges, Results
-from harness.text.causes import cause_sentences
+from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 from harness.text.coverage import coverage_lines
 from harness.text.findings import audit_lines
 from harness.text.markup import escape
@@ -41,8 +41,12 @@ def print_results(console: Console, results: Results) -> None:
         _print_case(console, case)
     _print_reservations(console, results.cases)
     for model in results.models:
-        _print_diagnosis(console, model)
-        _print_audit(console, model)
+        if model.unexplained_findings:
+            _print_audit(console, model)
+            _print_diagnosis(console, model)
+        else:
+            _print_diagnosis(console, model)
+            _print_audit(console, model)
         _print_failures(console, model, results.cases)
     _print_coverage(console, results.models)
     if len(troubled) > MOST_TOLD:
@@ -211,6 +215,9 @@ def _print_diagnosis(console: Console, model: Model) -> None:
     console.print(f"\n[bold]cause[/] in {escape(str(model.id))}", soft_wrap=True)
     if not diagnosis.explanations:
         console.print(f"  none found: {escape(diagnosis.failure)}", soft_wrap=True)
+        return
+    if model.unexplained_findings:
+        console.print(f"  {BEGIN_WITH_AUDIT}, above", soft_wrap=True)
         return
     if not diagnosis.explained:
         console.print("  unexplained; what leaves least is")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import msgspec
@@ -148,7 +149,32 @@ def test_a_declaration_that_can_t_be_loaded_takes_its_cases_with_it() -> None:
     failed = case(Outcome.FAILED, model="system.py", engine="-", scenario="-", reason="NameError")
     found = changes_since((failed,), {}, accepted(ENTRY))
     assert found is not None
-    assert [change.kind for change in found.changes] == ["new"]
+    (change,) = found.changes
+    assert (change.kind, change.message) == ("regression", "FAILED; 1 case was accepted of it")
+
+
+def test_a_folder_that_ran_out_of_time_is_not_said_to_be_new_whatever_it_is_called() -> None:
+    failed = case(
+        Outcome.FAILED, system="called_otherwise", model="system.py", engine="-", scenario="-"
+    )
+    before = accepted(ENTRY, entry(model="other.xml"))
+    found = changes_since((failed,), {}, before)
+    assert found is not None
+    (change,) = found.changes
+    assert (change.kind, change.message) == ("regression", "FAILED; 2 cases were accepted of it")
+    unread = changes_since((failed,), {}, dataclasses.replace(before, folders={}))
+    assert unread is not None
+    assert [change.kind for change in unread.changes] == ["new"]  # nothing tells what it is
+
+
+def test_a_model_that_can_t_be_read_stands_for_its_own_accepted_cases_alone() -> None:
+    failed = case(Outcome.FAILED, engine="-", scenario="-", reason="no TOML")
+    found = changes_since((failed,), {}, accepted(ENTRY, entry(model="gone.xml")))
+    assert found is not None
+    assert [(change.kind, change.id.model, change.message) for change in found.changes] == [
+        ("regression", "m.xml", "FAILED; 1 case was accepted of it"),
+        ("missing", "gone.xml", "it was accepted, and there is no such case now"),
+    ]
 
 
 def test_a_folder_with_a_file_that_can_t_be_read_ends_no_run_and_is_not_as_accepted(

@@ -130,6 +130,31 @@ def test_wrong_usage_exits_2_with_a_sentence(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("command", ["run", "audit", "derive"])
+def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
+    folder: Path, tmp_path: Path, command: str
+) -> None:
+    (tmp_path / "empty").mkdir()
+    shutil.copytree(builtin() / "simple_pendulum", tmp_path / "pendulum")
+    only = [] if command == "derive" else ["--engine", "mujoco"]
+    names = ("nowhere", folder.name, "empty", "pendulum")
+    done = crosscheck(command, *names, *only, cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "nowhere: no such folder; built-in systems are" in done.stderr
+    assert "empty: neither it nor a folder in it has a system.py; the others go on" in done.stderr
+    last = done.stderr.splitlines()[-1]
+    assert last == "crosscheck: not run, since it means no system folder: nowhere, empty"
+    assert "pendulum" in done.stdout
+    assert "mass" in done.stdout
+
+
+def test_a_folder_that_is_missing_hides_no_failure(folder: Path, tmp_path: Path) -> None:
+    edit(folder / "mujoco.xml", "<option", "<optoin")
+    done = crosscheck("run", folder.name, "nowhere", "--engine", "mujoco", cwd=tmp_path)
+    assert done.returncode == 3
+    assert done.stderr.splitlines()[-1].endswith("no system folder: nowhere")
+
+
 def test_report_draws_from_results_without_running_anything(folder: Path, tmp_path: Path) -> None:
     crosscheck("run", folder, "--engine", "pymunk", "--out", "out", cwd=tmp_path)
     (tmp_path / "out" / "index.html").unlink()

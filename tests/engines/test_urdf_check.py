@@ -139,6 +139,34 @@ def test_a_fixed_links_inertia_that_pybullet_zeroes_is_refused_too(tmp_path: Pat
         told("pybullet", text, tmp_path)
 
 
+@pytest.mark.parametrize("mass", ["1", "0"])
+def test_a_fixed_link_of_any_mass_whose_inertia_is_zeroed_is_refused(
+    mass: str, tmp_path: Path
+) -> None:
+    """A rotor's moments count though it is given no mass: zeroed, nothing else would tell why."""
+    thin = BODY.replace('ixx="0.01"', 'ixx="0.1"').replace('mass value="1"', f'mass value="{mass}"')
+    assert f'mass value="{mass}"' in thin
+    fixed = joint("f", "a", "b").replace("continuous", "fixed")
+    text = GOOD.replace(*beside(f'<link name="b">{thin}</link>{fixed}'))
+    with pytest.raises(EngineError, match="inertia of link 'b' to zero: its moments can't be"):
+        told("pybullet", text, tmp_path)
+
+
+def test_every_link_is_named_whose_inertia_pybullet_zeroes(tmp_path: Path) -> None:
+    data = pytest.importorskip("pybullet_data")
+    text = (Path(data.getDataPath()) / "TwoJointRobot_w_fixedJoints.urdf").read_text()
+    with pytest.raises(EngineError, match="inertia of links 'link_1', 'link_2' to zero: their"):
+        told("pybullet", text, tmp_path)
+
+
+def test_a_link_without_moments_is_not_said_to_have_wrong_ones(tmp_path: Path) -> None:
+    none = BODY.replace("0.01", "0")
+    assert GOOD.count(BODY) > 1
+    head, tail = GOOD.rsplit(BODY, 1)
+    with pytest.raises(EngineError, match="link 'a' moves and has no moments of inertia"):
+        told("pybullet", f"{head}{none}{tail}", tmp_path)
+
+
 def test_a_gear_of_nothing_is_refused(tmp_path: Path) -> None:
     follower = joint("k", "g", "b").replace("</joint>", '<mimic joint="j" multiplier="0"/></joint>')
     with pytest.raises(EngineError, match="multiplier 0"):

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from harness.baseline.changes import Status
 from harness.baseline.classify import Change
@@ -17,7 +18,7 @@ from harness.gate.text import summary
 from harness.records.base import SourceLine
 from harness.records.case import Case, CaseId
 from harness.records.cause import Cause
-from harness.records.finding import Diagnosis, Explanation
+from harness.records.finding import AuditFinding, Diagnosis, Explanation
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
@@ -173,6 +174,26 @@ def test_a_pair_of_causes_is_annotated_at_the_first_that_stands_in_a_file(tmp_pa
     (made,) = case_notes(results_of(differing(tmp_path, "free"), causes=pair))
     assert (made.file.name, made.line) == ("m.xml", 7)
     assert made.message == "nut and bolt and joint[x]@damping: off"
+
+
+def test_a_model_that_no_cause_explains_is_annotated_where_the_audit_finds(tmp_path: Path) -> None:
+    (tmp_path / "m.xml").write_text("x")
+    found = results_of(differing(tmp_path, "free"), causes=(cause("joint[x]@damping", 7),))
+    wrong = AuditFinding(
+        kind="literal",
+        message="mass is 9 where m = 0.9",
+        where=SourceLine(file=str(tmp_path / "m.xml"), line=3),
+        expected=0.9,
+        found=9.0,
+        severity="finding",
+    )
+    (one,) = found.models
+    assert one.diagnosis is not None
+    unexplained = replace(one.diagnosis, explained=False)
+    found = replace(found, models=(replace(one, diagnosis=unexplained, audit=(wrong,)),))
+    (made,) = case_notes(found)
+    assert (made.file.name, made.line) == ("m.xml", 3)
+    assert made.message == "mass is 9 where m = 0.9: off"
 
 
 def test_a_model_without_a_diagnosis_is_annotated_at_its_file(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Every command of README and tutorial, run in its order in a fresh folder, from the wheel alone.
+"""Every command of README, tutorial and the page on folders, in its order, from the wheel alone.
 
 A block of ```sh is run line by line. Before it, `<!-- not run: all: why -->` or
 `<!-- not run: `command`, `command`: why -->` excepts what is not; `# exits with 1` after a command
@@ -89,6 +89,12 @@ def follow(document: str, installed: Installed, place: Path) -> None:
 
 def test_the_tutorial_does_what_it_says(installed: Installed, tmp_path: Path) -> None:
     follow("docs/tutorial.md", installed, tmp_path)
+
+
+def test_coordinates_are_mapped_as_the_page_on_folders_says(
+    installed: Installed, tmp_path: Path
+) -> None:
+    follow("docs/folder.md", installed, tmp_path)
 
 
 def test_the_commands_of_the_readme_work(installed: Installed, tmp_path: Path) -> None:

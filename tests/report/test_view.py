@@ -8,6 +8,7 @@ from msgspec.structs import replace
 from harness.records.base import SourceLine
 from harness.records.finding import AuditFinding, Diagnosis
 from harness.records.results import Results
+from harness.report import render
 from harness.report.cases import CaseView
 from harness.report.diagnoses import DiagnosisView
 from harness.report.text import agreeing_digits, percent, shown, slug
@@ -235,6 +236,32 @@ def test_an_unexplained_difference_is_not_given_a_cause(troubled: Results) -> No
     assert view is not None
     assert view.sentence.startswith("Unexplained: the best single cause, joint[x]@stiffness,")
     assert view.files == (), "no line is blamed"
+
+
+def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Results) -> None:
+    unexplained = replace(diagnosis_of(troubled), explained=False)
+    one = AuditFinding(
+        kind="literal",
+        message="mass is 9 where m = 0.9",
+        where=SourceLine(file="mujoco.xml", line=21),
+        expected=0.9,
+        found=9.0,
+        severity="finding",
+    )
+    found = changed_model(troubled, 0, diagnosis=unexplained, audit=(one, one))
+    seen = report(found)
+    view = seen.groups[0].models[0].diagnosis
+    assert view is not None
+    assert view.audit_first
+    assert view.sentence == (
+        "No one or two causes explain the motions; begin with what the audit finds wrong:"
+        " mass is 9 where m = 0.9, and 1 more."
+    )
+    assert marked(view) == [("mujoco.xml", 21)]
+    assert view.sentence in {trouble.sentence for trouble in seen.troubles}
+    page = render(found)
+    section = page[page.index(f'id="{view.id}"') :]
+    assert section.index("Found by reading") < section.index("Hypotheses, from the motions alone")
 
 
 def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> None:

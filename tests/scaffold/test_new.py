@@ -119,6 +119,41 @@ def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(tmp_path: Pat
     assert not mismatches(bindings(system, read_sidecar(tmp_path / "crane" / "crane.xml.toml")))
 
 
+SHARED = """<mujoco>
+  <default><joint damping="1" armature="0.5"/></default>
+  <worldbody>
+    <body name="cart">
+      <joint name="slider" type="slide" axis="1 0 0"/>
+      <inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>
+      <body name="pole">
+        <joint name="swing" axis="0 1 0"/>
+        <joint name="tilt" axis="1 0 0"/>
+        <inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: Path) -> None:
+    (tmp_path / "m.xml").write_text(SHARED)
+    assert from_model(tmp_path / "m.xml", tmp_path / "read") == ()
+    system = load_system(tmp_path / "read")
+    stated = {c.name: (c.value, c.unit, c.source) for c in system.constants}
+    assert stated["slider_damping"] == (1.0, "N*s/m", "m.xml:2")
+    assert stated["swing_damping"] == (1.0, "N*m*s/rad", "m.xml:2")
+    assert stated["slider_armature"][:2] == (0.5, "kg")
+    assert stated["swing_armature"][:2] == (0.5, "kg*m^2")
+    assert "tilt_damping" not in stated  # in the unit of the other hinge
+    sidecar = read_sidecar(tmp_path / "read" / "m.xml.toml")
+    assert sidecar.bindings["default/joint@damping"] == "slider_damping"
+    assert "same number is swing_damping too" in (tmp_path / "read" / "m.xml.toml").read_text()
+    assert not mismatches(bindings(system, sidecar))
+    found = run([tmp_path / "read"], Options(jobs=1), lambda *_: None).results
+    assert {case.outcome for case in found.cases} == {"AGREES"}
+
+
 def test_turned_frames_products_fixed_joints_and_limits_are_read(tmp_path: Path) -> None:
     """Both engines agree with it, or it would not have been written."""
     remarks = from_model(ARM, tmp_path / "arm")
@@ -198,6 +233,58 @@ def test_meshes_are_copied_and_those_elsewhere_refused(tmp_path: Path) -> None:
         else:
             with pytest.raises(NewError, match="not below its folder"):
                 from_model(model, target)
+
+
+SHAPE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize(("name", "compiler", "place", "engines"), [
+    # One engine takes names from the file's folder, the other from where its compiler is told.
+    ("meshes/x.obj", 'meshdir="meshes"', "meshes/x.obj", {"pybullet"}),
+    ("meshes/x.obj", 'meshdir="meshes" strippath="true"', "meshes/x.obj", {"pybullet", "mujoco"}),
+    ("x.obj", 'meshdir="meshes"', "meshes/x.obj", {"mujoco"}),
+    ("x.obj", 'assetdir="meshes"', "meshes/x.obj", {"mujoco"}),
+    ("package://meshes/x.obj", 'balanceinertia="false"', "meshes/x.obj", {"pybullet"}),
+    ("package://robot/x.obj", 'meshdir="a" strippath="true"', "a/x.obj", {"mujoco"}),
+])  # fmt: skip
+def test_the_meshes_of_a_urdf_are_found_wherever_an_engine_looks(
+    tmp_path: Path, name: str, compiler: str, place: str, engines: set[str]
+) -> None:
+    (tmp_path / place).parent.mkdir()
+    (tmp_path / place).write_text(SHAPE)
+    collision = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
+    text = URDF.replace('</link>\n\n  <joint name="x"', f'{collision}</link>\n\n  <joint name="x"')
+    library = '<gazebo><plugin name="p" filename="libcontrol.so"/></gazebo>'
+    extra = f"<mujoco><compiler {compiler}/></mujoco>{library}"
+    (tmp_path / "m.urdf").write_text(text.replace("</robot>", f"{extra}</robot>"))
+    from_model(tmp_path / "m.urdf", tmp_path / "read")
+    assert (tmp_path / "read" / place).read_text() == SHAPE
+    assert set(read_sidecar(tmp_path / "read" / "m.urdf.toml").engines) == engines
+
+
+@pytest.mark.parametrize(("file", "compiler", "place"), [
+    ("meshes/x.obj", "", "meshes/x.obj"),
+    ("meshes/x.obj", 'meshdir="meshes" strippath="true"', "meshes/x.obj"),
+    ("x.obj", 'assetdir="a" meshdir="meshes"', "meshes/x.obj"),
+    ("x.obj", 'assetdir="a"', "a/x.obj"),
+    ("x.obj", 'texturedir="b" assetdir="a"', "a/x.obj"),
+])  # fmt: skip
+def test_the_meshes_of_an_mjcf_are_found_where_its_compiler_is_told(
+    tmp_path: Path, file: str, compiler: str, place: str
+) -> None:
+    (tmp_path / place).parent.mkdir()
+    (tmp_path / place).write_text(SHAPE)
+    asset = f'<compiler {compiler}/><asset><mesh name="x" file="{file}"/></asset>'
+    (tmp_path / "m.xml").write_text(SHARED.replace("<worldbody>", f"{asset}<worldbody>"))
+    from_model(tmp_path / "m.xml", tmp_path / "read")
+    assert (tmp_path / "read" / place).read_text() == SHAPE
+
+
+def test_a_mesh_that_is_nowhere_is_told_with_where_it_was_looked_for(tmp_path: Path) -> None:
+    asset = '<compiler meshdir="a"/><asset><mesh name="x" file="x.obj"/></asset>'
+    (tmp_path / "m.xml").write_text(SHARED.replace("<worldbody>", f"{asset}<worldbody>"))
+    with pytest.raises(NewError, match=r"m.xml:3: it needs x.obj, looked for as a/x.obj: No such"):
+        from_model(tmp_path / "m.xml", tmp_path / "read")
 
 
 @pytest.mark.parametrize(("model", "names"), [

@@ -5,12 +5,15 @@ from __future__ import annotations
 from io import StringIO
 
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 from harness.records.case import Case, TargetStep
-from harness.records.finding import Diagnosis
+from harness.records.cause import Cause
+from harness.records.finding import Diagnosis, Explanation
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChange, BaselineChanges, Results
+from harness.text.causes import BEGIN_WITH_AUDIT
 from harness.text.table import MOST_TOLD, case_line, print_results, summary
 from tests.records.made import case, finding, full_run, model, results, verdict
 
@@ -88,6 +91,34 @@ def test_what_is_amiss_is_told_worst_first_with_what_was_printed() -> None:
     ]
     assert [line for line in told if line in order] == order
     assert "rounded" not in text
+
+
+def test_where_no_cause_explains_it_what_the_audit_finds_comes_first() -> None:
+    """A large fault in several literals: no one or two of them explain it, reading tells all."""
+    best = Cause(kind="constant", subject=("m",), nominal=1.0, estimate=7.0, standard_error=2.0)
+    explanation = Explanation(causes=(best,), remaining=0.67)
+    diagnosis = Diagnosis(explanations=(explanation,))
+    wrong = finding("mass is 9 where m = 0.9"), finding("rounded", severity="note")
+    text = printed(
+        results(
+            case(Outcome.DIFFERS, reason="far off"),
+            models=(model(*wrong, diagnosis=diagnosis), model(diagnosis=diagnosis, engine="e2")),
+        )
+    )
+    told = [line for line in text.splitlines() if line][4:]
+    assert told[:6] == [
+        "audit of disc/mujoco.xml [mujoco]",
+        "  finding  literal      mass is 9 where m = 0.9",
+        "cause in disc/mujoco.xml [mujoco]",
+        f"  {BEGIN_WITH_AUDIT}, above",
+        "cause in disc/mujoco.xml [e2]",  # reading finds nothing: the least is all there is
+        "  unexplained; what leaves least is",
+    ]
+    explained = model(*wrong, diagnosis=replace(diagnosis, explained=True))
+    told = printed(results(case(Outcome.DIFFERS), models=(explained,))).splitlines()
+    assert told.index("cause in disc/mujoco.xml [mujoco]") < told.index(
+        "audit of disc/mujoco.xml [mujoco]"
+    )
 
 
 def test_many_cases_and_changes_are_cut_and_counted() -> None:

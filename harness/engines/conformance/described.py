@@ -47,7 +47,7 @@ def model_is_described(asked: Asked) -> None:
 
 
 def hooks_have_their_shapes(asked: Asked) -> None:
-    """home, reach, gravity, remedies, integrators, warnings, remarks are as the protocol says."""
+    """Each property of a model, and its remarks, are as the protocol says."""
     model = asked.load().model
     size = len(model.coordinates)
     good = model.home.shape == (size,) and bool(np.isfinite(model.home).all())
@@ -55,6 +55,9 @@ def hooks_have_their_shapes(asked: Asked) -> None:
     reach = model.reach
     good = reach.shape == (size, 2) and bool(np.all(reach[:, 0] < reach[:, 1]))
     ask(good and bool(np.isfinite(reach).all()), f"reach must be lower < upper, ({size}, 2)")
+    limits = model.limits
+    good = limits.shape == (size, 2) and bool(np.all(limits[:, 0] <= limits[:, 1]))
+    ask(good, f"limits must be lower <= upper, ({size}, 2)")
     gravity = model.gravity
     good = isinstance(gravity, tuple) and len(gravity) in (0, 2, 3)
     ask(good and bool(np.isfinite(gravity).all()), "gravity must be a tuple of 0, 2 or 3 numbers")

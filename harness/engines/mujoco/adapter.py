@@ -276,6 +276,13 @@ class MujocoModel(Model):
         return within(free, np.where(limited[:, None], self.model.jnt_range, free))
 
     @property
+    def limits(self) -> Array:
+        """Of limited joints, less the margin at which their stops begin to act, (nz, 2)."""
+        limited = np.array(self.model.jnt_limited, dtype=bool)[:, None]
+        margin = np.array(self.model.jnt_margin)[:, None] * [1.0, -1.0]
+        return np.where(limited, self.model.jnt_range + margin, [-np.inf, np.inf])
+
+    @property
     def remedies(self) -> dict[str, Mapping[str, object]]:
         """What stiffens equalities."""
         return {_SOFT: dict(_STIFF)} if self.model.neq else {}

@@ -264,10 +264,15 @@ class PybulletModel(Model):
 
         info = [p.getJointInfo(self._body, joint) for joint in self._joints]
         half = np.array([np.pi if one[2] == p.JOINT_REVOLUTE else 1.0 for one in info])
-        free = np.stack([-half, half], axis=1)
-        # Without limits, PyBullet's lower one is above its upper one.
-        limits = np.array([one[8:10] if one[8] < one[9] else (-np.inf, np.inf) for one in info])
-        return within(free, limits)
+        return within(np.stack([-half, half], axis=1), self.limits)
+
+    @property
+    def limits(self) -> Array:
+        """Of joints that have some, (nz, 2); without, PyBullet's lower one is above its upper."""
+        import pybullet as p
+
+        info = [p.getJointInfo(self._body, joint) for joint in self._joints]
+        return np.array([one[8:10] if one[8] < one[9] else (-np.inf, np.inf) for one in info])
 
     def _moving_joints(self) -> tuple[list[int], list[str]]:
         import pybullet as p

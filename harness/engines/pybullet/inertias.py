@@ -74,16 +74,26 @@ def check_inertias(path: str, body: int, joints: Sequence[int], robot: ET.Elemen
     import pybullet as p
 
     stated = set() if robot is None else {e.get("name") for e in robot if _has_moments(e)}
+    zeroed = []
     for index in range(p.getNumJoints(body)):
         mass, _, inertia = p.getDynamicsInfo(body, index)[:3]
         name = _link(body, index)
         if mass < 0:  # it is taken
             raise EngineError(f"{path}: the mass of link {name!r} is below zero")
-        if mass > 0 and not any(inertia) and (index in joints or name in stated):
-            raise EngineError(
-                f"{path}: PyBullet sets the inertia of link {name!r} to zero: its moments"
-                " can't be a body's (each must be at most the sum of the other two)"
-            )
+        if any(inertia):
+            continue
+        # On a link behind a fixed joint too, and on one of no mass, as of a rotor.
+        if name in stated:
+            zeroed.append(repr(name))
+        elif mass > 0 and index in joints:
+            raise EngineError(f"{path}: link {name!r} moves and has no moments of inertia")
+    if zeroed:
+        links, whose = ("link", "its") if len(zeroed) == 1 else ("links", "their")
+        raise EngineError(
+            f"{path}: PyBullet sets the inertia of {links} {', '.join(zeroed)} to zero: {whose}"
+            " moments can't be a body's (about principal axes each must be at most the sum of the"
+            " other two)"
+        )
     # A joint that moves no inertia stands still in PyBullet.
     moved = p.calculateMassMatrix(body, [0.0] * len(joints))
     for index, joint in enumerate(joints):

@@ -1,0 +1,27 @@
+"""Folders that are named beside others and are not there: told, and no success."""
+
+from __future__ import annotations
+
+import sys
+
+from harness.cli.exit_codes import USAGE
+from harness.files.folders import NamedFolders
+from harness.text.visible import visible
+
+
+def tell_missing(named: NamedFolders) -> None:
+    """Say, before the others run, which names mean no system folder."""
+    for fault in named.faults.values():
+        print(f"crosscheck: {fault}; the others go on", file=sys.stderr, flush=True)
+
+
+def with_missing(code: int, named: NamedFolders) -> int:
+    """Say so once more where the run ends; the exit code with that.
+
+    A name that means nothing is wrong usage, whatever the others came to, but hides no failure.
+    """
+    if not named.faults:
+        return code
+    names = ", ".join(visible(name) for name in named.faults)
+    print(f"crosscheck: not run, since it means no system folder: {names}", file=sys.stderr)
+    return max(code, USAGE)

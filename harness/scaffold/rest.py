@@ -1,0 +1,94 @@
+"""Where a mechanism rests: from its energy, within the limits of its joints if it can be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.optimize
+import sympy as sp
+
+from harness.scaffold.constants import quarter
+from harness.scaffold.folder import NewError
+from harness.scaffold.mechanism import Joint
+from reference.numeric import Array, compile_function
+from reference.system import System
+
+ROOM = 0.02
+"""Share of a joint's range that a motion stays away from its ends."""
+
+
+def clipped(value: float, joint: Joint) -> float:
+    """The value, or the middle of the limits where it is not well within them."""
+    if joint.limits is None:
+        return value
+    low, high = joint.limits
+    room = ROOM * (high - low)
+    return value if low + room < value < high - room else (low + high) / 2
+
+
+def rest_position(system: System, joints: Sequence[Joint]) -> Array:
+    """A rest position: well within the limits, and a stable one, where there is such a one.
+
+    Otherwise one at a limit or beyond it, such as that of a spring that holds a joint at its stop.
+
+    Raises:
+        NewError: where it rests nowhere.
+    """
+    gradient = [sp.diff(system.V, q).xreplace(system.values) for q in system.q]
+    slopes = compile_function(gradient, system.q)
+    energy = compile_function([system.V.xreplace(system.values)], system.q)
+    pulled = [q in system.V.free_symbols for q in system.q]
+    middle = np.array([clipped(0.0, joint) for joint in joints])
+    if not any(pulled):
+        return middle
+    tries = [
+        middle + np.where(pulled, 0.1 * k * (-1.0) ** np.arange(len(middle)), 0.0)
+        for k in (1, -7, 13, -22)
+    ]
+    size = max(float(np.max(np.abs(slopes(start)))) for start in tries) or 1.0
+
+    def rests(at: Array) -> bool:
+        return bool(np.max(np.abs(slopes(at))) < 1e-6 * size)
+
+    def inside(at: Array) -> bool:
+        return all(clipped(x, joint) == x for x, joint in zip(at, joints, strict=True))
+
+    found: list[Array] = []
+    for start in tries:
+        down = scipy.optimize.minimize(
+            lambda q: float(energy(q)[0]), start, jac=slopes, method="BFGS", tol=1e-10 * size
+        )
+        near = scipy.optimize.least_squares(slopes, start, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        found += [_unwound(np.asarray(x), joints) for x in (down.x, near.x)]
+        if rests(found[-2]) and inside(found[-2]):
+            return found[-2]  # a minimum
+    if known := [at for at in found if rests(at)]:
+        return min(known, key=lambda at: (not inside(at), float(np.max(np.abs(at - middle)))))
+    names = ", ".join(j.name for j, p in zip(joints, pulled, strict=True) if p)
+    raise NewError(
+        "no rest position within the limits was found, nor beyond: gravity or springs pull"
+        f" {names} wherever"
+        " they are. A folder needs one, about which engines are linearized: give the joint a"
+        " spring, or begin from `crosscheck new` without a model"
+    )
+
+
+def _unwound(at: Array, joints: Sequence[Joint]) -> Array:
+    turns = [j.hinge and j.limits is None for j in joints]
+    return np.where(turns, (at + math.pi) % (2 * math.pi) - math.pi, at)
+
+
+def named_position(rest: Array, joints: Sequence[Joint]) -> tuple[tuple[str, ...], bool]:
+    """Each as text; whether all are zero or quarter turns, and so exact, is the other half."""
+    names = []
+    search = False
+    for value, joint in zip(rest, joints, strict=True):
+        quarters = round(float(value) * 2 / math.pi) if joint.hinge else 0
+        if abs(value - quarters * math.pi / 2) < 1e-5:
+            names.append(quarter(quarters * math.pi / 2) or "0")
+        else:
+            names.append(f"{value:.6g}")
+            search = True
+    return tuple(names), search

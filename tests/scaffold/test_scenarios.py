@@ -1,0 +1,116 @@
+"""The motions that `crosscheck new` writes: every joint moves, within its limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.audit.plan import audits
+from harness.run import Options, run
+from harness.scaffold.from_model import from_model
+from reference.derive import derive
+from reference.load import load_system
+from reference.solve import solve
+from reference.system import System
+
+INERTIA = '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>'
+
+
+def chain(first: str, second: str = "") -> str:
+    """An MJCF of one joint, or two, without gravity."""
+    inner = (
+        f'<body name="b" pos="0.6 0 0"><joint name="two" {second}/>'
+        '<inertial pos="0.3 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>'
+    )
+    return (
+        '<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"/><worldbody>'
+        f'<body name="a"><joint name="one" {first}/>'
+        '<inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>'
+        f"{inner * bool(second)}</body></worldbody></mujoco>"
+    )
+
+
+SPRUNG_URDF = f"""<robot name="r">
+<link name="g"><inertial><mass value="1"/>{INERTIA}</inertial></link>
+<link name="a"><inertial><mass value="2"/>{INERTIA}</inertial></link>
+<joint name="one" type="prismatic"><parent link="g"/><child link="a"/><axis xyz="1 0 0"/>
+<limit lower="0" upper="0.5" effort="100" velocity="100"/><dynamics damping="0.5"/></joint>
+<gazebo reference="one"><springStiffness>100</springStiffness></gazebo></robot>
+"""
+
+AT_ITS_STOP = chain(
+    'type="slide" axis="1 0 0" limited="true" range="0 0.5" stiffness="100" damping="1"'
+)
+BEYOND_IT = chain(
+    'axis="0 1 0" limited="true" range="0.2 1.4" stiffness="20" springref="-0.4" damping="0.1"'
+)
+
+
+def made(tmp_path: Path, text: str, suffix: str = ".xml") -> Path:
+    """The folder of a model file."""
+    model = tmp_path / f"m{suffix}"
+    model.write_text(text)
+    from_model(model, tmp_path / "read")
+    return tmp_path / "read"
+
+
+def travelled(system: System) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Lowest and highest position of each coordinate, (n,) each, by scenario."""
+    equations, n = derive(system), len(system.q)
+    found = {}
+    for scenario in system.scenarios:
+        nodes = solve(equations, scenario).nodes.reshape(-1, 2 * n)[:, :n]
+        found[scenario.name] = nodes.min(axis=0), nodes.max(axis=0)
+    return found
+
+
+@pytest.mark.parametrize(("text", "suffix", "limits"), [
+    # Nothing pulls a vertical axis.
+    (chain('axis="0 0 1" damping="0.1"', 'axis="0 0 1" limited="true" range="-2 2"'), ".xml",
+     [(-np.inf, np.inf), (-2, 2)]),
+    (chain('axis="0 0 1" damping="40"', 'axis="0 1 0"'), ".xml", [(-np.inf, np.inf)] * 2),
+    (chain('type="slide" axis="1 0 0"', 'type="slide" axis="0 1 0" limited="true" range="0 1"'),
+     ".xml", [(-np.inf, np.inf), (0, 1)]),
+    # A spring holds it at its stop, or would take it farther.
+    (AT_ITS_STOP, ".xml", [(0, 0.5)]),
+    (SPRUNG_URDF, ".urdf", [(0, 0.5)]),
+    (BEYOND_IT, ".xml", [(0.2, 1.4)]),
+])  # fmt: skip
+def test_every_joint_moves_within_its_limits_and_a_right_model_agrees(
+    tmp_path: Path, text: str, suffix: str, limits: list[tuple[float, float]]
+) -> None:
+    folder = made(tmp_path, text, suffix)
+    lower, upper = np.array(limits).T
+    for low, high in travelled(load_system(folder)).values():
+        assert np.all(high - low > 1e-3)
+        assert np.all((low > lower) & (high < upper))
+    found = run([folder], Options(jobs=1), lambda *_: None).results
+    assert {case.outcome for case in found.cases} == {"AGREES"}
+    assert not any(model.findings or model.failures for model in found.models)
+
+
+def test_about_a_stop_nothing_is_linearized_and_that_is_said(tmp_path: Path) -> None:
+    folder = made(tmp_path, AT_ITS_STOP)
+    found = run([folder], Options(jobs=1), lambda *_: None).results
+    assert [model.linearizations for model in found.models] == [()]
+    (model,) = audits([folder])
+    (note,) = (one for one in model.findings if one.kind == "unresolved")
+    assert note.message.startswith(
+        "a stop holds one in equilibrium 'rest': the engine is not linearized about it, and terms"
+        " are compared where one = 0.2"
+    )
+
+
+def test_a_wrong_spring_at_a_stop_is_told_where_it_was_compared(tmp_path: Path) -> None:
+    folder = made(tmp_path, AT_ITS_STOP)
+    model = folder / "m.xml"
+    model.write_text(model.read_text().replace('damping="1"', 'damping="1" springref="0.01"'))
+    (audit,) = audits([folder])
+    (wrong,) = (one for one in audit.findings if one.kind == "rest")
+    assert wrong.message.startswith("at rest where one = 0.2")
+    assert wrong.message.endswith("; the equations pull otherwise")
+    assert wrong.found is not None
+    assert wrong.expected is not None
+    assert wrong.found - wrong.expected == pytest.approx(100 * 0.01, rel=1e-6)
