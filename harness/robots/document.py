@@ -1,0 +1,162 @@
+"""A robot's file as elements with lines, read as forgivingly as engines read it."""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_right
+from functools import cached_property
+from pathlib import Path
+
+from harness.files.brief import brief
+from harness.files.locations.location import LocationError, RefusedError, Source
+from harness.files.locations.xml import RawElement, read_elements
+from harness.files.reading import MOST_MODEL, read_regular
+from harness.robots.robot import Obstacle
+
+_HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
+_ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)[\"']")
+_HIDDEN = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_ENDLESS = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+_UNEXPANDED = re.compile(r"\$[({]")
+EXPAND = "expand it first: xacro FILE > robot.urdf"
+
+
+class DocumentError(ValueError):
+    """A file that is no XML."""
+
+    def __init__(self, obstacle: Obstacle) -> None:
+        super().__init__(str(obstacle))
+        self.obstacle = obstacle
+
+
+class Document:
+    """A file's elements, and what is found wrong with them on the way.
+
+    Attributes:
+        path: of the file.
+        root: its first element.
+        obstacles: so far.
+
+    Raises:
+        DocumentError: for what is no XML.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.obstacles: list[Obstacle] = []
+        try:
+            self._data = _mended(read_regular(path, MOST_MODEL))
+        except OSError as error:
+            raise DocumentError(self._whole(f"can't be read: {error}", "give another")) from None
+        try:
+            self.root: RawElement = read_elements(Source(path, self._data))[0]
+        except LocationError as error:
+            place, _, reason = str(error).removeprefix(f"{path}:").partition(": ")
+            line = int(place) if place.isdigit() else 0
+            remedy = "take that out" if isinstance(error, RefusedError) else "write well-formed XML"
+            raise DocumentError(
+                Obstacle(sentence=reason, file=path, line=line, remedy=remedy)
+            ) from None
+
+    def _whole(self, sentence: str, remedy: str) -> Obstacle:
+        return Obstacle(sentence=sentence, file=self.path, line=0, remedy=remedy)
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        return [m.start() for m in re.finditer(rb"\r\n|\r|\n", self._data)]
+
+    def line(self, element: RawElement) -> int:
+        """Where it begins, from 1."""
+        return bisect_right(self._ends, element.start) + 1
+
+    def hinder(self, element: RawElement, sentence: str, remedy: str) -> None:
+        """Note what makes it impossible to build a tree."""
+        self.obstacles.append(
+            Obstacle(sentence=sentence, file=self.path, line=self.line(element), remedy=remedy)
+        )
+
+    def child(self, element: RawElement, tag: str) -> RawElement | None:
+        """The one of this tag; several are an obstacle unless they say the same."""
+        found = [one for one in element.children if one.tag == tag]
+        for other in found[1:]:
+            if _content(other) != _content(found[0]):
+                self.hinder(
+                    other, f"a second <{tag}> of one <{element.tag}>", "keep the one that is meant"
+                )
+        return found[0] if found else None
+
+    def numbers(
+        self, element: RawElement | None, key: str, default: tuple[float, ...], what: str
+    ) -> tuple[float, ...]:
+        """So many finite numbers of an attribute as the default has, or the default."""
+        text = None if element is None else element.attributes.get(key)
+        if element is None or text is None:
+            return default
+        found = read_numbers(text, len(default))
+        if found is None or not all(map(math.isfinite, found)):
+            count = len(default)
+            wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
+            self.hinder(
+                element,
+                f"{key} of {what} is {brief(text)}, where {wanted}",
+                EXPAND if _UNEXPANDED.search(text) else "write it so",
+            )
+            return default
+        return found
+
+    def number(self, element: RawElement | None, key: str, default: float, what: str) -> float:
+        """One."""
+        return self.numbers(element, key, (default,), what)[0]
+
+
+def read_numbers(text: str, count: int) -> tuple[float, ...] | None:
+    """So many numbers, infinite ones among them; None where they are not.
+
+    A comma between two of them is a blank where that makes their count: "0.1, 0, 0".
+    """
+    words = text.split(",") if count > 1 and text.count(",") == count - 1 else text.split()
+    words = [word.strip() for word in words]
+    if len(words) != count:
+        return None
+    if not all(_NUMBER.fullmatch(word) or _ENDLESS.fullmatch(word) for word in words):
+        return None
+    return tuple(map(float, words))
+
+
+def _content(element: RawElement) -> object:
+    """What an element says, blanks apart."""
+    attributes = sorted((key, value.split()) for key, value in element.attributes.items())
+    inner = [_content(child) for child in element.children]
+    return element.tag, attributes, element.text.split(), inner
+
+
+def _mended(data: bytes) -> bytes:
+    """A file without what a strict parser stops at and no engine does; lines stay where they are.
+
+    That is a declaration after blank lines, Latin-1, two hyphens in a comment, a zero byte at the
+    end.
+    """
+    plain = _decoded(data).encode("utf-8").rstrip(b"\0\x1a \t\r\n") + b"\n"
+    if head := _HEAD.match(plain):
+        plain = _blank(head[0]) + plain[head.end() :]
+    return _HIDDEN.sub(lambda m: m[0] if m[0].startswith(b"<![") else _blank(m[0]), plain)
+
+
+def _decoded(data: bytes) -> str:
+    """The text; bytes that are no such text are characters of their own, so that names differ."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    head = _HEAD.match(data)
+    declared = _ENCODING.search(head[0]) if head else None
+    for encoding in ("utf-8-sig", declared[1].decode("ascii") if declared else "utf-8"):
+        try:
+            return data.decode(encoding)
+        except (UnicodeError, LookupError):
+            continue
+    return data.decode("latin-1")
+
+
+def _blank(text: bytes) -> bytes:
+    return re.sub(rb"[^\r\n]", b" ", text)

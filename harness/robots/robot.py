@@ -1,0 +1,116 @@
+"""A robot as its file has it: a tree of bodies, what of the file is in it, and what is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from reference.multibody.tree import WORLD, Tree
+from reference.numeric import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Obstacle:
+    """What makes it impossible to build a tree from a file.
+
+    Attributes:
+        sentence: what it is.
+        file: in which it stands.
+        line: of the file, counted from 1; 0 where it is no line's.
+        remedy: what to do about it.
+    """
+
+    sentence: str
+    file: Path
+    line: int
+    remedy: str
+
+    def __str__(self) -> str:
+        place = f"{self.file}:{self.line}" if self.line else f"{self.file}"
+        return f"{place}: {self.sentence}; {self.remedy}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """What a file says and the tree does not.
+
+    Attributes:
+        what: it is, as "dry friction".
+        count: how often.
+        where: names of the joints or links, as many of them as have one.
+    """
+
+    what: str
+    count: int
+    where: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """A link of the file, before those that are welded together are one body.
+
+    Attributes:
+        name: in the file.
+        line: where it begins, from 1.
+        mass: kg.
+        center: of mass, in the part's frame, m, (3,).
+        inertia: about the center of mass, in the part's frame, kg m^2, (3, 3).
+        body: index of the tree's link that it is in; `WORLD` of what stands still, and of all
+            where there is no tree.
+    """
+
+    name: str
+    line: int
+    mass: float
+    center: Array
+    inertia: Array
+    body: int = WORLD
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Robot:
+    """What was read of a file.
+
+    Attributes:
+        name: the robot's own.
+        file: that was read.
+        tree: its bodies and joints, depth first; None just where there are obstacles.
+        parts: the file's links, in the file's order.
+        limits: lower and upper bound of each velocity's coordinate, infinite where there is none,
+            rad or m, each (nv,).
+        home: positions to begin from, (nq,).
+        left_out: what the file says beyond the tree.
+        obstacles: all that is in the way of a tree.
+    """
+
+    name: str
+    file: Path
+    tree: Tree | None
+    parts: tuple[Part, ...]
+    limits: tuple[Array, Array]
+    home: Array
+    left_out: tuple[LeftOut, ...]
+    obstacles: tuple[Obstacle, ...]
+
+    @property
+    def bodies(self) -> tuple[tuple[str, ...], ...]:
+        """For each link of the tree, the names of the parts that are welded together in it."""
+        count = 0 if self.tree is None else len(self.tree.links)
+        return tuple(tuple(p.name for p in self.parts if p.body == i) for i in range(count))
+
+
+def home_of(tree: Tree, limits: tuple[Array, Array]) -> Array:
+    """Zero where a joint may be there, else the middle of its bounds; quaternions one. (nq,)."""
+    home = tree.zero
+    for link, here, there in zip(tree.links, tree.positions, tree.velocities, strict=True):
+        if link.kind in ("hinge", "slide"):
+            lower, upper = float(limits[0][there.start]), float(limits[1][there.start])
+            if not lower <= 0.0 <= upper:
+                home[here] = _between(lower, upper)
+    return home
+
+
+def _between(lower: float, upper: float) -> float:
+    """The middle of two bounds, or the finite one of them."""
+    finite = [bound for bound in (lower, upper) if abs(bound) != float("inf")]
+    return sum(finite) / len(finite)

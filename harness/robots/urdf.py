@@ -1,0 +1,161 @@
+"""A URDF as a tree of bodies: any that has one, with all that is left out or in the way said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.files.brief import brief
+from harness.robots.document import EXPAND, Document, DocumentError
+from harness.robots.inertias import resting
+from harness.robots.robot import LeftOut, Obstacle, Part, Robot, home_of
+from harness.robots.urdf_left_out import urdf_left_out
+from harness.robots.urdf_parts import UrdfJoint, UrdfLink, read_joints, read_links, read_springs
+from harness.robots.urdf_root import IMPLICIT, root_of
+from harness.robots.urdf_tree import Plan, planned
+from reference.multibody.tree import Tree
+from reference.numeric import Array
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""m/s^2: a URDF says none."""
+
+
+def read_urdf_robot(
+    path: Path, *, gravity: tuple[float, float, float] = GRAVITY, floating: bool = False
+) -> Robot:
+    """Read a URDF, whole.
+
+    A joint's frame stands in the parent link's by `<origin>`, whose rpy turns about the fixed axes
+    x, y and z in that order; the child's frame is the joint's, moved along or about the direction
+    of `<axis>`. Links that fixed joints weld are one body. What is not told is nothing: no mass,
+    no damping, no turn; but for the axis, which is x. A mimic joint is a free one, and that is
+    told.
+
+    Args:
+        path: of the file.
+        gravity: m/s^2.
+        floating: whether the root link moves freely, on a free joint that is called as it is;
+            otherwise it is fixed to the world, as one called `world` always is.
+    """
+    try:
+        document = Document(path)
+    except DocumentError as error:
+        return _refused(path, path.stem, (), (), [error.obstacle])
+    with np.errstate(all="ignore"):  # what overflows is told
+        return _read(document, np.array(gravity), floating)
+
+
+def _read(document: Document, gravity: Array, floating: bool) -> Robot:
+    path = document.path
+    _check_document(document)
+    links, joints, springs = read_links(document), read_joints(document), read_springs(document)
+    root = root_of(document, links, joints)
+    name = document.root.attributes.get("name") or path.stem
+    parts = tuple(_part(document, link) for link in links.values())
+    left_out = urdf_left_out(document, joints, springs)
+    if document.obstacles or root is None:
+        return _refused(path, name, parts, left_out, document.obstacles)
+    if floating and root == IMPLICIT:
+        floating = False
+        left_out += (LeftOut(what="a free joint of the world", count=1, where=(root,)),)
+    plan = planned(root, links, joints, floating)
+    tree = plan.tree(springs, gravity)
+    _check_masses(document, tree, plan, links, joints)
+    if document.obstacles:
+        return _refused(path, name, parts, left_out, document.obstacles)
+    return Robot(
+        name=name,
+        file=path,
+        tree=tree,
+        parts=tuple(replace(part, body=plan.bodies[part.name]) for part in parts),
+        limits=plan.limits,
+        home=home_of(tree, plan.limits),
+        left_out=left_out,
+        obstacles=(),
+    )
+
+
+def _refused(
+    path: Path,
+    name: str,
+    parts: tuple[Part, ...],
+    left_out: tuple[LeftOut, ...],
+    obstacles: Iterable[Obstacle],
+) -> Robot:
+    """Without a tree."""
+    none = np.zeros(0)
+    return Robot(
+        name=name,
+        file=path,
+        tree=None,
+        parts=parts,
+        limits=(none, none),
+        home=none,
+        left_out=left_out,
+        obstacles=tuple(dict.fromkeys(sorted(obstacles, key=lambda one: one.line))),
+    )
+
+
+def _part(document: Document, link: UrdfLink) -> Part:
+    return Part(
+        name=link.name,
+        line=document.line(link.element),
+        mass=link.lump.mass,
+        center=link.lump.center,
+        inertia=link.lump.inertia,
+    )
+
+
+def _check_document(document: Document) -> None:
+    """What is no URDF, or not one yet."""
+    root = document.root
+    if root.tag != "robot":
+        document.hinder(root, f"the root is <{root.tag}>, not <robot>", "give a URDF")
+    xacro = [one for one in root.children if one.tag.startswith("xacro:")]
+    if xacro:
+        such = f"{len(xacro)} elements such as <{xacro[0].tag}>"
+        document.hinder(xacro[0], f"it is source for xacro: {such}", EXPAND)
+    for inner in root.children:
+        if inner.tag == "robot":
+            document.hinder(inner, "a <robot> within the <robot>", "keep one robot a file")
+
+
+def _check_masses(
+    document: Document,
+    tree: Tree,
+    plan: Plan,
+    links: dict[str, UrdfLink],
+    joints: dict[str, UrdfJoint],
+) -> None:
+    for name in plan.cancelled:
+        document.hinder(
+            links[name].element,
+            f"the mass of link {brief(name)} and of those that it is welded to is zero, by a"
+            " negative one",
+            "a mass is not negative",
+        )
+    if document.obstacles:
+        return
+    groups = resting(tree, plan.limits)
+    if groups is None:
+        document.hinder(
+            document.root,
+            "its mass matrix is not finite",
+            "write masses in kg and lengths in m",
+        )
+    for group in groups or ():
+        names = [tree.links[i].name for i in group]
+        first = joints.get(names[0])
+        element = links[names[0]].element if first is None else first.element
+        one = len(names) == 1
+        document.hinder(
+            element,
+            f"joint {brief(names[0])} moves nothing that has inertia, so it has no acceleration"
+            if one
+            else f"a motion of the joints {', '.join(map(brief, names))} together moves nothing"
+            " that has inertia, so they have no accelerations",
+            "give what it carries mass and inertia" if one else "give a link between them inertia",
+        )

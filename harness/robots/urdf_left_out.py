@@ -1,0 +1,140 @@
+"""What a URDF says beyond bodies and joints, counted by its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from types import MappingProxyType
+
+from harness.files.locations.xml import RawElement
+from harness.robots.document import Document, read_numbers
+from harness.robots.robot import LeftOut
+from harness.robots.urdf_parts import UrdfJoint
+
+_LOOKS = ("visual", "material")
+_READ: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "robot": ("link", "joint", "gazebo"),
+        "link": ("inertial", "collision"),
+        "inertial": ("origin", "mass", "inertia"),
+        "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
+        "gazebo": ("springStiffness", "springReference"),
+    }
+)
+"""What is read of an element, here or there, and of whose children the rest is told."""
+
+_SAID: Mapping[str, Collection[str]] = MappingProxyType(
+    {
+        "origin": ("xyz", "rpy"),
+        "mass": ("value",),
+        "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+        "axis": ("xyz",),
+        "dynamics": ("damping", "friction"),
+        "limit": ("lower", "upper", "effort", "velocity"),
+    }
+)
+"""Attributes that have a meaning."""
+
+Told = tuple[str, str]
+"""What, and where: the name of a joint or a link."""
+
+
+def urdf_left_out(
+    document: Document,
+    joints: Mapping[str, UrdfJoint],
+    springs: Collection[str],
+) -> tuple[LeftOut, ...]:
+    """All of it; looks are no loss, and are not told.
+
+    Args:
+        document: the file.
+        joints: that were read.
+        springs: names of the joints that springs are told of.
+    """
+    counts: dict[str, int] = {}
+    places: dict[str, dict[str, None]] = {}
+    for what, where in _all(document, joints, springs):
+        counts[what] = counts.get(what, 0) + 1
+        places.setdefault(what, {}).update({where: None} if where else {})
+    return tuple(
+        LeftOut(what=what, count=count, where=tuple(places[what])) for what, count in counts.items()
+    )
+
+
+def _all(
+    document: Document, joints: Mapping[str, UrdfJoint], springs: Collection[str]
+) -> Iterator[Told]:
+    for joint in joints.values():
+        yield from _of_joint(document, joint)
+    for name in springs:
+        if name not in joints or joints[name].kind not in ("hinge", "slide"):
+            yield "spring of no hinge and no slide", name
+    yield from _unread(document.root, "")
+    for element in document.root.children:
+        name = element.attributes.get("name", element.attributes.get("reference", ""))
+        yield from _unread(element, name)
+        if element.tag in ("link", "joint"):
+            yield from _of_parts(element, name)
+
+
+def _of_parts(element: RawElement, name: str) -> Iterator[Told]:
+    """What is within a link or a joint."""
+    if any(part.tag == "collision" for part in element.children):
+        yield "collision geometry", name
+    for part in element.children:
+        if part.tag not in (*_LOOKS, "collision"):
+            yield from _unread(part, name)
+            yield from _unsaid(part, name)
+
+
+def _of_joint(document: Document, joint: UrdfJoint) -> Iterator[Told]:
+    dynamics, limit = (document.child(joint.element, tag) for tag in ("dynamics", "limit"))
+    if joint.kind is None:
+        return
+    if dynamics is not None and _nonzero(dynamics, "friction"):
+        yield "dry friction", joint.name
+    if joint.damping and joint.kind == "free":
+        yield "damping of a floating joint", joint.name
+    if document.child(joint.element, "mimic") is not None:
+        yield "mimic: the joint is free", joint.name
+    if limit is not None:
+        yield from _of_limit(limit, joint)
+
+
+def _of_limit(limit: RawElement, joint: UrdfJoint) -> Iterator[Told]:
+    if any(map(_holds, joint.bounds)):
+        yield "limits of position", joint.name
+    for key in ("lower", "upper"):
+        if key in limit.attributes and read_numbers(limit.attributes[key], 1) is None:
+            yield f"limit that is no number: {key}", joint.name
+    for key in ("effort", "velocity"):
+        if _nonzero(limit, key):
+            yield f"limits of {key}", joint.name
+
+
+def _holds(bound: float) -> bool:
+    return abs(bound) != float("inf")
+
+
+def _nonzero(element: RawElement, key: str) -> bool:
+    """Whether an attribute says anything but zero."""
+    text = element.attributes.get(key, "0")
+    return read_numbers(text, 1) != (0.0,)
+
+
+def _unread(element: RawElement, name: str) -> Iterator[Told]:
+    """Elements within this one that mean nothing here."""
+    known = _READ.get(element.tag)
+    if known is None or (element.tag == "robot" and element.parent is not None):
+        return
+    for child in element.children:
+        if child.tag not in known and child.tag not in _LOOKS:
+            within = "" if element.tag == "robot" else f" of <{element.tag}>"
+            yield f"<{child.tag}>{within}", name or child.attributes.get("name", "")
+
+
+def _unsaid(element: RawElement, name: str) -> Iterator[Told]:
+    """Attributes that mean nothing."""
+    for part in (element, *element.children):
+        for key in part.attributes:
+            if part.tag in _SAID and key not in _SAID[part.tag]:
+                yield f"{key} of <{part.tag}>", name

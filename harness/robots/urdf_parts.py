@@ -1,0 +1,254 @@
+"""Links and joints of a URDF, each by itself: before it is known what hangs from what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from harness.files.brief import brief
+from harness.files.locations.xml import RawElement
+from harness.robots.document import EXPAND, Document, read_numbers
+from harness.robots.lump import HERE, NOTHING, Lump, Place
+from reference.multibody.tree import Kind
+from reference.numeric import Array
+
+KINDS: Mapping[str, Kind | None] = MappingProxyType(
+    {
+        "revolute": "hinge",
+        "continuous": "hinge",
+        "prismatic": "slide",
+        "floating": "free",
+        "spherical": "ball",
+        "fixed": None,
+    }
+)
+"""What a joint's type is in a tree; nothing of what is welded. "spherical" is one engine's own."""
+
+ENDLESS = (-np.inf, np.inf)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UrdfLink:
+    """A link: its element, and its body in its own frame."""
+
+    name: str
+    element: RawElement
+    lump: Lump
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UrdfJoint:
+    """A joint.
+
+    Attributes:
+        kind: None of a fixed one.
+        parent, child: names of links.
+        place: of its frame in the parent's.
+        axis: unit vector in its frame.
+        damping: N s/m or N m s/rad.
+        bounds: of its position; infinite ones where they hold nothing.
+    """
+
+    name: str
+    element: RawElement
+    kind: Kind | None
+    parent: str
+    child: str
+    place: Place
+    axis: Array
+    damping: float
+    bounds: tuple[float, float]
+
+
+def read_links(document: Document) -> dict[str, UrdfLink]:
+    """The links by their names; what is wrong with them is noted in the document."""
+    found: dict[str, UrdfLink] = {}
+    for name, element in _named(document, "link").items():
+        found[name] = UrdfLink(name=name, element=element, lump=_lump(document, element, name))
+    return found
+
+
+def read_joints(document: Document) -> dict[str, UrdfJoint]:
+    """The joints by their names, but those that make no sense, which are noted in the document."""
+    found: dict[str, UrdfJoint] = {}
+    for name, element in _named(document, "joint").items():
+        kind, what = element.attributes.get("type", ""), f"joint {brief(name)}"
+        if kind == "planar":
+            document.hinder(
+                element,
+                f"{what} is planar, which is not covered",
+                "write two prismatic joints and a continuous one",
+            )
+        elif kind not in KINDS:
+            document.hinder(
+                element, f"{what} is of type {brief(kind)}", f"types are {', '.join(KINDS)}"
+            )
+        ends = [_end(document, element, tag, what) for tag in ("parent", "child")]
+        found[name] = UrdfJoint(
+            name=name,
+            element=element,
+            kind=KINDS.get(kind),
+            parent=ends[0],
+            child=ends[1],
+            place=_place(document, element, what),
+            axis=_axis(document, element, KINDS.get(kind), what),
+            damping=document.number(document.child(element, "dynamics"), "damping", 0.0, what),
+            bounds=_bounds(document, element, kind),
+        )
+    return found
+
+
+def read_springs(document: Document) -> dict[str, tuple[float, float]]:
+    """Stiffness and rest of joints, in Gazebo's convention: by what `<gazebo>` refers to.
+
+    `<gazebo reference="joint"><springStiffness>k</springStiffness>
+    <springReference>rest</springReference></gazebo>` (SDFormat 1.x, URDF extensions).
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for element in document.root.children:
+        if element.tag != "gazebo":
+            continue
+        stiffness = document.child(element, "springStiffness")
+        if stiffness is None:
+            continue
+        name = element.attributes.get("reference", "")
+        rest = document.child(element, "springReference")
+        spring = _text(document, stiffness, name), _text(document, rest, name)
+        if found.setdefault(name, spring) != spring:
+            document.hinder(
+                stiffness, f"a second spring of joint {brief(name)}", "keep the one that is meant"
+            )
+    return found
+
+
+def _named(document: Document, tag: str) -> dict[str, RawElement]:
+    found: dict[str, RawElement] = {}
+    for element in document.root.children:
+        if element.tag != tag:
+            continue
+        name = element.attributes.get("name", "")
+        if not name:
+            document.hinder(element, f"a <{tag}> has no name", "give it one of its own")
+        elif name in found:
+            document.hinder(
+                element, f"a second {tag} is called {brief(name)}", "give it a name of its own"
+            )
+        else:
+            found[name] = element
+    return found
+
+
+def _lump(document: Document, link: RawElement, name: str) -> Lump:
+    inertial = document.child(link, "inertial")
+    if inertial is None:
+        return NOTHING
+    what = f"link {brief(name)}"
+    place = _place(document, inertial, f"<inertial> of {what}")
+    mass, inertia = document.child(inertial, "mass"), document.child(inertial, "inertia")
+    if mass is None and inertia is None:
+        return NOTHING
+    if mass is None or "value" not in mass.attributes:
+        document.hinder(mass or inertial, f"{what} has an inertial without mass",
+                        'write <mass value="..."/>, in kg')  # fmt: skip
+    weight = document.number(mass, "value", 0.0, f"<mass> of {what}")
+    lump = Lump(weight, np.zeros(3), _tensor(document, inertial, inertia, weight, what))
+    return lump.seen(place)
+
+
+def _tensor(
+    document: Document, inertial: RawElement, inertia: RawElement | None, mass: float, what: str
+) -> Array:
+    """About the center of mass, in the axes of `<inertial>`; products that are not told are 0."""
+    told = {} if inertia is None else inertia.attributes
+    missing = [key for key in ("ixx", "iyy", "izz") if key not in told]
+    if missing and (mass or told):
+        document.hinder(
+            inertia or inertial,
+            f"the inertia of {what} has no {' and no '.join(missing)}",
+            "write all of ixx, ixy, ixz, iyy, iyz and izz, in kg m^2",
+        )
+    xx, xy, xz, yy, yz, zz = (
+        document.number(inertia, key, 0.0, f"<inertia> of {what}")
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _place(document: Document, element: RawElement, what: str) -> Place:
+    origin = document.child(element, "origin")
+    if origin is None:
+        return HERE
+    at = document.numbers(origin, "xyz", (0.0, 0.0, 0.0), f"<origin> of {what}")
+    angles = document.numbers(origin, "rpy", (0.0, 0.0, 0.0), f"<origin> of {what}")
+    return Place(turn(*angles), np.array(at))
+
+
+def turn(roll: float, pitch: float, yaw: float) -> Array:
+    """Turned about the fixed x, then y, then z: R = Rz Ry Rx, (3, 3)."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    found: Array = about_z @ about_y @ about_x
+    return found
+
+
+def _end(document: Document, joint: RawElement, tag: str, what: str) -> str:
+    element = document.child(joint, tag)
+    link = "" if element is None else element.attributes.get("link", "")
+    if not link:
+        document.hinder(joint, f"{what} has no {tag}", f'write <{tag} link="..."/>')
+    return link
+
+
+def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -> Array:
+    """The x axis where none is told, and of joints that have none."""
+    default = (1.0, 0.0, 0.0)
+    element = document.child(joint, "axis")
+    if kind not in ("hinge", "slide"):
+        return np.array(default)
+    axis = np.array(document.numbers(element, "xyz", default, f"<axis> of {what}"))
+    largest = np.abs(axis).max()
+    if largest == 0.0:
+        document.hinder(
+            element or joint, f"the axis of {what} has no length", "give it a direction"
+        )
+        return np.array(default)
+    axis = axis / largest  # its square neither overflows nor vanishes
+    found: Array = axis / np.linalg.norm(axis)
+    return found
+
+
+def _bounds(document: Document, joint: RawElement, kind: str) -> tuple[float, float]:
+    """Of its position; a lower one above the upper one holds nothing, nor do unreadable ones.
+
+    Where one of both is told, the other is 0, as the format has it; no engine holds a joint at
+    bounds of which neither is told.
+    """
+    limit = document.child(joint, "limit")
+    told = {} if limit is None else limit.attributes
+    if kind not in ("revolute", "prismatic") or not {"lower", "upper"} & set(told):
+        return ENDLESS
+    lower, upper = (read_numbers(told.get(key, "0"), 1) for key in ("lower", "upper"))
+    if lower is None or upper is None or lower > upper:
+        return ENDLESS
+    return lower[0], upper[0]
+
+
+def _text(document: Document, element: RawElement | None, joint: str) -> float:
+    """The number of a spring; 0 where there is no element."""
+    if element is None:
+        return 0.0
+    found = read_numbers(element.text, 1)
+    if found is None or not np.isfinite(found[0]):
+        document.hinder(
+            element,
+            f"<{element.tag}> of joint {brief(joint)} is {brief(element.text.strip())}, where a"
+            " finite number belongs",
+            EXPAND if "$" in element.text else "write it so",
+        )
+        return 0.0
+    return found[0]

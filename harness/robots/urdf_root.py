@@ -1,0 +1,78 @@
+"""What the links of a URDF hang from: one of them, or why there is none such."""
+
+from __future__ import annotations
+
+from harness.files.brief import brief
+from harness.files.locations.xml import RawElement
+from harness.robots.document import Document
+from harness.robots.urdf_parts import UrdfJoint, UrdfLink
+
+IMPLICIT = "world"
+"""A link that joints may hang from and no file needs to declare."""
+
+
+def root_of(
+    document: Document, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]
+) -> str | None:
+    """The link that carries all others; None, with its obstacles, where none does."""
+    above: dict[str, str] = {}
+    for joint in joints.values():
+        for tag, end in (("parent", joint.parent), ("child", joint.child)):
+            if end and end not in links and (tag, end) != ("parent", IMPLICIT):
+                document.hinder(
+                    joint.element,
+                    f"the {tag} of joint {brief(joint.name)} is {brief(end)}, which is no link",
+                    "declare the link, or correct its name",
+                )
+        if joint.child in above:
+            document.hinder(
+                joint.element,
+                f"link {brief(joint.child)} has a second parent, by joint {brief(joint.name)}",
+                "a closed loop is no tree: take the joint out",
+            )
+        elif joint.child:
+            above[joint.child] = joint.parent
+    return _top(document, links, above)
+
+
+def _top(document: Document, links: dict[str, UrdfLink], above: dict[str, str]) -> str | None:
+    known = dict.fromkeys([*links, *(one for one in above.values() if one == IMPLICIT)])
+    roots = [name for name in known if name not in above]
+    if not links:
+        document.hinder(document.root, "it has no <link>", "a robot has one at least")
+    # What a misspelled name leaves alone is told by that name.
+    named = {_child_of(one) for one in document.root.children if one.tag == "joint"}
+    roots = [name for name in roots if name not in named]
+    if len(roots) > 1 and named <= set(links):
+        element = next(links[name].element for name in reversed(roots) if name in links)
+        document.hinder(
+            element,
+            f"it has {len(roots)} root links, {', '.join(map(brief, roots))}",
+            "give all but one a joint",
+        )
+    hung = set(roots)
+    for name in known:
+        way = _way_up(name, above)
+        if way[-1] in above and not hung & set(way):
+            hung |= set(way)
+            document.hinder(
+                links[way[-1]].element if way[-1] in links else document.root,
+                f"link {brief(way[-1])} hangs from itself, by its joints",
+                "a closed loop is no tree: take a joint out",
+            )
+    return roots[0] if roots else None
+
+
+def _child_of(joint: RawElement) -> str:
+    return next(
+        (one.attributes.get("link", "") for one in joint.children if one.tag == "child"), ""
+    )
+
+
+def _way_up(name: str, above: dict[str, str]) -> list[str]:
+    """Links from this one up to a root, or once around."""
+    way = {name: None}
+    while name in above and above[name] not in way:
+        name = above[name]
+        way[name] = None
+    return list(way)

@@ -1,0 +1,129 @@
+"""People's robots, read here and by another library: the same equations to the last digits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pybullet_data
+import pytest
+
+from harness.robots.robot import Robot
+from harness.robots.urdf import read_urdf_robot
+from reference.multibody.dynamics import Dynamics
+from reference.multibody.tree import Tree
+from reference.numeric import Array
+
+FOLDER = Path(pybullet_data.getDataPath())
+
+ROBOTS = {
+    "TwoJointRobot_w_fixedJoints.urdf": 2,
+    "TwoJointRobot_wo_fixedJoints.urdf": 2,
+    "a1/a1.urdf": 12,
+    "aliengo/aliengo.urdf": 12,
+    "cartpole.urdf": 2,
+    "cube_no_rotation.urdf": 4,
+    "differential/diff_ring.urdf": 5,
+    "franka_panda/panda.urdf": 9,
+    "kuka_iiwa/model.urdf": 7,
+    "laikago/laikago.urdf": 12,
+    "laikago/laikago_toes_zup.urdf": 12,
+    "mini_cheetah/mini_cheetah.urdf": 12,
+    "pendulum5.urdf": 5,
+    "quadruped/minitaur.urdf": 16,
+    "quadruped/minitaur_rainbow_dash_v1.urdf": 20,
+    "quadruped/spirit40newer.urdf": 12,
+    "quadruped/vision60.urdf": 12,
+    "r2d2.urdf": 8,
+    "racecar/racecar.urdf": 6,
+    "racecar/racecar_differential.urdf": 14,
+    "xarm/xarm6_robot.urdf": 6,
+    "xarm/xarm6_with_gripper.urdf": 12,
+}
+
+CLOSE = 1e-12
+
+
+def tree_of(robot: Robot) -> Tree:
+    assert robot.obstacles == ()
+    assert robot.tree is not None
+    return robot.tree
+
+
+def their_state(
+    model: pinocchio.Model, tree: Tree, q: Array, v: Array
+) -> tuple[Array, Array, list[int]]:
+    """Positions and velocities in their order, and where each of our velocities stands in theirs.
+
+    Theirs of a continuous joint is a cosine and a sine; of a free one the real part comes last,
+    and the linear velocity first.
+    """
+    theirs, order = np.zeros(model.nq), list[int]()
+    for link, here in zip(tree.links, tree.positions, strict=True):
+        name = "root_joint" if link.kind == "free" else link.name
+        one, own = model.joints[model.getJointId(name)], q[here]
+        if link.kind == "free":
+            own = np.concatenate([own[:3], own[4:], own[3:4]])
+        elif one.nq == 2:
+            own = np.concatenate([np.cos(own), np.sin(own)])
+        theirs[one.idx_q : one.idx_q + one.nq] = own
+        rows = list(range(one.idx_v, one.idx_v + one.nv))
+        order += [*rows[3:], *rows[:3]] if link.kind == "free" else rows
+    velocity = np.zeros(model.nv)
+    velocity[order] = v
+    return theirs, velocity, order
+
+
+def differences(model: pinocchio.Model, tree: Tree) -> Array:
+    """Largest of mass matrix, nonlinear effects and accelerations, relative, at a few states.
+
+    Nonlinear effects relative to what velocities and weights make before they cancel.
+    """
+    model.gravity.linear = tree.gravity
+    data, ours, random = model.createData(), Dynamics(tree), np.random.default_rng(5)
+    weight = 9.81 * sum(link.mass for link in tree.links) / 10
+    found = []
+    for _ in range(5):
+        q, v, u = (random.normal(size=n) for n in (tree.nq, tree.nv, tree.nv))
+        for link, here in zip(tree.links, tree.positions, strict=True):
+            if link.kind == "free":
+                q[here.start + 3 : here.stop] /= np.linalg.norm(q[here.start + 3 : here.stop])
+        at, velocity, order = their_state(model, tree, q, v)
+        upper = np.triu(pinocchio.crba(model, data, at))
+        mass = (upper + np.triu(upper, 1).T)[np.ix_(order, order)]
+        effects = pinocchio.nonLinearEffects(model, data, at, velocity)[order]
+        force = np.zeros(model.nv)
+        left = [np.repeat(link.damping, there.stop - there.start)
+                for link, there in zip(tree.links, tree.velocities, strict=True)]  # fmt: skip
+        force[order] = u - np.concatenate(left) * v - ours.springs(q)
+        acceleration = pinocchio.aba(model, data, at, velocity, force)[order]
+        size = max(np.abs(effects).max(), np.abs(mass).max() * (v @ v), weight)
+        found.append([
+            np.abs(ours.recursion.mass(q) - mass).max() / np.abs(mass).max(),
+            np.abs(ours.recursion.bias(q, v) - effects).max() / size,
+            np.abs(ours.acceleration(q, v, u) - acceleration).max() / np.abs(acceleration).max(),
+        ])  # fmt: skip
+    return np.max(found, axis=0)
+
+
+@pytest.mark.parametrize(("name", "freedoms"), ROBOTS.items())
+def test_a_robot_of_people_has_the_equations_that_another_library_reads(
+    name: str, freedoms: int
+) -> None:
+    tree = tree_of(read_urdf_robot(FOLDER / name))
+    model = pinocchio.buildModelFromUrdf(str(FOLDER / name))
+    assert tree.nv == model.nv == freedoms
+    assert {link.name for link in tree.links} == set(model.names) - {"universe"}
+    assert differences(model, tree).max() < CLOSE
+
+
+@pytest.mark.parametrize(
+    "name", ["a1/a1.urdf", "mini_cheetah/mini_cheetah.urdf", "quadruped/minitaur.urdf", "r2d2.urdf"]
+)
+def test_a_robot_on_a_free_joint_has_them_too(name: str) -> None:
+    tree = tree_of(read_urdf_robot(FOLDER / name, floating=True))
+    model = pinocchio.buildModelFromUrdf(str(FOLDER / name), pinocchio.JointModelFreeFlyer())
+    assert tree.nv == model.nv
+    assert tree.links[0].kind == "free"
+    assert differences(model, tree).max() < CLOSE
