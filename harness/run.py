@@ -13,16 +13,18 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from harness.baseline.audits import mark_models
 from harness.baseline.inputs import versions
 from harness.baseline.known import accepted, changes_since, mark_known
 from harness.collected import Collected, Interruption, Progress
 from harness.plan import Options, Plan, Selection
+from harness.plan_robots import RobotPlan
 from harness.records.baseline import Measurement
 from harness.records.case import Case, CaseId
 from harness.records.results import Results
-from harness.schedule.jobs import work
+from harness.schedule.jobs import Job, work
 from harness.schedule.stop import Stop
 from harness.schedule.workers import Failure, Workers
 
@@ -47,8 +49,9 @@ def run(
     options: Options,
     progress: Progress,
     interruption: Interruption = Interruption(),  # noqa: B008  # frozen
+    robots: Sequence[Path] = (),
 ) -> Run:
-    """Run every model of every folder in every scenario.
+    """Run every model of every folder in every scenario, and robots' files at states at random.
 
     A folder, model or case that can't be run is FAILED, with its reason; the others go on. Where it
     is asked to stop, what is done is returned, with what is not.
@@ -64,8 +67,11 @@ def run(
     found = Collected(progress, interruption.journal)
     plan = Plan(options, {} if before is None else before.snapshots, found)
     with Workers(options.jobs or os.cpu_count() or 1, options.limits) as workers:
-        work([plan.folder(folder) for folder in folders], workers, stop)
-    order = {str(folder): i for i, folder in enumerate(folders)}
+        alone = RobotPlan(options, found)
+        jobs: list[Job[Any]] = [*map(plan.folder, folders), *map(alone.file, robots)]
+        work(jobs, workers, stop)
+    places = (*folders, *(file.parent for file in robots))
+    order = {str(place): i for i, place in reversed([*enumerate(places)])}
     cases = mark_known(_sorted_cases(found, order), found.measured, before)
     models = mark_models(found.models.values(), {} if before is None else before.systems)
     results = Results(

@@ -9,14 +9,16 @@ from pathlib import Path
 
 from rich.console import Console
 
+from harness.cases.robot import SCENARIO
 from harness.cli import arguments
 from harness.cli.exit_codes import SIGNALLED, exit_code
 from harness.cli.missing import tell_missing, with_missing
-from harness.files.folders import check_engines, named_folders
+from harness.files.folders import NamedFolders, check_engines, named_folders
 from harness.records.journal import Journal, journal
 from harness.records.results import Results
 from harness.records.write import encoded, write_whole
 from harness.report import write_report
+from harness.robots.named import robot_files
 from harness.run import Interruption, Options, run
 from harness.schedule.stop import asking
 from harness.text.github import case_notes, commands
@@ -52,7 +54,8 @@ def add(command: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Run, write results and report, print the table."""
     check_engines(options.engine)
-    named = named_folders(options.folders)
+    robots, names = robot_files(options.folders)
+    named = NamedFolders([], {}) if robots and not names else named_folders(names)
     tell_missing(named)
     wanted = Options(
         engines=tuple(options.engine),
@@ -63,7 +66,8 @@ def main(options: argparse.Namespace) -> int:
     )
     with journal(options.out, resume=options.resume) as done:
         with Progress() as progress, asking() as stop:
-            results = run(named.folders, wanted, progress, Interruption(stop, done)).results
+            asked = Interruption(stop, done)
+            results = run(named.folders, wanted, progress, asked, robots).results
         write_whole(options.out / "results.json", encoded(results))
         write_report(options.out / "index.html", results)
         if not stop.asked:
@@ -78,6 +82,9 @@ def main(options: argparse.Namespace) -> int:
 
 def _tell(results: Results, out: Path) -> None:
     console = Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160)
+    for system in results.systems:
+        if system.scenarios[0].name == SCENARIO:
+            print(f"{system.source}: {system.name}, {system.title}")
     print_results(console, results)
     print(f"{out / 'results.json'}  {out / 'index.html'}")
     for line in commands(case_notes(results), os.environ):

@@ -13,10 +13,10 @@ import numpy as np
 
 from harness.compare.candidate import Candidate
 from harness.compare.match import Match
-from harness.compare.runs import identity
 from harness.compare.scales import free_directions, inverse_mass
 from harness.engines.protocol import Array, EngineError, Model
 from harness.numerics.accelerations import Accelerations, Estimate
+from harness.numerics.coordinates import identity
 
 SPEEDS = (0.3, 0.6)
 """Speeds at which forces that resist are measured, in units of the size of the motions by rate."""

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
-import sympy as sp
 
 from harness.compare.match import Match
 from harness.engines.protocol import Array, Model
-from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.coordinates import CoordinateMap, identity
 from harness.numerics.ladder import RUNGS, Limit
 from harness.numerics.segments import Batch, extrapolate, held, limits_alone
-from reference.numeric import compile_function
 
 QUICK = RUNGS[:8]
 
@@ -81,19 +78,3 @@ def own_states(size: int, match: Match | None) -> CoordinateMap:
         return replace(identity(size), push_matrix=np.eye(size))
     matrix = match.slopes(np.zeros((1, size)))[0].T if match.constant else None
     return replace(identity(size), push=match.push, push_matrix=matrix)
-
-
-@lru_cache(maxsize=8)
-def identity(size: int) -> CoordinateMap:
-    """A model's own coordinates as they are, for what measures in a system's."""
-    z = [sp.Symbol(f"z{i}_", real=True) for i in range(size)]
-    same, unit = compile_function(z, z), compile_function(list(sp.eye(size)), z)
-    return CoordinateMap(
-        forward=same,
-        forward_slope=unit,
-        back=same,
-        back_slope=unit,
-        push=compile_function([sp.Integer(0)] * size, z, []),
-        push_matrix=np.zeros((size, 0)),
-        periodic=(False,) * size,
-    )

@@ -54,3 +54,10 @@ def without_limits(robot: ET.Element) -> None:
                 limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
             limit.set("lower", "1")
             limit.set("upper", "-1")
+
+
+def without_mimics(robot: ET.Element) -> None:
+    """Let joints that follow others move on their own."""
+    for joint in robot.findall("joint"):
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)

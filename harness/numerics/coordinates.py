@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import sympy as sp
@@ -219,3 +220,19 @@ def _check_inverse(
                 f"{where}: [readback] {coordinate.name} is not the inverse of [coordinates]"
                 f" ({', '.join(names)}): {float(place[coordinate.q])} comes back {miss:g} off"
             )
+
+
+@lru_cache(maxsize=8)
+def identity(size: int) -> CoordinateMap:
+    """A model's own coordinates as they are, for what measures in a system's."""
+    z = [sp.Symbol(f"z{i}_", real=True) for i in range(size)]
+    same, unit = compile_function(z, z), compile_function(list(sp.eye(size)), z)
+    return CoordinateMap(
+        forward=same,
+        forward_slope=unit,
+        back=same,
+        back_slope=unit,
+        push=compile_function([sp.Integer(0)] * size, z, []),
+        push_matrix=np.zeros((size, 0)),
+        periodic=(False,) * size,
+    )

@@ -32,6 +32,7 @@ class Coverage(Record, frozen=True, kw_only=True):
         frames: of the others, those that the pose of a declared frame depends on.
         unseen: the others.
         note: why they were not counted; empty where they were.
+        left_out: what the file says and the check leaves out, such as `dry friction of 7 joints`.
     """
 
     numbers: Count = 0
@@ -40,6 +41,7 @@ class Coverage(Record, frozen=True, kw_only=True):
     frames: Count = 0
     unseen: tuple[Unseen, ...] = ()
     note: str = ""
+    left_out: tuple[str, ...] = ()
 
     @property
     def seen(self) -> int:

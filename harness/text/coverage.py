@@ -23,7 +23,10 @@ def coverage_line(model: Model, *, examples: bool = False) -> str:
     """Which numbers had a say, whether poses were checked, and what no motion reaches."""
     parts = []
     if model.coverage is not None:
-        parts.append(numbers_seen(model.coverage, examples))
+        if model.coverage.numbers or model.coverage.note:
+            parts.append(numbers_seen(model.coverage, examples))
+        if model.coverage.left_out:
+            parts.append(f"left out: {', '.join(model.coverage.left_out)}")
     if model.poses is not None:
         parts.append(poses_checked(model.poses))
     beyond = [one.message for one in model.audit or () if one.kind == BEYOND]

@@ -34,7 +34,7 @@ from harness.engines.protocol import (
 from harness.engines.remark import Remark
 from harness.engines.source import XmlSource, engine_errors
 from harness.engines.urdf import IDLE, SETTINGS, joint_springs, read_urdf, sample_urdf
-from harness.engines.urdf_copy import rewritten, without_shapes
+from harness.engines.urdf_copy import Change, rewritten, without_mimics, without_shapes
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 
@@ -103,14 +103,12 @@ class MujocoEngine(Engine):
         robot = read_urdf(spec.path) if spec.path.suffix == ".urdf" else None
         found, warnings = sources(spec.path), Warnings()
         try:
-            with warnings.heard():
-                changes = [without_shapes] if robot is not None and _is_smooth(spec) else []
-                with rewritten(robot, spec.path, changes) as path:
-                    tree = mujoco.MjSpec.from_file(str(path))
-                    if robot is not None:
-                        _complete_urdf(tree, spec, robot)
-                    _apply_settings(tree, spec)
-                    model = tree.compile()
+            with warnings.heard(), rewritten(robot, spec.path, _changes(spec)) as path:
+                tree = mujoco.MjSpec.from_file(str(path))
+                if robot is not None:
+                    _complete_urdf(tree, spec, robot)
+                _apply_settings(tree, spec)
+                model = tree.compile()
         except EngineError:
             raise
         except Exception as error:
@@ -126,7 +124,7 @@ class MujocoEngine(Engine):
                 )
         if not model.njnt:
             raise EngineError(f"{spec.path}: it has no moving joint")
-        if (model.nu or model.na) and not _is_smooth(spec):
+        if (model.nu or model.na) and not _is_on(spec, "smooth", otherwise=False):
             raise EngineError(f"{spec.path}: it has actuators; inputs are applied to joints here")
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
         # rung would agree with itself.
@@ -196,15 +194,21 @@ def _spring_terms(value: float) -> Any:
     return value
 
 
-def _is_smooth(spec: ModelSpec) -> bool:
-    """Whether contacts, limits, dry friction and actuators are switched off.
+def _changes(spec: ModelSpec) -> list[Change]:
+    """What settings change in a URDF before it is loaded."""
+    found: list[Change] = [without_shapes] if _is_on(spec, "smooth", otherwise=False) else []
+    return found if _is_on(spec, "mimic", otherwise=True) else [*found, without_mimics]
+
+
+def _is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:
+    """A setting that switches something on or off.
 
     Raises:
-        EngineError: where the setting is neither true nor false.
+        EngineError: where it is neither true nor false.
     """
-    value = spec.settings.get("smooth", False)
+    value = spec.settings.get(key, otherwise)
     if not isinstance(value, bool):
-        told = f"[settings] smooth is {value!r}, where true or false belongs"
+        told = f"[settings] {key} is {value!r}, where true or false belongs"
         raise EngineError(f"{spec.path}.toml: {told}")
     return value
 
@@ -219,6 +223,7 @@ def _switched_off() -> int:
 
 def _apply_settings(tree: Any, spec: ModelSpec) -> None:
     settings = dict(spec.settings)
+    settings.pop("mimic", None)
     if settings.pop("smooth", False):
         tree.option.disableflags |= _switched_off()
     if "step" in settings:

@@ -47,7 +47,13 @@ from harness.engines.urdf import (
     read_urdf,
     sample_urdf,
 )
-from harness.engines.urdf_copy import Change, rewritten, without_limits, without_shapes
+from harness.engines.urdf_copy import (
+    Change,
+    rewritten,
+    without_limits,
+    without_mimics,
+    without_shapes,
+)
 
 _REQUIRED = ("step", "gravity")
 _UNDONE: Mapping[str, float | bool] = {
@@ -65,13 +71,16 @@ _DEFAULTS: Mapping[str, float | bool] = {
     "exact_axes": False,
     # Whether contacts and joint limits are left out.
     "smooth": False,
+    # Whether joints follow those that they mimic.
+    "mimic": True,
 }
-_REWRITTEN: tuple[tuple[str, Change], ...] = (
-    ("exact_axes", exact_axes),
-    ("smooth", without_shapes),
-    ("smooth", without_limits),
+_REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
+    ("exact_axes", True, exact_axes),
+    ("smooth", True, without_shapes),
+    ("smooth", True, without_limits),
+    ("mimic", False, without_mimics),
 )
-"""What settings change in the file that PyBullet loads."""
+"""What settings change in the file that PyBullet loads, and at which value."""
 
 _client: int | None = None
 _loaded: object = None
@@ -196,7 +205,8 @@ class PybulletModel(Model):
         check_inertias(self.path, self._body, self._joints, robot if own else None)
         self._free_links()
         self._springs = [self._resolve(spring) for spring in springs]
-        self._gears = [self._gear(mimic) for mimic in mimics(robot, spec.path)]
+        followed = mimics(robot, spec.path) if self._setting("mimic") else []
+        self._gears = [self._gear(mimic) for mimic in followed]
 
     def _load_file(self) -> int:
         import pybullet as p
@@ -206,7 +216,7 @@ class PybulletModel(Model):
         flags = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
         # What is to be seen moves nothing, and is nineteen twentieths of the time to load.
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
-        changes = [change for key, change in _REWRITTEN if self._setting(key)]
+        changes = [change for key, on, change in _REWRITTEN if self._setting(key) == on]
         try:
             with rewritten(robot, spec.path, changes) as path, printed() as said:
                 return int(p.loadURDF(str(path), useFixedBase=1, flags=flags))

@@ -1,0 +1,97 @@
+"""The jobs of robots' files: each is read and solved once, and run in every engine for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from harness.cases.not_run import Hurdle, barred_case, failed_case
+from harness.cases.robot import SCENARIO, PreparedRobot, prepare_robot, run_robot
+from harness.collected import Collected, Jobs
+from harness.engines.protocol import Engine
+from harness.engines.registry import readers
+from harness.files.reading import read_regular
+from harness.plan import Options
+from harness.records.case import Case, CaseId
+from harness.records.coverage import Coverage
+from harness.records.model import Model
+from harness.records.outcome import Outcome
+from harness.schedule.jobs import Job, Task
+from harness.schedule.workers import Failure
+
+
+class RobotPlan:
+    """What is to be done for robots' files; values go to `found`."""
+
+    def __init__(self, options: Options, found: Collected) -> None:
+        self._options, self._found = options, found
+
+    def file(self, file: Path) -> Job[PreparedRobot]:
+        """Prepare a file, then run it."""
+        one = _stand_in(file)
+        self._found.expect(str(file.parent), [one])
+        failed = partial(self._unprepared, file, one)
+        return Job(task=Task(prepare_robot, file), done=partial(self._engines, one), failed=failed)
+
+    def _unprepared(self, file: Path, one: CaseId, failure: Failure) -> Jobs:
+        self._found.add(failed_case(one, str(file.parent), failure))
+        return ()
+
+    def _engines(self, one: CaseId, prepared: PreparedRobot) -> Iterator[Job[Case]]:
+        """The file in every engine that reads its format, or in those that are wanted."""
+        file = prepared.file
+        self._found.systems.append(prepared.record)
+        wanted = [
+            engine
+            for engine in readers(file.suffix)
+            if not self._options.engines or engine.name in self._options.engines
+        ]
+        ids = [_id(prepared, engine) for engine in wanted]
+        self._found.left.pop((str(file.parent), one), None)
+        self._found.expect(str(file.parent), ids)
+        for engine, case in zip(wanted, ids, strict=True):
+            if engine.version() is None:
+                why = Hurdle(Outcome.ABSENT, f"{engine.name} is not installed")
+                self._found.add(barred_case(case, str(file.parent), why))
+                continue
+            model = _model(prepared, engine)
+            self._found.models[model.key] = model
+            yield Job(
+                task=Task(run_robot, prepared.task(engine.name, self._options.resolution)),
+                done=self._done,
+                failed=partial(self._failed, case, file),
+            )
+
+    def _done(self, case: Case) -> Jobs:
+        self._found.add(case)
+        return ()
+
+    def _failed(self, case: CaseId, file: Path, failure: Failure) -> Jobs:
+        return self._done(failed_case(case, str(file.parent), failure))
+
+
+def _stand_in(file: Path) -> CaseId:
+    return CaseId(system=file.stem, model=file.name, scenario="-", engine="-")
+
+
+def _id(prepared: PreparedRobot, engine: Engine) -> CaseId:
+    name = prepared.record.name
+    return CaseId(system=name, model=prepared.file.name, scenario=SCENARIO, engine=engine.name)
+
+
+def _model(prepared: PreparedRobot, engine: Engine) -> Model:
+    try:
+        text = read_regular(prepared.file).decode("utf-8", errors="replace")
+    except OSError:
+        text = ""
+    return Model(
+        system=prepared.record.name,
+        model=prepared.file.name,
+        engine=engine.name,
+        folder=str(prepared.file.parent),
+        text=text,
+        sidecar="",
+        audit=prepared.findings,
+        coverage=Coverage(left_out=prepared.left_out),
+    )

@@ -1,0 +1,131 @@
+"""Robots' files alone: read, solved, and held against every engine that reads them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pybullet_data
+import pytest
+
+from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
+from harness.engines.protocol import EngineError
+from harness.engines.registry import readers
+from harness.records.outcome import Outcome
+from harness.records.read import read_results
+from harness.robots.system import RobotError
+
+DATA = Path(pybullet_data.getDataPath())
+ENGINES = [engine.name for engine in readers(".urdf") if engine.version() is not None]
+ROBOTS = {
+    "cartpole.urdf": 2,
+    "pendulum5.urdf": 5,
+    "kuka_iiwa/model.urdf": 7,
+    "r2d2.urdf": 8,
+    "a1/a1.urdf": 12,
+    "laikago/laikago_toes_zup.urdf": 12,
+}
+"""Joints of some that every engine reads as it stands."""
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def prepared(request: pytest.FixtureRequest) -> PreparedRobot:
+    return prepare_robot(DATA / request.param)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_sound_robot_agrees_to_ten_digits(prepared: PreparedRobot, engine: str) -> None:
+    case = run_robot(prepared.task(engine, 1e-9))
+    assert case.outcome is Outcome.AGREES, case.reason
+    assert case.verdict is not None
+    assert case.verdict.largest_discrepancy is not None
+    assert case.verdict.largest_discrepancy < 1e-11
+    assert len(prepared.names) == ROBOTS[str(prepared.file.relative_to(DATA))]
+    assert any("collision geometry" in one for one in prepared.left_out)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(("old", "new"), [
+    ('<mass value="3"/>', '<mass value="3.000003"/>'),
+    ('izz="0.01"', 'izz="0.0100001"'),
+    ('damping="0.5"', 'damping="0.500001"'),
+    ('xyz="0.0003 0.059 0.042"', 'xyz="0.0003 0.0590001 0.042"'),
+])  # fmt: skip
+def test_a_number_off_by_a_millionth_differs(
+    tmp_path: Path, engine: str, old: str, new: str
+) -> None:
+    text = (DATA / "kuka_iiwa" / "model.urdf").read_text()
+    assert old in text
+    (tmp_path / "right.urdf").write_text(text)
+    (tmp_path / "wrong.urdf").write_text(text.replace(old, new, 1))
+    right = prepare_robot(tmp_path / "right.urdf").task(engine, 1e-9)
+    (tmp_path / "right.urdf").write_text((tmp_path / "wrong.urdf").read_text())
+    case = run_robot(right)
+    assert case.outcome is Outcome.DIFFERS
+    assert "of its movement off; the uncertainty there is" in case.reason
+
+
+def test_what_an_engine_drops_differs_and_the_link_is_named() -> None:
+    """MuJoCo drops the moments of links without mass that it welds to others, PyBullet does not."""
+    panda = prepare_robot(DATA / "franka_panda" / "panda.urdf")
+    outcomes = {name: run_robot(panda.task(name, 1e-9)).outcome for name in ENGINES}
+    assert outcomes == {"mujoco": Outcome.DIFFERS, "pybullet": Outcome.AGREES}
+    told = [one.message for one in panda.findings if one.severity == "finding"]
+    assert [one for one in told if "'panda_link8' has moments" in one and "no mass" in one]
+    assert any("mimic" in one for one in panda.left_out)
+
+
+def test_all_that_is_in_the_way_is_told_at_once() -> None:
+    with pytest.raises(RobotError) as caught:
+        prepare_robot(DATA / "husky" / "husky.urdf")
+    told = str(caught.value)
+    assert told.count("husky.urdf:97: ") == 2
+    assert "rpy of <origin>" in told
+    assert "xyz of <origin>" in told
+
+
+def test_an_engine_that_makes_other_joints_is_refused_by_their_names(tmp_path: Path) -> None:
+    text = (DATA / "cartpole.urdf").read_text()
+    file = tmp_path / "r.urdf"
+    file.write_text(text)
+    task = prepare_robot(file).task(ENGINES[0], 1e-9)
+    file.write_text(text.replace("cart_to_pole", "cart_to_stick"))
+    with pytest.raises(EngineError, match="no cart_to_pole and it has cart_to_stick besides"):
+        run_robot(task)
+
+
+def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "harness", "run", *arguments, "--out", "out", "--jobs", "1"],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())
+    done = crosscheck(tmp_path, "arm.urdf")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "arm.urdf: lbr_iiwa, 7 joints, 8 links in 7 bodies, 17.5 kg" in done.stdout
+    assert "left out: limits of position (7)" in done.stdout
+    results = read_results(tmp_path / "out" / "results.json")
+    assert [(c.model, c.engine, c.outcome) for c in results.cases] == [
+        ("arm.urdf", name, "AGREES") for name in sorted(ENGINES)
+    ]
+    assert (tmp_path / "out" / "index.html").is_file()
+
+
+def test_a_file_of_another_format_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text("<mujoco/>")
+    done = crosscheck(tmp_path, "arm.xml")
+    assert done.returncode == 2
+    assert "arm.xml: of files alone, .urdf are read; make a folder of it" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_file_that_is_no_urdf_fails_by_its_name(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text("<sdf/>")
+    done = crosscheck(tmp_path, "arm.urdf")
+    assert done.returncode == 3
+    assert "arm.urdf" in done.stdout
+    assert "Traceback" not in done.stdout + done.stderr
