@@ -153,7 +153,7 @@ def plan(system: System, joints: Sequence[Joint]) -> Plan:
             duration=duration,
         )
         motion = _moving(equations, motion, centre, joints, linear)
-        if not _uniform(equations, motion):
+        if not any(motion.speeds) or not _uniform(equations, motion):
             motions.append(_within(equations, motion, centre, joints))
     return Plan(names, search, tuple(motions))
 
@@ -182,7 +182,8 @@ class _Linear:
         system, n = equations.system, len(position)
         zero = dict.fromkeys((*system.v, *system.u, t), sp.Integer(0))
         force = sp.Matrix([f.xreplace(zero) for f in equations.force])
-        damping = -sp.Matrix(equations.force).jacobian(system.v).xreplace(zero)
+        # The derivative of the whole force is long, and has no more at v = 0.
+        damping = sp.hessian(system.D, system.v).xreplace(zero)
         entries = [*equations.mass, *damping, *(-force.jacobian(system.q)), *(-force)]
         values = equations.compile(entries)(position, np.zeros(n), np.zeros(n), np.zeros(1))
         mass, slowing, stiffness = values[: 3 * n * n].reshape(3, n, n)
