@@ -248,7 +248,7 @@ def _text(document: Document, element: RawElement | None, joint: str) -> float:
             element,
             f"<{element.tag}> of joint {brief(joint)} is {brief(element.text.strip())}, where a"
             " finite number belongs",
-            EXPAND if "$" in element.text else "write it so",
+            EXPAND if "$" in element.text else "write a number",
         )
         return 0.0
     return found[0]
