@@ -210,6 +210,8 @@ def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -
     element = document.child(joint, "axis")
     if kind not in ("hinge", "slide"):
         return np.array(default)
+    if element is not None and "xyz" not in element.attributes:
+        document.hinder(element, f"the <axis> of {what} has no xyz", 'write <axis xyz="..."/>')
     axis = np.array(document.numbers(element, "xyz", default, f"<axis> of {what}"))
     largest = np.abs(axis).max()
     if largest == 0.0:

@@ -28,7 +28,7 @@ from tests.robots.files import inertial, joint, link, read, tree_of
         ("-1", "1 1 1", "0 0 0", ["mass"]),
         ("-1", "1 1 3", "0 0 0", ["mass", "triangle"]),
         ("0", "1 1 1", "0 0 0", ["massless"]),
-        ("1", "1e-300 1e-300 3e-300", "0 0 0", ["triangle"]),
+        ("1e-300", "1e-300 1e-300 3e-300", "0 0 0", ["triangle"]),
         ("1", "1e300 1e300 3e300", "0 0 0", ["triangle"]),
     ],
 )
@@ -44,6 +44,17 @@ def test_the_rules_of_bodies(
     for one in found:
         assert str(one).startswith(f"{tmp_path / 'robot.urdf'}:5: link 'odd' has ")
         assert one.remedy
+
+
+def test_what_rounding_leaves_of_a_point_mass_is_none(tmp_path: Path) -> None:
+    """As iCub's head has it: brought to its center of mass from where its moments were 0.01."""
+    robot = read(tmp_path, link("head", inertial("1.3", "0 0 0", "0 2.4e-18 0", FAR)))
+    assert impossible(robot) == ()
+    near = read(tmp_path, link("head", inertial("1.3", "0 0 0", "0 2.4e-18 0")))
+    assert [one.kind for one in impossible(near)] == ["moments"]
+
+
+FAR = '<origin xyz="0.02 -0.11 0"/>'
 
 
 def test_what_is_impossible_is_no_obstacle_while_there_are_accelerations(tmp_path: Path) -> None:

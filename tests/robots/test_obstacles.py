@@ -72,6 +72,8 @@ def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None
         ((BASE, A, joint("j", "base", "a"), '<gazebo reference="j">',
           "<springStiffness>stiff</springStiffness></gazebo>"), 6,
          "<springStiffness> of joint 'j' is 'stiff', where a finite number belongs"),
+        ((BASE, A, joint("j", "base", "a", '<axis xzy="0 0 1"/>')), 4,
+         "the <axis> of joint 'j' has no xyz"),
         ((BASE, "<robot/>"), 3, "a <robot> within the <robot>"),
         ((), 1, "it has no <link>"),
         ((BASE, '<xacro:include filename="a"/>', "<xacro:arm/>"), 3,
@@ -130,6 +132,13 @@ def test_a_joint_that_moves_no_inertia_is_in_the_way(tmp_path: Path) -> None:
         (6, "joint 'pan' moves nothing that has inertia, so it has no acceleration"),
         (8, "joint 'spin' moves nothing that has inertia, so it has no acceleration"),
     ]
+
+
+def test_a_file_without_any_inertia_is_told_so_once(tmp_path: Path) -> None:
+    bare = [link(name, "") for name in "abc"]
+    robot = read(tmp_path, *bare, joint("j", "a", "b"), joint("k", "b", "c"))
+    sentence = "it has 2 joints and none moves anything that has inertia: it tells kinematics alone"
+    assert in_the_way(robot) == [(1, sentence)]
 
 
 def test_joints_that_move_no_inertia_together_are_in_the_way(tmp_path: Path) -> None:
