@@ -98,10 +98,11 @@ class Document:
         if found is None or not all(map(math.isfinite, found)):
             count = len(default)
             wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
+            remedy = "write a number" if count == 1 else f"write {count}, with blanks between them"
             self.hinder(
                 element,
                 f"{key} of {what} is {brief(text)}, where {wanted}",
-                EXPAND if _UNEXPANDED.search(text) else "write it so",
+                EXPAND if _UNEXPANDED.search(text) else remedy,
             )
             return default
         return found

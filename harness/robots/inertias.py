@@ -19,6 +19,9 @@ from reference.numeric import Array
 MARGIN = 1e-9
 """By how much of the largest moment a tensor may miss a rule: for the digits of a file."""
 
+DIGITS = 1e-14
+"""What rounding leaves of m r^2 in a moment that was brought to the center of mass."""
+
 ROUNDED = 1e-13
 """Inertia of a joint, by what it carries, that is none."""
 
@@ -79,7 +82,8 @@ def _broken(part: Part) -> Iterator[tuple[Kind, str, str]]:
     if part.mass < 0:
         yield "mass", f"has a mass of {part.mass:g} kg", "a mass is not negative"
     small, middle, large = np.linalg.eigvalsh(part.inertia).tolist()
-    allowed = MARGIN * max(abs(small), abs(large))
+    far = float(part.center @ part.center)
+    allowed = MARGIN * max(abs(small), abs(large)) + DIGITS * abs(part.mass) * far
     told = f"{small:.4g}, {middle:.4g} and {large:.4g} kg m^2"
     if small < -allowed:
         yield (

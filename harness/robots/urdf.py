@@ -146,16 +146,31 @@ def _check_masses(
             "its mass matrix is not finite",
             "write masses in kg and lengths in m",
         )
+    if len(groups or ()) == len(tree.links) > 1:
+        document.hinder(
+            document.root,
+            f"it has {len(tree.links)} joints and none moves anything that has inertia: it tells"
+            " kinematics alone",
+            "give its links mass and inertia",
+        )
+        return
     for group in groups or ():
         names = [tree.links[i].name for i in group]
         first = joints.get(names[0])
         element = links[names[0]].element if first is None else first.element
-        one = len(names) == 1
-        document.hinder(
-            element,
-            f"joint {brief(names[0])} moves nothing that has inertia, so it has no acceleration"
-            if one
-            else f"a motion of the joints {', '.join(map(brief, names))} together moves nothing"
-            " that has inertia, so they have no accelerations",
-            "give what it carries mass and inertia" if one else "give a link between them inertia",
+        document.hinder(element, *_resting(names))
+
+
+def _resting(names: list[str]) -> tuple[str, str]:
+    """What is said of joints that move no inertia, and its remedy."""
+    told = ", ".join(map(brief, names))
+    if len(names) == 1:
+        return (
+            f"joint {told} moves nothing that has inertia, so it has no acceleration",
+            "give what it carries mass and inertia",
         )
+    return (
+        f"a motion of the joints {told} together moves nothing that has inertia, so they have no"
+        " accelerations",
+        "give a link between them inertia",
+    )

@@ -210,6 +210,8 @@ def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -
     element = document.child(joint, "axis")
     if kind not in ("hinge", "slide"):
         return np.array(default)
+    if element is not None and "xyz" not in element.attributes:
+        document.hinder(element, f"the <axis> of {what} has no xyz", 'write <axis xyz="..."/>')
     axis = np.array(document.numbers(element, "xyz", default, f"<axis> of {what}"))
     largest = np.abs(axis).max()
     if largest == 0.0:
@@ -248,7 +250,7 @@ def _text(document: Document, element: RawElement | None, joint: str) -> float:
             element,
             f"<{element.tag}> of joint {brief(joint)} is {brief(element.text.strip())}, where a"
             " finite number belongs",
-            EXPAND if "$" in element.text else "write it so",
+            EXPAND if "$" in element.text else "write a number",
         )
         return 0.0
     return found[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
+
 from harness.files.brief import brief
 from harness.files.locations.xml import RawElement
 from harness.robots.document import Document
@@ -50,16 +52,12 @@ def _top(document: Document, links: dict[str, UrdfLink], above: dict[str, str]) 
             f"it has {len(roots)} root links, {', '.join(map(brief, roots))}",
             "give all but one a joint",
         )
-    hung = set(roots)
-    for name in known:
-        way = _way_up(name, above)
-        if way[-1] in above and not hung & set(way):
-            hung |= set(way)
-            document.hinder(
-                links[way[-1]].element if way[-1] in links else document.root,
-                f"link {brief(way[-1])} hangs from itself, by its joints",
-                "a closed loop is no tree: take a joint out",
-            )
+    for name in _looped(known, above):
+        document.hinder(
+            links[name].element if name in links else document.root,
+            f"link {brief(name)} hangs from itself, by its joints",
+            "a closed loop is no tree: take a joint out",
+        )
     return roots[0] if roots else None
 
 
@@ -69,10 +67,14 @@ def _child_of(joint: RawElement) -> str:
     )
 
 
-def _way_up(name: str, above: dict[str, str]) -> list[str]:
-    """Links from this one up to a root, or once around."""
-    way = {name: None}
-    while name in above and above[name] not in way:
-        name = above[name]
-        way[name] = None
-    return list(way)
+def _looped(names: Iterable[str], above: Mapping[str, str]) -> Iterator[str]:
+    """One link of every loop."""
+    passed: set[str] = set()
+    for name in names:
+        way: set[str] = set()
+        while name in above and name not in passed:
+            passed.add(name)
+            way.add(name)
+            name = above[name]
+        if name in way:
+            yield name

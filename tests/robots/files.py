@@ -1,0 +1,67 @@
+"""URDFs written by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.robots.robot import Robot
+from harness.robots.urdf import read_urdf_robot
+from reference.multibody.tree import Link, Tree
+
+BODY = (
+    '<inertial><origin xyz="0 0 -0.5"/><mass value="2"/>'
+    '<inertia ixx="0.3" ixy="0" ixz="0" iyy="0.3" iyz="0" izz="0.1"/></inertial>'
+)
+
+
+def link(name: str, inner: str = BODY) -> str:
+    return f'<link name="{name}">{inner}</link>'
+
+
+def joint(name: str, parent: str, child: str, inner: str = "", kind: str = "continuous") -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inner}</joint>'
+
+
+def inertial(mass: str, moments: str, products: str = "0 0 0", origin: str = "") -> str:
+    xx, yy, zz = moments.split()
+    xy, xz, yz = products.split()
+    return (
+        f'<inertial>{origin}<mass value="{mass}"/><inertia ixx="{xx}" ixy="{xy}" ixz="{xz}"'
+        f' iyy="{yy}" iyz="{yz}" izz="{zz}"/></inertial>'
+    )
+
+
+def read(folder: Path, *lines: str, floating: bool = False) -> Robot:
+    """A robot of these lines; the first of them is the file's second."""
+    return read_text(
+        folder, "\n".join(['<robot name="written">', *lines, "</robot>"]), floating=floating
+    )
+
+
+def read_text(folder: Path, text: str | bytes, *, floating: bool = False) -> Robot:
+    path = folder / "robot.urdf"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_urdf_robot(path, floating=floating)
+
+
+def tree_of(robot: Robot) -> Tree:
+    assert [str(one) for one in robot.obstacles] == []
+    assert robot.tree is not None
+    return robot.tree
+
+
+def last(robot: Robot) -> Link:
+    return tree_of(robot).links[-1]
+
+
+def told(robot: Robot) -> dict[str, tuple[str, ...]]:
+    """What was left out, and where."""
+    assert all(one.count >= len(one.where) for one in robot.left_out)
+    return {one.what: one.where for one in robot.left_out}
+
+
+def in_the_way(robot: Robot) -> list[tuple[int, str]]:
+    """Lines and sentences."""
+    assert (robot.tree is None) == bool(robot.obstacles)
+    return [(one.line, one.sentence) for one in robot.obstacles]

@@ -1,0 +1,168 @@
+"""What is in the way of a tree: all of it at once, each with its line and a remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.robots.urdf import read_urdf_robot
+from tests.robots.files import BODY, in_the_way, inertial, joint, link, read, read_text
+
+BASE, A, B = link("base", ""), link("a"), link("b")
+
+
+def test_all_obstacles_are_told_at_once_with_their_lines(tmp_path: Path) -> None:
+    robot = read(
+        tmp_path,
+        BASE,
+        link("a", BODY.replace('value="2"', 'value="2 kg"')),
+        link("a"),
+        joint("p", "base", "a", kind="planar"),
+        joint("q", "a", "b", kind="Revolute"),
+        link("b"),
+        joint("r", "b", "gone"),
+        joint("s", "b", "c", '<origin xyz="${x} 0 0"/><axis xyz="0 0 0"/>'),
+        link("c", BODY + BODY.replace("0.3", "0.4")),
+        link("alone"),
+        joint("s", "c", "alone"),
+        "<joint/>",
+    )
+    assert in_the_way(robot) == [
+        (3, "value of <mass> of link 'a' is '2 kg', where a finite number belongs"),
+        (4, "a second link is called 'a'"),
+        (5, "joint 'p' is planar, which is not covered"),
+        (6, "joint 'q' is of type 'Revolute'"),
+        (8, "the child of joint 'r' is 'gone', which is no link"),
+        (9, "xyz of <origin> of joint 's' is '${x} 0 0', where 3 finite numbers belong"),
+        (9, "the axis of joint 's' has no length"),
+        (10, "a second <inertial> of one <link>"),
+        (12, "a second joint is called 's'"),
+        (13, "a <joint> has no name"),
+    ]
+    assert all(one.file == tmp_path / "robot.urdf" for one in robot.obstacles)
+    assert "xacro" in robot.obstacles[5].remedy
+    assert str(robot.obstacles[2]).startswith(f"{tmp_path / 'robot.urdf'}:5: joint 'p' is planar")
+
+
+@pytest.mark.parametrize(
+    ("lines", "line", "sentence"),
+    [
+        ((BASE, A, B, joint("j", "base", "a")), 4, "it has 2 root links, 'base', 'b'"),
+        ((BASE, A, joint("j", "world", "a")), 2, "it has 2 root links, 'base', 'world'"),
+        (
+            (BASE, A, B, joint("j", "base", "a"), joint("k", "a", "b"), joint("l", "base", "b")),
+            7,
+            "link 'b' has a second parent, by joint 'l'",
+        ),
+        (
+            (BASE, A, B, joint("j", "b", "a"), joint("k", "a", "b")),
+            3,
+            "link 'a' hangs from itself, by its joints",
+        ),
+        ((A, joint("j", "a", "a")), 2, "link 'a' hangs from itself, by its joints"),
+        ((BASE, A, joint("j", "base", "a"), joint("k", "a", "world")), 5,
+         "the child of joint 'k' is 'world', which is no link"),
+        ((BASE, A, '<joint name="j" type="fixed"><parent link="base"/></joint>'), 4,
+         "joint 'j' has no child"),
+        ((BASE, link("a", BODY.replace("ixx", "Ixx")), joint("j", "base", "a")), 3,
+         "the inertia of link 'a' has no ixx"),
+        ((link("a", BODY.replace('<mass value="2"/>', "<mass>2</mass>")),), 2,
+         "link 'a' has an inertial without mass"),
+        ((BASE, A, joint("j", "base", "a"), '<gazebo reference="j">',
+          "<springStiffness>stiff</springStiffness></gazebo>"), 6,
+         "<springStiffness> of joint 'j' is 'stiff', where a finite number belongs"),
+        ((BASE, A, joint("j", "base", "a", '<axis xzy="0 0 1"/>')), 4,
+         "the <axis> of joint 'j' has no xyz"),
+        ((BASE, "<robot/>"), 3, "a <robot> within the <robot>"),
+        ((), 1, "it has no <link>"),
+        ((BASE, '<xacro:include filename="a"/>', "<xacro:arm/>"), 3,
+         "it is source for xacro: 2 elements such as <xacro:include>"),
+        ((BASE, link("a", inertial("1e200", "1 1 1", origin='<origin xyz="1e200 0 0"/>')),
+          joint("j", "base", "a", '<axis xyz="0 1 0"/>')), 1, "its mass matrix is not finite"),
+        ((BASE, A, link("b", inertial("-2", "0 0 0")), joint("j", "base", "a"),
+          joint("w", "a", "b", kind="fixed")), 4,
+         "the mass of link 'b' and of those that it is welded to is zero, by a negative one"),
+    ],
+)  # fmt: skip
+def test_an_obstacle(tmp_path: Path, lines: tuple[str, ...], line: int, sentence: str) -> None:
+    assert in_the_way(read(tmp_path, *lines)) == [(line, sentence)]
+
+
+@pytest.mark.parametrize("text", ["0,5 0 0", "0.1, 0 0", "0 0", "0 0 0 0", "nan 0 0", "1e999 0 0"])
+def test_numbers_that_could_be_others_are_in_the_way(tmp_path: Path, text: str) -> None:
+    robot = read(tmp_path, BASE, A, joint("j", "base", "a", f'<origin xyz="{text}"/>'))
+    sentence = f"xyz of <origin> of joint 'j' is {text!r}, where 3 finite numbers belong"
+    assert in_the_way(robot) == [(4, sentence)]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "sentence"),
+    [
+        ("<robot>\n<link>\n</robot>", 3, "no XML: mismatched tag"),
+        ("", 2, "no XML: no element found"),
+        ('<!DOCTYPE r [<!ENTITY x "1">]>\n<robot/>', 1, "refused: it declares entities or a DTD"),
+        ("<sdf/>", 1, "the root is <sdf>, not <robot>"),
+        (b"\x89PNG\r\n\x1a\n", 1, "no XML: not well-formed (invalid token)"),
+    ],
+)
+def test_what_is_no_urdf(tmp_path: Path, text: str | bytes, line: int, sentence: str) -> None:
+    assert (line, sentence) in in_the_way(read_text(tmp_path, text))
+
+
+def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+    for path in (tmp_path / "none.urdf", tmp_path):
+        robot = read_urdf_robot(path)
+        assert [one.line for one in robot.obstacles] == [0]
+        assert str(robot.obstacles[0]).startswith(f"{path}: can't be read: ")
+
+
+def test_a_joint_that_moves_no_inertia_is_in_the_way(tmp_path: Path) -> None:
+    robot = read(
+        tmp_path,
+        BASE,
+        A,
+        link("camera", ""),
+        joint("j", "base", "a"),
+        joint("pan", "a", "camera", kind="revolute"),
+        link("point", inertial("1", "0 0 0", origin='<origin xyz="3 0 0" rpy="1 2 3"/>')),
+        joint("spin", "a", "point"),
+    )
+    assert in_the_way(robot) == [
+        (6, "joint 'pan' moves nothing that has inertia, so it has no acceleration"),
+        (8, "joint 'spin' moves nothing that has inertia, so it has no acceleration"),
+    ]
+
+
+def test_a_file_without_any_inertia_is_told_so_once(tmp_path: Path) -> None:
+    bare = [link(name, "") for name in "abc"]
+    robot = read(tmp_path, *bare, joint("j", "a", "b"), joint("k", "b", "c"))
+    sentence = "it has 2 joints and none moves anything that has inertia: it tells kinematics alone"
+    assert in_the_way(robot) == [(1, sentence)]
+
+
+def test_joints_that_move_no_inertia_together_are_in_the_way(tmp_path: Path) -> None:
+    chain = [BASE, link("a", ""), B, joint("j", "base", "a")]
+    robot = read(tmp_path, *chain, joint("k", "a", "b", '<origin xyz="2 0 0"/>'))
+    assert in_the_way(robot) == [
+        (5, "a motion of the joints 'j', 'k' together moves nothing that has inertia, so they have"
+            " no accelerations"),
+    ]  # fmt: skip
+    across = read(tmp_path, *chain, joint("k", "a", "b", '<axis xyz="0 1 0"/>'))
+    assert in_the_way(across) == []
+
+
+def test_a_root_without_mass_moves_freely_only_with_what_it_carries(tmp_path: Path) -> None:
+    assert in_the_way(read(tmp_path, BASE, A, joint("j", "base", "a"), floating=True)) == [
+        (2, "a motion of the joints 'base', 'j' together moves nothing that has inertia, so they"
+            " have no accelerations"),
+    ]  # fmt: skip
+    welded = joint("j", "base", "a", kind="fixed")
+    assert in_the_way(read(tmp_path, BASE, A, welded, floating=True)) == []
+
+
+def test_tiny_inertias_are_inertias(tmp_path: Path) -> None:
+    tiny = link("b", inertial("1e-12", "1e-20 1e-20 1e-20"))
+    robot = read(tmp_path, BASE, A, joint("j", "base", "a"), tiny,
+                 joint("k", "a", "b", '<origin xyz="5 0 0"/>'))  # fmt: skip
+    assert in_the_way(robot) == []

@@ -1,0 +1,237 @@
+"""What a URDF means: frames, welded links, what is missing, and what is left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from reference.multibody.dynamics import Dynamics
+from tests.robots.files import BODY, inertial, joint, last, link, read, read_text, told, tree_of
+
+THREE = [link("base", ""), link("a"), link("b")]
+
+
+def test_roll_pitch_and_yaw_turn_about_axes_that_stand_still(tmp_path: Path) -> None:
+    origin = '<origin xyz="1 2 3" rpy="0.3 -0.7 1.9"/>'
+    found = last(read(tmp_path, link("base", ""), link("a"), joint("j", "base", "a", origin)))
+    expected = Rotation.from_euler("xyz", [0.3, -0.7, 1.9]).as_matrix()
+    assert found.rotation == pytest.approx(expected, abs=1e-15)
+    assert found.position == pytest.approx([1, 2, 3])
+
+
+def test_the_axes_of_an_inertia_turn_with_its_origin(tmp_path: Path) -> None:
+    turned = inertial("2", "1 2 2.5", origin='<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>')
+    found = last(read(tmp_path, link("base", ""), link("a", turned), joint("j", "base", "a")))
+    assert np.diag(found.inertia) == pytest.approx([2, 1, 2.5])
+    assert found.center == pytest.approx([1, 0, 0])
+
+
+def test_an_axis_is_a_direction_and_x_where_none_is_told(tmp_path: Path) -> None:
+    tree = tree_of(
+        read(
+            tmp_path,
+            *THREE,
+            joint("p", "base", "a", '<axis xyz="0 3e-200 -4e-200"/>', "prismatic"),
+            joint("q", "a", "b"),
+        )
+    )
+    assert tree.links[0].kind == "slide"
+    assert tree.links[0].axis == pytest.approx([0, 0.6, -0.8])
+    assert tree.links[1].axis == pytest.approx([1, 0, 0])
+
+
+RIGHT = '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>'
+
+
+def test_links_on_fixed_joints_are_one_body(tmp_path: Path) -> None:
+    """Two masses of 2 kg, 2 m apart along x: Steiner adds 2 kg m^2 each about y and z."""
+    light = inertial("2", "0.5 0.5 0.5")
+    robot = read(
+        tmp_path,
+        link("base"),
+        link("a", light),
+        link("flange", ""),
+        link("b", light),
+        joint("weld2", "flange", "b", '<origin xyz="0 -1 0"/>', "fixed"),
+        joint("j", "base", "a"),
+        joint("weld1", "a", "flange", RIGHT, "fixed"),
+        link("tool"),
+        joint("k", "b", "tool", '<origin xyz="0 -0.5 0"/>'),
+    )
+    tree = tree_of(robot)
+    assert robot.bodies == (("a", "flange", "b"), ("tool",))
+    assert [part.body for part in robot.parts] == [-1, 0, 0, 0, 1]
+    body = tree.links[0]
+    assert body.mass == 4
+    assert body.center == pytest.approx([1, 0, 0])
+    assert body.inertia == pytest.approx(np.diag([1, 5, 5]))
+    assert tree.links[1].parent == 0
+    assert tree.links[1].position == pytest.approx([2.5, 0, 0])
+
+
+def test_links_come_depth_first_in_the_order_of_the_joints(tmp_path: Path) -> None:
+    names = ["base", "a", "b", "c", "d"]
+    tree = tree_of(
+        read(
+            tmp_path,
+            *(link(name) for name in names),
+            joint("to_d", "b", "d"),
+            joint("to_c", "base", "c"),
+            joint("to_a", "base", "a"),
+            joint("to_b", "a", "b"),
+        )
+    )
+    assert [(one.name, one.parent) for one in tree.links] == [
+        ("to_c", -1), ("to_a", -1), ("to_b", 1), ("to_d", 2)]  # fmt: skip
+
+
+def test_what_is_not_told_is_nothing(tmp_path: Path) -> None:
+    robot = read(tmp_path, link("base", ""), link("a", ""), joint("j", "base", "a"), link("b"),
+                 joint("k", "a", "b", '<origin rpy="0 1 0"/>'))  # fmt: skip
+    carrier, body = tree_of(robot).links
+    assert (carrier.mass, carrier.damping, carrier.stiffness) == (0, 0, 0)
+    assert not carrier.inertia.any()
+    assert not body.position.any()
+    assert robot.left_out == ()
+    plain = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    products = last(read(tmp_path, link("base", ""), link("a", plain), joint("j", "base", "a")))
+    assert products.inertia == pytest.approx(np.eye(3))
+    empty = read(tmp_path, link("base", "<inertial/>"), link("a"), joint("j", "base", "a"))
+    assert tree_of(empty).nv == 1
+
+
+def test_the_world_needs_no_link(tmp_path: Path) -> None:
+    robot = read(tmp_path, link("a"), joint("j", "world", "a"), floating=True)
+    assert [one.name for one in tree_of(robot).links] == ["j"]
+    assert told(robot) == {"a free joint of the world": ("world",)}
+
+
+def test_a_root_moves_freely_where_it_is_asked_for(tmp_path: Path) -> None:
+    lines = [link("base"), link("a"), joint("base", "base", "a")]
+    tree = tree_of(read(tmp_path, *lines, floating=True))
+    assert [(one.name, one.kind, one.mass) for one in tree.links] == [
+        ("base_free", "free", 2), ("base", "hinge", 2)]  # fmt: skip
+    falling = Dynamics(tree).acceleration(tree.zero, np.zeros(7), np.zeros(7))
+    assert falling == pytest.approx([0, 0, 0, 0, 0, -9.81, 0], abs=1e-12)
+    assert tree_of(read(tmp_path, *lines)).nv == 1
+
+
+def test_joints_that_move_more_ways(tmp_path: Path) -> None:
+    damped = '<dynamics damping="3"/>'
+    robot = read(
+        tmp_path,
+        *THREE,
+        joint("f", "base", "a", damped, "floating"),
+        joint("s", "a", "b", damped, "spherical"),
+    )
+    free, ball = tree_of(robot).links
+    assert (free.kind, free.damping, ball.kind, ball.damping) == ("free", 0, "ball", 3)
+    assert told(robot) == {"damping of a floating joint": ("f",)}
+    assert robot.home == pytest.approx([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0])
+    assert np.isinf(robot.limits).all()
+
+
+def test_springs_are_those_of_gazebo(tmp_path: Path) -> None:
+    spring = "<springStiffness>{}</springStiffness><springReference>0.2</springReference>"
+    robot = read(
+        tmp_path,
+        *THREE,
+        joint("j", "base", "a"),
+        joint("s", "a", "b", kind="spherical"),
+        f'<gazebo reference="j">{spring.format(" 7 ")}</gazebo>',
+        f'<gazebo reference="s">{spring.format("7")}</gazebo>',
+        f'<gazebo reference="nobody">{spring.format("7")}</gazebo>',
+    )
+    found = tree_of(robot).links[0]
+    assert (found.stiffness, found.rest) == (7, (0.2,))
+    assert told(robot) == {"spring of no hinge and no slide": ("s", "nobody")}
+
+
+@pytest.mark.parametrize(
+    ("limit", "kind", "bounds", "home"),
+    [
+        ('<limit lower="-1" upper="2"/>', "revolute", (-1, 2), 0),
+        ('<limit lower="-3" upper="-1"/>', "revolute", (-3, -1), -2),
+        ('<limit lower="0.5" upper="inf"/>', "prismatic", (0.5, np.inf), 0.5),
+        ('<limit upper="2"/>', "revolute", (0, 2), 0),
+        ('<limit lower="-1" upper="2"/>', "continuous", (-np.inf, np.inf), 0),
+        ('<limit lower="1" upper="-1"/>', "revolute", (-np.inf, np.inf), 0),
+        ('<limit effort="1" velocity="1"/>', "revolute", (-np.inf, np.inf), 0),
+        ('<limit lower="-1.57." upper="1"/>', "revolute", (-np.inf, np.inf), 0),
+        ("", "revolute", (-np.inf, np.inf), 0),
+    ],
+)
+def test_limits_and_where_a_robot_is_at_home(
+    tmp_path: Path, limit: str, kind: str, bounds: tuple[float, float], home: float
+) -> None:
+    robot = read(tmp_path, link("base", ""), link("a"), joint("j", "base", "a", limit, kind))
+    assert (*robot.limits[0], *robot.limits[1]) == bounds
+    assert robot.home == pytest.approx([home])
+
+
+def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
+    shape = '<collision><geometry><mesh filename="package://a/b.stl"/></geometry></collision>'
+    looks = '<visual><geometry><mesh filename="../../no/where.dae"/></geometry></visual>'
+    limit = '<limit lower="-1" upper="1." effort="3" velocity="0"/>'
+    robot = read(
+        tmp_path,
+        '<material name="white"/>',
+        link("base", shape + shape + looks),
+        link("a", BODY + shape + looks + "<contact/>"),
+        link("b"),
+        joint("j", "base", "a", limit + '<dynamics damping="1" friction="0.2"/>', "revolute"),
+        joint("k", "a", "b", '<mimic joint="j" multiplier="2"/><dynamics friction="0"/>'),
+        '<transmission name="t"><joint name="j"><hardwareInterface/></joint></transmission>',
+        "<gazebo><plugin/></gazebo>",
+        '<gazebo reference="a"><turnGravityOff>true</turnGravityOff><mu1>1</mu1></gazebo>',
+        joint("w", "b", "c", '<axis xyz="0 0 0" rpy="0 0 0"/>', "fixed"),
+        link("c"),
+        "<loop_joint/>",
+    )
+    assert tree_of(robot).nv == 2
+    assert told(robot) == {
+        "dry friction": ("j",),
+        "limits of position": ("j",),
+        "limits of effort": ("j",),
+        "mimic: the joint is free": ("k",),
+        "<transmission>": ("t",),
+        "<loop_joint>": (),
+        "collision geometry": ("base", "a"),
+        "<contact> of <link>": ("a",),
+        "<plugin> of <gazebo>": (),
+        "<turnGravityOff> of <gazebo>": ("a",),
+        "<mu1> of <gazebo>": ("a",),
+        "rpy of <axis>": ("w",),
+    }
+
+
+WHOLE = f'<robot name="r">{link("base", "")}{link("a")}{joint("j", "base", "a")}</robot>'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'\n\n  <?xml version="1.0"?>\n{WHOLE}',
+        f'<?xml version="1.0" encoding="ISO-8859-1"?><!-- é -->{WHOLE}'.encode("latin-1"),
+        f"<!-- é -->{WHOLE}".encode("latin-1"),
+        f'<?xml version="1.0" encoding="utf-16"?>{WHOLE}',
+        f'<?xml version="1.0" encoding="utf-16"?>{WHOLE}'.encode("utf-16"),
+        f"\ufeff{WHOLE}",
+        f"{WHOLE}\n\0",
+        f"<!-- two -- hyphens -->{WHOLE}",
+        WHOLE.replace('<link name="base">', '<link name="base"><xacro:nothing/>'),
+        WHOLE.replace("0 0 -0.5", "0, 0, -0.5"),
+        WHOLE.replace('<mass value="2"/>', '<mass value=" 2 "/><mass value="2"/>'),
+    ],
+)  # fmt: skip
+def test_what_engines_read_over_is_no_reason_to_refuse(tmp_path: Path, text: str | bytes) -> None:
+    found = last(read_text(tmp_path, text))
+    assert (found.mass, *found.center) == (2, 0, 0, -0.5)
+
+
+def test_a_file_with_bytes_of_no_encoding_keeps_its_names_apart(tmp_path: Path) -> None:
+    text = WHOLE.replace('"a"', '"\u00e4"').encode("latin-1")
+    assert read_text(tmp_path, text).bodies == (("\u00e4",),)
