@@ -1,4 +1,4 @@
-"""How much of a folder of URDFs is read: `python -m campaigns.read_robots FOLDER`.
+"""How much of a folder of URDFs is read.
 
 Prints how many have a tree, what is in the way of the others, what is left out, and how many have
 inertias that no body can have.
@@ -6,7 +6,6 @@ inertias that no body can have.
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections import Counter
 from pathlib import Path
@@ -53,14 +52,3 @@ def survey(folder: Path) -> str:
             what for one in found.values() for what in {finding.kind for finding in one})),
         "\n".join(str(one) for robot in refused for one in robot.obstacles),
     ])  # fmt: skip
-
-
-def main() -> None:
-    """Print the tables of the folder that is named."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    print(survey(parser.parse_args().folder))
-
-
-if __name__ == "__main__":
-    main()

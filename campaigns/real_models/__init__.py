@@ -1,0 +1,1 @@
+"""Robots that people have, read and checked."""
