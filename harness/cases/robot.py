@@ -26,9 +26,9 @@ from harness.records.finding import AuditFinding
 from harness.records.outcome import Outcome
 from harness.records.system import Quantity, Scenario, System
 from harness.robots.inertias import impossible
+from harness.robots.named import read_robot
 from harness.robots.robot import LeftOut
 from harness.robots.system import RobotError, robot_system
-from harness.robots.urdf import read_urdf_robot
 from reference.integrate import ReferenceError
 from reference.multibody.tree import WORLD
 from reference.numeric import Array
@@ -44,7 +44,7 @@ STATES = 100
 
 SEED = 1
 
-ALONE: Mapping[str, object] = MappingProxyType({"smooth": True, "mimic": False})
+ALONE: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
 """Settings of every engine: what the equations leave out is left out there too."""
 
 METHOD = "recursion along the tree; Gauss collocation of order 16, checked by DOP853"
@@ -89,7 +89,7 @@ def prepare_robot(file: Path) -> PreparedRobot:
         RobotError, ReferenceError: naming file, line and remedy.
     """
     began = time.perf_counter()
-    robot = read_urdf_robot(file)
+    robot = read_robot(file)
     system = robot_system(robot)
     limits = np.stack(robot.limits, axis=1)
     still = {part.name for part in robot.parts if part.body == WORLD}
@@ -119,7 +119,7 @@ def prepare_robot(file: Path) -> PreparedRobot:
 
 def told(one: LeftOut) -> str:
     """Such as: dry friction (7)."""
-    return f"{one.what} ({one.count})"
+    return one.what if one.count == 1 else f"{one.what} ({one.count})"
 
 
 def _record(file: Path, system: TreeSystem, drawn: Samples, seconds: float) -> System:

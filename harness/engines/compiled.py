@@ -44,6 +44,7 @@ class CompiledBody:
     """A body.
 
     Attributes:
+        name: as in the file; empty for none.
         parent: index of its parent, counted from 1; 0 for the ground.
         at, turn: its frame in its parent's, metres and a unit quaternion (w, x, y, z).
         mass, centre: kg, metres in its frame.
@@ -53,6 +54,7 @@ class CompiledBody:
         ordinary: whether it is moved by forces alone, and weighs what it weighs.
     """
 
+    name: str
     parent: int
     at: Numbers
     turn: Numbers
@@ -71,8 +73,15 @@ class CompiledTree:
     Attributes:
         gravity: m/s^2.
         medium: whether wind, density or viscosity act on the bodies.
+        name: of the model; empty for none.
+        besides: what else the file has that the settings `smooth` and `couplings` leave out, each
+            with its number.
+        uncovered: what else acts on the bodies.
     """
 
     bodies: tuple[CompiledBody, ...]
     gravity: tuple[float, float, float]
     medium: bool
+    name: str = ""
+    besides: tuple[tuple[str, int], ...] = ()
+    uncovered: tuple[str, ...] = ()

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from harness.files.folders import FolderError
+from harness.robots.compiled import read_compiled_robot
+from harness.robots.robot import Robot
+from harness.robots.urdf import read_urdf_robot
 from harness.text.visible import odd_name, visible
 
-FORMATS = (".urdf",)
+FORMATS = (".urdf", ".xml")
 """Endings of the files that are read as robots."""
 
 
@@ -34,3 +37,8 @@ def robot_files(names: Sequence[str]) -> tuple[list[Path], list[str]]:
         if path not in files:
             files.append(path)
     return files, others
+
+
+def read_robot(file: Path) -> Robot:
+    """A robot's file, by its ending."""
+    return read_urdf_robot(file) if file.suffix == ".urdf" else read_compiled_robot(file)

@@ -116,10 +116,10 @@ def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
 
 
 def test_a_file_of_another_format_is_refused_with_the_remedy(tmp_path: Path) -> None:
-    (tmp_path / "arm.xml").write_text("<mujoco/>")
-    done = crosscheck(tmp_path, "arm.xml")
+    (tmp_path / "arm.py").write_text("")
+    done = crosscheck(tmp_path, "arm.py")
     assert done.returncode == 2
-    assert "arm.xml: of files alone, .urdf are read; make a folder of it" in done.stderr
+    assert "arm.py: of files alone, .urdf and .xml are read; make a folder of it" in done.stderr
     assert "Traceback" not in done.stderr
 
 

@@ -18,6 +18,7 @@ from harness.engines.mistake import LeftOut
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, refusal, sources
 from harness.engines.mujoco.poses import Poses
 from harness.engines.mujoco.remarks import model_remarks
+from harness.engines.mujoco.smooth import switch_off
 from harness.engines.mujoco.tree import compiled_tree
 from harness.engines.mujoco.warnings import Warnings
 from harness.engines.protocol import (
@@ -197,7 +198,7 @@ def _spring_terms(value: float) -> Any:
 def _changes(spec: ModelSpec) -> list[Change]:
     """What settings change in a URDF before it is loaded."""
     found: list[Change] = [without_shapes] if _is_on(spec, "smooth", otherwise=False) else []
-    return found if _is_on(spec, "mimic", otherwise=True) else [*found, without_mimics]
+    return found if _is_on(spec, "couplings", otherwise=True) else [*found, without_mimics]
 
 
 def _is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:
@@ -213,19 +214,10 @@ def _is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:
     return value
 
 
-def _switched_off() -> int:
-    """What the setting `smooth` leaves out."""
-    import mujoco
-
-    names = ("CONTACT", "LIMIT", "FRICTIONLOSS", "ACTUATION")
-    return sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in names)
-
-
 def _apply_settings(tree: Any, spec: ModelSpec) -> None:
     settings = dict(spec.settings)
-    settings.pop("mimic", None)
-    if settings.pop("smooth", False):
-        tree.option.disableflags |= _switched_off()
+    smooth, coupled = settings.pop("smooth", False), settings.pop("couplings", True)
+    switch_off(tree, smooth=bool(smooth), coupled=bool(coupled))
     if "step" in settings:
         tree.option.timestep = settings.pop("step")
     if "gravity" in settings:
@@ -257,7 +249,7 @@ class MujocoModel(Model):
 
         self.model, self._spec, self._sources, self._warnings = model, spec, found, warnings
         # In the order of qpos.
-        self.coordinates = tuple(model.joint(i).name for i in range(model.njnt))
+        self.coordinates = tuple(model.joint(i).name or f"joint_{i}" for i in range(model.njnt))
         # The step is read now: every rollout sets another.
         self.step = float(model.opt.timestep)
         name: str = mujoco.mjtIntegrator(model.opt.integrator).name

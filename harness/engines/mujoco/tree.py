@@ -9,6 +9,7 @@ import numpy as np
 
 from harness.engines.compiled import CompiledBody, CompiledJoint, CompiledTree, Numbers
 from harness.engines.mujoco.mjcf import refusal, sources
+from harness.engines.mujoco.smooth import besides, uncovered
 from harness.engines.mujoco.warnings import Warnings
 
 
@@ -23,7 +24,8 @@ def compiled_tree(path: Path) -> CompiledTree:
     found = sources(path)
     try:
         with Warnings().heard():
-            m: Any = mujoco.MjSpec.from_file(str(path)).compile()
+            tree: Any = mujoco.MjSpec.from_file(str(path))
+            m: Any = tree.compile()
     except Exception as error:
         raise refusal(error, path, found) from None
     x, y, z = map(float, m.opt.gravity)
@@ -31,12 +33,16 @@ def compiled_tree(path: Path) -> CompiledTree:
         bodies=tuple(_body(m, i) for i in range(1, m.nbody)),
         gravity=(x, y, z),
         medium=bool(m.opt.wind.any() or m.opt.density or m.opt.viscosity),
+        name=tree.modelname,
+        besides=besides(m),
+        uncovered=uncovered(m),
     )
 
 
 def _body(m: Any, i: int) -> CompiledBody:
     first, count = int(m.body_jntadr[i]), int(m.body_jntnum[i])
     return CompiledBody(
+        name=m.body(i).name,
         parent=int(m.body_parentid[i]),
         at=_numbers(m.body_pos[i]),
         turn=_numbers(m.body_quat[i]),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -29,11 +30,16 @@ class Warnings:
 
     @contextmanager
     def heard(self) -> Iterator[None]:
-        """Take all that MuJoCo warns of meanwhile."""
+        """Take all that MuJoCo warns of meanwhile, in its own way or in Python's."""
         import mujoco
 
         mujoco.set_mju_user_warning(self)
         try:
-            yield
+            # As it reads a file it warns in Python's: an error where a user has made them errors.
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                yield
         finally:
             mujoco.set_mju_user_warning(None)
+            for one in told:
+                self(str(one.message))

@@ -72,13 +72,13 @@ _DEFAULTS: Mapping[str, float | bool] = {
     # Whether contacts and joint limits are left out.
     "smooth": False,
     # Whether joints follow those that they mimic.
-    "mimic": True,
+    "couplings": True,
 }
 _REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
     ("exact_axes", True, exact_axes),
     ("smooth", True, without_shapes),
     ("smooth", True, without_limits),
-    ("mimic", False, without_mimics),
+    ("couplings", False, without_mimics),
 )
 """What settings change in the file that PyBullet loads, and at which value."""
 
@@ -205,7 +205,7 @@ class PybulletModel(Model):
         check_inertias(self.path, self._body, self._joints, robot if own else None)
         self._free_links()
         self._springs = [self._resolve(spring) for spring in springs]
-        followed = mimics(robot, spec.path) if self._setting("mimic") else []
+        followed = mimics(robot, spec.path) if self._setting("couplings") else []
         self._gears = [self._gear(mimic) for mimic in followed]
 
     def _load_file(self) -> int:
