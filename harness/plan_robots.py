@@ -30,12 +30,12 @@ class RobotPlan:
     def file(self, file: Path) -> Job[PreparedRobot]:
         """Prepare a file, then run it."""
         one = _stand_in(file)
-        self._found.expect(str(file.parent), [one])
+        self._found.expect(str(file), [one])
         failed = partial(self._unprepared, file, one)
         return Job(task=Task(prepare_robot, file), done=partial(self._engines, one), failed=failed)
 
     def _unprepared(self, file: Path, one: CaseId, failure: Failure) -> Jobs:
-        self._found.add(failed_case(one, str(file.parent), failure))
+        self._found.add(failed_case(one, str(file), failure))
         return ()
 
     def _engines(self, one: CaseId, prepared: PreparedRobot) -> Iterator[Job[Case]]:
@@ -48,12 +48,12 @@ class RobotPlan:
             if not self._options.engines or engine.name in self._options.engines
         ]
         ids = [_id(prepared, engine) for engine in wanted]
-        self._found.left.pop((str(file.parent), one), None)
-        self._found.expect(str(file.parent), ids)
+        self._found.left.pop((str(file), one), None)
+        self._found.expect(str(file), ids)
         for engine, case in zip(wanted, ids, strict=True):
             if engine.version() is None:
                 why = Hurdle(Outcome.ABSENT, f"{engine.name} is not installed")
-                self._found.add(barred_case(case, str(file.parent), why))
+                self._found.add(barred_case(case, str(file), why))
                 continue
             model = _model(prepared, engine)
             self._found.models[model.key] = model
@@ -68,7 +68,7 @@ class RobotPlan:
         return ()
 
     def _failed(self, case: CaseId, file: Path, failure: Failure) -> Jobs:
-        return self._done(failed_case(case, str(file.parent), failure))
+        return self._done(failed_case(case, str(file), failure))
 
 
 def _stand_in(file: Path) -> CaseId:
@@ -89,7 +89,7 @@ def _model(prepared: PreparedRobot, engine: Engine) -> Model:
         system=prepared.record.name,
         model=prepared.file.name,
         engine=engine.name,
-        folder=str(prepared.file.parent),
+        folder=str(prepared.file),
         text=text,
         sidecar="",
         audit=prepared.findings,

@@ -70,8 +70,8 @@ def run(
         alone = RobotPlan(options, found)
         jobs: list[Job[Any]] = [*map(plan.folder, folders), *map(alone.file, robots)]
         work(jobs, workers, stop)
-    places = (*folders, *(file.parent for file in robots))
-    order = {str(place): i for i, place in reversed([*enumerate(places)])}
+    places = (*folders, *robots)
+    order = {str(place): i for i, place in enumerate(places)}
     cases = mark_known(_sorted_cases(found, order), found.measured, before)
     models = mark_models(found.models.values(), {} if before is None else before.systems)
     results = Results(

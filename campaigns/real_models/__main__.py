@@ -23,7 +23,7 @@ def moving(folder: Path) -> list[Path]:
 
 def line(case: Case) -> str:
     """Such as: AGREES mujoco kuka_iiwa/model.urdf E 8.3e-13 U 2.6e-10."""
-    where = f"{case.outcome:<10} {case.engine:<9} {case.folder}/{case.model}"
+    where = f"{case.outcome:<10} {case.engine:<9} {case.folder}"
     if case.verdict is None or case.reason:
         return f"{where}: {case.reason}"
     found = case.verdict

@@ -44,7 +44,9 @@ def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
 
 def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
     """A case, or what stands for the cases of a model or a folder, that could not be run."""
-    reason = failure.about(Path(folder) / one.model)
+    # A robot's file alone stands for its folder.
+    place = Path(folder)
+    reason = failure.about(place if place.name == one.model else place / one.model)
     return _case(one, folder, Outcome.FAILED, reason, failure.stdout)
 
 

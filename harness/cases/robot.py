@@ -130,7 +130,7 @@ def _record(file: Path, system: TreeSystem, drawn: Samples, seconds: float) -> S
     count = len(drawn.start)
     return System(
         name=system.name,
-        folder=str(file.parent),
+        folder=str(file),
         title=system.title,
         source=system.source,
         kind="autonomous",
@@ -212,7 +212,7 @@ def run_robot(task: RobotTask) -> Case:
         model=task.file.name,
         scenario=SCENARIO,
         engine=task.engine,
-        folder=str(task.file.parent),
+        folder=str(task.file),
         outcome=verdict.outcome,
         reason=verdict.reason,
         verdict=verdict_record(verdict, found, claimed),

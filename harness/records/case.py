@@ -251,7 +251,7 @@ class Case(Record, frozen=True, kw_only=True):
 
     Attributes:
         system, model, scenario, engine: its name, as in `CaseId`.
-        folder: of the system.
+        folder: of the system; of a robot checked alone its file.
         outcome: what became of it.
         reason: a sentence for whatever is not AGREES, and for what AGREES with a reservation.
         accepted: the reason for which a known difference is accepted; empty where none is.

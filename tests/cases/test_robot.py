@@ -115,6 +115,19 @@ def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "index.html").is_file()
 
 
+def test_two_files_of_one_folder_are_two_systems_of_the_report(tmp_path: Path) -> None:
+    for name in ("cartpole", "pendulum5"):
+        (tmp_path / f"{name}.urdf").write_text((DATA / f"{name}.urdf").read_text())
+    done = crosscheck(tmp_path, "pendulum5.urdf", "cartpole.urdf", "--engine", ENGINES[0])
+    assert done.returncode == 0, done.stdout + done.stderr
+    results = read_results(tmp_path / "out" / "results.json")
+    assert [system.name for system in results.systems] == ["pendulum", "physics"]
+    assert [case.model for case in results.cases] == ["pendulum5.urdf", "cartpole.urdf"]
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert 'href="#system-pendulum"' in page
+    assert 'href="#system-physics"' in page
+
+
 def test_a_file_of_another_format_is_refused_with_the_remedy(tmp_path: Path) -> None:
     (tmp_path / "arm.py").write_text("")
     done = crosscheck(tmp_path, "arm.py")
