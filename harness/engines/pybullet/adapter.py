@@ -29,13 +29,13 @@ from harness.engines.pybullet.inertias import (
     axes_cause,
     axes_remarks,
     check_inertias,
-    exact_axes,
     held_inertias,
     lost_inertias,
 )
 from harness.engines.pybullet.poses import link_places, link_poses
 from harness.engines.pybullet.printed import printed
 from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
+from harness.engines.pybullet.settings import DEFAULTS, REWRITTEN, UNDONE, check_settings
 from harness.engines.remark import Remark
 from harness.engines.source import engine_errors, folded
 from harness.engines.urdf import (
@@ -47,40 +47,7 @@ from harness.engines.urdf import (
     read_urdf,
     sample_urdf,
 )
-from harness.engines.urdf_copy import (
-    Change,
-    rewritten,
-    without_limits,
-    without_mimics,
-    without_shapes,
-)
-
-_REQUIRED = ("step", "gravity")
-_UNDONE: Mapping[str, float | bool] = {
-    # Linear and angular damping of every link; PyBullet's own is 0.04.
-    "link_damping": 0.0,
-    # Whether every joint keeps its velocity motor, which holds it; PyBullet's own is true.
-    "motors": False,
-    # Whether inertias are those of the file, not of its collision shapes; PyBullet's own is false.
-    "inertia_from_file": True,
-}
-_DEFAULTS: Mapping[str, float | bool] = {
-    **_UNDONE,
-    # Whether tensors with products are turned to principal axes by the adapter, to the last digits,
-    # and not by PyBullet.
-    "exact_axes": False,
-    # Whether contacts and joint limits are left out.
-    "smooth": False,
-    # Whether joints follow those that they mimic.
-    "couplings": True,
-}
-_REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
-    ("exact_axes", True, exact_axes),
-    ("smooth", True, without_shapes),
-    ("smooth", True, without_limits),
-    ("couplings", False, without_mimics),
-)
-"""What settings change in the file that PyBullet loads, and at which value."""
+from harness.engines.urdf_copy import rewritten
 
 _client: int | None = None
 _loaded: object = None
@@ -129,16 +96,7 @@ class PybulletEngine(Engine):
     def load(self, spec: ModelSpec) -> PybulletModel:
         """Load a URDF into this process's physics server."""
         robot = read_urdf(spec.path)
-        unknown = set(spec.settings) - {*_REQUIRED, *_DEFAULTS}
-        if unknown:
-            raise EngineError(f"{spec.path}.toml: PyBullet has no setting {', '.join(unknown)}")
-        _check_types(spec)
-        for key in _REQUIRED:
-            if key not in spec.settings:
-                raise EngineError(
-                    f"{spec.path}.toml: [settings] must state {key}: a URDF has none, and"
-                    f" PyBullet's own are {self.unstated}"
-                )
+        check_settings(spec, self.unstated)
         springs = [
             Spring({joint: 1.0}, stiffness, 0.0, rest)
             for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
@@ -157,15 +115,6 @@ class PybulletEngine(Engine):
     def samples(self) -> tuple[Sample, ...]:
         """A URDF."""
         return (sample_urdf(),)
-
-
-def _check_types(spec: ModelSpec) -> None:
-    for key, default in _DEFAULTS.items():
-        value = spec.settings.get(key, default)
-        wanted = (bool,) if isinstance(default, bool) else (int, float)
-        if not isinstance(value, wanted) or isinstance(value, bool) != isinstance(default, bool):
-            kind = "true or false belongs" if isinstance(default, bool) else "a number belongs"
-            raise EngineError(f"{spec.path}.toml: [settings] {key} is {value!r}, where {kind}")
 
 
 class PybulletModel(Model):
@@ -216,7 +165,7 @@ class PybulletModel(Model):
         flags = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
         # What is to be seen moves nothing, and is nineteen twentieths of the time to load.
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
-        changes = [change for key, on, change in _REWRITTEN if self._setting(key) == on]
+        changes = [change for key, on, change in REWRITTEN if self._setting(key) == on]
         try:
             with rewritten(robot, spec.path, changes) as path, printed() as said:
                 return int(p.loadURDF(str(path), useFixedBase=1, flags=flags))
@@ -225,7 +174,7 @@ class PybulletModel(Model):
             raise EngineError(f"{self.path}: PyBullet can't load it: {reason}") from None
 
     def _setting(self, key: str) -> float | bool:
-        value = self._declared[0].settings.get(key, _DEFAULTS[key])
+        value = self._declared[0].settings.get(key, DEFAULTS[key])
         assert isinstance(value, (int, float))  # checked on loading
         return value
 
@@ -233,12 +182,12 @@ class PybulletModel(Model):
     def remedies(self) -> dict[str, Mapping[str, object]]:
         """What PyBullet adds on its own and the settings let stand, with what undoes it."""
         found: dict[str, Mapping[str, object]] = {
-            CAUSES[key]: {key: _UNDONE[key]} for key in self._left_on()
+            CAUSES[key]: {key: UNDONE[key]} for key in self._left_on()
         }
         return {**found, axes_cause(self._lost): EXACT} if self._lost else found
 
     def _left_on(self) -> list[str]:
-        return [key for key, default in _UNDONE.items() if self._setting(key) != default]
+        return [key for key, default in UNDONE.items() if self._setting(key) != default]
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the URDF says in vain, and what is switched off, or is not."""
