@@ -6,6 +6,8 @@ Stops, full disks and deaths of workers are brought about within the process in 
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from soak.faults.__main__ import every, undisturbed
@@ -39,7 +41,13 @@ def test_there_are_faults_of_every_kind() -> None:
 def test_a_process_that_is_left_behind_is_seen() -> None:
     with scene(folders=1) as one:
         process = one.start(["sleep", "60"])
-        assert one.processes() == [process.pid]
+        # A moment passes before the system shows a new process's environment.
+        for _ in range(200):
+            if seen := one.processes():
+                break
+            time.sleep(0.05)
+        process.kill()
+        assert seen == [process.pid]
         one.end()
         process.communicate()
         assert one.processes() == []
