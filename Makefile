@@ -9,7 +9,7 @@ report: .venv/.report
 	$(BIN)/crosscheck run --out reports
 
 test: check
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder tests --crosscheck models --require-engines
+	$(BIN)/python -m pytest -n 2 --dist loadfile tests --crosscheck models --require-engines
 
 check: .venv/.test
 	$(BIN)/ruff check .

@@ -10,8 +10,6 @@ import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import pytest
-
 if TYPE_CHECKING:
     from harness.records.case import Case, FullRun, Verdict
 
@@ -21,23 +19,6 @@ pytest_plugins = ["pytest_crosscheck"]
 # A shell's background job ignores Ctrl-C, and so would every run that is started to be stopped.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-LONGEST = (
-    "tests/installed/", "tests/faults/test_real_engines", "tests/engines/test_random_linear",
-    "tests/mutation/", "tests/scaffold/", "tests/soak/", "tests/compare/", "tests/cli/",
-)  # fmt: skip
-"""Begun first, so that no processor waits for another at the end (`--no-loadscope-reorder`)."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Order by where the long ones are; else as collected."""
-
-    def place(item: pytest.Item) -> int:
-        at = item.nodeid
-        return next((i for i, path in enumerate(LONGEST) if at.startswith(path)), len(LONGEST))
-
-    items.sort(key=place)
-
 
 BAR = 1e-10
 

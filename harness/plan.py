@@ -263,12 +263,12 @@ def model_record(prepared: Prepared, sidecar: Sidecar, engine: str) -> Model:
         model=sidecar.model.name,
         engine=engine,
         folder=str(prepared.folder),
-        text=_text(sidecar.model),
-        sidecar=_text(beside),
+        text=text_of(sidecar.model),
+        sidecar=text_of(beside),
     )
 
 
-def _text(path: Path) -> str:
+def text_of(path: Path) -> str:
     """A file's text; of one that has gone meanwhile none, and its cases say so."""
     try:
         return read_regular(path).decode("utf-8", errors="replace")

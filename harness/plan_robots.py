@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from harness.cases.not_run import Hurdle, barred_case, failed_case
+from harness.cases.not_run import absent, barred_case, failed_case
 from harness.cases.robot import SCENARIO, PreparedRobot, prepare_robot, run_robot
 from harness.collected import Collected, Jobs
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers
-from harness.files.reading import read_regular
-from harness.plan import Options
+from harness.plan import Options, text_of
 from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage
 from harness.records.model import Model
-from harness.records.outcome import Outcome
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
 
@@ -31,12 +30,8 @@ class RobotPlan:
         """Prepare a file, then run it."""
         one = _stand_in(file)
         self._found.expect(str(file), [one])
-        failed = partial(self._unprepared, file, one)
+        failed = partial(self._failed, one, file)
         return Job(task=Task(prepare_robot, file), done=partial(self._engines, one), failed=failed)
-
-    def _unprepared(self, file: Path, one: CaseId, failure: Failure) -> Jobs:
-        self._found.add(failed_case(one, str(file), failure))
-        return ()
 
     def _engines(self, one: CaseId, prepared: PreparedRobot) -> Iterator[Job[Case]]:
         """The file in every engine that reads its format, or in those that are wanted."""
@@ -51,8 +46,7 @@ class RobotPlan:
         self._found.left.pop((str(file), one), None)
         self._found.expect(str(file), ids)
         for engine, case in zip(wanted, ids, strict=True):
-            if engine.version() is None:
-                why = Hurdle(Outcome.ABSENT, f"{engine.name} is not installed")
+            if why := absent(engine):
                 self._found.add(barred_case(case, str(file), why))
                 continue
             model = _model(prepared, engine)
@@ -68,7 +62,8 @@ class RobotPlan:
         return ()
 
     def _failed(self, case: CaseId, file: Path, failure: Failure) -> Jobs:
-        return self._done(failed_case(case, str(file), failure))
+        told = replace(failure, reason=failure.about(file))
+        return self._done(failed_case(case, str(file), told))
 
 
 def _stand_in(file: Path) -> CaseId:
@@ -81,16 +76,12 @@ def _id(prepared: PreparedRobot, engine: Engine) -> CaseId:
 
 
 def _model(prepared: PreparedRobot, engine: Engine) -> Model:
-    try:
-        text = read_regular(prepared.file).decode("utf-8", errors="replace")
-    except OSError:
-        text = ""
     return Model(
         system=prepared.record.name,
         model=prepared.file.name,
         engine=engine.name,
         folder=str(prepared.file),
-        text=text,
+        text=text_of(prepared.file),
         sidecar="",
         audit=prepared.findings,
         coverage=Coverage(left_out=prepared.left_out),

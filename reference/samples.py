@@ -6,7 +6,8 @@ start anywhere within the limits, each under forces of its own that are held.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,6 +57,23 @@ class Samples:
     bound: Array
     fastest: float
 
+    @property
+    def t(self) -> Array:
+        """Start times, (K,): none, since no motion joins the segments."""
+        return np.full(len(self.start), np.nan)
+
+    def ordered(self, order: Sequence[int]) -> Samples:
+        """The same with the coordinates in another order."""
+        n = len(order)
+        both = [*order, *(n + i for i in order)]
+        return replace(
+            self,
+            start=self.start[:, both],
+            forces=self.forces[:, list(order)],
+            end=self.end[:, both],
+            bound=self.bound[both],
+        )
+
 
 def samples(equations: TreeEquations, limits: Array, home: Array, count: int, seed: int) -> Samples:
     """Draw states and forces, and solve.
@@ -76,12 +94,11 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     extent = np.minimum((reach[:, 1] - reach[:, 0]) / 2, REACH)
     none, still = np.zeros((count, n)), np.zeros((count, 1))
     unpushed = np.zeros((count, equations.pushes.shape[1]))
-    _check_masses(equations, q)
+    mass = _masses(equations, q)
     rest = np.concatenate([q, none], axis=1)
     rate = max(_fastest(equations, rest, unpushed), SLOWEST)
     v = rng.uniform(-1, 1, (count, n)) * extent * rate
     wanted = rng.uniform(-1, 1, (count, n)) * extent * rate**2
-    mass = equations.numeric_mass(q, v, unpushed, still).reshape(count, n, n)
     own = equations.numeric_acceleration(q, v, unpushed, still)
     forces = np.einsum("kij,kj->ki", mass, wanted - own)
     start = np.concatenate([q, v], axis=1)
@@ -120,8 +137,8 @@ def within(limits: Array, home: Array) -> Array:
     return found
 
 
-def _check_masses(equations: TreeEquations, q: Array) -> None:
-    """Refuse a tree some joint of which moves nothing that has mass.
+def _masses(equations: TreeEquations, q: Array) -> Array:
+    """Mass matrices, (K, n, n), of a tree every joint of which moves something that has mass.
 
     Raises:
         ReferenceError: naming the joint.
@@ -144,6 +161,7 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
             f"joint {name!r} moves nothing that has mass or inertia, or less than nothing: the mass"
             " matrix is not positive definite"
         )
+    return mass
 
 
 def _fastest(equations: TreeEquations, states: Array, inputs: Array) -> float:

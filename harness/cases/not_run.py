@@ -29,11 +29,18 @@ def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle |
         return Hurdle(
             Outcome.FAILED, f"{sidecar.model}.toml: no engine {name!r} is known; known are {names}"
         )
-    if engine.version() is None:
-        return Hurdle(Outcome.ABSENT, f"{name} is not installed")
+    if why := absent(engine):
+        return why
     if sidecar.model.suffix not in engine.formats:
         reads = ", ".join(engine.formats)
         return Hurdle(Outcome.FAILED, f"{sidecar.model}: {name} reads {reads} files alone")
+    return None
+
+
+def absent(engine: Engine) -> Hurdle | None:
+    """That an engine is not installed; None where it is."""
+    if engine.version() is None:
+        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed")
     return None
 
 
@@ -44,9 +51,7 @@ def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
 
 def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
     """A case, or what stands for the cases of a model or a folder, that could not be run."""
-    # A robot's file alone stands for its folder.
-    place = Path(folder)
-    reason = failure.about(place if place.name == one.model else place / one.model)
+    reason = failure.about(Path(folder) / one.model)
     return _case(one, folder, Outcome.FAILED, reason, failure.stdout)
 
 

@@ -4,40 +4,34 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-import sympy as sp
 
 from harness.cases.case_record import verdict_record
-from harness.cases.verdict import Verdict, filled
+from harness.cases.system_record import quantities
+from harness.cases.verdict import filled, judge
 from harness.engines.protocol import EngineError, Model, ModelSpec
 from harness.engines.registry import engines
-from harness.numerics import judgement
 from harness.numerics.coordinates import identity
-from harness.numerics.judgement import Judgement, Obstacle, obstacle
-from harness.numerics.ladder import EPSILON
-from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate, held
+from harness.numerics.segments import Batch, BlownUpError, extrapolate, held
 from harness.records.base import SourceLine, number
 from harness.records.case import Case
 from harness.records.finding import AuditFinding
-from harness.records.outcome import Outcome
-from harness.records.system import Quantity, Scenario, System
+from harness.records.system import Scenario, System
 from harness.robots.inertias import impossible
 from harness.robots.named import read_robot
 from harness.robots.robot import LeftOut
 from harness.robots.system import RobotError, robot_system
 from reference.integrate import ReferenceError
 from reference.multibody.tree import WORLD
-from reference.numeric import Array
 from reference.samples import Samples, samples
 from reference.trees import TreeEquations, TreeSystem
 
 SCENARIO = "states"
 """What stands for the scenario of a file that declares none."""
-
 
 STATES = 100
 """Segments of a check: each number of a robot has a say in nearly all of them."""
@@ -107,7 +101,7 @@ def prepare_robot(file: Path) -> PreparedRobot:
             AuditFinding(
                 kind="inertia",
                 message=f"{one.sentence}; {one.remedy}",
-                where=SourceLine(file=str(one.file), line=one.line),
+                where=SourceLine(file=str(one.file), line=one.line or None),
                 expected=None,
                 found=None,
                 severity="note" if one.link in still else "finding",
@@ -123,10 +117,6 @@ def told(one: LeftOut) -> str:
 
 
 def _record(file: Path, system: TreeSystem, drawn: Samples, seconds: float) -> System:
-    coordinates = (
-        Quantity(name=c.name, unit=c.unit, description=c.description, latex=sp.latex(c.q))
-        for c in system.coordinates
-    )
     count = len(drawn.start)
     return System(
         name=system.name,
@@ -134,7 +124,7 @@ def _record(file: Path, system: TreeSystem, drawn: Samples, seconds: float) -> S
         title=system.title,
         source=system.source,
         kind="autonomous",
-        coordinates=tuple(coordinates),
+        coordinates=quantities(system.coordinates),
         constants=(),
         inputs=(),
         outputs=(),
@@ -165,7 +155,6 @@ class RobotTask:
         names: of the coordinates, in the samples' order.
         samples: states, and where the equations take them.
         resolution: that is asked.
-        settings: of the engine, beside that it leaves out what is not smooth.
     """
 
     file: Path
@@ -174,7 +163,6 @@ class RobotTask:
     names: tuple[str, ...]
     samples: Samples
     resolution: float
-    settings: Mapping[str, object] = field(default_factory=dict)
 
 
 def run_robot(task: RobotTask) -> Case:
@@ -185,28 +173,27 @@ def run_robot(task: RobotTask) -> Case:
     """
     began = time.perf_counter()
     engine = engines()[task.engine]
-    settings = {**engine.settings_for(task.file.suffix), **task.settings, **ALONE}
+    settings = {**engine.settings_for(task.file.suffix), **ALONE}
     model = engine.load(ModelSpec(path=task.file, settings=settings, springs=()))
-    order = _order(task, model)
-    start, end = (_ordered(part, order) for part in (task.samples.start, task.samples.end))
-    scale = filled(np.max(np.abs(end - start), axis=0))
-    count = len(start)
+    drawn = task.samples.ordered(_order(task, model))
+    count, n = drawn.forces.shape
+    scale = filled(np.max(np.abs(drawn.end - drawn.start), axis=0))
     batch = Batch(
-        states=start,
-        lengths=np.full(count, task.samples.length),
-        inputs=held(task.samples.forces[:, order]),
+        states=drawn.start,
+        lengths=np.full(count, drawn.length),
+        inputs=held(drawn.forces),
         varying=False,
         scale=scale,
-        ends=end,
+        ends=drawn.end,
     )
-    same = replace(identity(len(order)), push_matrix=np.eye(len(order)))
+    same = replace(identity(n), push_matrix=np.eye(n))
     try:
         found = extrapolate(model, same, batch, resolution=task.resolution)
     except BlownUpError as error:
         raise BlownUpError(f"{task.file}: {error}") from None
     claimed = model.exponents(False)[0]
-    bound = _ordered(task.samples.bound[None], order)[0]
-    verdict = judge(found, end, bound, scale, model.coordinates, claimed, task.resolution)
+    components = (*model.coordinates, *(f"{name}_dot" for name in model.coordinates))
+    verdict = judge(found.limit, drawn, scale, components, claimed, task.resolution)
     return Case(
         system=task.robot,
         model=task.file.name,
@@ -217,74 +204,6 @@ def run_robot(task: RobotTask) -> Case:
         reason=verdict.reason,
         verdict=verdict_record(verdict, found, claimed),
         seconds=time.perf_counter() - began,
-    )
-
-
-def judge(
-    found: Extrapolated,
-    end: Array,
-    bound: Array,
-    scale: Array,
-    names: tuple[str, ...],
-    claimed: int,
-    resolution: float,
-) -> Verdict:
-    """Judge extrapolated segments from states that no motion joins.
-
-    Args:
-        end, bound: where the equations take them, (K, 2n), and its error, (2n,).
-        scale: what counts as one, (2n,).
-        names: of the coordinates, n.
-        claimed: the engine's order.
-    """
-    limit = found.limit
-    defect = np.abs(limit.value - end) / scale
-    uncertainty = np.maximum((limit.uncertainty + bound) / scale, EPSILON)
-    seen = judgement.judge(defect, uncertainty, resolution, obstacle(limit))
-    components = (*names, *(f"{name}_dot" for name in names))
-    component = components[seen.component]
-    return Verdict(
-        outcome=seen.outcome,
-        discrepancy=seen.discrepancy,
-        uncertainty=seen.uncertainty,
-        largest_discrepancy=seen.largest_discrepancy,
-        largest_uncertainty=seen.largest_uncertainty,
-        component=component,
-        time=float("nan"),
-        order=limit.order,
-        map_residual=float("nan"),
-        map_uncertainty=float("nan"),
-        reason=_reason(seen, limit.order, component, claimed, resolution),
-    )
-
-
-def _reason(seen: Judgement, order: float, component: str, claimed: int, resolution: float) -> str:
-    where = f"the segment from state {seen.segment + 1}"
-    if seen.outcome is Outcome.DIFFERS:
-        return (
-            f"{component} ends {where} {seen.discrepancy:.2e} of its movement off; the uncertainty"
-            f" there is {seen.uncertainty:.1e}"
-        )
-    if seen.below_resolution:
-        return (
-            f"{component} differs at {seen.discrepancy:.0e}, below the resolution asked,"
-            f" {resolution:.0e} ({where}, uncertainty {seen.uncertainty:.0e})"
-        )
-    match seen.obstacle:
-        case None:
-            return ""
-        case Obstacle.STANDS_STILL:
-            return "every rung returned the same values: the engine did not step"
-        case Obstacle.WRONG_ORDER:
-            return (
-                f"the exponents don't hold: the rungs fall with order {order:.2f}, the engine"
-                f" claims {claimed}; no digit of the limit can be trusted"
-            )
-        case Obstacle.DIVERGES | Obstacle.DIVERGES_HERE:
-            return f"the ladder diverges in {where}: the limits of finer rungs do not converge"
-    return (
-        f"the limit of {component} is known to {seen.uncertainty:.1e} at best, in {where}, where"
-        f" {resolution:.0e} was asked: the motion is not smooth there, or the step too coarse"
     )
 
 
@@ -302,10 +221,3 @@ def _order(task: RobotTask, model: Model) -> list[int]:
         told = " and ".join(parts) or "two of its joints have one name"
         raise EngineError(f"{task.file}: {task.engine} makes other joints of it: {told}")
     return [task.names.index(name) for name in model.coordinates]
-
-
-def _ordered(states: Array, order: list[int]) -> Array:
-    """States (K, 2n) with their coordinates in another order."""
-    n = len(order)
-    found: Array = states[:, [*order, *(n + i for i in order)]]
-    return found

@@ -7,6 +7,7 @@ uncertainty is that of the extrapolation, its rounding and the reference.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -78,9 +79,25 @@ def component_scale(motion: Motion, others: list[Motion]) -> Array:
     return filled(np.maximum(motion.movement, FLOOR * reach))
 
 
+class Reference(Protocol):
+    """Where the equations take K segments: a motion's, or states that no motion joins."""
+
+    @property
+    def t(self) -> Array:
+        """Start times, (K,); nan where no motion joins them."""
+
+    @property
+    def end(self) -> Array:
+        """States at the segments' ends, (K, 2n)."""
+
+    @property
+    def bound(self) -> Array:
+        """Of the error of `end`, per component, (2n,)."""
+
+
 def judge(
     limit: Limit,
-    motion: Motion,
+    motion: Reference,
     scale: Array,
     names: tuple[str, ...],
     claimed: int,
@@ -95,17 +112,18 @@ def judge(
     uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
     found = judgement.judge(defect, uncertainty, resolution, obstacle(limit))
     time, component = float(motion.t[found.segment]), names[found.component]
+    place = f"t = {time:.4g} s" if np.isfinite(time) else f"state {found.segment + 1}"
     reason = ""
     if found.outcome is Outcome.DIFFERS:
         reason = (
-            f"{component} ends the segment at t = {time:.4g} s"
+            f"{component} ends the segment at {place}"
             f" {found.discrepancy:.2e} of its movement off; the uncertainty there is"
             f" {found.uncertainty:.1e}"
         )
     elif found.below_resolution:
-        reason = _below(component, time, found, resolution)
+        reason = _below(component, place, found, resolution)
     elif found.obstacle is not None:
-        reason = _unresolved(found, limit, time, component, claimed, resolution)
+        reason = _unresolved(found, limit, place, component, claimed, resolution)
     return Verdict(
         outcome=found.outcome,
         discrepancy=found.discrepancy,
@@ -159,7 +177,7 @@ def with_residual(
             " asked: its constraint gives way to every step in another way"
         )
     elif found.below_resolution:
-        told = _below(f"engine coordinate {component}", time, found, resolution)
+        told = _below(f"engine coordinate {component}", f"t = {time:.4g} s", found, resolution)
     else:
         return known
     if not worse:
@@ -177,16 +195,16 @@ def with_residual(
     )
 
 
-def _below(what: str, time: float, found: Judgement, resolution: float) -> str:
+def _below(what: str, place: str, found: Judgement, resolution: float) -> str:
     """What is said of a difference that is measurable and was not asked for."""
     return (
         f"{what} differs at {found.discrepancy:.0e}, below the resolution asked, {resolution:.0e}"
-        f" (segment at t = {time:.4g} s, uncertainty {found.uncertainty:.0e})"
+        f" (segment at {place}, uncertainty {found.uncertainty:.0e})"
     )
 
 
 def _unresolved(
-    found: Judgement, limit: Limit, time: float, component: str, claimed: int, resolution: float
+    found: Judgement, limit: Limit, place: str, component: str, claimed: int, resolution: float
 ) -> str:
     if found.obstacle is Obstacle.STANDS_STILL:
         return "every rung returned the same values: the engine did not step"
@@ -199,11 +217,11 @@ def _unresolved(
         )
     if found.obstacle is Obstacle.DIVERGES_HERE:
         return (
-            f"the ladder diverges near t = {time:.4g} s: the limits of finer rungs"
+            f"the ladder diverges near {place}: the limits of finer rungs"
             " do not converge, as where a motion is not smooth"
         )
     return (
         f"the limit of {component} is known to {found.uncertainty:.1e} at best, near"
-        f" t = {time:.4g} s, where {resolution:.0e} was asked:"
+        f" {place}, where {resolution:.0e} was asked:"
         " the motion is not smooth there, or the step is too coarse for it"
     )

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
-from harness.cases.robot import SCENARIO
 from harness.cli import arguments
 from harness.cli.exit_codes import SIGNALLED, exit_code
 from harness.cli.missing import tell_missing, with_missing
@@ -72,7 +72,7 @@ def main(options: argparse.Namespace) -> int:
         write_report(options.out / "index.html", results)
         if not stop.asked:
             done.remove()
-    _tell(results, options.out)
+    _tell(results, options.out, robots)
     _tell_stopped(results, options.out, done)
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
@@ -80,10 +80,10 @@ def main(options: argparse.Namespace) -> int:
     return SIGNALLED + stop.number if stop.asked else code
 
 
-def _tell(results: Results, out: Path) -> None:
+def _tell(results: Results, out: Path, robots: Sequence[Path]) -> None:
     console = Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160)
     for system in results.systems:
-        if system.scenarios[0].name == SCENARIO:
+        if system.folder in {str(file) for file in robots}:
             print(f"{system.source}: {system.name}, {system.title}")
     print_results(console, results)
     print(f"{out / 'results.json'}  {out / 'index.html'}")

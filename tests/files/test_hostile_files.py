@@ -17,7 +17,7 @@ from harness.files.folders import FolderError, builtin, system_folders
 from harness.files.locations import LocationError, find
 from harness.files.model_files import UnreadModel, model_files
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
-from harness.plan import _text
+from harness.plan import text_of
 from reference.load import load_system
 from reference.system import System
 
@@ -148,7 +148,7 @@ def test_a_file_that_goes_between_listing_and_reading_ends_nothing(folder: Path)
     (sidecar,) = model_files(folder)
     assert isinstance(sidecar, Sidecar)
     sidecar.model.unlink()
-    assert _text(sidecar.model) == ""
+    assert text_of(sidecar.model) == ""
     assert "there is no model file m.xml" in told(folder)
 
 
