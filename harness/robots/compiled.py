@@ -16,7 +16,7 @@ from harness.engines.compiled import CompiledBody, CompiledJoint, CompiledTree
 from harness.engines.protocol import Engine, EngineError
 from harness.engines.registry import readers
 from harness.robots.lump import HERE, NOTHING, Lump, Place
-from harness.robots.robot import LeftOut, Obstacle, Part, Robot, home_of
+from harness.robots.robot import LeftOut, Obstacle, Part, Robot, home_of, refused
 from reference.multibody.algebra import DOUBLES, about_axis, from_quaternion
 from reference.multibody.tree import WORLD, Link, Tree
 from reference.numeric import Array
@@ -152,15 +152,5 @@ def _refused(
 ) -> Robot:
     """Without a tree, for all of these."""
     remedy = "`crosscheck compare` holds it against another file without equations"
-    return Robot(
-        name=name or path.stem,
-        file=path,
-        tree=None,
-        parts=(),
-        limits=(np.zeros(0), np.zeros(0)),
-        home=np.zeros(0),
-        left_out=left_out,
-        obstacles=tuple(
-            Obstacle(sentence=one, file=path, line=0, remedy=remedy) for one in sentences
-        ),
-    )
+    obstacles = [Obstacle(sentence=one, file=path, line=0, remedy=remedy) for one in sentences]
+    return refused(path, name or path.stem, obstacles, left_out=left_out)

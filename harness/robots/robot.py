@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from reference.multibody.tree import WORLD, Tree
 from reference.numeric import Array
@@ -97,6 +100,28 @@ class Robot:
         """For each link of the tree, the names of the parts that are welded together in it."""
         count = 0 if self.tree is None else len(self.tree.links)
         return tuple(tuple(p.name for p in self.parts if p.body == i) for i in range(count))
+
+
+def refused(
+    file: Path,
+    name: str,
+    obstacles: Iterable[Obstacle],
+    *,
+    parts: tuple[Part, ...] = (),
+    left_out: tuple[LeftOut, ...] = (),
+) -> Robot:
+    """A robot without a tree; what is in the way by its lines, each once."""
+    none = np.zeros(0)
+    return Robot(
+        name=name,
+        file=file,
+        tree=None,
+        parts=parts,
+        limits=(none, none),
+        home=none,
+        left_out=left_out,
+        obstacles=tuple(dict.fromkeys(sorted(obstacles, key=lambda one: one.line))),
+    )
 
 
 def home_of(tree: Tree, limits: tuple[Array, Array]) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 from harness.files.brief import brief
 from harness.robots.document import EXPAND, Document, DocumentError
 from harness.robots.inertias import resting
-from harness.robots.robot import LeftOut, Obstacle, Part, Robot, home_of
+from harness.robots.robot import LeftOut, Part, Robot, home_of, refused
 from harness.robots.urdf_left_out import urdf_left_out
 from harness.robots.urdf_parts import UrdfJoint, UrdfLink, read_joints, read_links, read_springs
 from harness.robots.urdf_root import IMPLICIT, root_of
@@ -43,7 +42,7 @@ def read_urdf_robot(
     try:
         document = Document(path)
     except DocumentError as error:
-        return _refused(path, path.stem, (), (), [error.obstacle])
+        return refused(path, path.stem, [error.obstacle])
     with np.errstate(all="ignore"):  # what overflows is told
         return _read(document, np.array(gravity), floating)
 
@@ -57,7 +56,7 @@ def _read(document: Document, gravity: Array, floating: bool) -> Robot:
     parts = tuple(_part(document, link) for link in links.values())
     left_out = urdf_left_out(document, joints, springs)
     if document.obstacles or root is None:
-        return _refused(path, name, parts, left_out, document.obstacles)
+        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
     if floating and root == IMPLICIT:
         floating = False
         left_out += (LeftOut(what="a free joint of the world", count=1, where=(root,)),)
@@ -65,7 +64,7 @@ def _read(document: Document, gravity: Array, floating: bool) -> Robot:
     tree = plan.tree(springs, gravity)
     _check_masses(document, tree, plan, links, joints)
     if document.obstacles:
-        return _refused(path, name, parts, left_out, document.obstacles)
+        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
     return Robot(
         name=name,
         file=path,
@@ -75,27 +74,6 @@ def _read(document: Document, gravity: Array, floating: bool) -> Robot:
         home=home_of(tree, plan.limits),
         left_out=left_out,
         obstacles=(),
-    )
-
-
-def _refused(
-    path: Path,
-    name: str,
-    parts: tuple[Part, ...],
-    left_out: tuple[LeftOut, ...],
-    obstacles: Iterable[Obstacle],
-) -> Robot:
-    """Without a tree."""
-    none = np.zeros(0)
-    return Robot(
-        name=name,
-        file=path,
-        tree=None,
-        parts=parts,
-        limits=(none, none),
-        home=none,
-        left_out=left_out,
-        obstacles=tuple(dict.fromkeys(sorted(obstacles, key=lambda one: one.line))),
     )
 
 

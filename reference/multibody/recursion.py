@@ -120,8 +120,8 @@ class Recursion:
                 felt[parent] = felt[parent].beside(columns.carried(placements[i]))
         return out
 
-    def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
-        """Forces that the joints must give for accelerations (nv, ...), none: zero; (nv, ...).
+    def bias(self, q: Scalars, v: Scalars) -> Scalars:
+        """Forces that the joints must give for accelerations of zero, (nv, ...).
 
         Of bodies and gravity alone: no springs, dampers or armatures.
         """
@@ -133,9 +133,7 @@ class Recursion:
         forces: list[tuple[Scalars, Scalars]] = []
         for i, (link, one) in enumerate(zip(tree.links, self._links, strict=True)):
             base = _Motion(still, still, up) if link.parent == WORLD else motions[link.parent]
-            own, here = v[tree.velocities[i]], placements[i]
-            moved = None if a is None else a[tree.velocities[i]]
-            motions.append(_carried(base, here, one, own, moved))
+            motions.append(_carried(base, placements[i], one, v[tree.velocities[i]]))
             forces.append(motions[i].asks(one))
         out: list[Scalars] = [still] * len(tree.links)
         for i in reversed(range(len(tree.links))):
@@ -270,22 +268,14 @@ class _Motion(NamedTuple):
         return force, np.tensordot(one.inertia, dw, 1) + cross(w, spin) + cross(center, force)
 
 
-def _carried(
-    base: _Motion, here: Placement, one: _Constants, v: Scalars, a: Scalars | None
-) -> _Motion:
-    """The motion of a link that another one carries, whose joint has velocities and accelerations.
-
-    Of accelerations none are zero.
-    """
+def _carried(base: _Motion, here: Placement, one: _Constants, v: Scalars) -> _Motion:
+    """The motion of a link that another one carries, whose joint has constant velocities."""
     w, r = base.angular, here.origin
     carried = turned_back(here.rotation, w)
     turning, sliding = np.tensordot(one.turning, v, 1), np.tensordot(one.sliding, v, 1)
     point = base.linear + cross(base.turning, r) + cross(w, cross(w, r))
     angular = turned_back(here.rotation, base.turning) + cross(carried, turning)
     linear = turned_back(here.rotation, point) + cross(2 * carried + turning, sliding)
-    if a is not None:
-        angular = angular + np.tensordot(one.turning, a, 1)
-        linear = linear + np.tensordot(one.sliding, a, 1)
     return _Motion(carried + turning, angular, linear)
 
 
