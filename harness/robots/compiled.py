@@ -39,7 +39,8 @@ def read_compiled_robot(path: Path) -> Robot:
         found = engine.compiled(path)
     except EngineError as error:
         # Its message names the file, and the line where it is known.
-        return _refused(path, [str(error).removeprefix(f"{path}: ")])
+        place, _, sentence = str(error).removeprefix(f"{path}").partition(": ")
+        return _refused(path, [sentence], line=int(place[1:]) if place[1:].isdigit() else 0)
     if sentences := list(_in_the_way(found)):
         return _refused(path, sentences, _left_out(engine, found), found.name)
     return _Builder(found).robot(path, _left_out(engine, found))
@@ -148,9 +149,13 @@ def _lump(body: CompiledBody) -> Lump:
 
 
 def _refused(
-    path: Path, sentences: list[str], left_out: tuple[LeftOut, ...] = (), name: str = ""
+    path: Path,
+    sentences: list[str],
+    left_out: tuple[LeftOut, ...] = (),
+    name: str = "",
+    line: int = 0,
 ) -> Robot:
     """Without a tree, for all of these."""
     remedy = "`crosscheck compare` holds it against another file without equations"
-    obstacles = [Obstacle(sentence=one, file=path, line=0, remedy=remedy) for one in sentences]
+    obstacles = [Obstacle(sentence=one, file=path, line=line, remedy=remedy) for one in sentences]
     return refused(path, name or path.stem, obstacles, left_out=left_out)
