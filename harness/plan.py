@@ -11,10 +11,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
+
 from harness.audit.run import Audit, run_audit
 from harness.audit.task import audit_task
 from harness.baseline.inputs import inputs, with_elsewhere
 from harness.baseline.measure import measure, measure_task
+from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 from harness.cases.case import (
     CaseTask,
     case_task,
@@ -22,10 +25,20 @@ from harness.cases.case import (
     run_case,
     run_linearizations,
 )
+from harness.cases.multibody import (
+    FileSurvey,
+    PreparedTree,
+    not_of_a_tree,
+    prepare_folder,
+    survey_file,
+)
 from harness.cases.not_run import barred_case, failed_case, hurdle
-from harness.cases.prepare import Prepared, prepare
+from harness.cases.prepare import Prepared
+from harness.cases.robot import RobotTask, run_robot
 from harness.collected import Collected, Jobs, stand_in
 from harness.coverage.count import count_numbers
+from harness.coverage.robot import count_robot
+from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
@@ -59,7 +72,11 @@ class Selection:
 
 @dataclass(frozen=True)
 class Options:
-    """What `crosscheck run` may be told; `baseline` is where known differences are looked up."""
+    """What `crosscheck run` may be told.
+
+    `baseline` is where known differences are looked up; `floating` lets the root link of a URDF
+    that is given alone move.
+    """
 
     engines: tuple[str, ...] = ()
     resolution: float = 1e-9
@@ -67,6 +84,7 @@ class Options:
     limits: Limits = field(default_factory=Limits)
     baseline: Path | None = None
     selection: Selection | None = None
+    floating: bool = False
 
 
 class Plan:
@@ -86,13 +104,13 @@ class Plan:
         self._diagnoses: dict[ModelKey, DiagnosisTask] = {}
         self._inputs: dict[tuple[str, str, str], str] = {}
 
-    def folder(self, folder: Path) -> Job[Prepared]:
+    def folder(self, folder: Path) -> Job[Prepared | PreparedTree]:
         """Prepare a folder, then run its models."""
         self._found.expect(str(folder), [stand_in(folder)])
         # As it is before anything of it is run: what changes meanwhile is another folder's.
         if self._found.keeps:
             self._inputs |= inputs(folder, self._options.resolution, self._options.baseline)
-        preparing = partial(prepare, described=self._options.selection is None)
+        preparing = partial(prepare_folder, described=self._options.selection is None)
         unprepared = partial(self._unprepared, folder)
         return Job(task=Task(preparing, folder), done=self._models, failed=unprepared)
 
@@ -100,7 +118,7 @@ class Plan:
         self._found.add(failed_case(stand_in(folder), str(folder), failure))
         return ()
 
-    def _models(self, prepared: Prepared) -> Iterator[Job[Any]]:
+    def _models(self, prepared: Prepared | PreparedTree) -> Iterator[Job[Any]]:
         """Every model of a folder in every engine; those that can't be run are told at once."""
         self._found.systems.append(prepared.record)
         files = list(model_files(prepared.folder))
@@ -117,16 +135,101 @@ class Plan:
                 *(
                     CaseId(system=name, model=s.model.name, scenario=one.name, engine=e)
                     for s, e in chosen
-                    for one in prepared.system.scenarios
+                    for one in prepared.record.scenarios
                 ),
             ],
         )
         for one, model in zip(bad, unread, strict=True):
             self._found.add(failed_case(one, folder, Failure(model.reason, "")))
         for sidecar, engine in chosen:
-            yield from self._model(prepared, sidecar, engine)
+            if isinstance(prepared, PreparedTree):
+                yield from self._model_of_tree(prepared, sidecar, engine)
+            else:
+                yield from self._model(prepared, sidecar, engine)
 
-    def _chosen(self, prepared: Prepared, sidecar: Sidecar) -> list[str]:
+    def _model_of_tree(
+        self, prepared: PreparedTree, sidecar: Sidecar, engine: str
+    ) -> Iterator[Job[Any]]:
+        """A model of declared bodies in an engine: its states, and what its file says besides."""
+        case, folder = prepared.id(sidecar, engine), str(prepared.folder)
+        if why := hurdle(self._engines, engine, sidecar):
+            self._found.add(barred_case(case, folder, why))
+            return
+        if reason := not_of_a_tree(sidecar):
+            self._found.add(failed_case(case, folder, Failure(reason, "")))
+            return
+        key = self._begun(prepared, sidecar, engine)
+        task = prepared.task(sidecar, engine, self._options.resolution)
+
+        def done(value: Case) -> Jobs:
+            self._found.add(value)
+            selection = self._options.selection
+            asked = selection is None or selection.diagnose
+            return self._named(key, task) if asked and value.outcome is Outcome.DIFFERS else ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(failed_case(case, folder, failure))
+
+        job = Job(task=Task(run_robot, task), done=done, failed=failed)
+        yield from self._found.once(self._work("case", key, case.scenario), job)
+        if (snapshots := self._measured(case)) is not None:
+            measuring = MeasureTreeTask(
+                task=task,
+                system=prepared.system.tree_system,
+                accepted=snapshots.get(case),
+                reads=prepared.reads,
+            )
+            yield self._measuring(folder, case, Task(measure_tree, measuring))
+        yield self._survey(key, sidecar)
+        if self._options.selection is None:
+            yield from self._found.once(self._work("coverage", key), self._count(key, task))
+
+    def _named(self, key: ModelKey, task: RobotTask) -> Iterator[Job[Diagnosis]]:
+        """The numbers of a file that are not those of the declared bodies."""
+
+        def done(value: Diagnosis) -> Jobs:
+            self._found.amend(key, diagnosis=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Diagnosis(failure=failure.reason))
+
+        inquiry = RobotDiagnosisTask(task=task, own=False)
+        job = Job(task=Task(diagnose_robot, inquiry), done=done, failed=failed)
+        yield from self._found.once(self._work("diagnosis", key), job)
+
+    def _count(self, key: ModelKey, task: RobotTask) -> Job[Coverage]:
+        def done(value: Coverage) -> Jobs:
+            known = self._found.models[key].coverage or Coverage()
+            self._found.amend(key, coverage=structs.replace(value, left_out=known.left_out))
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Coverage(note=failure.reason))
+
+        return Job(task=Task(count_robot, task), done=done, failed=failed)
+
+    def _survey(self, key: ModelKey, sidecar: Sidecar) -> Job[FileSurvey]:
+        def done(value: FileSurvey) -> Jobs:
+            known = self._found.models[key].coverage or Coverage()
+            coverage = structs.replace(known, left_out=value.left_out)
+            self._found.amend(key, audit=value.findings, coverage=coverage)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            self._found.amend(key, audit_failure=failure.reason)
+            return ()
+
+        return Job(task=Task(survey_file, sidecar), done=done, failed=failed)
+
+    def _begun(self, prepared: Prepared | PreparedTree, sidecar: Sidecar, engine: str) -> ModelKey:
+        """A model that is run: what it depends on, and its record."""
+        key = str(prepared.folder), sidecar.model.name, engine
+        self._inputs[key] = with_elsewhere(self._inputs.get(key, ""), key, prepared.reads)
+        self._found.models[key] = model_record(prepared, sidecar, engine)
+        return key
+
+    def _chosen(self, prepared: Prepared | PreparedTree, sidecar: Sidecar) -> list[str]:
         """The engines in which a model is to be run."""
         selection = self._options.selection
         return [
@@ -147,9 +250,7 @@ class Plan:
             for task in tasks:
                 self._found.add(barred_case(task.id, task.folder, why))
             return
-        key = str(prepared.folder), sidecar.model.name, engine
-        self._inputs[key] = with_elsewhere(self._inputs.get(key, ""), key, prepared.reads)
-        self._found.models[key] = model_record(prepared, sidecar, engine)
+        key = self._begun(prepared, sidecar, engine)
         selection = self._options.selection
         if selection is None or selection.diagnose:
             self._diagnoses[key] = diagnosis_task(prepared, sidecar, engine)
@@ -181,17 +282,25 @@ class Plan:
 
     def _measurement(self, prepared: Prepared, task: CaseTask) -> Iterator[Job[Measurement]]:
         """What a case's model does, where a snapshot was accepted, or may be."""
-        selection = self._options.selection
-        if selection is None and task.id not in self._snapshots:
-            return
-        snapshots = self._snapshots if selection is None else selection.snapshots
+        if (snapshots := self._measured(task.id)) is not None:
+            measuring = measure_task(task, prepared, snapshots.get(task.id))
+            yield self._measuring(task.folder, task.id, Task(measure, measuring))
 
+    def _measured(self, case: CaseId) -> Mapping[CaseId, Snapshot] | None:
+        """Snapshots that were accepted, where what a case's model does is wanted; else None."""
+        selection = self._options.selection
+        if selection is None:
+            return self._snapshots if case in self._snapshots else None
+        return selection.snapshots
+
+    def _measuring(
+        self, folder: str, case: CaseId, task: Task[Any, Measurement]
+    ) -> Job[Measurement]:
         def done(value: Measurement | Failure) -> Jobs:
-            self._found.measured[task.folder, task.id] = value
+            self._found.measured[folder, case] = value
             return ()
 
-        measuring = measure_task(task, prepared, snapshots.get(task.id))
-        yield Job(task=Task(measure, measuring), done=done, failed=done)
+        return Job(task=task, done=done, failed=done)
 
     def _linearizations(
         self, key: ModelKey, prepared: Prepared, sidecar: Sidecar
@@ -255,7 +364,7 @@ class Plan:
         yield from self._found.once(self._work("diagnosis", key), job)
 
 
-def model_record(prepared: Prepared, sidecar: Sidecar, engine: str) -> Model:
+def model_record(prepared: Prepared | PreparedTree, sidecar: Sidecar, engine: str) -> Model:
     """A model file and its sidecar, as they are run; nothing is found of it yet."""
     beside = sidecar.model.with_name(f"{sidecar.model.name}.toml")
     return Model(

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
+
+from msgspec import structs
 
 from harness.cases.not_run import absent, barred_case, failed_case
-from harness.cases.robot import SCENARIO, PreparedRobot, prepare_robot, run_robot
+from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
 from harness.collected import Collected, Jobs
+from harness.coverage.robot import count_robot
+from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers
 from harness.plan import Options, text_of
 from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage
+from harness.records.finding import Diagnosis
 from harness.records.model import Model
+from harness.records.outcome import Outcome
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
 
@@ -31,9 +38,10 @@ class RobotPlan:
         one = _stand_in(file)
         self._found.expect(str(file), [one])
         failed = partial(self._failed, one, file)
-        return Job(task=Task(prepare_robot, file), done=partial(self._engines, one), failed=failed)
+        prepare = partial(prepare_robot, floating=self._options.floating)
+        return Job(task=Task(prepare, file), done=partial(self._engines, one), failed=failed)
 
-    def _engines(self, one: CaseId, prepared: PreparedRobot) -> Iterator[Job[Case]]:
+    def _engines(self, one: CaseId, prepared: PreparedRobot) -> Iterator[Job[Any]]:
         """The file in every engine that reads its format, or in those that are wanted."""
         file = prepared.file
         self._found.systems.append(prepared.record)
@@ -45,17 +53,54 @@ class RobotPlan:
         ids = [_id(prepared, engine) for engine in wanted]
         self._found.left.pop((str(file), one), None)
         self._found.expect(str(file), ids)
+        tasks: list[RobotTask] = []
         for engine, case in zip(wanted, ids, strict=True):
             if why := absent(engine):
                 self._found.add(barred_case(case, str(file), why))
                 continue
             model = _model(prepared, engine)
             self._found.models[model.key] = model
+            task = prepared.task(engine.name, self._options.resolution)
+            tasks.append(task)
             yield Job(
-                task=Task(run_robot, prepared.task(engine.name, self._options.resolution)),
-                done=self._done,
+                task=Task(run_robot, task),
+                done=partial(self._run, task),
                 failed=partial(self._failed, case, file),
             )
+
+        if tasks:
+            yield self._coverage(tasks)
+
+    def _coverage(self, tasks: Sequence[RobotTask]) -> Job[Coverage]:
+        """The numbers of a file, counted once for all engines."""
+
+        def done(value: Coverage) -> Jobs:
+            for task in tasks:
+                key = str(task.file), task.file.name, task.engine
+                known = self._found.models[key].coverage or Coverage()
+                self._found.amend(key, coverage=structs.replace(value, left_out=known.left_out))
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Coverage(note=failure.reason))
+
+        return Job(task=Task(count_robot, tasks[0]), done=done, failed=failed)
+
+    def _run(self, task: RobotTask, case: Case) -> Iterator[Job[Diagnosis]]:
+        """A case is done; one that differs is diagnosed."""
+        self._found.add(case)
+        if case.outcome is not Outcome.DIFFERS:
+            return
+
+        def done(value: Diagnosis) -> Jobs:
+            self._found.amend(case.key, diagnosis=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Diagnosis(failure=failure.reason))
+
+        inquiry = RobotDiagnosisTask(task=task)
+        yield Job(task=Task(diagnose_robot, inquiry), done=done, failed=failed)
 
     def _done(self, case: Case) -> Jobs:
         self._found.add(case)
@@ -72,7 +117,9 @@ def _stand_in(file: Path) -> CaseId:
 
 def _id(prepared: PreparedRobot, engine: Engine) -> CaseId:
     name = prepared.record.name
-    return CaseId(system=name, model=prepared.file.name, scenario=SCENARIO, engine=engine.name)
+    return CaseId(
+        system=name, model=prepared.file.name, scenario=prepared.scenario, engine=engine.name
+    )
 
 
 def _model(prepared: PreparedRobot, engine: Engine) -> Model:

@@ -69,14 +69,19 @@ if TYPE_CHECKING:
         Body,
         Constant,
         Coordinate,
+        Coupling,
         DeclarationError,
         Equilibrium,
         Input,
+        Joint,
         Link,
+        MultibodySystem,
         Output,
         Pose,
         PublishedEquation,
+        Pull,
         Quantity,
+        RigidBody,
         Scenario,
         System,
         t,
@@ -86,16 +91,18 @@ if TYPE_CHECKING:
 _FROM = {
     "harness.api": ("Results", "check"),
     "reference": (
-        "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input",
-        "Link", "Output", "Pose", "PublishedEquation", "Quantity", "Scenario", "System", "t",
+        "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
+        "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull",
+        "Quantity", "RigidBody", "Scenario", "System", "t",
     ),
     "reference.kinematics": ("Frame", "ground", "rotation"),
 }  # fmt: skip
 
 __all__ = [
-    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Frame",
-    "Input", "Link", "Output", "Pose", "PublishedEquation", "Quantity", "Results", "Scenario",
-    "System", "check", "ground", "rotation", "t",
+    "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
+    "Frame", "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation",
+    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "System", "check", "ground", "rotation",
+    "t",
 ]  # fmt: skip
 
 

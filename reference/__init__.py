@@ -14,9 +14,12 @@ from reference.declaration import (
 )
 from reference.pose import Pose
 from reference.sketch import Angle, Body, Link
+from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
 from reference.system import System
+from reference.trees import MultibodySystem
 
 __all__ = [
-    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Input", "Link",
-    "Output", "Pose", "PublishedEquation", "Quantity", "Scenario", "System", "t",
+    "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
+    "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull",
+    "Quantity", "RigidBody", "Scenario", "System", "t",
 ]  # fmt: skip

@@ -81,13 +81,20 @@ class EquationsOfMotion(ABC):
 
         By central differences: a rate need not be known to more than a few digits.
         """
-        n = states.shape[1] // 2
-        step = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
-        columns = []
-        for i, h in enumerate(step):
-            up, down = (
-                self.numeric_acceleration(s[:, :n], s[:, n:], inputs, times[:, None])
-                for s in (states + h * np.eye(2 * n)[i], states - h * np.eye(2 * n)[i])
-            )
-            columns.append((up - down) / (2 * h))
-        return np.stack(columns, axis=2)
+
+        def acceleration(q: Array, v: Array) -> Array:
+            return self.numeric_acceleration(q, v, inputs, times[:, None])
+
+        return slopes_of(acceleration, states)
+
+
+def slopes_of(acceleration: Callable[[Array, Array], Array], states: Array) -> Array:
+    """Derivatives by q and v, (B, n, 2n), of a function of them, each (B, n)."""
+    n = states.shape[1] // 2
+    step = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
+    columns = []
+    for i, h in enumerate(step):
+        moved = (states + h * np.eye(2 * n)[i], states - h * np.eye(2 * n)[i])
+        up, down = (acceleration(s[:, :n], s[:, n:]) for s in moved)
+        columns.append((up - down) / (2 * h))
+    return np.stack(columns, axis=2)

@@ -146,7 +146,7 @@ def collocate(field: Field, times: Array, states: Array, length: float) -> tuple
 
     Two steps a segment; each stage equation is solved by fixed-point iteration, to rounding.
     """
-    nodes, weights, matrix, integrals = _gauss()
+    nodes, weights, matrix, integrals = gauss(STAGES)
     half = length / 2
     output = np.empty((len(times), len(chebyshev_nodes()), states.shape[1]))
     current = states
@@ -174,13 +174,14 @@ def collocate(field: Field, times: Array, states: Array, length: float) -> tuple
     return current, output
 
 
-def _gauss() -> tuple[Array, Array, Array, Callable[[float], Array]]:
-    points, weights = np.polynomial.legendre.leggauss(STAGES)
+def gauss(stages: int) -> tuple[Array, Array, Array, Callable[[float], Array]]:
+    """Gauss collocation: nodes, weights, the matrix of its stages, and integrals from 0 to c."""
+    points, weights = np.polynomial.legendre.leggauss(stages)
     nodes = (points + 1) / 2
     # Integral of each Lagrange basis polynomial from 0 to c, through Legendre's own integrals:
     # l_j(x) = sum_k (2k+1)/2 w_j P_k(x_j) P_k(x), exact for Gauss points.
-    degrees = np.arange(STAGES)
-    values = np.polynomial.legendre.legvander(points, STAGES - 1)
+    degrees = np.arange(stages)
+    values = np.polynomial.legendre.legvander(points, stages - 1)
     coefficients = (2 * degrees[:, None] + 1) / 2 * (values * weights[:, None]).T
 
     def integrals(c: float) -> Array:

@@ -13,11 +13,28 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from reference.declaration import DeclarationError, LocatedError
+from reference.multibody.tree import TreeError
 from reference.system import System
+from reference.trees import MultibodySystem
 
 
 def load_system(folder: Path) -> System:
-    """Return the system that `folder/system.py` declares as the name `system`.
+    """Return the system of energies that `folder/system.py` declares.
+
+    Raises:
+        DeclarationError: naming the file, the line and the remedy; for a tree of bodies too.
+    """
+    system = load_declaration(folder)
+    if isinstance(system, MultibodySystem):
+        raise DeclarationError(
+            f"{folder / 'system.py'}: it declares bodies, and not energies, from which this would"
+            " follow; `crosscheck run` and `gate` take it as it is"
+        )
+    return system
+
+
+def load_declaration(folder: Path) -> System | MultibodySystem:
+    """Return what `folder/system.py` declares as the name `system`.
 
     The file is code and is run. Its module name is unique to its path, and its folder is not put
     on `sys.path`, so that two folders never share a module.
@@ -40,8 +57,10 @@ def load_system(folder: Path) -> System:
         line = _line_of(error, path) or _line(error, path)
         raise DeclarationError(f"{path}:{line}: {_sentence(error)}") from error
     system = getattr(module, "system", None)
-    if not isinstance(system, System):
-        raise DeclarationError(f"{path}: it must end with `system = System(...)`")
+    if not isinstance(system, (System, MultibodySystem)):
+        raise DeclarationError(
+            f"{path}: it must end with `system = System(...)`, or with `MultibodySystem(...)`"
+        )
     return system
 
 
@@ -85,7 +104,7 @@ def _line(error: Exception, path: Path) -> int:
 
 
 def _sentence(error: Exception) -> str:
-    if isinstance(error, DeclarationError):
+    if isinstance(error, (DeclarationError, TreeError)):
         return str(error)
     try:
         told = str(error)

@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reference.integrate import AGREEMENT, ReferenceError, by_runge_kutta, collocate
+from reference.equations import slopes_of
+from reference.integrate import AGREEMENT, Field, ReferenceError, by_runge_kutta, collocate
 from reference.numeric import Array
 from reference.trees import TreeEquations
 
-SEGMENTS_A_PERIOD = 20
-"""Of the fastest motion at any of the states."""
+SEGMENTS_A_PERIOD = 30
+"""Of the fastest motion at any of the states: an engine's steps leave the seventh power of it."""
 
 REACH = 1.0
 """How far positions are drawn from home where there are no limits: rad or m."""
@@ -24,11 +25,17 @@ REACH = 1.0
 FAR = np.pi
 """Limits further from home than this stand for none: rad or m."""
 
+COUPLED_A_PERIOD = 20
+"""The same where joints follow others: there rounding weighs more, which short segments raise."""
+
 LOOKED_AT = 24
 """States at which rates are taken, each by 4 n accelerations."""
 
 SLOWEST = 1.0
 """Rate of motions where nothing swings, rad/s."""
+
+LIVELIEST = 20.0
+"""Rate of motions that are drawn, at most, rad/s: stiff servos settle faster than robots move."""
 
 SINGULAR = 1e-13
 """Of a mass matrix with a diagonal of ones: a smaller eigenvalue is rounding."""
@@ -92,26 +99,21 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     reach = within(limits, home)
     q = rng.uniform(reach[:, 0], reach[:, 1], (count, n))
     extent = np.minimum((reach[:, 1] - reach[:, 0]) / 2, REACH)
-    none, still = np.zeros((count, n)), np.zeros((count, 1))
-    unpushed = np.zeros((count, equations.pushes.shape[1]))
-    mass = _masses(equations, q)
+    none = np.zeros((count, n))
+    _check_masses(equations, q)
     rest = np.concatenate([q, none], axis=1)
-    rate = max(_fastest(equations, rest, unpushed), SLOWEST)
+    swing, settling = _rates(equations, rest, none)
+    rate = min(max(swing, SLOWEST), LIVELIEST)
     v = rng.uniform(-1, 1, (count, n)) * extent * rate
-    wanted = rng.uniform(-1, 1, (count, n)) * extent * rate**2
-    own = equations.numeric_acceleration(q, v, unpushed, still)
-    forces = np.einsum("kij,kj->ki", mass, wanted - own)
+    # Where a damper stops a joint sooner, to hold it against that would leave nothing but rounding.
+    wanted = rng.uniform(-1, 1, (count, n)) * extent * rate * np.maximum(rate, settling)
+    forces = equations.forces_for(q, v, wanted)
     start = np.concatenate([q, v], axis=1)
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
-    fastest = max(_fastest(equations, start, unpushed), rate, spinning)
-    length = 2 * np.pi / fastest / SEGMENTS_A_PERIOD
-
-    def field(times: Array, states: Array) -> Array:
-        pushed = forces.reshape(count, *(1,) * (states.ndim - 2), n)
-        a = equations.pushed_acceleration(states[..., :n], states[..., n:], pushed)
-        return np.concatenate([states[..., n:], a], axis=-1)
-
-    times = np.zeros(count)
+    fastest = max(swing, _rates(equations, start, forces)[0], rate, spinning)
+    coupled = bool(equations.system.tree.couplings)
+    length = 2 * np.pi / fastest / (COUPLED_A_PERIOD if coupled else SEGMENTS_A_PERIOD)
+    field, times = _field(equations, forces), np.zeros(count)
     end, _ = collocate(field, times, start, length)
     checked = by_runge_kutta(field, times, start, length)
     apart, size = np.max(np.abs(end - checked), axis=0), np.max(np.abs(end), axis=0)
@@ -127,6 +129,28 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     return Samples(start=start, forces=forces, length=length, end=end, bound=bound, fastest=fastest)
 
 
+def ends_of(equations: TreeEquations, start: Array, forces: Array, length: float) -> Array:
+    """Where the equations take states (K, 2n) under forces that are held, (K, n), in a while.
+
+    Raises:
+        ReferenceError: where they can't be solved.
+    """
+    end, _ = collocate(_field(equations, forces), np.zeros(len(start)), start, length)
+    return end
+
+
+def _field(equations: TreeEquations, forces: Array) -> Field:
+    """Rates of states under forces that are held, (K, n)."""
+    count, n = forces.shape
+
+    def field(times: Array, states: Array) -> Array:
+        pushed = forces.reshape(count, *(1,) * (states.ndim - 2), n)
+        a = equations.pushed_acceleration(states[..., :n], states[..., n:], pushed)
+        return np.concatenate([states[..., n:], a], axis=-1)
+
+    return field
+
+
 def within(limits: Array, home: Array) -> Array:
     """Where positions are drawn, (n, 2): within limits, and about home where these are far away."""
     low, high = limits.T
@@ -137,8 +161,8 @@ def within(limits: Array, home: Array) -> Array:
     return found
 
 
-def _masses(equations: TreeEquations, q: Array) -> Array:
-    """Mass matrices, (K, n, n), of a tree every joint of which moves something that has mass.
+def _check_masses(equations: TreeEquations, q: Array) -> None:
+    """Every joint of the tree must move something that has mass.
 
     Raises:
         ReferenceError: naming the joint.
@@ -161,21 +185,24 @@ def _masses(equations: TreeEquations, q: Array) -> Array:
             f"joint {name!r} moves nothing that has mass or inertia, or less than nothing: the mass"
             " matrix is not positive definite"
         )
-    return mass
 
 
-def _fastest(equations: TreeEquations, states: Array, inputs: Array) -> float:
-    """Largest |eigenvalue| of the equations' Jacobian at the states, rad/s.
+def _rates(equations: TreeEquations, states: Array, forces: Array) -> tuple[float, Array]:
+    """How fast motions are at the states, under forces that are held, rad/s.
+
+    Returns the largest |eigenvalue| of the equations' Jacobian, and how fast each joint's own
+    dampers stop it, (n,).
 
     Raises:
         ReferenceError: where the accelerations are not finite.
     """
-    states, inputs, n = states[:LOOKED_AT], inputs[:LOOKED_AT], states.shape[1] // 2
+    states, forces, n = states[:LOOKED_AT], forces[:LOOKED_AT], states.shape[1] // 2
     with np.errstate(all="ignore"):
-        lower = equations.slopes(states, inputs, np.zeros(len(states)))
+        lower = slopes_of(lambda q, v: equations.pushed_acceleration(q, v, forces), states)
     if not np.isfinite(lower).all():
         raise ReferenceError("the accelerations are not finite: the mass matrix is singular")
     full = np.zeros((len(states), 2 * n, 2 * n))
     full[:, range(n), range(n, 2 * n)] = 1.0
     full[:, n:] = lower
-    return float(np.max(np.abs(np.linalg.eigvals(full))))
+    own = np.max(np.abs(np.einsum("kii->ki", lower[:, :, n:])), axis=0)
+    return float(np.max(np.abs(np.linalg.eigvals(full)))), own

@@ -8,11 +8,15 @@ from functools import cached_property
 
 import numpy as np
 
-from reference.declaration import Declaration, DeclarationError
+from reference.declaration import Coordinate, Declaration, DeclarationError
 from reference.equations import EquationsOfMotion
 from reference.multibody.algebra import DOUBLES, LONG_DOUBLES, Scalars
-from reference.multibody.dynamics import Dynamics, solved
-from reference.multibody.tree import Tree
+from reference.multibody.assemble import Assembled, assembled
+from reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
+from reference.multibody.chart import coordinate_names
+from reference.multibody.charted import Charted
+from reference.multibody.coupled import Coupled
+from reference.multibody.tree import Tree, TreeError
 from reference.numeric import Array
 
 MARGIN = 4.0
@@ -23,7 +27,8 @@ MARGIN = 4.0
 class TreeSystem(Declaration):
     """A mechanism whose bodies are declared, and not its energies: T, V and D stand for nothing.
 
-    Its coordinates are the joints, in the tree's order.
+    Its coordinates are those of the joints that follow no other (`reference.multibody.chart`), in
+    the tree's order.
 
     Raises:
         DeclarationError: naming what does not fit.
@@ -33,22 +38,90 @@ class TreeSystem(Declaration):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.coordinates) != self.tree.nv:
+        if len(self.coordinates) != self.tree.freedoms:
             raise DeclarationError(
                 f"system {self.name!r} has {len(self.coordinates)} coordinates, and its tree"
-                f" {self.tree.nv} degrees of freedom"
+                f" {self.tree.freedoms} degrees of freedom"
             )
-        for link in self.tree.links:
-            if link.kind not in ("hinge", "slide"):
-                raise DeclarationError(
-                    f"system {self.name!r}: {link.name} is a {link.kind} joint, which has no"
-                    " coordinates of its own so far"
-                )
+
+
+def tree_system(*, name: str, title: str, source: str, tree: Tree) -> TreeSystem:
+    """A tree as a system: its coordinates are those of the joints that follow none."""
+    rows = [row for link in tree.links for row in coordinate_names(link.kind, link.name)]
+    return TreeSystem(
+        name=name,
+        title=title,
+        source=source,
+        coordinates=tuple(
+            Coordinate(row, unit, f"joint {row.partition(':')[0]}")
+            for row, unit in (rows[i] for i in Coupled(tree).kept)
+        ),
+        constants=(),
+        inputs=(),
+        outputs=(),
+        T=0,
+        V=0,
+        D=0,
+        equilibria=(),
+        scenarios=(),
+        published=(),
+        tree=tree,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MultibodySystem:
+    """A mechanism as its bodies, joints and pulls: all numbers in SI units, as a model has them.
+
+    Attributes:
+        name: of the system.
+        title: what it is, in a few words.
+        source: where the numbers come from.
+        gravity: m/s^2.
+        bodies: each after the one that carries it.
+        pulls: tendons and actuators.
+        couplings: joints that follow others.
+
+    Raises:
+        DeclarationError: naming the body, joint or pull that does not fit.
+    """
+
+    name: str
+    title: str
+    source: str
+    gravity: Triple
+    bodies: tuple[RigidBody, ...]
+    pulls: tuple[Pull, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+
+    def __post_init__(self) -> None:
+        try:
+            found = self.assembled
+            Coupled(found.tree)  # not in a circle
+        except TreeError as error:
+            raise DeclarationError(str(error)) from None
+        if not found.tree.links:
+            raise DeclarationError(f"system {self.name!r} has no joint, so that nothing moves")
+        for name in found.cancelled:
+            raise DeclarationError(
+                f"the mass of body {name!r} takes all of what it is welded to; no mass is negative"
+            )
+
+    @cached_property
+    def assembled(self) -> Assembled:
+        """The tree, and where each body is in it."""
+        return assembled(self.bodies, self.gravity, self.pulls, self.couplings)
+
+    @cached_property
+    def tree_system(self) -> TreeSystem:
+        """The tree as a system whose equations can be asked."""
+        tree = self.assembled.tree
+        return tree_system(name=self.name, title=self.title, source=self.source, tree=tree)
 
 
 @dataclass(frozen=True)
 class TreeEquations(EquationsOfMotion):
-    """The equations of a tree of hinges and slides."""
+    """The equations of a tree."""
 
     system: TreeSystem
 
@@ -60,22 +133,22 @@ class TreeEquations(EquationsOfMotion):
     @cached_property
     def numeric_acceleration(self) -> TreeFunction:
         """a(q, v, u, (t,)), (..., n)."""
-        return TreeFunction(self._accelerations, self.system.tree.nv)
+        return TreeFunction(self._accelerations, self.system.tree.freedoms)
 
     @cached_property
     def numeric_power(self) -> TreeFunction:
         """(energy, power supplied, power dissipated) of (q, v, u, (t,))."""
-        return TreeFunction(self._powers, self.system.tree.nv)
+        return TreeFunction(self._powers, self.system.tree.freedoms)
 
     @cached_property
     def numeric_mass(self) -> TreeFunction:
         """M of (q, v, u, (t,)), row after row."""
-        return TreeFunction(self._masses, self.system.tree.nv)
+        return TreeFunction(self._masses, self.system.tree.freedoms)
 
     @cached_property
     def turning(self) -> Array:
         """Which coordinates are angles, (n,)."""
-        return np.array([link.kind == "hinge" for link in self.system.tree.links], dtype=bool)
+        return np.array([c.unit == "rad" for c in self.system.coordinates], dtype=bool)
 
     def pushed_acceleration(self, q: Array, v: Array, forces: Array) -> Array:
         """Accelerations under forces on the coordinates, all (..., n)."""
@@ -83,10 +156,14 @@ class TreeEquations(EquationsOfMotion):
         at = (_first(np.broadcast_to(part, shape)) for part in (q, v, forces))
         return _last(self._doubles.acceleration(*at))
 
+    def forces_for(self, q: Array, v: Array, wanted: Array) -> Array:
+        """Forces on the coordinates that make accelerations, all (..., n)."""
+        return _last(self._doubles.forces_for(*map(_first, (q, v, wanted))))
+
     def rounding(self, q: Array, v: Array, forces: Array) -> Array:
         """Bound of what rounding does to accelerations at such states (..., n): (n,)."""
         at = [_first(part) for part in (q, v, forces)]
-        long = Dynamics(self.system.tree, LONG_DOUBLES)
+        long = Charted(self.system.tree, LONG_DOUBLES)
         exact = long.acceleration(*map(LONG_DOUBLES.array, at))
         apart = np.abs(exact - self._doubles.acceleration(*at)).astype(float)
         found: Array = MARGIN * np.max(apart.reshape(len(apart), -1), axis=1)
@@ -110,10 +187,10 @@ class TreeEquations(EquationsOfMotion):
         rounded: bool,
     ) -> Array:
         """Bound of the error of the accelerations: what long doubles make otherwise of them."""
-        n = self.system.tree.nv
+        n = self.system.tree.freedoms
         q, v, u = (_first(part) for part in (states[..., :n], states[..., n:], inputs))
         inverse = np.stack(
-            [np.abs(solved(self._doubles.recursion.mass(q), _beside(column, q)))
+            [np.abs(self._doubles.effect(q, _beside(column, q)))
              for column in self.pushes.T] or [np.zeros((n, 0))]
         )  # fmt: skip
         error = np.zeros_like(q)
@@ -126,8 +203,8 @@ class TreeEquations(EquationsOfMotion):
         return _last(error)
 
     @cached_property
-    def _doubles(self) -> Dynamics:
-        return Dynamics(self.system.tree, DOUBLES)
+    def _doubles(self) -> Charted:
+        return Charted(self.system.tree, DOUBLES)
 
     def _forces(self, u: Array, like: Array) -> Array:
         return np.tensordot(self.pushes, u, 1) if len(u) else np.zeros_like(like)
@@ -137,13 +214,10 @@ class TreeEquations(EquationsOfMotion):
         return found
 
     def _powers(self, q: Array, v: Array, u: Array) -> Array:
-        energy = self._doubles.kinetic(q, v) + self._doubles.potential(q)
-        supplied = (v * self._forces(u, v)).sum(axis=0)
-        damping = np.array([link.damping for link in self.system.tree.links])
-        return np.stack([energy, supplied, np.tensordot(damping, v * v, 1)])
+        return self._doubles.powers(q, v, self._forces(u, v))
 
     def _masses(self, q: Array, v: Array, u: Array) -> Array:
-        mass = self._doubles.recursion.mass(q)
+        mass = self._doubles.mass(q)
         return mass.reshape(-1, *mass.shape[2:])
 
 

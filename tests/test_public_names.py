@@ -14,9 +14,10 @@ import physics_crosscheck.records
 ROOT = Path(__file__).parents[1]
 
 TOP = {
-    "Angle", "Body", "Constant", "Coordinate", "DeclarationError", "Equilibrium", "Frame",
-    "Input", "Link", "Output", "Pose", "PublishedEquation", "Quantity", "Results", "Scenario",
-    "System", "check", "ground", "rotation", "t",
+    "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
+    "Frame", "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation",
+    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "System", "check", "ground", "rotation",
+    "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",

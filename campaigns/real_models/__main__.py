@@ -1,24 +1,20 @@
-"""Every robot of a folder, read and checked: `python -m campaigns.real_models FOLDER [--jobs 2]`.
+"""Every robot of some folders, read and checked: `python -m campaigns.real_models FOLDER...`.
 
-Of PyBullet's own robots: `python -c "import pybullet_data as d; print(d.getDataPath())"`.
+Prints what is read, a line a case as it comes, and tables of what became of them; see the README.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from campaigns.real_models.reading import survey
+from campaigns.real_models.files import robot_files
+from campaigns.real_models.reading import Reading, kind, survey, table
 from harness.records.case import Case
-from harness.robots.urdf import read_urdf_robot
 from harness.run import Options, run
-
-
-def moving(folder: Path) -> list[Path]:
-    """URDFs that have a tree with joints, or that can't be read."""
-    robots = [read_urdf_robot(path) for path in sorted(folder.rglob("*.urdf"))]
-    return [one.file for one in robots if one.tree is None or one.tree.links]
 
 
 def line(case: Case) -> str:
@@ -30,20 +26,54 @@ def line(case: Case) -> str:
     return f"{where} E {found.largest_discrepancy:.1e} U {found.largest_uncertainty:.1e}"
 
 
+def outcomes(cases: Iterable[Case]) -> str:
+    """How many files of each format came out how, by engine; and why others have no verdict."""
+    rows: Counter[str] = Counter()
+    why: Counter[str] = Counter()
+    for case in cases:
+        rows[f"{Path(case.model).suffix} {case.engine:<9} {case.outcome}"] += 1
+        if case.verdict is None:
+            reason = case.reason.removeprefix(f"{case.folder}: ")
+            why[f"{case.engine:<9} {kind(reason)[:150]}"] += 1
+    return "\n\n".join([table("outcomes, files", rows), table("no verdict, files", why)])
+
+
+def judged(readings: Sequence[Reading], cases: Iterable[Case]) -> str:
+    """How many of the robots that move have a verdict in one engine at least."""
+    there = {case.folder for case in cases if case.verdict is not None}
+    lines = []
+    for suffix in (".urdf", ".xml"):
+        own = [one for one in readings if one.file.suffix == suffix]
+        robots = [one for one in own if one.moves and one.loads]
+        count = sum(str(one.file) in there for one in robots)
+        share = f" ({count / len(robots):.1%})" if robots else ""
+        lines.append(
+            f"{suffix}: {len(own)} files, {len(robots)} of them robots that move, {count} with a"
+            f" verdict{share}"
+        )
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Print what is read, then a line a case, and the counts."""
     parser = argparse.ArgumentParser(prog="python -m campaigns.real_models", description=__doc__)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", type=Path, nargs="+")
     parser.add_argument("--jobs", type=int, default=0)
+    parser.add_argument("--floating", action="store_true", help="the roots of URDFs move freely")
     options = parser.parse_args()
-    print(survey(options.folder))
-    files = moving(options.folder)
-    results = run((), Options(jobs=options.jobs), lambda *_: None, robots=files).results
-    print("\n".join(line(case) for case in results.cases))
-    counts = Counter((case.engine, str(case.outcome)) for case in results.cases)
-    print(f"{len(files)} robots, {results.seconds:.0f} s")
-    for (engine, outcome), count in sorted(counts.items()):
-        print(f"{engine:<10} {outcome:<10} {count}")
+    began = time.perf_counter()
+    files = [file for folder in options.folder for file in robot_files(folder)]
+    readings = [Reading.of(file) for file in files]
+    print(survey(readings), flush=True)
+    robots = [one.file for one in readings if one.moves]
+
+    def progress(done: int, total: int, case: Case | None) -> None:
+        told = f"[{done}/{total}, {time.perf_counter() - began:.0f} s]"
+        print(told, line(case) if case else "", flush=True)
+
+    wanted = Options(jobs=options.jobs, floating=options.floating)
+    cases = run((), wanted, progress, robots=robots).results.cases
+    print(f"\n{outcomes(cases)}\n\n{judged(readings, cases)}")
 
 
 if __name__ == "__main__":

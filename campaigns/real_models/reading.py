@@ -1,18 +1,70 @@
-"""How much of a folder of URDFs is read.
+"""How much of a list of robots' files is read.
 
-Prints how many have a tree, what is in the way of the others, what is left out, and how many have
-inertias that no body can have.
+How many have a tree, what is in the way of the others, what is left out, and how many have inertias
+that no body can have.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from harness.robots.inertias import impossible
+from harness.robots.named import read_robot
 from harness.robots.robot import Robot
-from harness.robots.urdf import read_urdf_robot
+
+STILL = "it has no joint that moves"
+REFUSED = "can't load it"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What reading a file gave, without its arrays.
+
+    Attributes:
+        file: that was read.
+        tree: whether it has one.
+        freedoms: of its tree, in classes.
+        obstacles: with file and line.
+        kinds: of its obstacles, without names and numbers.
+        left_out: kinds of what is.
+        impossible: kinds of impossible inertias.
+    """
+
+    file: Path
+    tree: bool
+    freedoms: str
+    obstacles: tuple[str, ...]
+    kinds: frozenset[str]
+    left_out: frozenset[str]
+    impossible: frozenset[str]
+
+    @staticmethod
+    def of(file: Path) -> Reading:
+        """Read it."""
+        robot = read_robot(file)
+        return Reading(
+            file=file,
+            tree=robot.tree is not None,
+            freedoms=freedoms(robot),
+            obstacles=tuple(map(str, robot.obstacles)),
+            kinds=frozenset(kind(one.sentence) for one in robot.obstacles),
+            left_out=frozenset(one.what for one in robot.left_out),
+            impossible=frozenset(one.kind for one in impossible(robot)),
+        )
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything of it moves, as far as is known."""
+        return self.freedoms != "none" and STILL not in self.kinds
+
+    @property
+    def loads(self) -> bool:
+        """Whether the engine that compiles its format takes it; parts of others it does not."""
+        return not any(REFUSED in one for one in self.kinds)
 
 
 def kind(sentence: str) -> str:
@@ -34,21 +86,17 @@ def table(title: str, counts: Counter[str]) -> str:
     return "\n".join([title, *(lines or ["    none"])])
 
 
-def survey(folder: Path) -> str:
-    """The tables of a folder, its folders included; each file counts once in a row."""
-    robots = [read_urdf_robot(path) for path in sorted(folder.rglob("*.urdf"))]
-    found = {robot.file: impossible(robot) for robot in robots}
-    read = sum(robot.tree is not None for robot in robots)
-    refused = [robot for robot in robots if robot.obstacles]
+def survey(found: Sequence[Reading]) -> str:
+    """The tables of all; each file counts once in a row."""
+    read = sum(one.tree for one in found)
+    refused = [one for one in found if one.obstacles]
     return "\n\n".join([
-        f"{len(robots)} files, {read} read, {len(refused)} with obstacles,"
-        f" {sum(map(bool, found.values()))} with impossible inertias",
-        table("degrees of freedom, files", Counter(map(freedoms, robots))),
-        table("in the way, files", Counter(
-            what for robot in refused for what in {kind(one.sentence) for one in robot.obstacles})),
-        table("left out, files", Counter(
-            what for robot in robots for what in {one.what for one in robot.left_out})),
-        table("impossible inertias, files", Counter(
-            what for one in found.values() for what in {finding.kind for finding in one})),
-        "\n".join(str(one) for robot in refused for one in robot.obstacles),
+        f"{len(found)} files, {read} read, {len(refused)} with obstacles,"
+        f" {sum(bool(one.impossible) for one in found)} with impossible inertias",
+        table("degrees of freedom, files", Counter(one.freedoms for one in found)),
+        table("in the way, files", Counter(what for one in refused for what in one.kinds)),
+        table("left out, files", Counter(what for one in found for what in one.left_out)),
+        table("impossible inertias, files",
+              Counter(what for one in found for what in one.impossible)),
+        "\n".join(what for one in refused for what in one.obstacles),
     ])  # fmt: skip

@@ -7,11 +7,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from harness.audit.run import Audit, run_audit
 from harness.audit.task import audit_task
+from harness.cases.multibody import FileSurvey, PreparedTree, prepare_folder, survey_file
 from harness.cases.not_run import hurdle
-from harness.cases.prepare import Prepared, prepare
+from harness.cases.prepare import Prepared
 from harness.engines.registry import engines as registered
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
 from harness.files.sidecar import Sidecar
@@ -54,18 +56,20 @@ def audits(
     return tuple(one for models in found for one in models.values())
 
 
-def _folder(folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit]) -> Job[Prepared]:
+def _folder(
+    folder: Path, only: Sequence[str], found: dict[ModelId, ModelAudit]
+) -> Job[Prepared | PreparedTree]:
     def failed(failure: Failure) -> tuple[()]:
         one = ModelId(system=folder.name, model="system.py", engine="-")
         found[one] = ModelAudit(one, failure=failure.about(folder / one.model))
         return ()
 
-    return Job(task=Task(prepare, folder), done=partial(_models, only, found), failed=failed)
+    return Job(task=Task(prepare_folder, folder), done=partial(_models, only, found), failed=failed)
 
 
 def _models(
-    only: Sequence[str], found: dict[ModelId, ModelAudit], prepared: Prepared
-) -> Iterator[Job[Audit]]:
+    only: Sequence[str], found: dict[ModelId, ModelAudit], prepared: Prepared | PreparedTree
+) -> Iterator[Job[Any]]:
     system, known = prepared.system.name, registered()
     for file in model_files(prepared.folder):
         if isinstance(file, UnreadModel):
@@ -84,9 +88,12 @@ def _models(
 
 
 def _audit(
-    one: ModelId, prepared: Prepared, sidecar: Sidecar, found: dict[ModelId, ModelAudit]
-) -> Job[Audit]:
-    def done(audit: Audit) -> tuple[()]:
+    one: ModelId,
+    prepared: Prepared | PreparedTree,
+    sidecar: Sidecar,
+    found: dict[ModelId, ModelAudit],
+) -> Job[Any]:
+    def done(audit: Audit | FileSurvey) -> tuple[()]:
         found[one] = ModelAudit(one, audit.findings)
         return ()
 
@@ -94,5 +101,7 @@ def _audit(
         found[one] = ModelAudit(one, failure=failure.about(sidecar.model))
         return ()
 
+    if isinstance(prepared, PreparedTree):
+        return Job(task=Task(survey_file, sidecar), done=done, failed=failed)
     task = Task(run_audit, audit_task(prepared, sidecar, one.engine))
     return Job(task=task, done=done, failed=failed)

@@ -22,7 +22,6 @@ def entry_of(case_id: CaseId, case: Case, measured: Measurement, now: Dependenci
     """
     verdict, full_run = case.verdict, case.full_run
     assert verdict is not None  # what was measured was judged
-    assert full_run is not None
     return summarized(
         AcceptedCase(
             system=case_id.system,
@@ -37,10 +36,10 @@ def entry_of(case_id: CaseId, case: Case, measured: Measurement, now: Dependenci
             uncertainty=verdict.uncertainty,
             component=verdict.component,
             constants=measured.constants,
-            global_error=full_run.global_error,
-            global_order=full_run.order,
-            shipped_step=full_run.shipped_step,
-            integrator=full_run.integrator,
+            global_error=full_run.global_error if full_run else None,
+            global_order=full_run.order if full_run else None,
+            shipped_step=full_run.shipped_step if full_run else None,
+            integrator=full_run.integrator if full_run else "",
             order=verdict.order,
             claimed_order=verdict.claimed_order,
             engine_version=now.engine_version,
@@ -61,8 +60,11 @@ def summarized(entry: AcceptedCase) -> AcceptedCase:
         return "unknown" if value is None else format(value, form)
 
     summary = (
-        f"{entry.outcome}, E {short(entry.discrepancy, '.0e')}"
-        f" U {short(entry.uncertainty, '.0e')}; global error {short(entry.global_error, '.2%')}"
-        f" at {short(entry.shipped_step, 'g')} s, {entry.integrator}"
+        f"{entry.outcome}, E {short(entry.discrepancy, '.0e')} U {short(entry.uncertainty, '.0e')}"
     )
+    if entry.integrator:  # no motion joins states at random, which have no full run
+        summary += (
+            f"; global error {short(entry.global_error, '.2%')}"
+            f" at {short(entry.shipped_step, 'g')} s, {entry.integrator}"
+        )
     return msgspec.structs.replace(entry, summary=summary)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.engines.registry import model_formats
-from harness.files.parts import named_files
+from harness.files.parts import included, named_files
 from harness.files.reading import read_regular
 from harness.files.sidecar import SidecarError, read_sidecar
 from harness.numerics.version import VERSION
@@ -105,7 +105,12 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
             broken.append(str(error))
     formats = model_formats()
     models = [p.name for p in sorted(folder.iterdir()) if p.suffix in formats]
-    broken += [f"{folder / name}: has no sidecar" for name in models if name not in sidecars]
+    within = {path for name in sidecars for path in included(folder / name)}
+    broken += [
+        f"{folder / name}: has no sidecar"
+        for name in models
+        if name not in sidecars and folder / name not in within
+    ]
     beside = {name: digest(folder / name) for name in _inside(folder, apart) if name not in own}
     system = digest(folder / "system.py")
     found = []

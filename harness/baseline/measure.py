@@ -94,7 +94,7 @@ def _measured(task: MeasureTask) -> Measurement:
     model, coordinates = load(task.system, task.sidecar, task.engine)
     own = snapshot_of(task.system, task.scenario, task.motion, task.scale, task.components)
     accepted, on_accepted = task.accepted, None
-    if accepted is not None and _comparable(own, accepted):
+    if accepted is not None and comparable(own, accepted):
         segments = segments_of(accepted)
         end, uncertainty = ends(model, coordinates, segments)
         on_accepted = OnAccepted(
@@ -116,7 +116,7 @@ def _measured(task: MeasureTask) -> Measurement:
     )
 
 
-def _comparable(own: Snapshot, accepted: Snapshot) -> bool:
+def comparable(own: Snapshot, accepted: Snapshot) -> bool:
     """Whether both have the same number of components and of inputs."""
     inputs = {len(row) for one in (own, accepted) for nodes in one.input_nodes for row in nodes}
     return len(own.components) == len(accepted.components) and len(inputs) == 1

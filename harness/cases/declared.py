@@ -7,7 +7,9 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from reference.load import load_system
+from harness.cases.robot import SCENARIO
+from reference.load import load_declaration
+from reference.trees import MultibodySystem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,10 +44,14 @@ def declared(folder: Path) -> Declared:
     """
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("default")
-        system = load_system(folder)
+        system = load_declaration(folder)
+    if isinstance(system, MultibodySystem):
+        scenarios: tuple[str, ...] = (SCENARIO,)
+    else:
+        scenarios = tuple(scenario.name for scenario in system.scenarios)
     return Declared(
         system.name,
-        tuple(scenario.name for scenario in system.scenarios),
+        scenarios,
         tuple(
             Told(
                 message=str(w.message), category=w.category.__name__, file=w.filename, line=w.lineno

@@ -97,7 +97,7 @@ def _matrices(one: Linearization, system: System) -> Iterator[Matrix]:
         "C": one.damping.applyfunc(sp.expand) if _short(one.damping) else None,
         "K": one.stiffness.applyfunc(sp.expand) if _short(one.stiffness) else None,
     }
-    if _short(one.mass, one.damping, one.stiffness, one.input):
+    if _invertible(one.mass, one.damping, one.stiffness, one.input):
         n, inverse = len(system.q), one.mass.inv()
         below = (-inverse * one.stiffness).row_join(-inverse * one.damping)
         state = sp.zeros(n).row_join(sp.eye(n)).col_join(below)
@@ -115,8 +115,17 @@ def _matrices(one: Linearization, system: System) -> Iterator[Matrix]:
 
 
 def _short(*matrices: sp.Matrix) -> bool:
-    """Whether a person may read these, and sympy invert them."""
+    """Whether a person may read these."""
     return bool(sum(sp.count_ops(entry) for matrix in matrices for entry in matrix) <= LONG)
+
+
+def _invertible(*matrices: sp.Matrix) -> bool:
+    """Whether they are short, and sympy factors what follows from them.
+
+    With the digits of a position that was searched for, the polynomials have no common factors but
+    numbers, and to look for them is endless.
+    """
+    return _short(*matrices) and not any(matrix.has(sp.Float) for matrix in matrices)
 
 
 def _transfers(one: Linearization, system: System) -> list[Transfer]:

@@ -75,6 +75,24 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
     began = time.perf_counter()
     with recorded(folder) as reads:
         system = load_system(folder)
+    return derived(folder, system, reads.names(), began, described=described)
+
+
+def derived(
+    folder: Path, system: System, reads: tuple[str, ...], began: float, *, described: bool
+) -> Prepared:
+    """Derive, linearize and solve what was loaded from a folder.
+
+    Args:
+        folder: of the system.
+        system: that it declares.
+        reads: files that its declaration has read.
+        began: when that was, by `time.perf_counter`.
+        described: as in `prepare`.
+
+    Raises:
+        DeclarationError, ReferenceError: naming what is wrong and where.
+    """
     equations = derive(system)
     with told_with_file(folder):
         linear = tuple(linearize(equations, e) for e in system.equilibria)
@@ -101,5 +119,5 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
         variants=variants(equations, amplitude),
         components=(*names, *(f"{name}_dot" for name in names)),
         record=msgspec.structs.replace(record, seconds=time.perf_counter() - began),
-        reads=reads.names(),
+        reads=reads,
     )

@@ -12,26 +12,32 @@ import numpy as np
 
 from harness.cases.case_record import verdict_record
 from harness.cases.system_record import quantities
-from harness.cases.verdict import filled, judge
-from harness.engines.protocol import EngineError, Model, ModelSpec
+from harness.cases.verdict import filled, judge, with_residual
+from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
 from harness.engines.registry import engines
-from harness.numerics.coordinates import identity
-from harness.numerics.segments import Batch, BlownUpError, extrapolate, held
+from harness.numerics.coordinates import CoordinateMap, identity, linear
+from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate, held
 from harness.records.base import SourceLine, number
 from harness.records.case import Case
 from harness.records.finding import AuditFinding
 from harness.records.system import Scenario, System
 from harness.robots.inertias import impossible
 from harness.robots.named import read_robot
-from harness.robots.robot import LeftOut
+from harness.robots.robot import LeftOut, Robot, home_of
 from harness.robots.system import RobotError, robot_system
 from reference.integrate import ReferenceError
-from reference.multibody.tree import WORLD
+from reference.multibody.chart import coordinate_names
+from reference.multibody.coupled import Coupled
+from reference.multibody.tree import WORLD, Tree
+from reference.numeric import Array
 from reference.samples import Samples, samples
 from reference.trees import TreeEquations, TreeSystem
 
 SCENARIO = "states"
 """What stands for the scenario of a file that declares none."""
+
+FLOATING = "floating states"
+"""The same of a URDF whose root link moves freely."""
 
 STATES = 100
 """Segments of a check: each number of a robot has a say in nearly all of them."""
@@ -51,64 +57,149 @@ class PreparedRobot:
     Attributes:
         file: the model file.
         names: of its coordinates.
+        followers: what follows them.
         samples: states, and where the equations take them.
         record: what is written of it.
+        settings: with which engines run it.
         left_out: what the file says beyond the equations.
         findings: inertias that no body can have.
     """
 
     file: Path
     names: tuple[str, ...]
+    followers: Followers
     samples: Samples
     record: System
+    settings: Mapping[str, object]
     left_out: tuple[str, ...]
     findings: tuple[AuditFinding, ...]
 
+    @property
+    def scenario(self) -> str:
+        """What its states are called."""
+        return self.record.scenarios[0].name
+
     def task(self, engine: str, resolution: float) -> RobotTask:
         """The check in an engine."""
+        own = engines()[engine].settings_for(self.file.suffix)
         return RobotTask(
             file=self.file,
+            folder=str(self.file),
             robot=self.record.name,
+            scenario=self.scenario,
             engine=engine,
             names=self.names,
+            followers=self.followers,
             samples=self.samples,
+            settings={**own, **self.settings},
             resolution=resolution,
         )
 
 
-def prepare_robot(file: Path) -> PreparedRobot:
+def prepare_robot(file: Path, *, floating: bool = False) -> PreparedRobot:
     """Read a robot's file, draw states, and solve.
+
+    Args:
+        file: the model file.
+        floating: whether the root link of a URDF moves freely.
 
     Raises:
         RobotError, ReferenceError: naming file, line and remedy.
     """
     began = time.perf_counter()
-    robot = read_robot(file)
+    robot = read_robot(file, floating=floating)
     system = robot_system(robot)
-    limits = np.stack(robot.limits, axis=1)
-    still = {part.name for part in robot.parts if part.body == WORLD}
     try:
-        drawn = samples(TreeEquations(system), limits, robot.home, STATES, SEED)
+        drawn = tree_states(system, robot.limits, STATES)
     except ReferenceError as error:
         raise RobotError(f"{file}: {error}") from None
     return PreparedRobot(
         file=file,
         names=tuple(c.name for c in system.coordinates),
+        followers=Followers.of(system.tree),
         samples=drawn,
-        record=_record(file, system, drawn, time.perf_counter() - began),
-        left_out=tuple(told(one) for one in robot.left_out),
-        findings=tuple(
-            AuditFinding(
-                kind="inertia",
-                message=f"{one.sentence}; {one.remedy}",
-                where=SourceLine(file=str(one.file), line=one.line or None),
-                expected=None,
-                found=None,
-                severity="note" if one.link in still else "finding",
-            )
-            for one in impossible(robot)
+        record=tree_record(
+            str(robot.file),
+            system,
+            drawn,
+            FLOATING if robot.floats else SCENARIO,
+            time.perf_counter() - began,
         ),
+        settings=settings_of(robot),
+        left_out=tuple(told(one) for one in robot.left_out),
+        findings=inertia_findings(robot),
     )
+
+
+def tree_states(system: TreeSystem, limits: tuple[Array, Array], count: int) -> Samples:
+    """States of a tree at random, and where its equations take them.
+
+    Args:
+        system: the tree.
+        limits: of all its joints.
+        count: how many states.
+
+    Raises:
+        ReferenceError: where a joint moves nothing that has mass.
+    """
+    kept = Coupled(system.tree).kept
+    within, home = np.stack(limits, axis=1)[kept], home_of(system.tree, limits)[kept]
+    return samples(TreeEquations(system), within, home, count, SEED)
+
+
+def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
+    """Inertias that no body can have; of what stands still, a note."""
+    still = {part.name for part in robot.parts if part.body == WORLD}
+    return tuple(
+        AuditFinding(
+            kind="inertia",
+            message=f"{one.sentence}; {one.remedy}",
+            where=SourceLine(file=str(one.file), line=one.line or None),
+            expected=None,
+            found=None,
+            severity="note" if one.link in still else "finding",
+        )
+        for one in impossible(robot)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Followers:
+    """How a tree's joints follow its coordinates: all of them are G q + c.
+
+    Attributes:
+        names: of all that an engine has, (nz,).
+        matrix: G, (nz, n).
+        offset: c, (nz,).
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
+    offset: Array
+
+    @staticmethod
+    def of(tree: Tree) -> Followers:
+        """All coordinates of a tree's joints."""
+        coupled = Coupled(tree)
+        rows = (row for link in tree.links for row in coordinate_names(link.kind, link.name))
+        names = tuple(name for name, _ in rows)
+        return Followers(names=names, matrix=coupled.matrix, offset=coupled.offset)
+
+    def map(self, order: list[int], names: tuple[str, ...]) -> CoordinateMap:
+        """Between the coordinates, by their names, and an engine's, in their order."""
+        own = [self.names[i] for i in order]
+        kept = [own.index(name) for name in names]
+        return linear(self.matrix[order], self.offset[order], kept)
+
+
+def settings_of(robot: Robot) -> Mapping[str, object]:
+    """With which every engine runs it."""
+    own: dict[str, object] = {"controls": list(robot.controls)} if robot.controls else {}
+    if robot.tree is not None and robot.tree.couplings:
+        own["couplings"] = [robot.tree.links[one.follower].name for one in robot.tree.couplings]
+    if robot.floats:
+        own["floating"] = True
+    return {**ALONE, **own}
 
 
 def told(one: LeftOut) -> str:
@@ -116,11 +207,14 @@ def told(one: LeftOut) -> str:
     return one.what if one.count == 1 else f"{one.what} ({one.count})"
 
 
-def _record(file: Path, system: TreeSystem, drawn: Samples, seconds: float) -> System:
+def tree_record(
+    folder: str, system: TreeSystem, drawn: Samples, scenario: str, seconds: float
+) -> System:
+    """What is written of a tree: its joints, and the states at which it is checked."""
     count = len(drawn.start)
     return System(
         name=system.name,
-        folder=str(file),
+        folder=folder,
         title=system.title,
         source=system.source,
         kind="autonomous",
@@ -130,7 +224,7 @@ def _record(file: Path, system: TreeSystem, drawn: Samples, seconds: float) -> S
         outputs=(),
         scenarios=(
             Scenario(
-                name=SCENARIO,
+                name=scenario,
                 description=f"{count} states at random, each under forces of its own",
                 duration=drawn.length,
                 inputs={},
@@ -150,19 +244,81 @@ class RobotTask:
 
     Attributes:
         file: the model file.
+        folder: whose case it is: the system's, or the file itself where it is given alone.
         robot: its name.
+        scenario: what its states are called.
         engine: that runs it.
         names: of the coordinates, in the samples' order.
+        followers: what follows them.
         samples: states, and where the equations take them.
+        settings: with which the engine runs it.
         resolution: that is asked.
+        springs: of its sidecar.
     """
 
     file: Path
+    folder: str
     robot: str
+    scenario: str
     engine: str
     names: tuple[str, ...]
+    followers: Followers
     samples: Samples
+    settings: Mapping[str, object]
     resolution: float
+    springs: tuple[Spring, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Followed:
+    """Segments of a robot in an engine, in the order that the engine has.
+
+    Attributes:
+        model: as the engine has loaded it.
+        names: of the coordinates, in that order.
+        samples: likewise.
+        scale: what a defect is relative to, (2n,).
+        found: where the engine ends them as h -> 0.
+    """
+
+    model: Model
+    names: tuple[str, ...]
+    samples: Samples
+    scale: Array
+    found: Extrapolated
+
+
+def scale_of(drawn: Samples) -> Array:
+    """What a defect is relative to: how far each component moves at most, (2n,)."""
+    return filled(np.max(np.abs(drawn.end - drawn.start), axis=0))
+
+
+def follow_robot(task: RobotTask, rungs: tuple[int, ...] = ()) -> Followed:
+    """Run every segment in the engine as h -> 0: on these rungs, or as many as it takes.
+
+    Raises:
+        EngineError, BlownUpError: naming the file.
+    """
+    model = load_robot(task)
+    drawn, coordinates, names = placed(task, model)
+    count = len(drawn.forces)
+    scale = scale_of(drawn)
+    batch = Batch(
+        states=drawn.start,
+        lengths=np.full(count, drawn.length),
+        inputs=held(drawn.forces),
+        varying=False,
+        scale=scale,
+        ends=drawn.end,
+    )
+    try:
+        if rungs:
+            found = extrapolate(model, coordinates, batch, rungs=rungs)
+        else:
+            found = extrapolate(model, coordinates, batch, resolution=task.resolution)
+    except BlownUpError as error:
+        raise BlownUpError(f"{task.file}: {error}") from None
+    return Followed(model=model, names=names, samples=drawn, scale=scale, found=found)
 
 
 def run_robot(task: RobotTask) -> Case:
@@ -172,34 +328,21 @@ def run_robot(task: RobotTask) -> Case:
         EngineError, BlownUpError: the case is FAILED with that message.
     """
     began = time.perf_counter()
-    engine = engines()[task.engine]
-    settings = {**engine.settings_for(task.file.suffix), **ALONE}
-    model = engine.load(ModelSpec(path=task.file, settings=settings, springs=()))
-    drawn = task.samples.ordered(_order(task, model))
-    count, n = drawn.forces.shape
-    scale = filled(np.max(np.abs(drawn.end - drawn.start), axis=0))
-    batch = Batch(
-        states=drawn.start,
-        lengths=np.full(count, drawn.length),
-        inputs=held(drawn.forces),
-        varying=False,
-        scale=scale,
-        ends=drawn.end,
-    )
-    same = replace(identity(n), push_matrix=np.eye(n))
-    try:
-        found = extrapolate(model, same, batch, resolution=task.resolution)
-    except BlownUpError as error:
-        raise BlownUpError(f"{task.file}: {error}") from None
+    way = follow_robot(task)
+    model, found = way.model, way.found
     claimed = model.exponents(False)[0]
-    components = (*model.coordinates, *(f"{name}_dot" for name in model.coordinates))
-    verdict = judge(found.limit, drawn, scale, components, claimed, task.resolution)
+    components = (*way.names, *(f"{name}_dot" for name in way.names))
+    verdict = judge(found.limit, way.samples, way.scale, components, claimed, task.resolution)
+    if found.residual is not None:
+        verdict = with_residual(
+            verdict, found.residual, way.samples, tuple(model.coordinates), task.resolution
+        )
     return Case(
         system=task.robot,
         model=task.file.name,
-        scenario=SCENARIO,
+        scenario=task.scenario,
         engine=task.engine,
-        folder=str(task.file),
+        folder=task.folder,
         outcome=verdict.outcome,
         reason=verdict.reason,
         verdict=verdict_record(verdict, found, claimed),
@@ -207,17 +350,40 @@ def run_robot(task: RobotTask) -> Case:
     )
 
 
-def _order(task: RobotTask, model: Model) -> list[int]:
+def load_robot(task: RobotTask) -> Model:
+    """The file as its engine loads it.
+
+    Raises:
+        EngineError: naming file, place and remedy.
+    """
+    spec = ModelSpec(path=task.file, settings=task.settings, springs=task.springs)
+    return engines()[task.engine].load(spec)
+
+
+def placed(task: RobotTask, model: Model) -> tuple[Samples, CoordinateMap, tuple[str, ...]]:
+    """The states as the engine's coordinates have them, those maps, and the names of the states.
+
+    Raises:
+        EngineError: where they are not the same joints.
+    """
+    order, n = order_of(task, model), len(task.names)
+    if len(order) > n:
+        return task.samples, task.followers.map(order, task.names), task.names
+    own = tuple(model.coordinates)
+    return task.samples.ordered(order), replace(identity(n), push_matrix=np.eye(n)), own
+
+
+def order_of(task: RobotTask, model: Model) -> list[int]:
     """Which of the equations' coordinates each of the engine's is.
 
     Raises:
         EngineError: naming those that only one of them has.
     """
-    here, there = set(task.names), set(model.coordinates)
+    here, there = set(task.followers.names), set(model.coordinates)
     if here != there or len(there) != len(model.coordinates):
         missing, more = sorted(here - there), sorted(there - here)
         parts = [f"it has no {', '.join(missing)}"] if missing else []
         parts += [f"it has {', '.join(more)} besides"] if more else []
         told = " and ".join(parts) or "two of its joints have one name"
         raise EngineError(f"{task.file}: {task.engine} makes other joints of it: {told}")
-    return [task.names.index(name) for name in model.coordinates]
+    return [task.followers.names.index(name) for name in model.coordinates]

@@ -13,7 +13,8 @@ from rich.console import Console
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from harness.compare.candidate import CompareError, NotInstalledError, candidate
-from harness.compare.compare import CompareOptions, FailureError, compare
+from harness.compare.compare import CompareOptions, compare
+from harness.compare.execute import FailureError
 from harness.compare.executor import in_workers
 from harness.compare.match import declared
 from harness.compare.record import comparison_record, failed_record
@@ -23,8 +24,8 @@ from harness.records.write import encoded, write_whole
 from harness.schedule.workers import Workers
 from harness.text.comparison import print_comparison
 
-JOBS = 2
-"""Worker processes: both models are asked in turn, and differences of the files two at a time."""
+JOBS = 1
+"""Worker processes: to start a second one takes longer than to ask both models in turn."""
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -50,6 +51,11 @@ def add(command: argparse.ArgumentParser) -> None:
         type=_start,
         metavar="j=1,...",
         help="a state to start from, j=1,j_dot=0; repeatable",
+    )
+    command.add_argument(
+        "--as-shipped",
+        action="store_true",
+        help="with contacts, limits, dry friction and couplings, which are left out otherwise",
     )
     command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
     arguments.resolution_of(command)
@@ -90,6 +96,7 @@ def _pair(options: argparse.Namespace) -> CompareOptions:
         joints=declared(options.joints, options.map),
         starts=tuple(options.start),
         resolution=options.resolution,
+        as_shipped=options.as_shipped,
     )
 
 

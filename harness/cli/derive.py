@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Literal
 
 from harness.cases.derivation import derivation
+from harness.cases.tree_derivation import tree_derivation
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL
 from harness.cli.missing import tell_missing, with_missing
 from harness.files.folders import named_folders
 from harness.schedule.workers import Failure, Workers
 from harness.text.equations import describe
-from reference.load import load_system, told_with_file
+from reference.load import load_declaration, told_with_file
+from reference.trees import MultibodySystem
 
 Form = Literal["latex", "text"]
 
@@ -48,6 +50,8 @@ def derived(task: tuple[Path, Form]) -> str:
         DeclarationError, ReferenceError: naming what is wrong and where.
     """
     folder, form = task
-    system = load_system(folder)
+    system = load_declaration(folder)
+    if isinstance(system, MultibodySystem):
+        return describe(tree_derivation(system), form)
     with told_with_file(folder):
         return describe(derivation(system), form)

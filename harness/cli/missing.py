@@ -10,7 +10,7 @@ from harness.text.visible import visible
 
 
 def tell_missing(named: NamedFolders) -> None:
-    """Say, before the others run, which names mean no system folder."""
+    """Say, before the others run, which names mean nothing that can be run."""
     for fault in named.faults.values():
         print(f"crosscheck: {fault}; the others go on", file=sys.stderr, flush=True)
 
@@ -23,5 +23,5 @@ def with_missing(code: int, named: NamedFolders) -> int:
     if not named.faults:
         return code
     names = ", ".join(visible(name) for name in named.faults)
-    print(f"crosscheck: not run, since it means no system folder: {names}", file=sys.stderr)
+    print(f"crosscheck: not run, since nothing is there that it means: {names}", file=sys.stderr)
     return max(code, USAGE)

@@ -20,13 +20,18 @@ def add(command: argparse.ArgumentParser) -> None:
         type=Path,
         default=None,
         metavar="model.urdf|model.xml",
-        help="fill it in from this model file, as far as it tells",
+        help="fill it in from this model file",
+    )
+    command.add_argument(
+        "--floating",
+        action="store_true",
+        help="the root link of the URDF moves freely; else it is fixed",
     )
 
 
 def main(options: argparse.Namespace) -> int:
     """Write the folder; say what was written and what comes next."""
-    target = Path(options.name)
+    target, declares = Path(options.name), ""
     try:
         check_name(target)
     except NewError as error:
@@ -39,12 +44,14 @@ def main(options: argparse.Namespace) -> int:
             # Only now: reading a model needs sympy and engines.
             from harness.scaffold.from_model import from_model
 
-            for remark in from_model(options.model, target):
+            written = from_model(options.model, target, floating=options.floating)
+            declares = f"\nsystem.py declares {visible(written.declares)}\n"
+            for remark in written.remarks:
                 print(f"note: {remark}", file=sys.stderr)
     except NewError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return FAIL
     for path in sorted(target.iterdir()):
         print(visible(str(path)))
-    print(f"\nnext: crosscheck run {target}\n      crosscheck derive {target}")
+    print(f"{declares}\nnext: crosscheck run {target}\n      crosscheck derive {target}")
     return AGREE

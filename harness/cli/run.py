@@ -11,16 +11,17 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.cli import arguments
-from harness.cli.exit_codes import SIGNALLED, exit_code
+from harness.cli.exit_codes import FAIL, SIGNALLED, exit_code
 from harness.cli.missing import tell_missing, with_missing
-from harness.files.folders import NamedFolders, check_engines, named_folders
+from harness.files.folders import FolderError, NamedFolders, check_engines, named_folders
 from harness.records.journal import Journal, journal
 from harness.records.results import Results
 from harness.records.write import encoded, write_whole
 from harness.report import write_report
-from harness.robots.named import robot_files
+from harness.robots.named import NamedRobots, robot_files
 from harness.run import Interruption, Options, run
 from harness.schedule.stop import asking
+from harness.text.coverage import left_out
 from harness.text.github import case_notes, commands
 from harness.text.progress import Progress
 from harness.text.table import print_results
@@ -49,13 +50,24 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--require-engines", action="store_true", help="exit 3 where an engine is not installed"
     )
+    command.add_argument(
+        "--strict",
+        action="store_true",
+        help="exit 3 where a robot's file says what the check leaves out: limits, contacts, ...",
+    )
+    command.add_argument(
+        "--floating",
+        action="store_true",
+        help="the root link of a URDF that is given alone moves freely; else it is fixed",
+    )
 
 
 def main(options: argparse.Namespace) -> int:
     """Run, write results and report, print the table."""
     check_engines(options.engine)
-    robots, names = robot_files(options.folders)
-    named = NamedFolders([], {}) if robots and not names else named_folders(names)
+    alone = robot_files(options.folders)
+    robots = alone.files
+    named = _named(alone)
     tell_missing(named)
     wanted = Options(
         engines=tuple(options.engine),
@@ -63,6 +75,7 @@ def main(options: argparse.Namespace) -> int:
         jobs=options.jobs,
         limits=arguments.limits_of(options),
         baseline=options.baseline,
+        floating=options.floating,
     )
     with journal(options.out, resume=options.resume) as done:
         with Progress() as progress, asking() as stop:
@@ -77,7 +90,26 @@ def main(options: argparse.Namespace) -> int:
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
     code = with_missing(exit_code(results, options.require_engines), named)
+    if options.strict and (left := left_out(results.models)):
+        print("\n".join(f"crosscheck: --strict: {line}" for line in left), file=sys.stderr)
+        code = FAIL
     return SIGNALLED + stop.number if stop.asked else code
+
+
+def _named(alone: NamedRobots) -> NamedFolders:
+    """The folders that are named beside robots' files, and whatever name means nothing.
+
+    Raises:
+        FolderError: where nothing is left to run.
+    """
+    if alone.others or not (alone.files or alone.faults):
+        named = named_folders(alone.others, beside=bool(alone.files or alone.faults))
+    else:
+        named = NamedFolders([], {})
+    faults = {**alone.faults, **named.faults}
+    if not alone.files and not named.folders:
+        raise FolderError("; ".join(faults.values()))
+    return NamedFolders(named.folders, faults)
 
 
 def _tell(results: Results, out: Path, robots: Sequence[Path]) -> None:

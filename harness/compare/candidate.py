@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.engines.protocol import Engine, Model
+import numpy as np
+
+from harness.engines.compiled import CompiledActuator
+from harness.engines.protocol import Array, Engine, Model
 from harness.engines.registry import engines, readers
 from harness.files.model_files import check_springs
 from harness.files.parts import PartError, check_parts
 from harness.files.sidecar import Sidecar, read_sidecar
+from harness.robots.compiled import compiler, read_compiled_robot
+from harness.robots.named import FORMATS, read_robot
+from harness.robots.robot import LeftOut, Robot
+from harness.robots.system import names_of
 
 
 class CompareError(ValueError):
@@ -29,12 +37,14 @@ class Candidate:
         sidecar: that beside the file, or one with what had to be assumed.
         engine: name of the engine that runs it.
         notes: what was assumed, a sentence each.
+        bare: whether the file has no sidecar.
     """
 
     label: str
     sidecar: Sidecar
     engine: str
     notes: tuple[str, ...] = ()
+    bare: bool = False
 
     @property
     def name(self) -> str:
@@ -56,14 +66,55 @@ class Candidate:
         return replace(self, sidecar=replace(self.sidecar, engine_settings=changed))
 
 
-@dataclass(frozen=True)
+FOLLOWERS = "joints that follow others"
+"""What is said of those that are let go."""
+
+
+def smooth(a: Candidate, b: Candidate) -> tuple[Candidate, Candidate]:
+    """Both without contacts, limits and dry friction, of which no digits can be claimed.
+
+    Couplings are left out of two files alone; a sidecar declares those that its model needs. What a
+    sidecar states itself stands.
+    """
+    wanted: dict[str, object] = {"smooth": True}
+    if a.bare and b.bare:
+        wanted["couplings"] = False
+    return _switched(a, wanted), _switched(b, wanted)
+
+
+def _switched(one: Candidate, wanted: Mapping[str, object]) -> Candidate:
+    known = engines()[one.engine].switches
+    stated = one.sidecar.spec(one.engine).settings
+    settings = {k: v for k, v in wanted.items() if k in known and k not in stated}
+    return one.at(**settings) if settings else one
+
+
+@dataclass(frozen=True, kw_only=True)
 class Facts:
-    """What a loaded model says of itself; `gravity` is empty where it doesn't say."""
+    """What a loaded model says of itself, and its file without the engine.
+
+    Attributes:
+        coordinates: of the engine, nz of them.
+        integrator, step: of the engine.
+        gravity: empty where it doesn't say.
+        home: positions as the file draws the mechanism, (nz,).
+        reach: where the engine lets positions be drawn, (nz, 2).
+        limits: bounds of the positions, infinite where there is none, (nz, 2).
+        places: what has a pose in the engine, as `kind:name`.
+        robot: the file as a tree of bodies; None for a format that is not read so.
+        actuators: as an engine compiles them; None where no engine tells.
+    """
 
     coordinates: tuple[str, ...]
     integrator: str
     step: float
     gravity: tuple[float, ...]
+    home: Array
+    reach: Array
+    limits: Array
+    places: tuple[str, ...]
+    robot: Robot | None
+    actuators: tuple[CompiledActuator, ...] | None
 
 
 def facts(candidate: Candidate) -> Facts:
@@ -72,8 +123,52 @@ def facts(candidate: Candidate) -> Facts:
     Raises:
         EngineError: naming file, place and remedy.
     """
-    model = candidate.load()
-    return Facts(tuple(model.coordinates), model.integrator, model.step, model.gravity)
+    model, file = candidate.load(), candidate.sidecar.model
+    settings = candidate.sidecar.spec(candidate.engine).settings
+    robot = _robot(file, settings) if file.suffix in FORMATS else None
+    found = compiler(file.suffix)
+    return Facts(
+        coordinates=tuple(model.coordinates),
+        integrator=model.integrator,
+        step=model.step,
+        gravity=model.gravity,
+        home=model.home,
+        reach=model.reach,
+        limits=_limits(model, robot),
+        places=tuple(model.places),
+        robot=robot,
+        actuators=None if found is None else found.compiled(file).actuators,
+    )
+
+
+def _robot(file: Path, settings: Mapping[str, object]) -> Robot:
+    """The file as settings have it run."""
+    if file.suffix == ".urdf":
+        robot = read_robot(file, floating=bool(settings.get("floating", False)))
+    else:
+        robot = read_compiled_robot(file, actuated=bool(settings.get("actuators", True)))
+    if settings.get("couplings", True) or robot.tree is None or not robot.tree.couplings:
+        return robot
+    count = len(robot.tree.couplings)
+    free = LeftOut(what=FOLLOWERS, count=count, where=())
+    tree = replace(robot.tree, couplings=())
+    return replace(robot, tree=tree, left_out=(free, *robot.left_out))
+
+
+def _limits(model: Model, robot: Robot | None) -> Array:
+    """Bounds of the positions by the file, and by the engine of joints that the file doesn't tell.
+
+    An engine that leaves limits out may not know them.
+    """
+    limits = model.limits.copy()
+    if robot is None or robot.tree is None:
+        return limits
+    told = np.stack(robot.limits, axis=1)
+    names = names_of(robot.tree)
+    for name, bounds in zip(names, told, strict=True):
+        if name in model.coordinates:
+            limits[model.coordinates.index(name)] = bounds
+    return limits
 
 
 def candidate(label: str, path: Path, engine: str | None) -> Candidate:
@@ -99,7 +194,7 @@ def candidate(label: str, path: Path, engine: str | None) -> Candidate:
     own = found.caveats(path)
     if sidecar is None:
         bare, notes = _bare(path, found)
-        return Candidate(label, bare, name, (*notes, *own))
+        return Candidate(label, bare, name, (*notes, *own), bare=True)
     return Candidate(label, sidecar, name, own)
 
 

@@ -1,6 +1,7 @@
 """`crosscheck compare`: from two files to one outcome, and what differs.
 
-    match ─> record (source) ─> follow (target) ─> judge ─> mechanics of both ─> terms
+    prepare ─> record (source) ─> follow (target) ─> judge ─> properties of the files ─> explained
+                                                         ├> mechanics of both ─> terms
                                                          └> edits ─> trials (literals)
 
 Each engine runs in a worker process, so that a crash costs the comparison and nothing else.
@@ -9,70 +10,58 @@ Each engine runs in a worker process, so that a crash costs the comparison and n
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol, TypeVar
 
 import numpy as np
 
-from harness.compare.candidate import Candidate, CompareError, Facts, facts
-from harness.compare.diff import Edit, edits
+from harness.compare.attribution import attributed
+from harness.compare.candidate import Candidate, Facts
 from harness.compare.excitation import Recorded, SourceTask, record
+from harness.compare.execute import Execute, FailureError, ask
+from harness.compare.explained import Explained, explained
 from harness.compare.judge import Followed, Judgement, TargetTask, follow, judge
-from harness.compare.match import Match, match
+from harness.compare.match import Match
 from harness.compare.mechanics import MechanicsTask, mechanics
+from harness.compare.prepared import Prepared, prepare
+from harness.compare.property import Property
+from harness.compare.ranges import start_range, told
 from harness.compare.runs import Runs
+from harness.compare.said import Said, said
 from harness.compare.terms import Frame, Term, terms
-from harness.compare.trials import Trial, TrialTask, attribute_difference, tried
+from harness.compare.trials import Trial
 from harness.engines.protocol import Array
-from harness.files.locations import LocationError
 from harness.records.outcome import Outcome
+from harness.robots.inertias import impossible
 from harness.schedule.workers import Failure
-
-MOST_TRIED = 60
-"""Differences of the files that are tried one by one; beyond, they are only counted."""
-
-SOME = 32
-"""Runs on which they are tried."""
+from reference.multibody.tree import WORLD
 
 TURNED = 1e-4
 """From so large a discrepancy on, joints that turn the other way are looked for."""
 
-T = TypeVar("T")
-V = TypeVar("V")
+FEW = 2
+"""States at which terms are measured where the files' bodies are known; elsewhere as many as a
+straight line through the forces of all joints asks for, and more."""
 
-
-class Execute(Protocol):
-    """Runs a function on each argument, elsewhere."""
-
-    def __call__(
-        self, who: str, function: Callable[[T], V], arguments: Sequence[T]
-    ) -> list[V | Failure]:
-        """Values in the order of the arguments; one that fails gives a `Failure`.
-
-        Args:
-            who: what messages call the model that is run.
-        """
-
-
-class FailureError(RuntimeError):
-    """A comparison that could not be run."""
-
-    def __init__(self, failure: Failure) -> None:
-        super().__init__(failure.reason)
-        self.failure = failure
+EXPLAINED = 0.99
+"""Where the equations of both files make so much of a discrepancy, nothing else is measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompareOptions:
-    """What is to be compared, and how: see `harness.compare.match` and `excitation`."""
+    """What is to be compared, and how: see `harness.compare.match` and `excitation`.
+
+    Attributes:
+        as_shipped: whether contacts, limits, dry friction and couplings act as the files say.
+    """
 
     a: Candidate
     b: Candidate
     joints: tuple[Mapping[str, str], Mapping[str, str]] = ({}, {})
     starts: tuple[Mapping[str, float], ...] = ()
     resolution: float = 1e-9
+    as_shipped: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +72,12 @@ class Findings:
         facts: of A and B, as loaded.
         turned: joints that turn the other way in B; the terms are then those beside that.
         left: the discrepancy that is left when these are turned.
-        terms: worst first; empty where nothing differs.
+        properties: what the files say differently.
+        explained: how much of the discrepancy follows from that; None where it can't be told.
+        terms: worst first; empty where nothing differs, or the properties explain it.
         trials: of each difference of the files, and of all together; most telling first.
         untried: how many differences of the files were not tried.
+        impossible: what is said of inertias that no body can have, each once.
         notes: what was assumed or left out.
     """
 
@@ -96,9 +88,12 @@ class Findings:
     judgement: Judgement
     turned: tuple[str, ...]
     left: float
+    properties: tuple[Property, ...]
+    explained: Explained | None
     terms: tuple[Term, ...]
     trials: tuple[Trial, ...]
     untried: int
+    impossible: tuple[str, ...]
     notes: tuple[str, ...]
     seconds: float
 
@@ -111,18 +106,21 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         FailureError: where an engine fails, with what it printed.
     """
     began = time.perf_counter()
-    a, b = options.a, options.b
-    loaded = (_one(execute, a, facts, a), _one(execute, b, facts, b))
-    matched = match(
-        loaded[0].coordinates,
-        loaded[1].coordinates,
-        options.joints,
-        (a.sidecar.readback, b.sidecar.readback),
+    made = prepare(execute, options.a, options.b, options.joints, options.as_shipped)
+    options = replace(options, a=made.a, b=made.b)
+    a, b, matched = made.a, made.b, made.match
+    is_a = matched.source == "A"
+    source, target = (a, b) if is_a else (b, a)
+    home, reach, strangers = start_range(*(made.facts if is_a else made.facts[::-1]), matched)
+    task = SourceTask(
+        candidate=source,
+        match=matched,
+        given=options.starts,
+        resolution=options.resolution,
+        home=home,
+        reach=reach,
     )
-    source, target = (a, b) if matched.source == "A" else (b, a)
-    recorded = _one(
-        execute, source, record, SourceTask(source, matched, options.starts, options.resolution)
-    )
+    recorded = ask(execute, source, record, task)
     if not len(recorded.runs.z):
         reason = (
             f"its motion is resolved in none of {recorded.lost} runs (contact, limit, friction)"
@@ -140,25 +138,57 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     )
     ones = np.ones(len(matched.names))
     followed, judgement = trial.judged(ones)
-    turned, signs, left = _turned(trial, judgement, matched.names)
+    read = said(execute, made, home)
+    turned, signs, left, final = _turned(trial, judgement, followed, read)
+    mends = bool(turned) and left <= options.resolution
+    share: Explained | None = None
     found: tuple[Term, ...] = ()
-    if judgement.outcome is not Outcome.AGREES and not (turned and left <= options.resolution):
-        found = _terms(execute, source, target, recorded, runs, matched, signs)
-    trials, untried = _trials(execute, options, recorded, runs, followed, matched)
+    known = False
+    if judgement.outcome is not Outcome.AGREES and not mends:
+        if read.sides is not None:
+            sides = read.sides if is_a else read.sides[::-1]
+            share = explained(sides, matched, recorded, runs, final, signs)
+        known = read.moving and share is not None and share.share >= EXPLAINED
+        if not known:
+            count = len(recorded.independent) + 6 if share is None else FEW
+            found = _terms(execute, (source, target), recorded, runs, matched, signs, count)
+    trials, untried = attributed(execute, (a, b), recorded, runs, followed, matched, read.moving)
     return Findings(
         options=options,
-        facts=loaded,
+        facts=made.facts,
         match=matched,
         recorded=recorded,
         judgement=judgement,
         turned=turned,
         left=left,
+        properties=read.properties,
+        explained=share,
         terms=found,
         trials=trials,
         untried=untried,
-        notes=(*a.notes, *b.notes, *_lost(recorded, matched)),
+        impossible=_impossible(made),
+        notes=_notes(made, recorded, strangers),
         seconds=time.perf_counter() - began,
     )
+
+
+def _impossible(made: Prepared) -> tuple[str, ...]:
+    """Of links that move."""
+    robots = [own.robot for own in made.facts if own.robot is not None]
+    told = [
+        str(one)
+        for robot in robots
+        for one in impossible(robot)
+        if one.link not in {part.name for part in robot.parts if part.body == WORLD}
+    ]
+    return tuple(dict.fromkeys(told))
+
+
+def _notes(made: Prepared, recorded: Recorded, strangers: tuple[str, ...]) -> tuple[str, ...]:
+    """What was assumed and done, each once."""
+    notes = (*made.a.notes, *made.b.notes, *made.notes, *told(strangers, made.match.source),
+             *_lost(recorded, made.match))  # fmt: skip
+    return tuple(dict.fromkeys(notes))
 
 
 def _lost(recorded: Recorded, matched: Match) -> tuple[str, ...]:
@@ -170,13 +200,6 @@ def _lost(recorded: Recorded, matched: Match) -> tuple[str, ...]:
         f" the motion of {matched.source} is not resolved (a contact, a limit, friction, or"
         " too quick)",
     )
-
-
-def _one(execute: Execute, candidate: Candidate, function: Callable[[T], V], argument: T) -> V:
-    (value,) = execute(candidate.name, function, [argument])
-    if isinstance(value, Failure):
-        raise CompareError(value.reason) if value.usage else FailureError(value)
-    return value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,27 +215,48 @@ class _Following:
 
     def judged(self, signs: Array) -> tuple[Followed, Judgement]:
         task = TargetTask(self.target, self.runs, self.resolution, signs)
-        followed = _one(self.execute, self.target, follow, task)
+        followed = ask(self.execute, self.target, follow, task)
         return followed, judge(self.recorded, followed, self.match, self.resolution)
 
 
 def _turned(
-    trial: _Following, judgement: Judgement, names: tuple[str, ...]
-) -> tuple[tuple[str, ...], Array, float]:
-    """Joints that turn the other way: turned one after the other while that mends most of it."""
+    trial: _Following, judgement: Judgement, followed: Followed, read: Said
+) -> tuple[tuple[str, ...], Array, float, Followed]:
+    """Joints that turn the other way, their signs, what is left of it then, and the runs so.
+
+    By their axes where both files have them; else one after the other while that mends most of it.
+    """
+    names = trial.match.names
     signs = np.ones(len(names))
     left = float(np.max(judgement.by_component))
     if judgement.outcome is not Outcome.DIFFERS or left < TURNED:
-        return (), signs, left
+        return (), signs, left, followed
+    if read.sides is not None:
+        turned = [i for i, name in enumerate(names) if name in read.turned]
+        if not turned:
+            return (), signs, left, followed
+        signs[turned] = -1.0
+        followed, judgement = trial.judged(signs)
+        left = float(np.max(judgement.by_component))
+        return tuple(names[i] for i in turned), signs, left, followed
+    return _sought(trial, left, followed)
+
+
+def _sought(
+    trial: _Following, left: float, followed: Followed
+) -> tuple[tuple[str, ...], Array, float, Followed]:
+    names = trial.match.names
+    signs = np.ones(len(names))
     turned: list[str] = []
     while len(turned) < len(names):
-        sizes = {}
+        sizes: dict[int, float] = {}
+        runs: dict[int, Followed] = {}
         for i in range(len(names)):
             if signs[i] > 0:
                 guess = signs.copy()
                 guess[i] = -1.0
                 try:
-                    one = trial.judged(guess)[1]
+                    runs[i], one = trial.judged(guess)
                 except FailureError:
                     continue
                 sizes[i] = float(np.max(one.by_component))
@@ -221,24 +265,24 @@ def _turned(
             break
         # A mechanism that is its own mirror image doesn't tell which of its joints is turned.
         like = [i for i, size in sizes.items() if size <= max(1.5 * sizes[best], trial.resolution)]
-        left = sizes[best]
+        left, followed = sizes[best], runs[best]
         signs[best] = -1.0
         turned.append(" or ".join(names[i] for i in like))
-    return tuple(turned), signs, left
+    return tuple(turned), signs, left, followed
 
 
 def _terms(
     execute: Execute,
-    source: Candidate,
-    target: Candidate,
+    models: tuple[Candidate, Candidate],
     recorded: Recorded,
     runs: Runs,
     matched: Match,
     signs: Array,
+    count: int,
 ) -> tuple[Term, ...]:
-    """The terms of both models, measured at some of the states."""
+    """The terms of source and target, measured at so many of the states."""
+    source, target = models
     going = np.flatnonzero(np.max(np.abs(runs.w), axis=1) > 0)
-    count = len(recorded.independent) + 6
     if not len(going):
         return ()
     picked = going[np.unique(np.linspace(0, len(going) - 1, count).astype(int))]
@@ -251,13 +295,13 @@ def _terms(
     )
     own = recorded.runs
     ones = np.ones(len(signs))
-    one = _one(
+    one = ask(
         execute,
         source,
         mechanics,
         task(candidate=source, match=matched, signs=ones, z=own.z[picked], w=own.w[picked]),
     )
-    other = _one(
+    other = ask(
         execute,
         target,
         mechanics,
@@ -279,63 +323,3 @@ def _terms(
         recorded.typical,
     )
     return terms(one, other, frame)
-
-
-def _trials(
-    execute: Execute,
-    options: CompareOptions,
-    recorded: Recorded,
-    runs: Runs,
-    followed: Followed,
-    matched: Match,
-) -> tuple[tuple[Trial, ...], int]:
-    """What each difference of the files does to the motions, and all of them together."""
-    try:
-        found = edits(options.a, options.b)
-    except LocationError as error:
-        raise FailureError(Failure(str(error), "")) from None
-    can = [edit for edit in found if edit.changes or edit.settings]
-    if not can:
-        return tuple(Trial((edit,), 0.0, 0.0, "it can't be tried alone") for edit in found), 0
-    doubt = (recorded.uncertainty + followed.limit.uncertainty) / recorded.scale
-    # Where both are smooth: elsewhere nothing is certain.
-    smooth = np.flatnonzero(np.max(doubt, axis=1) <= options.resolution)
-    smooth = smooth if len(smooth) else np.arange(len(doubt))
-    some = smooth[np.unique(np.linspace(0, len(smooth) - 1, SOME).astype(int))]
-    near = recorded.end[some]
-    is_source = matched.source == "A"
-
-    def task(candidate: Candidate, made: tuple[Edit, ...], source: bool) -> TrialTask:
-        own = recorded.runs if source else runs
-        part = Runs(length=own.length, z=own.z[some], w=own.w[some], push=own.push[some])
-        return TrialTask(
-            candidate=candidate,
-            edits=made,
-            runs=part,
-            match=matched if source else None,
-            joints=own.z.shape[1],
-            near=near,
-            periodic=matched.periodic,
-        )
-
-    a = _one(execute, options.a, tried, task(options.a, (), is_source))
-    b = _one(execute, options.b, tried, task(options.b, (), not is_source))
-    doubt = doubt[some]
-    floor = 2 * float(np.max(doubt[np.isfinite(doubt)], initial=1e-13))
-    sets: list[tuple[Edit, ...]] = [(edit,) for edit in can[:MOST_TRIED]]
-    if len(can) > 1:
-        sets.append(tuple(can))
-    values = execute(options.a.name, tried, [task(options.a, made, is_source) for made in sets])
-    trials = [
-        Trial(made, 0.0, 0.0, value.reason)
-        if isinstance(value, Failure)
-        else attribute_difference(made, value, a, b, recorded.scale, floor)
-        for made, value in zip(sets, values, strict=True)
-    ]
-    trials += [
-        Trial((edit,), 0.0, 0.0, "it can't be tried alone")
-        for edit in found
-        if not edit.changes and not edit.settings
-    ]
-    trials.sort(key=lambda one: (-one.explained, -one.moved, len(one.edits)))
-    return tuple(trials), max(0, len(can) - MOST_TRIED)

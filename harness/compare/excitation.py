@@ -34,18 +34,29 @@ LINKS_DRAWN, LINKS_PUSHED = 2, 12
 SHARE = 1 / 20
 """Length of a run, in periods of the fastest rate."""
 
+FINE = 1e-9
+"""Runs known so well, relative, may end where rounding does."""
+
 SHORTER = (1.0, 2.0, 4.0, 16.0)
 """By how much runs are shortened until their limits are resolved."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SourceTask:
-    """What a worker needs to record states: `given` are starts by coordinate (`x`, `x_dot`)."""
+    """What a worker needs to record states.
+
+    Attributes:
+        given: starts by coordinate (`x`, `x_dot`).
+        home: positions to begin from, (nz,).
+        reach: where positions are drawn, (nz, 2).
+    """
 
     candidate: Candidate
     match: Match
     given: tuple[Mapping[str, float], ...]
     resolution: float
+    home: Array
+    reach: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,13 +98,10 @@ def record(task: SourceTask) -> Recorded:
     """
     model = task.candidate.load()
     rng = np.random.default_rng(SEED)
-    try:
-        found = characteristic_scales(model, rng)
-    except CompareError as error:
-        raise CompareError(f"{task.candidate.name}: {error}") from None
+    home, found = _scales(task, model, rng)
     names = tuple(model.coordinates)
-    z, w, driven, links = _starts(model, found, task.given, names, rng)
-    reduced = task.match.slopes(model.home[None])[0]
+    z, w, driven, links = _starts(task, home, found, names, rng)
+    reduced = task.match.slopes(home[None])[0]
     compared = reduced @ found.inverse @ reduced.T
     independent = _independent(compared)
     unit = np.abs(reduced) @ found.unit
@@ -109,16 +117,37 @@ def record(task: SourceTask) -> Recorded:
     return recorded
 
 
+def _scales(
+    task: SourceTask, model: Model, rng: np.random.Generator
+) -> tuple[Array, CharacteristicScales]:
+    """The model's nature, and where it was found.
+
+    Where coordinates are held together that is where the file draws the mechanism: elsewhere they
+    may not be together at all.
+
+    Raises:
+        CompareError: where a push moves nothing.
+    """
+    try:
+        found = characteristic_scales(model, rng, task.home, task.reach)
+        drawn = model.home
+        if found.tangent.shape[1] == len(drawn) or np.array_equal(drawn, task.home):
+            return task.home, found
+        return drawn, characteristic_scales(model, rng, drawn, task.reach)
+    except CompareError as error:
+        raise CompareError(f"{task.candidate.name}: {error}") from None
+
+
 def _starts(
-    model: Model,
+    task: SourceTask,
+    start: Array,
     found: CharacteristicScales,
-    given: tuple[Mapping[str, float], ...],
     names: tuple[str, ...],
     rng: np.random.Generator,
 ) -> tuple[Array, Array, Array, int]:
     """Starts (B, nz), whether each is driven (B,), and how many runs follow each other."""
-    start, extent, n = model.home, model.reach, len(names)
-    own = [_one(start, names, state) for state in given]
+    extent, n = task.reach, len(names)
+    own = [_one(start, names, state) for state in task.given]
     still = np.zeros(n)
     if found.tangent.shape[1] == n:
         middle, half = extent.mean(axis=1), 0.8 * found.unit
@@ -180,9 +209,11 @@ def _chain(
         sizes = [np.max(_relative(*link), axis=1) for link in chain]
         ordered = np.sort(np.concatenate(sizes))
         worst = float(ordered[int(0.9 * (len(ordered) - 1))])
-        if best is None or worst < best[0]:
+        # What is left is rounding where half the length or less doesn't halve it.
+        before = np.inf if best is None else best[0]
+        if best is None or worst < before:
             best = worst, chain
-        if worst <= 0.05 * task.resolution:
+        if worst <= 0.05 * task.resolution or (worst > before / 2 and before <= FINE):
             break
     assert best is not None
     return best[1]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Generic
 
 from harness.compare.candidate import CompareError
-from harness.compare.compare import Execute, T, V
+from harness.compare.execute import Execute, T, V
 from harness.schedule.workers import Failure, Workers
 
 

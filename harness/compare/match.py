@@ -11,6 +11,8 @@ import numpy as np
 import sympy as sp
 
 from harness.compare.candidate import CompareError
+from harness.compare.partners import Partners
+from harness.compare.partners import partners as found_partners
 from harness.files.expressions import parse
 from harness.files.reading import MOST_SIDECAR, TomlError, read_regular, toml_document
 from harness.files.sidecar import SidecarError
@@ -99,23 +101,30 @@ def match(
     b: Sequence[str],
     given: tuple[Mapping[str, str], Mapping[str, str]],
     readback: tuple[Mapping[str, str], Mapping[str, str]],
+    partners: Partners | None = None,
 ) -> Match:
-    """Match coordinates: as the user maps them, as a sidecar reads them back, or by name.
+    """Match coordinates: as the user maps them, as a sidecar reads them back, or as partners.
 
     States are taken of A, unless B alone has all coordinates that A's follow from.
 
     Args:
         given: what `declared` returns.
         readback: [readback] of both sidecars.
+        partners: of the others; None: by name.
 
     Raises:
         CompareError: naming the coordinates without a match, and the remedy.
     """
+    if partners is None:
+        partners = found_partners(a, b, spoken_for(a, b, given, readback), None)
     ways = []
-    for source, names, others, own in (("A", a, b, readback[0]), ("B", b, a, readback[1])):
+    of_a = {its: name for name, its in partners.pairs.items()}
+    for source, names, others, own, of in (
+        ("A", a, b, readback[0], of_a),
+        ("B", b, a, readback[1], partners.pairs),
+    ):
         z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
         found = _given(source, names, others, given, z) if any(given) else {}
-        taken = _paired(source, given[0], z)
         for name in others:
             if name in found:
                 continue
@@ -124,11 +133,12 @@ def match(
                     found[name] = parse(own[name], z, f"[readback] {name}")
                 except SidecarError:
                     continue  # it needs the constants of a system
-            elif name in z and name not in taken:
-                found[name] = z[name]
+            elif name in of:
+                found[name] = z[of[name]]
         missing = [name for name in others if name not in found]
         if not missing:
-            return _compiled(source, names, others, found, z)
+            plain = {name for name in of if found[name] == z[of[name]]}
+            return _compiled(source, names, others, found, z, partners.told, plain)
         ways.append(missing)
     raise CompareError(_unmatched(a, b, ways[0], ways[1]))
 
@@ -162,11 +172,27 @@ def _given(
     return found
 
 
-def _paired(source: str, pairs: Mapping[str, str], z: Mapping[str, sp.Symbol]) -> set[str]:
-    """The source's coordinates that --joints has given a partner: not to be matched by name."""
-    if source == "A":
-        return set(pairs)
-    used = set[sp.Basic]().union(*(_read(text, z, source).free_symbols for text in pairs.values()))
+def spoken_for(
+    a: Sequence[str],
+    b: Sequence[str],
+    given: tuple[Mapping[str, str], Mapping[str, str]],
+    readback: tuple[Mapping[str, str], Mapping[str, str]],
+) -> tuple[set[str], set[str]]:
+    """Coordinates of A and of B that the user maps or a sidecar reads back.
+
+    Raises:
+        CompareError: naming what can't be read.
+    """
+    forward, backward = given
+    of_a = set(forward) | _used(backward, a, "A") | (set(readback[1]) & set(a)) - set(b)
+    of_b = set(backward) | _used(forward, b, "B") | (set(readback[0]) & set(b)) - set(a)
+    return of_a, of_b
+
+
+def _used(texts: Mapping[str, str], names: Sequence[str], label: str) -> set[str]:
+    """Coordinates that are in expressions."""
+    z = {name: sp.Symbol(f"z{i}_", real=True) for i, name in enumerate(names)}
+    used = set[sp.Basic]().union(*(_read(text, z, label).free_symbols for text in texts.values()))
     return {name for name, symbol in z.items() if symbol in used}
 
 
@@ -213,6 +239,8 @@ def _compiled(
     others: Sequence[str],
     found: Mapping[str, sp.Expr],
     z: Mapping[str, sp.Symbol],
+    told: tuple[str, ...],
+    plain: set[str],
 ) -> Match:
     own = list(z.values())
     w = [sp.Symbol(f"w{i}_", real=True) for i in range(len(own))]
@@ -235,12 +263,12 @@ def _compiled(
     pairing = [
         f"{name} of {other} is {sp.sstr(expression.xreplace(spelled))} of {label}"
         for name, expression in zip(others, value, strict=True)
-        if expression != z.get(name)
+        if expression != z.get(name) and name not in plain
     ]
     return Match(
         source=source,
         names=tuple(others),
-        pairing=tuple(pairing),
+        pairing=(*told, *pairing),
         left_out=tuple(name for name, symbol in z.items() if symbol not in used),
         constant=not slope.free_symbols,
         value=compile_function(value, own),

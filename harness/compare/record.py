@@ -6,6 +6,7 @@ import datetime
 
 from harness.compare.candidate import Candidate, Facts
 from harness.compare.compare import CompareOptions, Findings
+from harness.compare.property import Property
 from harness.compare.terms import Term
 from harness.compare.trials import Trial
 from harness.engines.registry import engines
@@ -13,6 +14,7 @@ from harness.records.base import number, numbers
 from harness.records.comparison import (
     Compared,
     ComparedModel,
+    ComparedProperty,
     ComparedRuns,
     ComparedTerm,
     Comparison,
@@ -52,9 +54,13 @@ def comparison_record(found: Findings, created: datetime.datetime) -> Comparison
             ),
             turned=found.turned,
             left_when_turned=number(found.left) if found.turned else None,
+            properties=tuple(_property(one) for one in found.properties),
+            explained=None if found.explained is None else number(found.explained.share),
+            off=_off(found),
             terms=tuple(_term(term) for term in found.terms),
             differences=tuple(_difference(trial) for trial in found.trials),
             untried=found.untried,
+            impossible=found.impossible,
             notes=found.notes,
             seconds=found.seconds,
         ),
@@ -89,6 +95,27 @@ def _model(candidate: Candidate, facts: Facts | None) -> ComparedModel:
         integrator=None if facts is None else facts.integrator,
         step=None if facts is None else number(facts.step),
         gravity=None if facts is None else numbers(facts.gravity),
+    )
+
+
+def _off(found: Findings) -> tuple[float | None, ...] | None:
+    """Of A and of B."""
+    if found.explained is None:
+        return None
+    off = found.explained.off
+    return tuple(numbers(off if found.match.source == "A" else off[::-1]))
+
+
+def _property(one: Property) -> ComparedProperty:
+    return ComparedProperty(
+        kind=one.kind,
+        about=one.about,
+        message=one.message,
+        a=number(one.a) if one.a is not None else None,
+        b=number(one.b) if one.b is not None else None,
+        where_a=one.where_a,
+        where_b=one.where_b,
+        moves=one.moves,
     )
 
 

@@ -64,13 +64,20 @@ def free_directions(inverse: Array) -> Array:
     return kept * safe[:, None]
 
 
-def characteristic_scales(model: Model, rng: np.random.Generator) -> CharacteristicScales:
-    """Inertia, rates and sizes of a model, from small motions about where it is drawn.
+def characteristic_scales(
+    model: Model, rng: np.random.Generator, start: Array, extent: Array
+) -> CharacteristicScales:
+    """Inertia, rates and sizes of a model, from small motions about a position.
+
+    Args:
+        model: that is asked.
+        rng: for the velocities of a start.
+        start: the position, (nz,).
+        extent: where positions are drawn, (nz, 2).
 
     Raises:
         CompareError: where a push moves nothing.
     """
-    start, extent = model.home, model.reach
     unit = (extent[:, 1] - extent[:, 0]) / 2
     plain = 2 * np.pi / (1000 * model.step)
     accelerations = Accelerations(

@@ -41,7 +41,8 @@ UNSEEN, FELT = 1e-9, 1e-3
 that does no more than this share of the discrepancy."""
 
 REFINED = 6
-"""Single hypotheses that are fitted: the best by the linear fit, and those that look like them."""
+"""Single hypotheses that are fitted: the best by the linear fit, and those that look like them.
+More may be asked for, where fits are cheap."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +60,13 @@ class Ranking:
     floor: float
 
 
-def diagnose(problem: Problem, uncertainty: Array) -> Ranking:
+def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ranking:
     """Rank hypotheses, and pairs of them, by what they leave of a discrepancy.
 
     Args:
         problem: the discrepancy, with what each fault does.
         uncertainty: of the defect at each end, (N,).
+        refined: how many single hypotheses are fitted at least.
     """
     whole = _resolved(problem, uncertainty)
     defect, slopes = whole.defect({}), whole.slopes({})
@@ -79,11 +81,11 @@ def diagnose(problem: Problem, uncertainty: Array) -> Ranking:
     order = sorted(seen, key=lambda i: left[i])
     # Whatever looks like the best is told with it, though it ranked below by the linear fit.
     alike = [
-        i for i in order[REFINED:] if any(_alike(whole, slopes, i, j) for j in order[:REFINED])
+        i for i in order[refined:] if any(_alike(whole, slopes, i, j) for j in order[:refined])
     ]
     # So is what holds or doesn't, and leaves as little: that is no coincidence.
-    told = [i for i in order[REFINED:] if hypotheses[i].switch and left[i] <= accepted]
-    chosen = (*order[:REFINED], *alike, *told)
+    told = [i for i in order[refined:] if hypotheses[i].switch and left[i] <= accepted]
+    chosen = (*order[:refined], *alike, *told)
     tries = [Try(left[i], {i: _start(hypotheses[i])}, slopes) for i in chosen]
     found = refine_each(whole, tries, settled)
     if not found:

@@ -14,6 +14,10 @@ from reference.numeric import Array
 
 ITERATIONS = 8
 
+HALVED = 0.2
+"""How far a step may be from half the last one for two of them to be taken: so goes the way to a
+number of which the slope vanishes where it is right."""
+
 BEHIND = 30.0
 FAR = 0.05
 """Once a cause is found, others are not pursued whose linear fit leaves more than so many times
@@ -174,10 +178,12 @@ def refine(
     def residual(values: Array) -> Array:
         return problem.defect(dict(zip(members, values.tolist(), strict=True)))
 
-    left = residual(faults)
+    left, last = residual(faults), np.zeros(len(members))
     for _ in range(iterations):
         step, *_ = np.linalg.lstsq(jacobian, left, rcond=1e-12)
-        tried, left = _descended(residual, faults, left, step * scales)
+        double = np.linalg.norm(2 * step - last) < HALVED * np.linalg.norm(last)
+        share, last = 2.0 if double else 1.0, step
+        tried, left = _descended(residual, faults, left, step * scales, share)
         moved = np.max(np.abs(tried - faults) / scales)
         faults = tried
         small = np.linalg.norm(left) <= np.linalg.norm(problem.uncertainty)
@@ -204,10 +210,9 @@ def refine(
 
 
 def _descended(
-    residual: Callable[[Array], Array], faults: Array, left: Array, step: Array
+    residual: Callable[[Array], Array], faults: Array, left: Array, step: Array, share: float
 ) -> tuple[Array, Array]:
-    """Faults a step further, or a part of it, where that leaves less; with what they leave."""
-    share = 1.0
+    """Faults some steps further, or a part of that, where it leaves less; with what they leave."""
     for _ in range(5):
         candidate = faults + share * step
         tried = residual(candidate)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.diagnosis.fit import (
     Fit,
@@ -29,6 +29,9 @@ PARALLEL = 1e-4
 FITTED = 4
 """Pairs that are fitted, of those that look best at the model as it is, and of those that look best
 once the best single fault is repaired."""
+
+SHORTLISTED = 40
+"""Pairs of which it is worked out to all digits how good they look."""
 
 
 def pairs(
@@ -77,28 +80,64 @@ def classes(
     hypotheses: Sequence[Hypothesis], slopes: Array, seen: Sequence[int]
 ) -> dict[int, list[int]]:
     """The most specific of each class of causes that look alike, with the others of its class."""
+    order = sorted(seen, key=lambda k: hypotheses[k].rank)
+    if not order:
+        return {}
+    rows = slopes[order]
+    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    switch = np.array([hypotheses[i].switch for i in order])
+    alike = (np.abs(rows @ rows.T) > 1 - ALIKE) & (switch[:, None] == switch)
     found: dict[int, list[int]] = {}
-    for i in sorted(seen, key=lambda k: hypotheses[k].rank):
-        for j, others in found.items():
-            same = hypotheses[i].switch == hypotheses[j].switch
-            if same and cosine(slopes[i], slopes[j]) > 1 - ALIKE:
-                others.append(i)
-                break
+    first: list[int] = []
+    for place, i in enumerate(order):
+        same = [k for k in first if alike[place, k]]
+        if same:
+            found[order[same[0]]].append(i)
         else:
             found[i] = []
+            first.append(place)
     return found
 
 
 def _around_nothing(problem: Resolved, slopes: Array, seen: Sequence[int]) -> list[Try]:
     """Pairs by what their linear fit leaves of the whole discrepancy."""
-    defect = problem.defect({})
+    defect, chosen = problem.defect({}), list(classes(problem.hypotheses, slopes, seen))
+    switches = np.array([problem.hypotheses[i].switch for i in chosen], dtype=bool)
+    left = _left_by_pairs(defect, slopes[chosen], switches)
     tries = []
-    for i, j in combinations(classes(problem.hypotheses, slopes, seen), 2):
-        if cosine(slopes[i], slopes[j]) <= 1 - PARALLEL:
+    for place in np.argsort(left, axis=None)[:SHORTLISTED].tolist():
+        one, other = divmod(place, len(chosen))
+        if np.isfinite(left[one, other]):
+            i, j = chosen[one], chosen[other]
             both = [problem.hypotheses[i], problem.hypotheses[j]]
-            left = left_linear(defect, both, slopes[[i, j]])
-            tries.append(Try(left, {i: 0.0, j: 0.0}, slopes))
+            exact = left_linear(defect, both, slopes[[i, j]])
+            tries.append(Try(exact, {i: 0.0, j: 0.0}, slopes))
     return sorted(tries, key=lambda one: one.left)[:FITTED]
+
+
+def _left_by_pairs(defect: Array, rows: Array, switches: NDArray[np.bool_]) -> Array:
+    """What the linear fit of each pair leaves, squared, (C, C); infinite where it is no pair.
+
+    By products of the rows, and so to half the digits: enough to find those that look best.
+    """
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    units = rows / sizes
+    along, cosines = units @ defect, units @ units.T
+    whole, size, flat = float(defect @ defect), sizes[:, 0], 1 - cosines**2
+    with np.errstate(all="ignore"):
+        taken = along[:, None] ** 2 + along**2 - 2 * cosines * along[:, None] * along
+        left = whole - taken / flat
+        # A switch takes its whole row off; a free one beside it, what it can of the rest.
+        off = whole - 2 * size * along + size**2
+        rest = along - size[:, None] * cosines
+        beside = off[:, None] - rest**2
+        both = off[:, None] + off - whole + 2 * size[:, None] * size * cosines
+    left = np.where(switches[:, None] & ~switches, beside, left)
+    left = np.where(~switches[:, None] & switches, beside.T, left)
+    left = np.where(switches[:, None] & switches, both, left)
+    told = np.triu(np.abs(cosines) <= 1 - PARALLEL, 1)
+    found: Array = np.where(told & np.isfinite(left), left, np.inf)
+    return found
 
 
 def _around(problem: Resolved, first: Fit, after: Array, seen: Sequence[int]) -> list[Try]:

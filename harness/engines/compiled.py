@@ -18,8 +18,8 @@ class CompiledJoint:
         name: as in the file; empty for none.
         kind: "hinge", "slide", or what else the engine calls it.
         at, axis: in the body's frame, metres and a unit vector.
-        zero: its value where the file draws the mechanism.
-        rest: where its spring is relaxed.
+        zero: its value where the file draws the mechanism; of a ball or free joint, 0.
+        rest: where its spring is relaxed, likewise.
         stiffness, damping: coefficients of force, (first, second, ...) power.
         armature: inertia added to its own motion.
         friction: dry friction.
@@ -51,6 +51,7 @@ class CompiledBody:
         principal: the frame of its principal moments, a quaternion in its own.
         moments: principal moments, kg*m^2.
         joints: between its parent and it.
+        lift: share of its weight that is taken from it.
         ordinary: whether it is moved by forces alone, and weighs what it weighs.
     """
 
@@ -64,6 +65,71 @@ class CompiledBody:
     moments: Numbers
     joints: tuple[CompiledJoint, ...]
     ordinary: bool
+    lift: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledPull:
+    """A force along a length s that is a combination of hinges' and slides' positions.
+
+    F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
+    w = ds/dt and x is by how much s is outside `rest`; on each joint acts F times its coefficient.
+
+    Attributes:
+        name: of the tendon or actuator.
+        joints: coefficients by the index of the joint among all, in the bodies' order.
+        bias, gain: (b0, b1, b2) and (g0, g1, g2).
+        control: index of its input u; -1 for none.
+        range: of its input, where it has one.
+        stiffness, damping: (k_1, k_2, ...), (d_1, d_2, ...).
+        rest: between which lengths springs pull nothing.
+        armature: mass that moves as s does.
+    """
+
+    name: str
+    joints: tuple[tuple[int, float], ...]
+    bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gain: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    control: int = -1
+    range: tuple[float, float] | None = None
+    stiffness: Numbers = ()
+    damping: Numbers = ()
+    rest: tuple[float, float] = (0.0, 0.0)
+    armature: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledActuator:
+    """An actuator.
+
+    Attributes:
+        name: as in the file; empty for none.
+        on: the joint, or what else it acts on.
+        kind: what it acts on, what its force depends on, and by which law.
+        gear: by which it is scaled.
+        law: coefficients of gain and bias.
+    """
+
+    name: str
+    on: str
+    kind: str
+    gear: Numbers
+    law: Numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledCoupling:
+    """A hinge or slide whose position is multiplier * that of another + offset.
+
+    Attributes:
+        follower, leader: indices of the joints among all; no leader where it stands at the offset.
+        multiplier, offset: in the units of both.
+    """
+
+    follower: int
+    leader: int | None
+    multiplier: float
+    offset: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,16 +138,24 @@ class CompiledTree:
 
     Attributes:
         gravity: m/s^2.
+        pulls: tendons and actuators.
+        couplings: joints that follow others.
+        controls: how many inputs the actuators have.
         medium: whether wind, density or viscosity act on the bodies.
         name: of the model; empty for none.
         besides: what else the file has that the settings `smooth` and `couplings` leave out, each
             with its number.
         uncovered: what else acts on the bodies.
+        actuators: in the order of the file.
     """
 
     bodies: tuple[CompiledBody, ...]
     gravity: tuple[float, float, float]
     medium: bool
+    pulls: tuple[CompiledPull, ...] = ()
+    couplings: tuple[CompiledCoupling, ...] = ()
+    controls: int = 0
     name: str = ""
     besides: tuple[tuple[str, int], ...] = ()
     uncovered: tuple[str, ...] = ()
+    actuators: tuple[CompiledActuator, ...] = ()

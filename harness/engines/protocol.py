@@ -94,6 +94,19 @@ def within(free: Array, limits: Array) -> Array:
     return np.where((cut[:, 0] < cut[:, 1])[:, None], cut, limits)
 
 
+def held_joints(spec: ModelSpec) -> tuple[str, ...]:
+    """The setting `held`: names of joints that are to stand still where the file draws them.
+
+    Raises:
+        EngineError: where it is no list of names.
+    """
+    held = spec.settings.get("held", [])
+    if isinstance(held, list) and all(isinstance(name, str) for name in held):
+        return tuple(held)
+    told = f"[settings] held is {held!r}, where a list of joints belongs"
+    raise EngineError(f"{spec.path}.toml: {told}")
+
+
 class Model(ABC):
     """A model file, loaded by an engine.
 
@@ -202,6 +215,9 @@ class Engine(ABC):
             tags that lead to them, as in `robot/link/visual/.*`.
         choices: whole numbers that choose and measure nothing, likewise; empty: none.
         compiles: the formats that `compiled` takes apart.
+        switches: which of the settings `smooth`, `couplings`, `held` (names of joints that are to
+            stand still, where the file draws them), `actuators` (whether they act) and `controls`
+            (at which they are held) it has.
         usual_mistakes: those that its users make and no format is to blame for.
     """
 
@@ -219,6 +235,7 @@ class Engine(ABC):
     idle: Mapping[str, str] = MappingProxyType({})
     choices: str = ""
     compiles: tuple[str, ...] = ()
+    switches: frozenset[str] = frozenset()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
 
     @abstractmethod
@@ -241,8 +258,20 @@ class Engine(ABC):
         """What the engine is known to lose of a file's digits, a sentence each."""
         return ()
 
-    def compiled(self, path: Path) -> CompiledTree:
+    def parts(self, path: Path) -> tuple[Path, ...]:
+        """A file of the formats in `compiles`, and those that it includes.
+
+        Raises:
+            EngineError: naming file and reason.
+        """
+        return (path,)
+
+    def compiled(self, path: Path, texts: Mapping[Path, bytes] | None = None) -> CompiledTree:
         """A file of the formats in `compiles` as the numbers that the engine makes of it.
+
+        Args:
+            path: of the file.
+            texts: what is read instead of some of its `parts`, by their paths.
 
         Raises:
             EngineError: naming file and reason.

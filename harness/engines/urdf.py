@@ -216,6 +216,17 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         )
 
 
+def base_name(robot: ET.Element) -> str:
+    """What the free joint of a floating root is called: as the root link, unless a joint is."""
+    children = {child.get("link") for child in robot.findall("joint/child")}
+    links = [link.get("name", "") for link in robot.findall("link")]
+    name = next((link for link in links if link not in children), "")
+    joints = {joint.get("name") for joint in robot.findall("joint")}
+    while name in joints:
+        name += "_free"
+    return name
+
+
 IDLE: Mapping[str, str] = MappingProxyType(
     {
         r".*/(visual|material)/.*": "looks",

@@ -5,9 +5,11 @@ from __future__ import annotations
 import copy
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+from harness.engines.protocol import EngineError
 
 Change = Callable[[ET.Element], None]
 """Of a `<robot>`, in place."""
@@ -56,8 +58,43 @@ def without_limits(robot: ET.Element) -> None:
             limit.set("upper", "-1")
 
 
-def without_mimics(robot: ET.Element) -> None:
-    """Let joints that follow others move on their own."""
-    for joint in robot.findall("joint"):
-        for mimic in joint.findall("mimic"):
-            joint.remove(mimic)
+def with_held(names: Sequence[str]) -> Change:
+    """Make joints stand still at zero, and forget what pulls at them."""
+
+    def hold(robot: ET.Element) -> None:
+        for joint in robot.findall("joint"):
+            if joint.get("name") in names:
+                joint.set("type", "fixed")
+        for element in robot.findall("gazebo"):
+            if element.get("reference") in names:
+                robot.remove(element)
+
+    return hold
+
+
+def mimics_of(followers: Collection[str]) -> Change:
+    """Let all joints that follow others move on their own, but for these."""
+
+    def change(robot: ET.Element) -> None:
+        for joint in robot.findall("joint"):
+            for mimic in joint.findall("mimic") if joint.get("name") not in followers else ():
+                joint.remove(mimic)
+
+    return change
+
+
+def followers_of(settings: Mapping[str, object], place: str) -> Collection[str] | None:
+    """Of the setting `couplings`: the joints that follow others; None for all that the file says.
+
+    Raises:
+        EngineError: where it is neither true, nor false, nor a list of names.
+    """
+    given = settings.get("couplings", True)
+    if isinstance(given, bool):
+        return None if given else ()
+    if isinstance(given, list) and all(isinstance(one, str) for one in given):
+        return given
+    raise EngineError(
+        f"{place}: [settings] couplings is {given!r}, where true, false or a list of the joints"
+        " that follow others belongs"
+    )

@@ -59,8 +59,12 @@ def system_folders(named: Sequence[str]) -> list[Path]:
     return found.folders
 
 
-def named_folders(named: Sequence[str]) -> NamedFolders:
+def named_folders(named: Sequence[str], *, beside: bool = False) -> NamedFolders:
     """Those that are there, and what is wrong with the other names.
+
+    Args:
+        named: as in `system_folders`.
+        beside: whether there is anything else to do, so that none need be there.
 
     Raises:
         FolderError: where none is there.
@@ -74,7 +78,7 @@ def named_folders(named: Sequence[str]) -> NamedFolders:
             folders += [folder for folder in _meant(name) if folder not in folders]
         except FolderError as error:
             faults[name] = str(error)
-    if not folders:
+    if not folders and not beside:
         raise FolderError("; ".join(faults.values()))
     return NamedFolders(folders, faults)
 

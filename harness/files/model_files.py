@@ -10,6 +10,7 @@ from pathlib import Path
 from harness.engines.protocol import Engine
 from harness.engines.registry import engines, model_formats, readers
 from harness.files.locations import line_of
+from harness.files.parts import included
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
 from harness.text.visible import odd_name, visible
 
@@ -28,11 +29,16 @@ class UnreadModel:
 
 
 def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
-    """Every model file's sidecar; an `UnreadModel` for one that can't be read or has none."""
-    described = set()
+    """Every model file's sidecar; an `UnreadModel` for one that can't be read or has none.
+
+    What a model with a sidecar includes is a part of it, and no model of its own.
+    """
+    described: set[str] = set()
+    within: set[Path] = set()
     for path in sorted(folder.glob("*.toml")):
         name = path.with_suffix("").name
         described.add(name)
+        within |= included(folder / name)
         if (why := odd_name(name)) is not None:
             yield UnreadModel(model=visible(name), reason=_renamed(path, why))
             continue
@@ -46,7 +52,7 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
             yield UnreadModel(model=name, reason=str(error))
     formats = model_formats()
     for path in sorted(folder.iterdir()):
-        if path.suffix in formats and path.name not in described:
+        if path.suffix in formats and path.name not in described and path not in within:
             if (why := odd_name(path.name)) is not None:
                 yield UnreadModel(model=visible(path.name), reason=_renamed(path, why))
                 continue

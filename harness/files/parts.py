@@ -54,6 +54,23 @@ def named_files(model: Path) -> tuple[Path, ...]:
     return tuple(_walk(model)[0])
 
 
+def parts(model: Path) -> dict[Path, bool]:
+    """The same, each with whether it is a part of the model: an include, or a model put into it.
+
+    Raises:
+        OSError: for one that can't be read.
+    """
+    return _walk(model)[0]
+
+
+def included(model: Path) -> frozenset[Path]:
+    """Parts of a model, as they are named beside it; none where that can't be told."""
+    try:
+        return frozenset(path for path, part in parts(model).items() if part)
+    except OSError:
+        return frozenset()
+
+
 def check_parts(model: Path) -> None:
     """Refuse a model that can't be read or may do harm, before an engine gets it.
 

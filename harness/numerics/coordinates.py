@@ -222,6 +222,37 @@ def _check_inverse(
             )
 
 
+def linear(matrix: Array, offset: Array, kept: Sequence[int]) -> CoordinateMap:
+    """Engine coordinates z = G q + c of which some, `kept`, are the coordinates q themselves.
+
+    Forces on the coordinates act on those.
+
+    Args:
+        matrix: G, (nz, n).
+        offset: c, (nz,).
+        kept: index of each q among z, (n,).
+    """
+    size, n = matrix.shape
+    z = [sp.Symbol(f"z{i}_", real=True) for i in range(size)]
+    q = [sp.Symbol(f"q{i}_", real=True) for i in range(n)]
+    rows = [[sp.Float(x, 17) for x in row] for row in matrix.tolist()]
+    forward = [
+        sp.Float(c, 17) + sum(x * at for x, at in zip(row, q, strict=True) if x)
+        for row, c in zip(rows, offset.tolist(), strict=True)
+    ]
+    select = np.zeros((n, size))
+    select[range(n), list(kept)] = 1.0
+    return CoordinateMap(
+        forward=compile_function(forward, q),
+        forward_slope=compile_function([x for row in rows for x in row], q),
+        back=compile_function([z[i] for i in kept], z),
+        back_slope=compile_function([sp.Integer(int(x)) for x in select.ravel()], z),
+        push=compile_function([sp.Integer(0)] * size, z, q),
+        push_matrix=select.T,
+        periodic=(False,) * n,
+    )
+
+
 @lru_cache(maxsize=8)
 def identity(size: int) -> CoordinateMap:
     """A model's own coordinates as they are, for what measures in a system's."""

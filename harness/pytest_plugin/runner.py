@@ -14,18 +14,24 @@ from harness.audit.task import audit_task
 from harness.baseline.audits import mark_models
 from harness.baseline.known import Accepted, accepted, mark_known
 from harness.baseline.measure import measure, measure_task
+from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 from harness.baseline.store import read_baseline
 from harness.cases.case import case_task, run_case
 from harness.cases.declared import Declared, declared
+from harness.cases.multibody import PreparedTree, not_of_a_tree, prepare_folder, survey_file
 from harness.cases.not_run import Hurdle, failed_case, hurdle
-from harness.cases.prepare import Prepared, prepare
+from harness.cases.prepare import Prepared
+from harness.cases.robot import run_robot
+from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.diagnosis.task import diagnose_model, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.sidecar import Sidecar
+from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId
 from harness.records.finding import Diagnosis
 from harness.records.model import Model
 from harness.records.outcome import Outcome
+from harness.records.poses import Poses
 from harness.schedule.main_module import without_main
 from harness.schedule.workers import Failure, Limits, Workers
 
@@ -43,7 +49,7 @@ class CaseRunner:
         self._accepted: dict[Path, Accepted | None] = {}
         self._workers: Workers | None = None
         self._engines = engines()
-        self._prepared: dict[Path, Prepared | Failure] = {}
+        self._prepared: dict[Path, Prepared | PreparedTree | Failure] = {}
         self._diagnoses: dict[tuple[Path, str], Diagnosis] = {}
 
     def hurdle(self, sidecar: Sidecar, engine: str) -> Hurdle | None:
@@ -54,10 +60,10 @@ class CaseRunner:
         """What a folder's declaration says at a glance."""
         return self._ask(declared, folder)
 
-    def prepared(self, folder: Path) -> Prepared | Failure:
+    def prepared(self, folder: Path) -> Prepared | PreparedTree | Failure:
         """The reference side of a folder, once."""
         if folder not in self._prepared:
-            self._prepared[folder] = self._run(prepare, folder)
+            self._prepared[folder] = self._run(prepare_folder, folder)
         return self._prepared[folder]
 
     def case(self, one: CaseId, folder: Path, sidecar: Sidecar) -> Case:
@@ -65,8 +71,36 @@ class CaseRunner:
         found = self.prepared(folder)
         if isinstance(found, Failure):
             return failed_case(one, str(folder), found)
+        if isinstance(found, PreparedTree):
+            return self._states(found, one, sidecar)
         task = case_task(found, sidecar, one.engine, one.scenario, self._resolution)
-        case = self._run(run_case, task)
+
+        def measured(accepted: Snapshot) -> Measurement | Failure:
+            return self._run(measure, measure_task(task, found, accepted))
+
+        return self._judged(self._run(run_case, task), one, folder, measured)
+
+    def _states(self, found: PreparedTree, one: CaseId, sidecar: Sidecar) -> Case:
+        """The case of a model of declared bodies."""
+        if reason := not_of_a_tree(sidecar):
+            return failed_case(one, str(found.folder), Failure(reason, ""))
+        task = found.task(sidecar, one.engine, self._resolution)
+        system, reads = found.system.tree_system, found.reads
+
+        def measured(accepted: Snapshot) -> Measurement | Failure:
+            measuring = MeasureTreeTask(task=task, system=system, accepted=accepted, reads=reads)
+            return self._run(measure_tree, measuring)
+
+        return self._judged(self._run(run_robot, task), one, found.folder, measured)
+
+    def _judged(
+        self,
+        case: Case | Failure,
+        one: CaseId,
+        folder: Path,
+        measured: Callable[[Snapshot], Measurement | Failure],
+    ) -> Case:
+        """A case as it came out; with the reason that it was accepted with, if it is known."""
         if isinstance(case, Failure):
             return failed_case(one, str(folder), case)
         if case.outcome not in (Outcome.DIFFERS, Outcome.UNRESOLVED):
@@ -74,9 +108,8 @@ class CaseRunner:
         before = self._before(folder)
         if before is None or case.id not in before.snapshots:
             return case
-        measuring = measure_task(task, found, before.snapshots[case.id])
-        measured = self._run(measure, measuring)
-        (case,) = mark_known((case,), {(case.folder, case.id): measured}, before)
+        seen = {(case.folder, case.id): measured(before.snapshots[case.id])}
+        (case,) = mark_known((case,), seen, before)
         return case
 
     def _before(self, folder: Path) -> Accepted | None:
@@ -95,6 +128,11 @@ class CaseRunner:
         found = self.prepared(folder)
         if isinstance(found, Failure):
             return found
+        if isinstance(found, PreparedTree):
+            survey = self._run(survey_file, sidecar)
+            if isinstance(survey, Failure):
+                return survey
+            return Audit(findings=survey.findings, poses=Poses(note="bodies are declared"))
         return self._run(run_audit, audit_task(found, sidecar, engine))
 
     def diagnosis(self, folder: Path, sidecar: Sidecar, engine: str) -> Diagnosis:
@@ -102,11 +140,14 @@ class CaseRunner:
         key = sidecar.model, engine
         if key not in self._diagnoses:
             found = self.prepared(folder)
-            value: Diagnosis | Failure = (
-                found
-                if isinstance(found, Failure)
-                else self._run(diagnose_model, diagnosis_task(found, sidecar, engine))
-            )
+            value: Diagnosis | Failure
+            if isinstance(found, Failure):
+                value = found
+            elif isinstance(found, PreparedTree):
+                task = found.task(sidecar, engine, self._resolution)
+                value = self._run(diagnose_robot, RobotDiagnosisTask(task=task, own=False))
+            else:
+                value = self._run(diagnose_model, diagnosis_task(found, sidecar, engine))
             if isinstance(value, Failure):
                 value = Diagnosis(failure=value.reason)
             self._diagnoses[key] = value

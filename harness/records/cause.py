@@ -7,20 +7,25 @@ from typing import Literal
 from harness.records.base import Number, Record, SourceLine
 
 CauseKind = Literal[
-    "literal", "literals", "unbound literal", "gravity", "default", "axis", "zero",
+    "literal", "literals", "unbound literal", "taken", "dropped", "gravity", "default", "axis",
+    "zero",
     "exchange", "constant", "inertia", "damping", "quadratic damping", "friction", "spring",
     "offset force",
 ]  # fmt: skip
 """What a cause is.
 
 A `literal` (several of one expression, `literals`, or one that stands for no constant, `unbound
-literal`) of the model file or its sidecar; a component of the engine's `gravity`; a
+literal`) of the model file or its sidecar; a number of a file that says what is right and that an
+engine has `taken` otherwise, or several that it has `dropped`, as if they were zero; a component of
+the engine's `gravity`; a
 `default` of the engine; a joint's `axis` reversed or its `zero` moved; two constants' `exchange`;
 a `constant` of the equations; or a term on a coordinate that the equations lack.
 """
 
 _PHRASES = {
-    **dict.fromkeys(("literal", "literals", "unbound literal", "default", "constant"), "{}"),
+    **dict.fromkeys(
+        ("literal", "literals", "unbound literal", "taken", "dropped", "default", "constant"), "{}"
+    ),
     "gravity": "gravity along {}",
     "axis": "axis of {} reversed",
     "zero": "zero of {}",

@@ -67,6 +67,29 @@ class ComparedTerm(Record, frozen=True, kw_only=True):
     effect: Number
 
 
+class ComparedProperty(Record, frozen=True, kw_only=True):
+    """What the files say differently, read from them without a motion.
+
+    Attributes:
+        kind: `mass`, `centre`, `inertia`, `axis`, `anchor`, `zero`, `kind`, `damping`, `armature`,
+            `stiffness`, `rest`, `gravity`, `frame`, `range`, `actuators`, `actuator` or `left out`.
+        about: the joint, link or frame; empty for the whole.
+        message: one sentence.
+        a, b: its values, where it is one number.
+        where_a, where_b: the lines, where they are known.
+        moves: whether equations of motion have it.
+    """
+
+    kind: str
+    about: str
+    message: str
+    a: Number
+    b: Number
+    where_a: SourceLine | None
+    where_b: SourceLine | None
+    moves: bool
+
+
 class FileEdit(Record, frozen=True, kw_only=True):
     """A place where the files differ.
 
@@ -111,13 +134,20 @@ class Compared(Record, frozen=True, kw_only=True):
         states_of: the model that the states were taken from.
         joints: that were paired.
         runs: that it stands on.
-        terms: of the equations of motion, that differ.
+        properties: what the files say differently, of which motions depend first.
+        explained: share of the discrepancy that the equations of both files make; None where they
+            can't be had, or nothing differs.
+        off: by how much A's engine leaves the equations of its file, and B's, relative; None where
+            `explained` is.
+        terms: of the equations of motion, that differ, measured; none where the properties explain
+            the discrepancy.
         differences: of the files.
         notes: what is to be known of the comparison.
         seconds: that it took.
         turned: joints that turn the other way in B.
         left_when_turned: what is left of the discrepancy then; None where none does.
         untried: how many differences of the files were not tried alone.
+        impossible: what is said of inertias that no body can have, with lines and remedies.
     """
 
     discrepancy: Number
@@ -131,9 +161,13 @@ class Compared(Record, frozen=True, kw_only=True):
     runs: ComparedRuns
     turned: tuple[str, ...]
     left_when_turned: Number
+    properties: tuple[ComparedProperty, ...]
+    explained: Number
+    off: Numbers | None
     terms: tuple[ComparedTerm, ...]
     differences: tuple[FileDifference, ...]
     untried: int
+    impossible: tuple[str, ...]
     notes: tuple[str, ...]
     seconds: float
 

@@ -17,7 +17,7 @@ from harness.robots.robot import Obstacle
 _HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
 _ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)[\"']")
 _HIDDEN = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ENDLESS = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _UNEXPANDED = re.compile(r"\$[({]")
 EXPAND = "expand it first: xacro FILE > robot.urdf"
@@ -36,7 +36,8 @@ class Document:
 
     Attributes:
         path: of the file.
-        root: its first element.
+        data: its bytes, as UTF-8, with lines where they are.
+        elements: all of them, in their order.
         obstacles: so far.
 
     Raises:
@@ -47,11 +48,11 @@ class Document:
         self.path = path
         self.obstacles: list[Obstacle] = []
         try:
-            self._data = _mended(read_regular(path, MOST_MODEL))
+            self.data = _mended(read_regular(path, MOST_MODEL))
         except OSError as error:
             raise DocumentError(self._whole(f"can't be read: {error}", "give another")) from None
         try:
-            self.root: RawElement = read_elements(Source(path, self._data))[0]
+            self.elements = read_elements(Source(path, self.data))
         except LocationError as error:
             place, _, reason = str(error).removeprefix(f"{path}:").partition(": ")
             line = int(place) if place.isdigit() else 0
@@ -60,16 +61,25 @@ class Document:
                 Obstacle(sentence=reason, file=path, line=line, remedy=remedy)
             ) from None
 
+    @property
+    def root(self) -> RawElement:
+        """The first element."""
+        return self.elements[0]
+
     def _whole(self, sentence: str, remedy: str) -> Obstacle:
         return Obstacle(sentence=sentence, file=self.path, line=0, remedy=remedy)
 
     @cached_property
     def _ends(self) -> list[int]:
-        return [m.start() for m in re.finditer(rb"\r\n|\r|\n", self._data)]
+        return [m.start() for m in re.finditer(rb"\r\n|\r|\n", self.data)]
 
     def line(self, element: RawElement) -> int:
         """Where it begins, from 1."""
-        return bisect_right(self._ends, element.start) + 1
+        return self.line_at(element.start)
+
+    def line_at(self, offset: int) -> int:
+        """Line of a byte, from 1."""
+        return bisect_right(self._ends, offset) + 1
 
     def hinder(self, element: RawElement, sentence: str, remedy: str) -> None:
         """Note what makes it impossible to build a tree."""
@@ -121,7 +131,7 @@ def read_numbers(text: str, count: int) -> tuple[float, ...] | None:
     words = [word.strip() for word in words]
     if len(words) != count:
         return None
-    if not all(_NUMBER.fullmatch(word) or _ENDLESS.fullmatch(word) for word in words):
+    if not all(NUMBER.fullmatch(word) or _ENDLESS.fullmatch(word) for word in words):
         return None
     return tuple(map(float, words))
 

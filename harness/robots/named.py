@@ -2,28 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from harness.files.folders import FolderError
-from harness.robots.compiled import read_compiled_robot
+from harness.robots.compiled import compiler, read_compiled_robot
+from harness.robots.compiled_numbers import CompiledNumbers
+from harness.robots.numerals import Numeral
 from harness.robots.robot import Robot
+from harness.robots.system import RobotError
 from harness.robots.urdf import read_urdf_robot
+from harness.robots.urdf_numbers import UrdfNumbers
 from harness.text.visible import odd_name, visible
+from reference.multibody.tree import Tree
 
 FORMATS = (".urdf", ".xml")
 """Endings of the files that are read as robots."""
 
 
-def robot_files(names: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Those that are files, each once, and the other names.
+class Numbers(Protocol):
+    """The numbers of a robot's file, and the tree that results where some of them are others."""
+
+    @property
+    def numerals(self) -> tuple[Numeral, ...]:
+        """All of them, in their order."""
+
+    @property
+    def saying(self) -> tuple[int, ...]:
+        """Indices of those that may say something of the tree."""
+
+    def tree(self, values: Mapping[int, float]) -> Tree | None:
+        """The tree with other values of some, by their index; None where there is none."""
+
+    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
+        """The files, by their paths, with other values of some numbers."""
+
+
+@dataclass(frozen=True)
+class NamedRobots:
+    """What names of a command line mean.
+
+    Attributes:
+        files: robots' files, each once.
+        others: names that are none.
+        faults: names of robots' files that are not there -> what is said of each.
+    """
+
+    files: list[Path]
+    others: list[str]
+    faults: Mapping[str, str]
+
+
+def robot_files(names: Sequence[str]) -> NamedRobots:
+    """Those that are files, or would be by their endings, and the other names.
 
     Raises:
         FolderError: for a file that can't be checked alone, naming the remedy.
     """
-    files, others = list[Path](), list[str]()
+    files, others, faults = list[Path](), list[str](), dict[str, str]()
     for name in names:
         path = Path(name)
+        if path.suffix in FORMATS and not path.exists():
+            faults[name] = f"{visible(name)}: there is no such file"
+            continue
         if not path.is_file():
             others.append(name)
             continue
@@ -36,9 +79,30 @@ def robot_files(names: Sequence[str]) -> tuple[list[Path], list[str]]:
             raise FolderError(f"{visible(name)}: its name has {why}; rename it")
         if path not in files:
             files.append(path)
-    return files, others
+    return NamedRobots(files, others, faults)
 
 
-def read_robot(file: Path) -> Robot:
-    """A robot's file, by its ending."""
-    return read_urdf_robot(file) if file.suffix == ".urdf" else read_compiled_robot(file)
+def read_robot(file: Path, *, floating: bool = False) -> Robot:
+    """A robot's file, by its ending; a URDF's root link may float."""
+    if file.suffix == ".urdf":
+        return read_urdf_robot(file, floating=floating)
+    return read_compiled_robot(file)
+
+
+def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
+    """The numbers of a robot's file that has a tree, by its ending.
+
+    Args:
+        file: the model file.
+        settings: with which engines run it.
+
+    Raises:
+        RobotError: where nothing that compiles the file is installed.
+    """
+    if file.suffix == ".urdf":
+        return UrdfNumbers(file, floating=bool(settings.get("floating")))
+    engine = compiler(file.suffix)
+    if engine is None:
+        raise RobotError(f"{file}: no engine is installed that compiles {file.suffix} files")
+    controls = settings.get("controls", [])
+    return CompiledNumbers(file, engine, controls if isinstance(controls, list) else [])

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
 from reference.multibody.tree import WORLD, Tree
 from reference.numeric import Array
 
@@ -70,6 +71,23 @@ class Part:
     body: int = WORLD
 
 
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What a tree is assembled of: bodies, joints and pulls with the numbers of the file.
+
+    Attributes:
+        bodies: parents first.
+        gravity: m/s^2.
+        pulls: tendons and actuators.
+        couplings: joints that follow others.
+    """
+
+    bodies: tuple[RigidBody, ...]
+    gravity: Triple
+    pulls: tuple[Pull, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Robot:
     """What was read of a file.
@@ -81,9 +99,11 @@ class Robot:
         parts: the file's links, in the file's order.
         limits: lower and upper bound of each velocity's coordinate, infinite where there is none,
             rad or m, each (nv,).
-        home: positions to begin from, (nq,).
+        home: coordinates to begin from, (nv,).
         left_out: what the file says beyond the tree.
         obstacles: all that is in the way of a tree.
+        controls: at which its actuators are held, as many as it has inputs.
+        told: of which the tree is assembled; None where there is no tree.
     """
 
     name: str
@@ -94,6 +114,16 @@ class Robot:
     home: Array
     left_out: tuple[LeftOut, ...]
     obstacles: tuple[Obstacle, ...]
+    controls: tuple[float, ...] = ()
+    told: Told | None = None
+
+    @property
+    def floats(self) -> bool:
+        """Whether the root link of a URDF moves freely, which the format does not say."""
+        links = () if self.tree is None else self.tree.links
+        return self.file.suffix == ".urdf" and any(
+            link.kind == "free" and link.parent == WORLD for link in links
+        )
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:
@@ -125,13 +155,11 @@ def refused(
 
 
 def home_of(tree: Tree, limits: tuple[Array, Array]) -> Array:
-    """Zero where a joint may be there, else the middle of its bounds; quaternions one. (nq,)."""
-    home = tree.zero
-    for link, here, there in zip(tree.links, tree.positions, tree.velocities, strict=True):
-        if link.kind in ("hinge", "slide"):
-            lower, upper = float(limits[0][there.start]), float(limits[1][there.start])
-            if not lower <= 0.0 <= upper:
-                home[here] = _between(lower, upper)
+    """Zero where a coordinate may be zero, else the middle of its bounds, (nv,)."""
+    home = np.zeros(tree.nv)
+    for i, (lower, upper) in enumerate(zip(*map(np.ndarray.tolist, limits), strict=True)):
+        if not lower <= 0.0 <= upper:
+            home[i] = _between(lower, upper)
     return home
 
 

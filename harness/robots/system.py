@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from harness.robots.robot import Robot
-from reference.declaration import Coordinate
-from reference.trees import TreeSystem
-
-UNITS = {"hinge": "rad", "slide": "m"}
+from reference.multibody.chart import coordinate_names
+from reference.multibody.tree import Tree
+from reference.trees import TreeSystem, tree_system
 
 
 class RobotError(ValueError):
@@ -21,29 +20,16 @@ def robot_system(robot: Robot) -> TreeSystem:
     """
     if robot.tree is None:
         raise RobotError("; ".join(map(str, robot.obstacles)))
-    links = robot.tree.links
-    if not links:
+    if not robot.tree.links:
         raise RobotError(f"{robot.file}: it has no joint that moves, so there is nothing to check")
-    if others := [link.name for link in links if link.kind not in UNITS]:
-        raise RobotError(
-            f"{robot.file}: {', '.join(others)}: ball and free joints are not covered yet"
-        )
-    return TreeSystem(
-        name=robot.name,
-        title=summary(robot),
-        source=str(robot.file),
-        coordinates=tuple(Coordinate(k.name, UNITS[k.kind], f"joint {k.name}") for k in links),
-        constants=(),
-        inputs=(),
-        outputs=(),
-        T=0,
-        V=0,
-        D=0,
-        equilibria=(),
-        scenarios=(),
-        published=(),
-        tree=robot.tree,
+    return tree_system(
+        name=robot.name, title=summary(robot), source=str(robot.file), tree=robot.tree
     )
+
+
+def names_of(tree: Tree) -> tuple[str, ...]:
+    """Its coordinates, as engines call them too, (nv,)."""
+    return tuple(name for link in tree.links for name, _ in coordinate_names(link.kind, link.name))
 
 
 def summary(robot: Robot) -> str:

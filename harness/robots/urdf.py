@@ -8,30 +8,28 @@ from pathlib import Path
 import numpy as np
 
 from harness.files.brief import brief
+from harness.robots.couplings import couplings, read_mimics
 from harness.robots.document import EXPAND, Document, DocumentError
 from harness.robots.inertias import resting
-from harness.robots.robot import LeftOut, Part, Robot, home_of, refused
+from harness.robots.robot import LeftOut, Part, Robot, Told, home_of, refused
 from harness.robots.urdf_left_out import urdf_left_out
 from harness.robots.urdf_parts import UrdfJoint, UrdfLink, read_joints, read_links, read_springs
 from harness.robots.urdf_root import IMPLICIT, root_of
-from harness.robots.urdf_tree import Plan, planned
-from reference.multibody.tree import Tree
-from reference.numeric import Array
+from harness.robots.urdf_tree import planned
+from reference.multibody.assemble import Assembled, assembled
+from reference.multibody.bodies import Triple
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s^2: a URDF says none."""
 
 
-def read_urdf_robot(
-    path: Path, *, gravity: tuple[float, float, float] = GRAVITY, floating: bool = False
-) -> Robot:
+def read_urdf_robot(path: Path, *, gravity: Triple = GRAVITY, floating: bool = False) -> Robot:
     """Read a URDF, whole.
 
     A joint's frame stands in the parent link's by `<origin>`, whose rpy turns about the fixed axes
     x, y and z in that order; the child's frame is the joint's, moved along or about the direction
     of `<axis>`. Links that fixed joints weld are one body. What is not told is nothing: no mass,
-    no damping, no turn; but for the axis, which is x. A mimic joint is a free one, and that is
-    told.
+    no damping, no turn; but for the axis, which is x.
 
     Args:
         path: of the file.
@@ -44,36 +42,39 @@ def read_urdf_robot(
     except DocumentError as error:
         return refused(path, path.stem, [error.obstacle])
     with np.errstate(all="ignore"):  # what overflows is told
-        return _read(document, np.array(gravity), floating)
+        return _read(document, gravity, floating)
 
 
-def _read(document: Document, gravity: Array, floating: bool) -> Robot:
+def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
     path = document.path
     _check_document(document)
     links, joints, springs = read_links(document), read_joints(document), read_springs(document)
     root = root_of(document, links, joints)
     name = document.root.attributes.get("name") or path.stem
     parts = tuple(_part(document, link) for link in links.values())
-    left_out = urdf_left_out(document, joints, springs)
+    mimics = read_mimics(document, joints)
+    left_out = urdf_left_out(document, joints, springs, mimics)
     if document.obstacles or root is None:
         return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
     if floating and root == IMPLICIT:
         floating = False
         left_out += (LeftOut(what="a free joint of the world", count=1, where=(root,)),)
-    plan = planned(root, links, joints, floating)
-    tree = plan.tree(springs, gravity)
-    _check_masses(document, tree, plan, links, joints)
+    bodies = planned(root, links, joints, floating).with_springs(springs)
+    held = couplings(mimics)
+    found = assembled(bodies, gravity, couplings=held)
+    _check_masses(document, found, links, joints)
     if document.obstacles:
         return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
     return Robot(
         name=name,
         file=path,
-        tree=tree,
-        parts=tuple(replace(part, body=plan.bodies[part.name]) for part in parts),
-        limits=plan.limits,
-        home=home_of(tree, plan.limits),
+        tree=found.tree,
+        parts=tuple(replace(part, body=found.bodies[part.name]) for part in parts),
+        limits=found.limits,
+        home=home_of(found.tree, found.limits),
         left_out=left_out,
         obstacles=(),
+        told=Told(bodies=bodies, gravity=gravity, couplings=held),
     )
 
 
@@ -103,12 +104,12 @@ def _check_document(document: Document) -> None:
 
 def _check_masses(
     document: Document,
-    tree: Tree,
-    plan: Plan,
+    found: Assembled,
     links: dict[str, UrdfLink],
     joints: dict[str, UrdfJoint],
 ) -> None:
-    for name in plan.cancelled:
+    tree = found.tree
+    for name in found.cancelled:
         document.hinder(
             links[name].element,
             f"the mass of link {brief(name)} and of those that it is welded to is zero, by a"
@@ -117,7 +118,7 @@ def _check_masses(
         )
     if document.obstacles:
         return
-    groups = resting(tree, plan.limits)
+    groups = resting(tree, found.limits)
     if groups is None:
         document.hinder(
             document.root,

@@ -34,6 +34,8 @@ _SAID: Mapping[str, Collection[str]] = MappingProxyType(
 )
 """Attributes that have a meaning."""
 
+FREE_MIMIC = "mimic that no gear holds: the joint is free"
+
 Told = tuple[str, str]
 """What, and where: the name of a joint or a link."""
 
@@ -42,6 +44,7 @@ def urdf_left_out(
     document: Document,
     joints: Mapping[str, UrdfJoint],
     springs: Collection[str],
+    followers: Collection[str],
 ) -> tuple[LeftOut, ...]:
     """All of it; looks are no loss, and are not told.
 
@@ -49,10 +52,13 @@ def urdf_left_out(
         document: the file.
         joints: that were read.
         springs: names of the joints that springs are told of.
+        followers: names of the joints whose mimics are held.
     """
     counts: dict[str, int] = {}
     places: dict[str, dict[str, None]] = {}
     for what, where in _all(document, joints, springs):
+        if what == FREE_MIMIC and where in followers:
+            continue
         counts[what] = counts.get(what, 0) + 1
         places.setdefault(what, {}).update({where: None} if where else {})
     return tuple(
@@ -95,7 +101,7 @@ def _of_joint(document: Document, joint: UrdfJoint) -> Iterator[Told]:
     if joint.damping and joint.kind == "free":
         yield "damping of a floating joint", joint.name
     if document.child(joint.element, "mimic") is not None:
-        yield "mimic: the joint is free", joint.name
+        yield FREE_MIMIC, joint.name
     if limit is not None:
         yield from _of_limit(limit, joint)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 from harness.files.brief import brief
 from harness.files.locations.xml import RawElement
 from harness.robots.document import EXPAND, Document, read_numbers
-from harness.robots.lump import HERE, NOTHING, Lump, Place
+from reference.multibody.bodies import ZERO, RigidBody, Triple
+from reference.multibody.lump import Lump
 from reference.multibody.tree import Kind
-from reference.numeric import Array
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {
@@ -32,11 +32,16 @@ ENDLESS = (-np.inf, np.inf)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UrdfLink:
-    """A link: its element, and its body in its own frame."""
+    """A link: its element, and its body, of which it is not known yet what it hangs from."""
 
     name: str
     element: RawElement
-    lump: Lump
+    body: RigidBody
+
+    @property
+    def lump(self) -> Lump:
+        """Its mass in its own frame."""
+        return self.body.lump
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,8 +51,8 @@ class UrdfJoint:
     Attributes:
         kind: None of a fixed one.
         parent, child: names of links.
-        place: of its frame in the parent's.
-        axis: unit vector in its frame.
+        at, rpy: place of its frame in the parent's.
+        axis: direction in its frame, of any length but zero.
         damping: N s/m or N m s/rad.
         bounds: of its position; infinite ones where they hold nothing.
     """
@@ -57,8 +62,9 @@ class UrdfJoint:
     kind: Kind | None
     parent: str
     child: str
-    place: Place
-    axis: Array
+    at: Triple
+    rpy: Triple
+    axis: Triple
     damping: float
     bounds: tuple[float, float]
 
@@ -67,38 +73,48 @@ def read_links(document: Document) -> dict[str, UrdfLink]:
     """The links by their names; what is wrong with them is noted in the document."""
     found: dict[str, UrdfLink] = {}
     for name, element in _named(document, "link").items():
-        found[name] = UrdfLink(name=name, element=element, lump=_lump(document, element, name))
+        found[name] = read_link(document, element, name)
     return found
+
+
+def read_link(document: Document, element: RawElement, name: str) -> UrdfLink:
+    """One of them."""
+    return UrdfLink(name=name, element=element, body=_body(document, element, name))
 
 
 def read_joints(document: Document) -> dict[str, UrdfJoint]:
     """The joints by their names, but those that make no sense, which are noted in the document."""
-    found: dict[str, UrdfJoint] = {}
-    for name, element in _named(document, "joint").items():
-        kind, what = element.attributes.get("type", ""), f"joint {brief(name)}"
-        if kind == "planar":
-            document.hinder(
-                element,
-                f"{what} is planar, which is not covered",
-                "write two prismatic joints and a continuous one",
-            )
-        elif kind not in KINDS:
-            document.hinder(
-                element, f"{what} is of type {brief(kind)}", f"types are {', '.join(KINDS)}"
-            )
-        ends = [_end(document, element, tag, what) for tag in ("parent", "child")]
-        found[name] = UrdfJoint(
-            name=name,
-            element=element,
-            kind=KINDS.get(kind),
-            parent=ends[0],
-            child=ends[1],
-            place=_place(document, element, what),
-            axis=_axis(document, element, KINDS.get(kind), what),
-            damping=document.number(document.child(element, "dynamics"), "damping", 0.0, what),
-            bounds=_bounds(document, element, kind),
+    named = _named(document, "joint")
+    return {name: read_joint(document, element, name) for name, element in named.items()}
+
+
+def read_joint(document: Document, element: RawElement, name: str) -> UrdfJoint:
+    """One of them."""
+    kind, what = element.attributes.get("type", ""), f"joint {brief(name)}"
+    if kind == "planar":
+        document.hinder(
+            element,
+            f"{what} is planar, which is not covered",
+            "write two prismatic joints and a continuous one",
         )
-    return found
+    elif kind not in KINDS:
+        document.hinder(
+            element, f"{what} is of type {brief(kind)}", f"types are {', '.join(KINDS)}"
+        )
+    ends = [_end(document, element, tag, what) for tag in ("parent", "child")]
+    at, rpy = _place(document, element, what)
+    return UrdfJoint(
+        name=name,
+        element=element,
+        kind=KINDS.get(kind),
+        parent=ends[0],
+        child=ends[1],
+        at=at,
+        rpy=rpy,
+        axis=_axis(document, element, KINDS.get(kind), what),
+        damping=document.number(document.child(element, "dynamics"), "damping", 0.0, what),
+        bounds=_bounds(document, element, kind),
+    )
 
 
 def read_springs(document: Document) -> dict[str, tuple[float, float]]:
@@ -141,26 +157,32 @@ def _named(document: Document, tag: str) -> dict[str, RawElement]:
     return found
 
 
-def _lump(document: Document, link: RawElement, name: str) -> Lump:
+def _body(document: Document, link: RawElement, name: str) -> RigidBody:
+    bare = RigidBody(name=name, parent=None)
     inertial = document.child(link, "inertial")
     if inertial is None:
-        return NOTHING
+        return bare
     what = f"link {brief(name)}"
-    place = _place(document, inertial, f"<inertial> of {what}")
+    center, rpy = _place(document, inertial, f"<inertial> of {what}")
     mass, inertia = document.child(inertial, "mass"), document.child(inertial, "inertia")
     if mass is None and inertia is None:
-        return NOTHING
+        return bare
     if mass is None or "value" not in mass.attributes:
         document.hinder(mass or inertial, f"{what} has an inertial without mass",
                         'write <mass value="..."/>, in kg')  # fmt: skip
     weight = document.number(mass, "value", 0.0, f"<mass> of {what}")
-    lump = Lump(weight, np.zeros(3), _tensor(document, inertial, inertia, weight, what))
-    return lump.seen(place)
+    return replace(
+        bare,
+        mass=weight,
+        center=center,
+        inertia_rpy=rpy,
+        inertia=_tensor(document, inertial, inertia, weight, what),
+    )
 
 
 def _tensor(
     document: Document, inertial: RawElement, inertia: RawElement | None, mass: float, what: str
-) -> Array:
+) -> tuple[float, float, float, float, float, float]:
     """About the center of mass, in the axes of `<inertial>`; products that are not told are 0."""
     told = {} if inertia is None else inertia.attributes
     missing = [key for key in ("ixx", "iyy", "izz") if key not in told]
@@ -174,26 +196,17 @@ def _tensor(
         document.number(inertia, key, 0.0, f"<inertia> of {what}")
         for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return xx, yy, zz, xy, xz, yz
 
 
-def _place(document: Document, element: RawElement, what: str) -> Place:
+def _place(document: Document, element: RawElement, what: str) -> tuple[Triple, Triple]:
+    """Origin and rpy."""
     origin = document.child(element, "origin")
     if origin is None:
-        return HERE
-    at = document.numbers(origin, "xyz", (0.0, 0.0, 0.0), f"<origin> of {what}")
-    angles = document.numbers(origin, "rpy", (0.0, 0.0, 0.0), f"<origin> of {what}")
-    return Place(turn(*angles), np.array(at))
-
-
-def turn(roll: float, pitch: float, yaw: float) -> Array:
-    """Turned about the fixed x, then y, then z: R = Rz Ry Rx, (3, 3)."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
-    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    found: Array = about_z @ about_y @ about_x
-    return found
+        return ZERO, ZERO
+    x, y, z = document.numbers(origin, "xyz", ZERO, f"<origin> of {what}")
+    roll, pitch, yaw = document.numbers(origin, "rpy", ZERO, f"<origin> of {what}")
+    return (x, y, z), (roll, pitch, yaw)
 
 
 def _end(document: Document, joint: RawElement, tag: str, what: str) -> str:
@@ -204,24 +217,21 @@ def _end(document: Document, joint: RawElement, tag: str, what: str) -> str:
     return link
 
 
-def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -> Array:
+def _axis(document: Document, joint: RawElement, kind: Kind | None, what: str) -> Triple:
     """The x axis where none is told, and of joints that have none."""
     default = (1.0, 0.0, 0.0)
     element = document.child(joint, "axis")
     if kind not in ("hinge", "slide"):
-        return np.array(default)
+        return default
     if element is not None and "xyz" not in element.attributes:
         document.hinder(element, f"the <axis> of {what} has no xyz", 'write <axis xyz="..."/>')
-    axis = np.array(document.numbers(element, "xyz", default, f"<axis> of {what}"))
-    largest = np.abs(axis).max()
-    if largest == 0.0:
+    x, y, z = document.numbers(element, "xyz", default, f"<axis> of {what}")
+    if not (x or y or z):
         document.hinder(
             element or joint, f"the axis of {what} has no length", "give it a direction"
         )
-        return np.array(default)
-    axis = axis / largest  # its square neither overflows nor vanishes
-    found: Array = axis / np.linalg.norm(axis)
-    return found
+        return default
+    return x, y, z
 
 
 def _bounds(document: Document, joint: RawElement, kind: str) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from harness.files.locations.xml import RawElement, read_elements
 from harness.files.reading import read_regular
 from harness.scaffold.folder import NewError
 
-_MEANT = (".py", ".pyc", ".toml")
+MEANT = (".py", ".pyc", ".toml")
 """Endings that mean something in a system folder: no mesh may come in under them."""
 
 _SHAPES = ("mesh", "texture")
@@ -38,7 +38,7 @@ def neighbours(model: Path, data: bytes) -> dict[str, bytes]:
         if not name or element.tag == "include" or (urdf and element.tag not in _SHAPES):
             continue
         where = f"{model}:{source.line(element.start)}: it needs {name}"
-        if (ending := PurePosixPath(name).suffix) in _MEANT:
+        if (ending := PurePosixPath(name).suffix) in MEANT:
             raise NewError(
                 f"{where}; in a folder, files that end with {ending} are run or read: rename it"
             )

@@ -1,39 +1,53 @@
-"""A system folder from a model file: read, planned, written, and checked in every engine."""
+"""A system folder from a model file: of energies where these are short, else of its bodies."""
 
 from __future__ import annotations
 
-import types
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from harness.audit.plan import audits
-from harness.engines.registry import readers
 from harness.files.reading import read_regular
-from harness.scaffold.assets import neighbours
-from harness.scaffold.constants import Ledger, Row
+from harness.robots.named import FORMATS, read_robot
+from harness.robots.robot import Robot
 from harness.scaffold.folder import NewError, write_folder
-from harness.scaffold.mechanism import Mechanism
-from harness.scaffold.mjcf import read_mjcf
-from harness.scaffold.scenarios import plan, provisional
-from harness.scaffold.text import sidecar_text, system_text
-from harness.scaffold.urdf import read_urdf
+from harness.scaffold.from_energies import Energies, format_settings
+from harness.scaffold.from_tree import from_tree
 from harness.text.visible import odd_name, visible
-from reference.system import System
+from reference.declaration import DeclarationError
 
-_FORMATS = (".urdf", ".xml")
-GRAVITY = 9.81
-STEP = 0.002
+MOST_JOINTS = 3
+"""Beyond, formulas take minutes: they are not even begun."""
+
+MOST_OPERATIONS = 1500
+"""Of T and V as they are declared: from so many the equations of motion follow in ten seconds."""
 
 
-def from_model(model: Path, target: Path) -> tuple[str, ...]:
-    """Write the folder of a model file; returns what there is to say about it.
+@dataclass(frozen=True, kw_only=True)
+class Written:
+    """What was written.
+
+    Attributes:
+        declares: what `system.py` declares, and why that.
+        remarks: what there is to say besides.
+    """
+
+    declares: str
+    remarks: tuple[str, ...]
+
+
+def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
+    """Write the folder of a model file.
 
     Nothing is written where what was read is not what any engine makes of the file.
+
+    Args:
+        model: the file.
+        target: the folder to write.
+        floating: whether the root link of a URDF moves freely.
 
     Raises:
         NewError: naming file, line and what can't be read.
     """
-    if model.suffix not in _FORMATS:
+    if model.suffix not in FORMATS:
         raise NewError(f"{model}: a model file is a .urdf, or an MJCF ending with .xml")
     if (why := odd_name(model.name)) is not None:
         raise NewError(f"{visible(str(model))}: its name has {why}; rename it")
@@ -41,138 +55,47 @@ def from_model(model: Path, target: Path) -> tuple[str, ...]:
         data = read_regular(model)
     except OSError as error:
         raise NewError(f"{model}: can't be read: {error.strerror}") from None
-    beside = neighbours(model, data)
-    ledger = Ledger(model, data)
-    mechanism = _read(model, data, ledger)
-    if not mechanism.joints:
-        raise NewError(f"{model}: it has no moving joint")
-    mechanism = _with_symbols(mechanism, ledger)
-
-    def text(chosen: object) -> str:
-        return system_text(target.name, model.name, mechanism, ledger.rows, chosen)  # type: ignore[arg-type]  # a Plan
-
-    system = _declared(text(provisional(mechanism.joints)), model)
-    chosen = plan(system, mechanism.joints)
-    sidecar = f"{model.name}.toml"
-    left_out: dict[str, str] = {}
-    remarks = list(mechanism.remarks)
-
-    def sidecar_bytes() -> bytes:
-        meant = [engine for engine in readers(model.suffix) if engine.name not in left_out]
-        return sidecar_text(
-            model.name,
-            meant,
-            mechanism,
-            ledger,
-            left_out,
-            _settings(model.suffix),
-        ).encode()
-
-    def check(made: Path) -> None:
-        disagree = _checked(made, target, model.suffix, left_out)
-        (made / sidecar).write_bytes(sidecar_bytes())
-        remarks.extend(disagree)
-
-    files = {
-        model.name: data,
-        **beside,
-        "system.py": text(chosen).encode(),
-        sidecar: sidecar_bytes(),
-    }
-    write_folder(target, files, check)
-    return tuple(remarks)
+    robot = read_robot(model, floating=floating)
+    if robot.tree is None:
+        raise NewError("; ".join(map(str, robot.obstacles)))
+    found = _energies(robot, data, target)
+    if isinstance(found, Energies):
+        write_folder(target, found.files, found.check)
+        said = f"energies: {found.operations} operations in T and V, of {_joints(robot)}"
+        return Written(declares=said, remarks=tuple(found.remarks))
+    remarks = from_tree(robot, data, target, format_settings(model.suffix))
+    return Written(declares=f"bodies, and not energies: {found}", remarks=remarks)
 
 
-def _read(model: Path, data: bytes, ledger: Ledger) -> Mechanism:
-    if model.suffix == ".xml":
-        return read_mjcf(model, data, ledger)
-    mechanism = read_urdf(model, data, ledger)
-    g = ledger.name("g")
-    ledger.rows.append(
-        Row(
-            name=g,
-            value=GRAVITY,
-            unit="m/s^2",
-            description="gravity",
-            source=f"{model.name}.toml; a URDF states none",
-        )
-    )
-    ledger.bindings["sidecar:settings.gravity[2]"] = f"-{g}"
-    return replace(mechanism, gravity=("0", "0", f"-{g}"))
-
-
-def _settings(suffix: str) -> list[str]:
-    """Lines of a sidecar's settings, for a format that states none."""
-    if suffix != ".urdf":
-        return []
-    taken = [f"{e.title} would take {e.unstated}" for e in readers(suffix) if e.unstated]
-    first, *others = [*taken, ""]
-    rest = "".join(f", {words.replace(' would take', '')}" for words in others if words)
-    return [
-        f"# A URDF carries neither; {first}{rest}.",
-        "[settings]",
-        f"step = {STEP}",
-        f"gravity = [0, 0, -{GRAVITY}]",
-        "",
-    ]
-
-
-def _with_symbols(mechanism: Mechanism, ledger: Ledger) -> Mechanism:
-    """Names for the forces and the centres, which no constant has."""
-    return replace(
-        mechanism,
-        bodies=tuple(
-            replace(
-                body,
-                centred=ledger.name(body.name, "centre"),
-                joints=tuple(replace(j, force=ledger.name("force", j.name)) for j in body.joints),
-            )
-            for body in mechanism.bodies
-        ),
-    )
-
-
-def _declared(text: str, model: Path) -> System:
-    """The system that a system.py would declare."""
-    module = types.ModuleType("new_system")
+def _energies(robot: Robot, data: bytes, target: Path) -> Energies | str:
+    """The folder of a mechanism's energies; or why there is none, or none that is short."""
+    if why := _too_much(robot):
+        return why
     try:
-        exec(compile(text, "system.py", "exec"), module.__dict__)
-    except (ArithmeticError, RecursionError, TypeError, ValueError) as error:
-        raise NewError(f"{model}: what it says makes no mechanism: {error}") from None
-    system: System = module.system
-    return system
+        found = Energies(robot.file, data, target)
+        if found.operations > MOST_OPERATIONS:
+            return f"T and V have {found.operations} operations, where {MOST_OPERATIONS} are many"
+        found.plan()
+    except (NewError, DeclarationError) as error:
+        return str(error)
+    return found
 
 
-def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) -> list[str]:
-    """What engines that run the file have to say against it; `left_out` gets those that can't.
-
-    Raises:
-        NewError: where no installed engine agrees with what was read.
-    """
-    installed = tuple(e.name for e in readers(suffix) if e.version() is not None)
-    if not installed:
-        return ["no engine that runs it is installed: what was read is not checked"]
-    against: list[str] = []
-    agrees = False
-    for model in audits([made], engines=installed):
-        engine = model.id.engine
-        wrong = [one.message for one in model.findings if one.severity == "finding"]
-        if model.failure and engine == "-":
-            raise NewError(_plain(model.failure, made, target))
-        if model.failure:
-            left_out[engine] = _plain(model.failure, made, target)
-            against.append(f"{engine} is left out: {left_out[engine]}")
-        elif wrong:
-            against += [f"{engine}: {_plain(m, made, target)}" for m in wrong]
-        else:
-            agrees = True
-    if not agrees:
-        raise NewError(
-            f"{target}: nothing was written, since no engine agrees with what was read: "
-            + "; ".join(against or ["none ran it"])
-        )
-    return against
+def _too_much(robot: Robot) -> str:
+    """What of a robot energies are not written of; empty where they may be."""
+    assert robot.tree is not None
+    links = robot.tree.links
+    if len(links) > MOST_JOINTS:
+        return f"it has {_joints(robot)}, and formulas of more than {MOST_JOINTS} are long"
+    for link in links:
+        if link.kind not in ("hinge", "slide"):
+            return f"joint {link.name!r} is a {link.kind} joint"
+    if robot.tree.pulls:
+        return f"it has {robot.tree.pulls[0].name!r}, a tendon, an actuator or a bent spring"
+    return ""
 
 
-def _plain(message: str, made: Path, target: Path) -> str:
-    return " ".join(message.replace(str(made), str(target)).split())
+def _joints(robot: Robot) -> str:
+    assert robot.tree is not None
+    count = len(robot.tree.links)
+    return "1 joint" if count == 1 else f"{count} joints"

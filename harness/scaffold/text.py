@@ -22,13 +22,13 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
     joints, file = mechanism.joints, plain(file)
     body = "\n".join(
         [
-            f'""{_quoted(f"The physics of {name}, read from {file} by `crosscheck new`.")}""',
+            f'""{quoted(f"The physics of {name}, read from {file} by `crosscheck new`.")}""',
             "",
             "SYMPYfrom physics_crosscheck import (",
             "    Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, ground, t,",
             ")",
             "",
-            *_comment(f"""What follows was derived from {file} itself, so it checks the engines, and
+            *comment(f"""What follows was derived from {file} itself, so it checks the engines, and
             every later edit of {file}: but not yet {file} against what you mean. For that, replace
             the constants by your own, from drawings and data sheets, write numbers that follow
             from others as formulas (m * l**2 / 12), and the energies as you would on paper. Then
@@ -49,16 +49,16 @@ def system_text(name: str, file: str, mechanism: Mechanism, rows: Sequence[Row],
             *_energies(mechanism),
             "",
             "system = System(",
-            f"    name={_quoted(name)},",
-            f"    title={_quoted(name.replace('_', ' '))},",
-            f"    source={_quoted(f'{file}, read by crosscheck new')},",
+            f"    name={quoted(name)},",
+            f"    title={quoted(name.replace('_', ' '))},",
+            f"    source={quoted(f'{file}, read by crosscheck new')},",
             f"    coordinates={_tuple(j.symbol for j in joints)},",
             f"    constants={_tuple(row.name for row in rows)},",
             f"    inputs={_tuple(j.force for j in joints)},",
             "    outputs=(",
             *(
-                f"        Output({_quoted(j.symbol)}, {j.symbol}.q, {_quoted(_unit(j))},"
-                f" {_quoted(f'position of {j.name}')}),"
+                f"        Output({quoted(j.symbol)}, {j.symbol}.q, {quoted(_unit(j))},"
+                f" {quoted(f'position of {j.name}')}),"
                 for j in joints
             ),
             "    ),",
@@ -91,30 +91,30 @@ def sidecar_text(
     """The sidecar: engines, what the format has no word for, and where each number comes from."""
     lines = [f"# The sidecar of {plain(file)}: what the file itself can't say."]
     lines += [f"# Left out: {plain(f'{name}: {why}')}" for name, why in left_out.items()]
-    lines += [f"engines = [{', '.join(_quoted(e.name) for e in engines)}]", ""]
+    lines += [f"engines = [{', '.join(quoted(e.name) for e in engines)}]", ""]
     lines += settings
     for engine in engines if settings else ():
         if engine.stated_settings:
-            own = [f"{key} = {_literal(value)}" for key, value in engine.stated_settings.items()]
+            own = [f"{key} = {literal(value)}" for key, value in engine.stated_settings.items()]
             lines += [f"[settings.{engine.name}]", *own, ""]
     renamed = [joint for joint in mechanism.joints if joint.name != joint.symbol]
     if renamed:
         lines += ["# Joints whose names no formula could hold.", "[coordinates]"]
-        lines += [f"{_quoted(joint.name)} = {_quoted(joint.symbol)}" for joint in renamed]
+        lines += [f"{quoted(joint.name)} = {quoted(joint.symbol)}" for joint in renamed]
         lines += ["", "[readback]"]
-        lines += [f"{joint.symbol} = {_quoted(joint.name)}" for joint in renamed]
+        lines += [f"{joint.symbol} = {quoted(joint.name)}" for joint in renamed]
         lines += [""]
     places = [body.place for body in mechanism.bodies if body.place]
     if places:
         lines += ["# What each of the system's frames is in the file.", "[frames]"]
-        lines += [f"{_quoted(_named(place))} = {_quoted(place)}" for place in places]
+        lines += [f"{quoted(_named(place))} = {quoted(place)}" for place in places]
         lines += [""]
     lines += [
         "# What each number stands for: with it, a wrong one is named with its line.",
         "[bindings]",
     ]
     for address, formula in ledger.bindings.items():
-        lines += [f"{_quoted(address)} = {_quoted(formula)}"]
+        lines += [f"{quoted(address)} = {quoted(formula)}"]
         if others := ledger.shared.get(address):
             lines += [f"# The same number is {', '.join(others)} too: change them together."]
     return "\n".join(lines) + "\n"
@@ -125,14 +125,14 @@ def _coordinate(joint: Joint) -> str:
     what = f"{kind} {_axis(joint.axis)}, {joint.where}"
     if joint.limits is not None:
         what += f", from {joint.limits[0]:g} to {joint.limits[1]:g}"
-    return f"{joint.symbol} = Coordinate({_quoted(joint.symbol)}, {_quoted(_unit(joint))}, " + (
-        f"{_quoted(what)})"
+    return f"{joint.symbol} = Coordinate({quoted(joint.symbol)}, {quoted(_unit(joint))}, " + (
+        f"{quoted(what)})"
     )
 
 
 def _pose(body: Body) -> str:
     kind, name = body.place.partition(":")[0], _named(body.place)
-    return f"{body.symbol}.pose({_quoted(name)}, {_quoted(f'{kind} {body.name}')})"
+    return f"{body.symbol}.pose({quoted(name)}, {quoted(f'{kind} {body.name}')})"
 
 
 def _named(place: str) -> str:
@@ -143,8 +143,8 @@ def _named(place: str) -> str:
 
 def _constant(row: Row) -> list[str]:
     parts = (
-        f"{_quoted(row.name)}, {row.value!r}, {_quoted(row.unit)},",
-        f"{_quoted(row.description)}, {_quoted(row.source)}",
+        f"{quoted(row.name)}, {row.value!r}, {quoted(row.unit)},",
+        f"{quoted(row.description)}, {quoted(row.source)}",
     )
     line = f"{row.name} = Constant({' '.join(parts)})"
     if len(line) <= _WIDTH:
@@ -156,7 +156,7 @@ def _input(joint: Joint) -> str:
     unit = "N*m" if joint.hinge else "N"
     name = joint.force
     return (
-        f"{name} = Input({_quoted(name)}, {_quoted(unit)}, {_quoted(f'drives {joint.name}')},"
+        f"{name} = Input({quoted(name)}, {quoted(unit)}, {quoted(f'drives {joint.name}')},"
         f" on={{{joint.symbol}: 1}})"
     )
 
@@ -247,13 +247,14 @@ def _tuple(names: Iterable[str]) -> str:
     return "(\n" + "\n".join(f"        {part}" for part in wrapped) + "\n    )"
 
 
-def _comment(text: str) -> list[str]:
+def comment(text: str) -> list[str]:
+    """Lines of a comment."""
     return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), _WIDTH - 2)]
 
 
-def _literal(value: object) -> str:
+def literal(value: object) -> str:
     """A setting as TOML has it."""
-    return _quoted(value) if isinstance(value, str) else json.dumps(value)
+    return quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
 def plain(text: str) -> str:
@@ -261,7 +262,7 @@ def plain(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
     """A string literal that Python and TOML both read as this very text; joints may have any name.
 
     Half characters, of names of files that are no UTF-8, are question marks: TOML has none.

@@ -36,17 +36,21 @@ class Job(Generic[Value]):
 def work(jobs: Iterable[Job[Any]], workers: Workers, stop: Stop | None = None) -> None:
     """Do all jobs, and those that they bring; returns when none is left, or when asked to stop.
 
+    What a job brings is done before the jobs that wait: so that there is something to show from the
+    first one on, and what it found need not be kept until all are begun.
     `done` and `failed` are called one at a time. What they raise is a mistake of the plan, not of a
     task: it ends the work.
     """
     waiting: dict[Pending[Any], Job[Any]] = {}
 
-    def start(some: Iterable[Job[Any]]) -> None:
-        for job in some:
-            waiting[workers.submit(job.task.function, job.task.argument)] = job
+    def start(some: Iterable[Job[Any]], *, first: bool) -> None:
+        for job in reversed(list(some)) if first else some:
+            asked = workers.submit(job.task.function, job.task.argument, first=first)
+            waiting[asked] = job
 
-    start(jobs)
+    start(jobs, first=False)
     while waiting and not (stop and stop.asked):
         for pending in workers.turn():
             job, value = waiting.pop(pending), workers.outcome(pending)
-            start(job.failed(value) if isinstance(value, Failure) else job.done(value))
+            brought = job.failed(value) if isinstance(value, Failure) else job.done(value)
+            start(brought, first=True)

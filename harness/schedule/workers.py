@@ -155,10 +155,18 @@ class Workers:
         # At the latest when Python ends: before multiprocessing waits for the processes.
         self._end = weakref.finalize(self, _dismiss, self._crew, self._scratch)
 
-    def submit(self, function: Callable[[Argument], Value], argument: Argument) -> Pending[Value]:
-        """Ask for a task; it is begun when a worker is free, while one of these is asked."""
+    def submit(
+        self, function: Callable[[Argument], Value], argument: Argument, *, first: bool = False
+    ) -> Pending[Value]:
+        """Ask for a task; it is begun when a worker is free, while one of these is asked.
+
+        One that comes `first` is begun before all that wait.
+        """
         pending: Pending[Value] = Pending(function, argument)
-        self._waiting.append(pending)
+        if first:
+            self._waiting.appendleft(pending)
+        else:
+            self._waiting.append(pending)
         return pending
 
     def turn(self) -> list[Pending[Any]]:

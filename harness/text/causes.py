@@ -11,7 +11,7 @@ from harness.records.finding import Explanation
 IN_FILE = ("literal", "literals", "unbound literal", "gravity")
 """Kinds of numbers that the model's files state, or would: the motion wants another one."""
 
-SWITCHES = ("axis", "default", "exchange")
+SWITCHES = ("axis", "default", "exchange", "dropped")
 """Kinds that have no number: they hold or don't."""
 
 BEGIN_WITH_AUDIT = "no one or two causes explain the motions; begin with what the audit finds wrong"
@@ -30,9 +30,13 @@ def cause_sentences(explanation: Explanation) -> list[str]:
 def _sentence(cause: Cause) -> str:
     where = ", ".join(map(str, cause.where))
     name = f"{cause} ({where})" if where else str(cause)
+    if cause.kind == "dropped":
+        return f"{name} in the file, 0 in the engine"
     if cause.kind in SWITCHES:
         return f"{name} explains the motion"
     fitted, nominal = _fitted(cause.estimate, cause.standard_error), _digits(cause.nominal)
+    if cause.kind == "taken":
+        return f"{name} is {nominal} in the file, {fitted} in the engine"
     if cause.kind in IN_FILE:
         return f"{name} is {nominal}, the motion wants {fitted}"
     return f"{name} is {fitted} in the model, {nominal} in the equations"

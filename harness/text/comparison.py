@@ -9,10 +9,14 @@ from rich.table import Table
 
 from harness.records.comparison import Compared, Comparison, FileDifference, FileEdit
 from harness.records.outcome import Outcome
+from harness.text.compared_properties import is_explained, print_properties
 from harness.text.markup import escape
 from harness.text.table import STYLES
 
 MOST_TOLD = 20
+MOST_TERMS = 8
+FEW = 6
+"""So many differences that move nothing are told beside those that do."""
 
 
 def print_comparison(console: Console, comparison: Comparison) -> None:
@@ -22,6 +26,7 @@ def print_comparison(console: Console, comparison: Comparison) -> None:
         return
     _print_models(console, comparison, comparison.found)
     _print_outcome(console, comparison, comparison.found)
+    print_properties(console, comparison.outcome, comparison.found)
     _print_terms(console, comparison.outcome, comparison.found)
     _print_differences(console, comparison.outcome, comparison.found)
 
@@ -65,11 +70,15 @@ def _print_outcome(console: Console, comparison: Comparison, found: Compared) ->
         _say(console, f"  {comparison.reason}")
     if comparison.outcome is not Outcome.AGREES and len(found.joints) > 1:
         _say(console, f"  by joint: {_by_joint(found)}")
-    for joint in found.turned:
+    if found.turned:
+        turn = "turns" if len(found.turned) == 1 else "turn"
+        axis = "it so with --joints, or turn its axis"
+        axes = "them so with --joints, or turn their axes"
         _say(
             console,
-            f"  {joint} turns the other way in B; map it so with --joints, or turn its axis"
-            f" (that leaves {_size(found.left_when_turned)})",
+            f"  {', '.join(found.turned)} {turn} the other way in B; map"
+            f" {axis if len(found.turned) == 1 else axes} (that leaves"
+            f" {_size(found.left_when_turned)})",
         )
 
 
@@ -88,11 +97,11 @@ def _by_joint(found: Compared) -> str:
 def _print_terms(console: Console, outcome: Outcome, found: Compared) -> None:
     if found.terms:
         console.print("\nterms of the equations that differ, the weightiest first")
-        for term in found.terms[:MOST_TOLD]:
+        for term in found.terms[:MOST_TERMS]:
             _say(console, f"  {term.message}")
-        if len(found.terms) > MOST_TOLD:
-            console.print(f"  and {len(found.terms) - MOST_TOLD} more")
-    elif outcome is Outcome.DIFFERS and not found.turned:
+        if len(found.terms) > MOST_TERMS:
+            console.print(f"  and {len(found.terms) - MOST_TERMS} more, see --json")
+    elif outcome is Outcome.DIFFERS and not found.turned and not is_explained(found):
         console.print("\nno single term differs by more than it can be measured to")
 
 
@@ -105,11 +114,16 @@ def _print_differences(console: Console, outcome: Outcome, found: Compared) -> N
     for _ in range(3):
         table.add_column(overflow="fold")
     shown = [one for one in found.differences if not agrees or len(one.edits) == 1]
+    still = [one for one in shown if one.moved == 0.0 and not one.not_tried]
+    if not agrees and len(still) > FEW:
+        shown = [one for one in shown if one not in still]
     for one in shown[:MOST_TOLD]:
         table.add_row(*(escape(cell) for cell in _cells(one, agrees)))
     console.print(table)
     if len(shown) > MOST_TOLD:
         console.print(f"and {len(shown) - MOST_TOLD} more, see --json")
+    if not agrees and len(still) > FEW:
+        console.print(f"{len(still)} more on which no motion here depends, see --json")
     if found.untried:
         console.print(f"{found.untried} more differences of the files were not tried alone")
 
@@ -133,7 +147,7 @@ def _effect(one: FileDifference, agrees: bool) -> str:
     if one.not_tried:
         return f"not tried: {one.not_tried}"
     if one.moved == 0.0:
-        return "no motion depends on it"
+        return "no motion here depends on it"
     if agrees:
         return f"moves the motions by {_size(one.moved)}, which others undo"
     if one.explained == 1.0:

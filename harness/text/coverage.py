@@ -19,6 +19,17 @@ def coverage_lines(models: Iterable[Model]) -> list[str]:
     return [f"{', '.join(names)}: {line}" for line, names in said.items()]
 
 
+def left_out(models: Iterable[Model]) -> list[str]:
+    """A line for each robot's file of which something is left out, in whatever engine."""
+    told = {
+        model.folder: ", ".join(model.coverage.left_out)
+        for model in models
+        if model.coverage is not None and model.coverage.left_out
+    }
+    said = "it says more than is checked; left out"
+    return [f"{file}: {said}: {what}" for file, what in told.items()]
+
+
 def coverage_line(model: Model, *, examples: bool = False) -> str:
     """Which numbers had a say, whether poses were checked, and what no motion reaches."""
     parts = []

@@ -112,9 +112,70 @@ class DerivedSystem:
     errata: Sequence[tuple[str, records.Erratum]]
 
 
-def describe(derived: DerivedSystem, style: Literal["text", "latex"] = "text") -> str:
+@dataclass(frozen=True, kw_only=True)
+class ShownBody:
+    """A declared body: what carries it, by which joints, and its mass in kg."""
+
+    name: str
+    parent: str
+    by: str
+    mass: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownJoint:
+    """A declared joint.
+
+    Attributes:
+        body: that it carries.
+        limits: None where there are none.
+        damping, stiffness: of the first power, the second, ...
+    """
+
+    name: str
+    kind: str
+    body: str
+    limits: tuple[float, float] | None
+    damping: Sequence[float]
+    stiffness: Sequence[float]
+    armature: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DerivedTree:
+    """What is derived from declared bodies.
+
+    Attributes:
+        q, v, a: symbols of positions, velocities and accelerations.
+        pulls: names of tendons and actuators.
+        couplings: names of the joints that follow others.
+        motion: both sides of each equation of motion; empty where these are left out.
+        left_out: why they are; empty where they are not.
+        home: position of each coordinate at which the mass matrix is shown.
+        mass: that matrix.
+    """
+
+    title: str
+    source: str
+    q: Sequence[sp.Symbol]
+    v: Sequence[sp.Symbol]
+    a: Sequence[sp.Symbol]
+    coordinates: Sequence[records.Quantity]
+    bodies: Sequence[ShownBody]
+    joints: Sequence[ShownJoint]
+    gravity: Sequence[float]
+    pulls: Sequence[str]
+    couplings: Sequence[str]
+    motion: Sequence[tuple[Terms, Terms]]
+    left_out: str
+    home: Sequence[float]
+    mass: Matrix
+
+
+def describe(derived: DerivedSystem | DerivedTree, style: Literal["text", "latex"] = "text") -> str:
     """Everything that is derived from a system, as a page of text or of LaTeX."""
     symbols = derived.q, derived.v, derived.a
+    page = "derive" if isinstance(derived, DerivedSystem) else "bodies"
     if style == "latex":
         latex = Latex(*symbols)
         environment = jinja2.Environment(**_SETTINGS, **_SIGNS)
@@ -125,15 +186,18 @@ def describe(derived: DerivedSystem, style: Literal["text", "latex"] = "text") -
             "matrix": latex.matrix,
         }
         environment.globals |= {"table": LatexTable, "formulas": LatexFormulas}
-        return _page(environment, latex, "derive.tex", derived)
+        return _page(environment, latex, f"{page}.tex", derived)
     environment = jinja2.Environment(**_SETTINGS)
     environment.filters |= {"heading": heading}
     environment.globals |= {"table": TextTable, "formulas": TextFormulas, "matrix": text_matrix}
-    return _page(environment, Text(*symbols), "derive.txt", derived)
+    return _page(environment, Text(*symbols), f"{page}.txt", derived)
 
 
 def _page(
-    environment: jinja2.Environment, style: Style, template: str, derived: DerivedSystem
+    environment: jinja2.Environment,
+    style: Style,
+    template: str,
+    derived: DerivedSystem | DerivedTree,
 ) -> str:
     names = [c.name for c in derived.coordinates]
     filters: dict[str, Callable[..., Any]] = {
@@ -151,6 +215,8 @@ def _page(
         "mode_remark": _mode_remark,
         "percent": lambda value: f"{100 * value:.3g} %",
         "by_amplitude": _by_amplitude,
+        "powers": lambda values: ", ".join(map(style.number, values)),
+        "limits": lambda joint: list(map(style.number, joint.limits or ())) or ["", ""],
     }
     environment.filters |= filters
     environment.globals |= {"fraction": style.fraction, "rational": style.rational}

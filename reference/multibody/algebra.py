@@ -116,6 +116,16 @@ def from_quaternion(q: Scalars) -> Scalars:
     return found
 
 
+def from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+    """Turned about the fixed x, then y, then z: R = Rz Ry Rx, (3, 3)."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin([roll, pitch, yaw]), np.cos([roll, pitch, yaw])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    found: NDArray[np.float64] = about_z @ about_y @ about_x
+    return found
+
+
 def quaternion_rate(q: Scalars, angular: Scalars) -> Scalars:
     """dq/dt of a quaternion (4, ...) whose frame turns with (3, ...), in its own axes: q (0, w)/2.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from reference.multibody.algebra import DOUBLES, Field, Scalars, cross, turned
+from reference.multibody.pulls import Pulls
 from reference.multibody.recursion import Recursion
 from reference.multibody.tree import Tree, TreeError
 
@@ -21,13 +22,17 @@ class Dynamics:
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
         self.tree, self.recursion, self._field = tree, Recursion(tree, field), field
+        self._pulls = Pulls(tree, field)
+        self._lifts = any(link.lifted for link in tree.links)
         for link in tree.links:
             if link.stiffness and link.kind not in ("hinge", "slide"):
                 raise TreeError(f"{link.name}: springs on a {link.kind} joint are not covered")
-        self._damping = field.array(
-            np.repeat(
+        widths = [there.stop - there.start for there in tree.velocities]
+        self._damping, self._armature = (
+            field.array(np.repeat(numbers, widths))
+            for numbers in (
                 [link.damping for link in tree.links],
-                [there.stop - there.start for there in tree.velocities],
+                [link.armature for link in tree.links],
             )
         )
 
@@ -40,6 +45,15 @@ class Dynamics:
                 out[there] = self._array(link.stiffness) * (q[here] - self._array(link.rest[0]))
         return out
 
+    def mass(self, q: Scalars) -> Scalars:
+        """The mass matrix, all armatures included, (nv, nv, ...)."""
+        mass = self.recursion.mass(q)
+        if not self._pulls:
+            return mass
+        own = self._pulls.mass()
+        found: Scalars = mass + own.reshape(*own.shape, *(1,) * (q.ndim - 1))
+        return found
+
     def force(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
         """f of M(q) a = f(q, v, u): what is left for accelerations, (nv, ...).
 
@@ -47,10 +61,29 @@ class Dynamics:
             q, v: state.
             u: forces on the joints, (nv, ...).
         """
-        damping = self._damping.reshape(-1, *(1,) * (v.ndim - 1)) * v
-        bodies = self.recursion.bias(q, v) + self._turned_armature(v)
-        left: Scalars = u - bodies - self.springs(q) - damping
-        return left
+        return self._left(self.recursion.bias(q, v), q, v, u)
+
+    def residual(self, q: Scalars, v: Scalars, a: Scalars, u: Scalars) -> Scalars:
+        """f(q, v, u) - M(q) a, what accelerations leave of the forces, (nv, ...).
+
+        Without the mass matrix, and so by far the cheaper way to hold accelerations against a tree.
+        """
+        bodies = self.recursion.bias(q, v, a) + self._along(self._armature, a) * a
+        if self._pulls:
+            bodies = bodies + np.tensordot(self._pulls.mass(), a, 1)
+        return self._left(bodies, q, v, u)
+
+    def _left(self, bodies: Scalars, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
+        """What all but the bodies leave."""
+        damping = self._along(self._damping, v) * v
+        left: Scalars = u - bodies - self._turned_armature(v) - self.springs(q) - damping
+        if self._pulls:
+            left = left + self._pulls.forces(q, v)
+        return left + self.recursion.lift(q) if self._lifts else left
+
+    def _along(self, numbers: Scalars, like: Scalars) -> Scalars:
+        """(nv,) beside a batch."""
+        return numbers.reshape(-1, *(1,) * (like.ndim - 1))
 
     def _turned_armature(self, v: Scalars) -> Scalars:
         """What a free joint's armature asks because its velocity is told in a frame that turns.
@@ -67,11 +100,11 @@ class Dynamics:
 
     def acceleration(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
         """a = M^-1 f, (nv, ...)."""
-        return solved(self.recursion.mass(q), self.force(q, v, u))
+        return solved(self.mass(q), self.force(q, v, u))
 
     def kinetic(self, q: Scalars, v: Scalars) -> Scalars:
         """T = v^T M v / 2, joules, (...)."""
-        mass = self.recursion.mass(q)
+        mass = self.mass(q)
         found: Scalars = (v * (mass * v).sum(axis=1)).sum(axis=0) / 2
         return found
 
@@ -84,11 +117,20 @@ class Dynamics:
             center = self._field.array(link.center).reshape(3, *(1,) * (q.ndim - 1))
             at = pose.origin + turned(pose.rotation, center)
             found = found - self._array(link.mass) * np.tensordot(gravity[None], at, 1)
+            if link.lifted:
+                lift = self._field.array(link.lift).reshape(center.shape)
+                at = pose.origin + turned(pose.rotation, lift)
+                found = found + self._array(link.lifted) * np.tensordot(gravity[None], at, 1)
             if link.stiffness:
                 stretched = q[here] - self._array(link.rest[0])
                 found = found + self._array(link.stiffness) * stretched**2 / 2
         whole: Scalars = found[0]
-        return whole
+        return whole + self._pulls.stored(q) if self._pulls else whole
+
+    def dissipated(self, v: Scalars) -> Scalars:
+        """Power that dampers take, watts, (...)."""
+        found: Scalars = (self._damping.reshape(-1, *(1,) * (v.ndim - 1)) * v * v).sum(axis=0)
+        return found + self._pulls.dissipated(v) if self._pulls else found
 
     def _array(self, number: float) -> Scalars:
         """(1,): it broadcasts against every batch."""

@@ -120,8 +120,8 @@ class Recursion:
                 felt[parent] = felt[parent].beside(columns.carried(placements[i]))
         return out
 
-    def bias(self, q: Scalars, v: Scalars) -> Scalars:
-        """Forces that the joints must give for accelerations of zero, (nv, ...).
+    def bias(self, q: Scalars, v: Scalars, a: Scalars | None = None) -> Scalars:
+        """Forces that the joints must give for accelerations `a`, of zero without, (nv, ...).
 
         Of bodies and gravity alone: no springs, dampers or armatures.
         """
@@ -133,9 +133,27 @@ class Recursion:
         forces: list[tuple[Scalars, Scalars]] = []
         for i, (link, one) in enumerate(zip(tree.links, self._links, strict=True)):
             base = _Motion(still, still, up) if link.parent == WORLD else motions[link.parent]
-            motions.append(_carried(base, placements[i], one, v[tree.velocities[i]]))
+            there = tree.velocities[i]
+            own = None if a is None else a[there]
+            motions.append(_carried(base, placements[i], one, v[there], own))
             forces.append(motions[i].asks(one))
-        out: list[Scalars] = [still] * len(tree.links)
+        return self._handed_down(placements, forces)
+
+    def lift(self, q: Scalars) -> Scalars:
+        """What acts on the joints because gravity does not pull on what is lifted, (nv, ...)."""
+        batch, forces = q.shape[1:], list[tuple[Scalars, Scalars]]()
+        for link, pose in zip(self.tree.links, self.poses(q), strict=True):
+            up = self._field.array([-link.lifted]) * _tall(self._gravity, batch)
+            force = turned_back(pose.rotation, up + 0 * pose.origin)
+            forces.append((force, cross(_tall(self._field.array(link.lift), batch), force)))
+        return self._handed_down(self.placements(q), forces)
+
+    def _handed_down(
+        self, placements: list[Placement], forces: list[tuple[Scalars, Scalars]]
+    ) -> Scalars:
+        """What forces, and moments about origins, on the links ask of the joints, (nv, ...)."""
+        tree = self.tree
+        out: list[Scalars] = [forces[0][0]] * len(tree.links)
         for i in reversed(range(len(tree.links))):
             force, moment = forces[i]
             out[i] = self._felt(i, force, moment)
@@ -268,14 +286,19 @@ class _Motion(NamedTuple):
         return force, np.tensordot(one.inertia, dw, 1) + cross(w, spin) + cross(center, force)
 
 
-def _carried(base: _Motion, here: Placement, one: _Constants, v: Scalars) -> _Motion:
-    """The motion of a link that another one carries, whose joint has constant velocities."""
+def _carried(
+    base: _Motion, here: Placement, one: _Constants, v: Scalars, a: Scalars | None
+) -> _Motion:
+    """The motion of a link that another one carries, its joint's velocities constant without a."""
     w, r = base.angular, here.origin
     carried = turned_back(here.rotation, w)
     turning, sliding = np.tensordot(one.turning, v, 1), np.tensordot(one.sliding, v, 1)
     point = base.linear + cross(base.turning, r) + cross(w, cross(w, r))
     angular = turned_back(here.rotation, base.turning) + cross(carried, turning)
     linear = turned_back(here.rotation, point) + cross(2 * carried + turning, sliding)
+    if a is not None:
+        angular = angular + np.tensordot(one.turning, a, 1)
+        linear = linear + np.tensordot(one.sliding, a, 1)
     return _Motion(carried + turning, angular, linear)
 
 

@@ -7,7 +7,7 @@ has mass; what is welded together is one body.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
@@ -57,6 +57,8 @@ class Link:
         damping: force by velocity, against it: N s/m or N m s/rad.
         stiffness: N/m or N m/rad.
         rest: position at which the spring pulls nothing, as the joint's; none for a free joint.
+        lifted: mass on which gravity does not pull, kg.
+        lift: where it is, in the link's frame, m, (3,).
     """
 
     name: str
@@ -72,6 +74,8 @@ class Link:
     damping: float = 0.0
     stiffness: float = 0.0
     rest: tuple[float, ...] = (0.0,)
+    lifted: float = 0.0
+    lift: Array = field(default_factory=lambda: np.zeros(3))
 
     @cached_property
     def motion(self) -> tuple[Array, Array]:
@@ -91,6 +95,49 @@ class Link:
                 return np.eye(3, 6), np.eye(3, 6, 3)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Pull:
+    """A force F along a length s that is a combination of the positions of hinges and slides.
+
+    F = constant - sum of k_i x^i - sum of d_i w |w|^(i - 1), i from 1, where w = ds/dt and x is by
+    how much s is outside `rest`; on each joint acts F times its coefficient.
+
+    Attributes:
+        name: of the tendon or actuator.
+        joints: coefficients by the index of the joint's link.
+        constant: N, or N m where s is an angle.
+        stiffness: k_1, k_2, ...; N/m^i or N m/rad^i.
+        damping: d_1, d_2, ...
+        rest: between which lengths springs pull nothing.
+        armature: mass that moves as s does, kg or kg m^2.
+    """
+
+    name: str
+    joints: tuple[tuple[int, float], ...]
+    constant: float = 0.0
+    stiffness: tuple[float, ...] = ()
+    damping: tuple[float, ...] = ()
+    rest: tuple[float, float] = (0.0, 0.0)
+    armature: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coupling:
+    """A hinge or slide whose position follows another's: multiplier * position + offset.
+
+    Attributes:
+        follower: index of its link.
+        leader: index of the other's, or None where it stands at the offset.
+        multiplier: in units of both.
+        offset: rad or m.
+    """
+
+    follower: int
+    leader: int | None
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tree:
     """Links, each after the one that carries it.
@@ -98,15 +145,28 @@ class Tree:
     Attributes:
         links: in the order of the coordinates.
         gravity: m/s^2, (3,).
+        pulls: forces that act on several joints, or are no straight line.
+        couplings: joints that follow others, each at most once.
     """
 
     links: tuple[Link, ...]
     gravity: Array
+    pulls: tuple[Pull, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
 
     def __post_init__(self) -> None:
         for i, link in enumerate(self.links):
             if not WORLD <= link.parent < i:
                 raise TreeError(f"{link.name}: the link that carries it does not come before it")
+        for pull in self.pulls:
+            for i, _ in pull.joints:
+                if self.links[i].kind not in ("hinge", "slide"):
+                    raise TreeError(f"{pull.name}: {self.links[i].name} is no hinge and no slide")
+        for one in self.couplings:
+            ends = (one.follower,) if one.leader is None else (one.follower, one.leader)
+            for i in ends:
+                if self.links[i].kind not in ("hinge", "slide"):
+                    raise TreeError(f"{self.links[i].name} is coupled, and no hinge and no slide")
 
     @cached_property
     def positions(self) -> tuple[slice, ...]:
@@ -127,6 +187,11 @@ class Tree:
     def nv(self) -> int:
         """Numbers of v: degrees of freedom."""
         return self.velocities[-1].stop if self.links else 0
+
+    @property
+    def freedoms(self) -> int:
+        """Coordinates that follow no other."""
+        return self.nv - len(self.couplings)
 
     @property
     def zero(self) -> Array:

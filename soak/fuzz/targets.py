@@ -33,7 +33,7 @@ from harness.records.read import ResultsError, read_results
 from harness.records.results import Results
 from harness.scaffold.constants import Ledger
 from harness.scaffold.folder import NewError
-from harness.scaffold.from_model import _read, _with_symbols
+from harness.scaffold.from_energies import _read, _with_symbols
 from harness.scaffold.scenarios import provisional
 from harness.scaffold.text import system_text
 from reference.declaration import DeclarationError, PublishedEquation

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -73,7 +74,7 @@ def test_what_an_engine_drops_differs_and_the_link_is_named() -> None:
     assert outcomes == {"mujoco": Outcome.DIFFERS, "pybullet": Outcome.AGREES}
     told = [one.message for one in panda.findings if one.severity == "finding"]
     assert [one for one in told if "'panda_link8' has moments" in one and "no mass" in one]
-    assert any("mimic" in one for one in panda.left_out)
+    assert panda.settings["couplings"] == ["panda_finger_joint2"]
 
 
 def test_all_that_is_in_the_way_is_told_at_once() -> None:
@@ -142,3 +143,105 @@ def test_a_file_that_is_no_urdf_fails_by_its_name(tmp_path: Path) -> None:
     assert done.returncode == 3
     assert "arm.urdf" in done.stdout
     assert "Traceback" not in done.stdout + done.stderr
+
+
+FLOATING = {"quadruped/minitaur.urdf": 22, "laikago/laikago_toes_zup.urdf": 18, "cube.urdf": 6}
+"""Degrees of freedom of some that every engine reads, with a root that moves freely."""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("name", FLOATING)
+def test_a_robot_that_floats_agrees(name: str, engine: str) -> None:
+    """Its base's velocity is its link's origin's, whatever an engine counts from."""
+    prepared = prepare_robot(DATA / name, floating=True)
+    assert len(prepared.names) == FLOATING[name]
+    assert prepared.scenario == "floating states"
+    case = run_robot(prepared.task(engine, 1e-9))
+    assert case.outcome is Outcome.AGREES, case.reason
+    assert case.verdict is not None
+    assert case.verdict.largest_discrepancy is not None
+    assert case.verdict.largest_discrepancy < 1e-11
+
+
+ADRIFT = """<robot name="adrift">
+<link name="hub"><inertial><origin xyz="0.1 -0.2 0.05" rpy="0.3 0.2 0.1"/><mass value="2"/>
+<inertia ixx="0.05" iyy="0.06" izz="0.07" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="arm"><inertial><origin xyz="0 0 -0.3"/><mass value="0.7"/>
+<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hub" type="continuous"><parent link="hub"/><child link="arm"/>
+<origin xyz="0.1 0 0.2" rpy="0.5 0 0"/><axis xyz="0 1 0"/><dynamics damping="0.1"/></joint></robot>
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_base_whose_center_is_off_its_origin_and_turned(tmp_path: Path, engine: str) -> None:
+    file = tmp_path / "adrift.urdf"
+    file.write_text(ADRIFT)
+    prepared = prepare_robot(file, floating=True)
+    assert prepared.names[:2] == ("hub_free:rx", "hub_free:ry"), "a joint has the link's name"
+    task = prepared.task(engine, 1e-9)
+    assert run_robot(task).outcome is Outcome.AGREES
+    for old, new in (("0.1 -0.2 0.05", "0.1 -0.2000002 0.05"), ("0.3 0.2 0.1", "0.3 0.2 0.100001")):
+        file.write_text(ADRIFT.replace(old, new))
+        assert run_robot(task).outcome is Outcome.DIFFERS, new
+    assert run_robot(prepare_robot(file).task(engine, 1e-9)).outcome is Outcome.AGREES
+
+
+def test_from_the_command_line_a_root_floats_where_it_is_said(tmp_path: Path) -> None:
+    (tmp_path / "adrift.urdf").write_text(ADRIFT)
+    done = crosscheck(tmp_path, "adrift.urdf", "--floating")
+    assert done.returncode == 0, done.stdout + done.stderr
+    results = read_results(tmp_path / "out" / "results.json")
+    assert {case.scenario for case in results.cases} == {"floating states"}
+    assert "2 joints, 2 links in 2 bodies" in done.stdout
+
+
+def test_a_missing_file_is_told_as_a_file_and_the_others_are_judged(tmp_path: Path) -> None:
+    (tmp_path / "bad.urdf").write_text("<sdf/>")
+    (tmp_path / "arm.urdf").write_text((DATA / "cartpole.urdf").read_text())
+    done = crosscheck(tmp_path, "bad.urdf", "missing.urdf", "arm.urdf", "--engine", ENGINES[0])
+    assert done.returncode == 3
+    assert "crosscheck: missing.urdf: there is no such file; the others go on" in done.stderr
+    assert "folder" not in done.stderr
+    results = read_results(tmp_path / "out" / "results.json")
+    assert [(case.model, case.outcome) for case in results.cases] == [
+        ("bad.urdf", "FAILED"), ("arm.urdf", "AGREES"),
+    ]  # fmt: skip
+    alone = crosscheck(tmp_path, "missing.urdf")
+    assert alone.returncode == 2
+    assert alone.stderr == "crosscheck: missing.urdf: there is no such file\n"
+    beside = crosscheck(tmp_path, "arm.urdf", "nowhere", "--engine", ENGINES[0])
+    assert beside.returncode == 2
+    assert "AGREES" in beside.stdout
+
+
+def test_a_cause_and_the_numbers_that_count_are_told(tmp_path: Path) -> None:
+    """MuJoCo drops the moments of links without mass."""
+    (tmp_path / "panda.urdf").write_text((DATA / "franka_panda" / "panda.urdf").read_text())
+    done = crosscheck(tmp_path, "panda.urdf", "--engine", "mujoco")
+    assert done.returncode == 1
+    assert "cause in panda/panda.urdf [mujoco]" in done.stdout
+    assert "(panda.urdf:222, panda.urdf:329) in the file, 0 in the engine" in done.stdout
+    (model,) = read_results(tmp_path / "out" / "results.json").models
+    assert model.diagnosis is not None
+    assert model.diagnosis.explained
+    assert model.coverage is not None
+    assert model.coverage.left_out
+    assert f"{model.coverage.seen} of {model.coverage.numbers} numbers checked" in done.stdout
+    page = (tmp_path / "out" / "index.html").read_text()
+    assert "moments of link[panda_link8]/inertial/inertia" in page
+    assert f"{model.coverage.seen} of {model.coverage.numbers} numbers checked" in page
+
+
+def test_strict_fails_where_a_file_says_more_than_is_checked(tmp_path: Path) -> None:
+    text = (DATA / "cartpole.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(text)
+    arguments = ("arm.urdf", "--engine", ENGINES[0])
+    assert crosscheck(tmp_path, *arguments).returncode == 0
+    done = crosscheck(tmp_path, *arguments, "--strict")
+    assert done.returncode == 3
+    assert "--strict: arm.urdf: it says more than is checked; left out: limits" in done.stderr
+    bare = re.sub(r"<collision>.*?</collision>|<limit[^>]*/>", "", text, flags=re.DOTALL)
+    bare = re.sub(r'type="(revolute|prismatic)"', r'type="continuous"', bare)
+    (tmp_path / "arm.urdf").write_text(bare)
+    assert crosscheck(tmp_path, *arguments, "--strict").returncode == 0

@@ -143,7 +143,7 @@ def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
     assert "nowhere: no such folder; built-in systems are" in done.stderr
     assert "empty: neither it nor a folder in it has a system.py; the others go on" in done.stderr
     last = done.stderr.splitlines()[-1]
-    assert last == "crosscheck: not run, since it means no system folder: nowhere, empty"
+    assert last == "crosscheck: not run, since nothing is there that it means: nowhere, empty"
     assert "pendulum" in done.stdout
     assert "mass" in done.stdout
 
@@ -152,7 +152,7 @@ def test_a_folder_that_is_missing_hides_no_failure(folder: Path, tmp_path: Path)
     edit(folder / "mujoco.xml", "<option", "<optoin")
     done = crosscheck("run", folder.name, "nowhere", "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 3
-    assert done.stderr.splitlines()[-1].endswith("no system folder: nowhere")
+    assert done.stderr.splitlines()[-1].endswith("nothing is there that it means: nowhere")
 
 
 def test_report_draws_from_results_without_running_anything(folder: Path, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ def compared(
     table: Path | None = None,
     resolution: float = 1e-9,
     starts: tuple[Mapping[str, float], ...] = (),
+    as_shipped: bool = False,
 ) -> Findings:
     """Compare two files as the command does."""
     options = CompareOptions(
@@ -28,6 +29,7 @@ def compared(
         joints=declared(joints, table),
         resolution=resolution,
         starts=starts,
+        as_shipped=as_shipped,
     )
     return compare(options, at_once)
 

@@ -136,9 +136,3 @@ def test_a_tree_of_other_freedoms_is_refused(recursive: TreeEquations) -> None:
     system = recursive.system
     with pytest.raises(DeclarationError, match="has 1 coordinates, and its tree 2 degrees"):
         dataclasses.replace(system, coordinates=system.coordinates[:1])
-    ball = dataclasses.replace(system.tree.links[0], kind="ball")
-    tree = dataclasses.replace(system.tree, links=(ball,))
-    with pytest.raises(DeclarationError, match="pan is a ball joint"):
-        dataclasses.replace(
-            system, coordinates=(*system.coordinates, system.coordinates[0]), tree=tree
-        )

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from harness.cases.robot import prepare_robot, run_robot
-from harness.engines.protocol import ModelSpec
+from harness.engines.protocol import EngineError, ModelSpec
 from harness.engines.registry import engines
 from harness.records.outcome import Outcome
 from harness.robots.compiled import compiler, read_compiled_robot
@@ -18,11 +18,11 @@ from harness.robots.system import RobotError
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 SOUND = {
-    "half_cheetah": 9, "hopper": 6, "inverted_double_pendulum": 3, "inverted_pendulum": 2,
-    "point": 3, "pusher": 11, "pusher_v5": 11, "reacher": 4, "swimmer": 5, "walker2d": 9,
-    "walker2d_v5": 9,
+    "ant": 14, "half_cheetah": 9, "hopper": 6, "humanoid": 23, "humanoidstandup": 23,
+    "inverted_double_pendulum": 3, "inverted_pendulum": 2, "point": 3, "pusher": 11,
+    "pusher_v5": 11, "reacher": 4, "swimmer": 5, "walker2d": 9, "walker2d_v5": 9,
 }  # fmt: skip
-"""Joints of those that have neither ball nor free ones."""
+"""Degrees of freedom of Gymnasium's."""
 
 HARD = """<mujoco model="hard">
   <compiler angle="degree" eulerseq="zyx"/>
@@ -85,10 +85,134 @@ def test_whatever_a_format_resolves_agrees(tmp_path: Path, integrator: str) -> N
     }  # fmt: skip
 
 
+LOOSE = """<mujoco model="loose">
+  <option gravity="1 2 -9" integrator="{integrator}"/>
+  <default><joint armature="0.02" damping="0.3"/></default>
+  <worldbody>
+    <body name="root" pos="0.1 0.2 1.3" euler="10 20 30">
+      <joint name="base" type="free"/>
+      <inertial pos="0.1 0.05 0.2" mass="1.5" fullinertia="0.05 0.06 0.07 0.01 -0.005 0.004"/>
+      <body pos="0 0.1 0.4" axisangle="1 2 3 50">
+        <joint name="turn" axis="1 1 0" pos="0.1 0 -0.1" ref="40"/>
+        <joint name="shoulder" type="ball" pos="0.02 0.1 0"/>
+        <geom type="capsule" fromto="0 0 0 0.2 0.1 0.3" size="0.04" mass="0.6"/>
+        <body pos="0.2 0.1 0.3" euler="5 0 70">
+          <joint type="ball" damping="0.1"/>
+          <geom type="box" size="0.1 0.2 0.05" euler="15 25 35" density="500"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
+def test_so_do_free_and_ball_joints(tmp_path: Path, integrator: str) -> None:
+    """A free root whose armature and dampers are its own, balls with anchors, one unnamed."""
+    file = tmp_path / "loose.xml"
+    file.write_text(LOOSE.format(integrator=integrator))
+    assert outcome(file) == (Outcome.AGREES, "")
+    names = prepare_robot(file).names
+    assert names[:6] == ("base:rx", "base:ry", "base:rz", "base:x", "base:y", "base:z")
+    assert names[6:] == (
+        "turn", "shoulder:rx", "shoulder:ry", "shoulder:rz", "joint_3:rx", "joint_3:ry",
+        "joint_3:rz",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    ('mass="1.5"', 'mass="1.5000015"'), ("0.004\"", "0.004000004\""),
+    ('pos="0.02 0.1 0"', 'pos="0.02 0.1000001 0"'),
+    ('ball" damping="0.1"', 'ball" damping="0.1000001"'),
+])  # fmt: skip
+def test_a_millionth_in_one_of_them_differs(tmp_path: Path, old: str, new: str) -> None:
+    file, text = tmp_path / "loose.xml", LOOSE.format(integrator="RK4")
+    assert old in text
+    file.write_text(text)
+    engine = compiler(".xml")
+    assert engine is not None
+    task = prepare_robot(file).task(engine.name, 1e-9)
+    file.write_text(text.replace(old, new))
+    assert run_robot(task).outcome is Outcome.DIFFERS
+
+
+PULLING = """
+  <tendon>
+    <fixed name="rope" stiffness="30 20 10" damping="0.4 0.3 0.2" springlength="0.3" armature="0.2">
+      <joint joint="turn" coef="0.7"/><joint joint="wave" coef="-1.2"/></fixed>
+    <fixed name="idle"><joint joint="shift" coef="2"/></fixed>
+  </tendon>
+  <actuator>
+    <motor joint="turn" gear="3" ctrlrange="-1 1"/>
+    <position joint="wave" kp="20" kv="0.5" gear="0.5" forcerange="-0.1 0.1"/>
+    <velocity tendon="idle" kv="4" gear="1.5"/>
+    <general joint="shift" gaintype="affine" gainprm="5 2 1" biastype="affine" biasprm="1 -2 -3"
+      damping="0.7" armature="0.25" gear="2"/>
+    <general joint="wave" dyntype="integrator" gainprm="50"/>
+  </actuator>
+"""
+
+
+def test_so_do_tendons_and_actuators_whose_inputs_are_held(tmp_path: Path) -> None:
+    """Polynomials, armatures, gears, servos of joints and tendons; states are left out."""
+    file = written(tmp_path, PULLING, gravcomp=0.6)
+    # A square of a velocity has a kink where it turns; its cube has none to speak of.
+    cubic = 'class="soft"><joint damping="0.1 0 0.2"'
+    file.write_text(file.read_text().replace('class="soft"><joint', cubic))
+    assert outcome(file) == (Outcome.AGREES, "")
+    prepared = prepare_robot(file)
+    assert "actuators with states, or not on joints" in prepared.left_out
+    assert "saturation of actuators (2)" in prepared.left_out
+    controls = prepared.settings["controls"]
+    assert isinstance(controls, list)
+    assert len(controls) == 5
+    assert -1 < controls[0] < 1
+
+
+@pytest.mark.parametrize(("old", "new"), [
+    ('stiffness="30 20 10"', 'stiffness="30 20 10.0001"'),
+    ('damping="0.4 0.3 0.2"', 'damping="0.4 0.30001 0.2"'),
+    ('springlength="0.3"', 'springlength="0.3000003"'),
+    ('0.3000003" armature="0.2"', 'armature="0.2000002"'), ('coef="-1.2"', 'coef="-1.2000012"'),
+    ('gear="3"', 'gear="3.000003"'), ('kp="20"', 'kp="20.00002"'), ('kv="4"', 'kv="4.000004"'),
+    ('gainprm="5 2 1"', 'gainprm="5 2 1.00001"'), ('biasprm="1 -2', 'biasprm="1.00001 -2'),
+    ('damping="0.7"', 'damping="0.7000007"'), ('armature="0.25"', 'armature="0.2500003"'),
+    ('gravcomp="0.6"', 'gravcomp="0.6000006"'),
+])  # fmt: skip
+def test_a_millionth_in_what_pulls_differs(tmp_path: Path, old: str, new: str) -> None:
+    file = written(tmp_path, PULLING, gravcomp=0.6)
+    text = file.read_text()
+    old = old.removeprefix('0.3000003" ')
+    assert old in text
+    engine = compiler(".xml")
+    assert engine is not None
+    task = prepare_robot(file).task(engine.name, 1e-9)
+    file.write_text(text.replace(old, new, 1))
+    assert run_robot(task).outcome is Outcome.DIFFERS
+
+
+@pytest.mark.parametrize("flag", ["gravity", "spring", "damper", "actuation"])
+def test_what_a_file_switches_off_is_off(tmp_path: Path, flag: str) -> None:
+    file = written(tmp_path, PULLING, gravcomp=0.6)
+    text = file.read_text()
+    off = f'<option><flag {flag}="disable"/></option><default>'
+    file.write_text(text.replace("<default>", off, 1))
+    assert outcome(file) == (Outcome.AGREES, "")
+
+
 MORE = {
-    "actuators": '<actuator><position joint="turn" kp="50"/></actuator>',
-    "equality constraints": '<equality><joint joint1="turn" joint2="wave"/></equality>',
-}
+    "actuators with states, or not on joints":
+        '<actuator><intvelocity joint="turn" kp="50" actrange="-1 1"/></actuator>',
+    "equality constraints": '<equality><connect body1="last" anchor="0 0 0"/></equality>',
+    "springs of ball and free joints":
+        '<worldbody><body><joint name="f" type="free" stiffness="1"/><geom size="0.1"/></body>'
+        "</worldbody>",
+    "spatial tendons that pull":
+        '<worldbody><site name="s"/><body><joint type="ball"/><geom size="0.1"/>'
+        '<site name="t" pos="1 0 0"/></body></worldbody><tendon><spatial stiffness="3"><site '
+        'site="s"/><site site="t"/></spatial></tendon>',
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", MORE)
@@ -98,20 +222,33 @@ def test_what_is_left_out_acts_on_nothing_and_is_told(tmp_path: Path, what: str)
     assert what in prepare_robot(file).left_out
 
 
-@pytest.mark.parametrize(("what", "words"), [
-    ("gravity compensation", {"gravcomp": 0.5}), ("a medium", {"density": 1.2}),
-])  # fmt: skip
-def test_so_are_what_compensates_gravity_and_a_medium(
-    tmp_path: Path, what: str, words: dict[str, Any]
-) -> None:
-    file = written(tmp_path, **words)
+@pytest.mark.parametrize("joints", [("turn", "wave"), ("wave", "turn")])
+def test_joints_with_dampers_follow_each_other(tmp_path: Path, joints: tuple[str, str]) -> None:
+    """Whichever is nearer to the world; Euler's implicit dampers would let go of the equality."""
+    one, other = joints
+    file = written(tmp_path, f'<equality><joint joint1="{one}" joint2="{other}"/></equality>')
     assert outcome(file) == (Outcome.AGREES, "")
-    assert what in prepare_robot(file).left_out
+    assert prepare_robot(file).settings["couplings"] == [one]
+
+
+def test_so_does_a_medium(tmp_path: Path) -> None:
+    file = written(tmp_path, density=1.2)
+    assert outcome(file) == (Outcome.AGREES, "")
+    assert "a medium" in prepare_robot(file).left_out
+
+
+@pytest.mark.parametrize("given", [[1.0], "all", [1.0, "x", 2.0, 3.0, 4.0]])
+def test_controls_are_as_many_numbers_as_inputs(tmp_path: Path, given: object) -> None:
+    file = written(tmp_path, PULLING)
+    engine = compiler(".xml")
+    assert engine is not None
+    with pytest.raises(EngineError, match=r"controls is .*, where 5 numbers belong"):
+        engine.load(ModelSpec(path=file, settings={"smooth": True, "controls": given}))
 
 
 def test_with_it_they_do_act(tmp_path: Path) -> None:
     """So that it is the settings that leave them out."""
-    more = MORE["actuators"] + MORE["equality constraints"]
+    more = MORE["equality constraints"]
     file = written(tmp_path, more, gravcomp=0.5, density=1000)
     engine = compiler(".xml")
     assert engine is not None
@@ -124,27 +261,19 @@ def test_with_it_they_do_act(tmp_path: Path) -> None:
     assert np.max(np.abs(changes[0] - changes[1])) > 1e-3
 
 
-@pytest.mark.parametrize(("more", "told"), [
-    ('<tendon><fixed stiffness="3"><joint joint="turn" coef="1"/></fixed></tendon>',
-     "tendons that pull: not covered yet"),
-    ('<worldbody><body name="b"><freejoint name="f"/><geom size="0.1"/></body></worldbody>',
-     "free joints (f): not covered yet"),
-    ('<worldbody><body><joint type="ball"/><geom size="0.1"/></body></worldbody>',
-     "ball joints (one without a name): not covered yet"),
-])  # fmt: skip
-def test_what_is_not_covered_is_told_by_name(tmp_path: Path, more: str, told: str) -> None:
-    file = written(tmp_path, more)
-    with pytest.raises(RobotError, match=r"hard\.xml: ") as caught:
-        prepare_robot(file)
-    assert told in str(caught.value)
-
-
-def test_all_of_it_is_told_at_once(tmp_path: Path) -> None:
-    tendon = '<tendon><fixed stiffness="3"><joint joint="turn" coef="1"/></fixed></tendon>'
-    ball = '<worldbody><body><joint type="ball"/><geom size="0.1"/></body></worldbody>'
-    robot = read_compiled_robot(written(tmp_path, tendon + ball))
+def test_all_that_is_not_covered_is_told_at_once_by_name(tmp_path: Path) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(
+        '<mujoco><worldbody><flexcomp type="grid" count="2 2 2" dim="3" name="f" radius="0.01" '
+        'mass="1"><pin id="0 1 2 3 4 5 6 7"/></flexcomp></worldbody></mujoco>'
+    )
+    robot = read_compiled_robot(file)
     assert robot.tree is None
-    assert len(robot.obstacles) == 2
+    told = [str(one) for one in robot.obstacles]
+    assert any("flexible bodies: not covered" in one for one in told)
+    assert any("it has no joint that moves" in one for one in told)
+    with pytest.raises(RobotError, match=r"r\.xml: .*not covered"):
+        prepare_robot(file)
 
 
 def test_a_file_that_is_not_compiled_is_told_with_its_name(tmp_path: Path) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pinocchio
 import pybullet_data
 import pytest
 
+from harness.robots.compiled import read_compiled_robot
 from harness.robots.robot import Robot
 from harness.robots.urdf import read_urdf_robot
 from reference.multibody.dynamics import Dynamics
@@ -144,4 +147,47 @@ def test_a_robot_on_a_free_joint_has_them_too(name: str) -> None:
     model = pinocchio.buildModelFromUrdf(str(FOLDER / name), pinocchio.JointModelFreeFlyer())
     assert tree.nv == model.nv
     assert tree.links[0].kind == "free"
+    assert differences(model, tree).max() < CLOSE
+
+
+ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+COMPILED = sorted(path.name for path in ASSETS.glob("*.xml"))
+
+
+def rebuilt(tree: Tree) -> pinocchio.Model:
+    """The same bodies and joints, put together by the other library."""
+    model = pinocchio.Model()
+    kinds = {
+        "hinge": pinocchio.JointModelRevoluteUnaligned,
+        "slide": pinocchio.JointModelPrismaticUnaligned,
+        "ball": lambda _: pinocchio.JointModelSpherical(),
+        "free": lambda _: pinocchio.JointModelFreeFlyer(),
+    }
+    numbers: list[int] = []
+    for link in tree.links:
+        parent = 0 if link.parent < 0 else numbers[link.parent]
+        placed = pinocchio.SE3(np.array(link.rotation), np.array(link.position))
+        name = "root_joint" if link.kind == "free" else link.name
+        numbers.append(model.addJoint(parent, kinds[link.kind](link.axis), placed, name))
+        body = pinocchio.Inertia(link.mass, np.array(link.center), np.array(link.inertia))
+        model.appendBodyToJoint(numbers[-1], body, pinocchio.SE3.Identity())
+    return model
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_bodies_that_are_compiled_move_as_another_library_says(name: str) -> None:
+    tree = tree_of(read_compiled_robot(ASSETS / name))
+    plain = replace(
+        tree,
+        links=tuple(replace(link, armature=0.0) for link in tree.links),
+        pulls=(),
+        couplings=(),
+    )
+    assert differences(rebuilt(plain), plain).max() < CLOSE
+
+
+@pytest.mark.parametrize("name", ["a1/a1.urdf", "laikago/laikago.urdf", "quadruped/minitaur.urdf"])
+def test_so_do_robots_whose_roots_float(name: str) -> None:
+    tree = tree_of(read_urdf_robot(FOLDER / name, floating=True))
+    model = pinocchio.buildModelFromUrdf(str(FOLDER / name), pinocchio.JointModelFreeFlyer())
     assert differences(model, tree).max() < CLOSE

@@ -130,7 +130,7 @@ def test_joints_that_move_more_ways(tmp_path: Path) -> None:
     free, ball = tree_of(robot).links
     assert (free.kind, free.damping, ball.kind, ball.damping) == ("free", 0, "ball", 3)
     assert told(robot) == {"damping of a floating joint": ("f",)}
-    assert robot.home == pytest.approx([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0])
+    assert robot.home == pytest.approx([0] * 9)
     assert np.isinf(robot.limits).all()
 
 
@@ -184,6 +184,8 @@ def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
         link("b"),
         joint("j", "base", "a", limit + '<dynamics damping="1" friction="0.2"/>', "revolute"),
         joint("k", "a", "b", '<mimic joint="j" multiplier="2"/><dynamics friction="0"/>'),
+        joint("m", "b", "d", '<mimic joint="j" offset="1"/>'),
+        link("d"),
         '<transmission name="t"><joint name="j"><hardwareInterface/></joint></transmission>',
         "<gazebo><plugin/></gazebo>",
         '<gazebo reference="a"><turnGravityOff>true</turnGravityOff><mu1>1</mu1></gazebo>',
@@ -191,12 +193,12 @@ def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
         link("c"),
         "<loop_joint/>",
     )
-    assert tree_of(robot).nv == 2
+    assert (tree_of(robot).nv, tree_of(robot).freedoms) == (3, 2)
     assert told(robot) == {
         "dry friction": ("j",),
         "limits of position": ("j",),
         "limits of effort": ("j",),
-        "mimic: the joint is free": ("k",),
+        "mimic that no gear holds: the joint is free": ("m",),
         "<transmission>": ("t",),
         "<loop_joint>": (),
         "collision geometry": ("base", "a"),

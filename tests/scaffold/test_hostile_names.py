@@ -15,7 +15,8 @@ from harness.files.sidecar import read_sidecar
 from harness.scaffold import scenarios
 from harness.scaffold.folder import NewError
 from harness.scaffold.from_model import from_model
-from reference.load import load_system
+from reference.load import load_declaration, load_system
+from reference.trees import MultibodySystem
 
 CODE = 'open("PWNED","w")'
 NAMES = (
@@ -63,10 +64,11 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The working folder, in which a file would appear were anything run."""
     monkeypatch.chdir(tmp_path)
     # What engines make of the file, and for how long it is to move, take their time.
-    monkeypatch.setattr("harness.scaffold.from_model._checked", lambda *_: [])
+    monkeypatch.setattr("harness.scaffold.from_energies._checked", lambda *_: [])
     monkeypatch.setattr(
-        "harness.scaffold.from_model.plan", lambda _, joints: scenarios.provisional(joints)
+        "harness.scaffold.from_energies.plan", lambda _, joints: scenarios.provisional(joints)
     )
+    monkeypatch.setattr("harness.scaffold.from_tree._run", lambda *_: ({}, []))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -91,6 +93,32 @@ def test_names_within_a_file_are_strings_and_nothing_else(
     if system.coordinates[0].name != name:
         assert sidecar.coordinates == {name: system.coordinates[0].name}
         assert sidecar.readback == {system.coordinates[0].name: name}
+    assert "PWNED" not in os.listdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("text", "ending"), [
+    (URDF.replace('damping="0.1"', 'damping="0.1" friction="0.2"'), "urdf"),
+    (MJCF.replace("</worldbody>", """<body name="two"><joint name="two" type="ball"/>
+<inertial pos="0 0 1" mass="1" diaginertia="1 1 1"/></body></worldbody>
+<actuator><motor name="{name}" joint="{name}"/></actuator>"""), "xml"),
+])  # fmt: skip
+def test_neither_are_those_of_bodies(tmp_path: Path, text: str, ending: str, name: str) -> None:
+    model = tmp_path / f"model.{ending}"
+    comment = "".join(c for c in name if c.isprintable()).replace("--", "")
+    model.write_text(text.format(name=attribute(name), comment=comment), encoding="utf-8")
+    with suppress(NewError):
+        from_model(model, tmp_path / "made")
+    assert "PWNED" not in os.listdir(tmp_path)
+    if not (tmp_path / "made").exists():
+        assert ending == "xml"
+        return
+    strings, _ = strings_and_code((tmp_path / "made" / "system.py").read_text(encoding="utf-8"))
+    assert name in strings
+    system = load_declaration(tmp_path / "made")
+    assert isinstance(system, MultibodySystem)
+    assert system.assembled.tree.links[0].name == name
+    read_sidecar(tmp_path / "made" / f"model.{ending}.toml")
     assert "PWNED" not in os.listdir(tmp_path)
 
 
@@ -141,8 +169,11 @@ def test_no_mesh_becomes_code_of_the_folder(tmp_path: Path, mesh: str) -> None:
     model = tmp_path / "model.urdf"
     geometry = f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual></link>'
     model.write_text(URDF.format(name="joint", comment="").replace("</link>", geometry, 1))
-    with pytest.raises(NewError, match="are run or read: rename it"):
-        from_model(model, tmp_path / "made")
+    written = from_model(model, tmp_path / "made")
+    assert "are run or read: rename it" in written.declares
+    names = {str(path.relative_to(tmp_path / "made")) for path in (tmp_path / "made").rglob("*")}
+    assert names == {"model.urdf", "model.urdf.toml", "system.py"}
+    assert CODE not in (tmp_path / "made" / "system.py").read_text()
 
 
 def test_a_mesh_that_is_a_pipe_is_not_opened(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -18,9 +19,11 @@ from harness.files.sidecar import Sidecar, read_sidecar
 from harness.poses.check import check_poses
 from harness.run import Options, run
 from harness.scaffold.folder import NewError, check_name, example, write_folder
-from harness.scaffold.from_model import _settings, from_model
+from harness.scaffold.from_energies import format_settings as _settings
+from harness.scaffold.from_model import from_model
 from reference.derive import derive
-from reference.load import load_system
+from reference.load import load_declaration, load_system
+from reference.trees import MultibodySystem
 
 REPOSITORY = Path(__file__).parents[1] / "installed" / "repository" / "models"
 CRANE = Path(__file__).parent / "crane.xml"
@@ -84,7 +87,7 @@ def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
     tmp_path: Path, system: str, file: str
 ) -> None:
     target = tmp_path / "read"
-    assert from_model(REPOSITORY / system / file, target) == ()
+    assert from_model(REPOSITORY / system / file, target).remarks == ()
     read = derive(load_system(target))
     hand = derive(load_system(REPOSITORY / system))
     random = np.random.default_rng(7)
@@ -105,7 +108,7 @@ def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
 
 
 def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(tmp_path: Path) -> None:
-    remarks = from_model(CRANE, tmp_path / "crane")
+    remarks = from_model(CRANE, tmp_path / "crane").remarks
     assert any("computes from its geoms" in remark for remark in remarks)
     system = load_system(tmp_path / "crane")
     constants = {c.name: c for c in system.constants}
@@ -138,7 +141,7 @@ SHARED = """<mujoco>
 
 def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text(SHARED)
-    assert from_model(tmp_path / "m.xml", tmp_path / "read") == ()
+    assert from_model(tmp_path / "m.xml", tmp_path / "read").remarks == ()
     system = load_system(tmp_path / "read")
     stated = {c.name: (c.value, c.unit, c.source) for c in system.constants}
     assert stated["slider_damping"] == (1.0, "N*s/m", "m.xml:2")
@@ -156,7 +159,7 @@ def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: P
 
 def test_turned_frames_products_fixed_joints_and_limits_are_read(tmp_path: Path) -> None:
     """Both engines agree with it, or it would not have been written."""
-    remarks = from_model(ARM, tmp_path / "arm")
+    remarks = from_model(ARM, tmp_path / "arm").remarks
     assert remarks == (
         "the turn of boom_centre is taken as numbers: a wrong one shows, but is not named",
     )
@@ -174,20 +177,11 @@ MJCF = (REPOSITORY / "cart_pole" / "mujoco.xml").read_text()
 
 
 @pytest.mark.parametrize(("suffix", "old", "new", "says"), [
-    (".urdf", 'type="continuous"', 'type="floating"', r"m\.urdf:\d+: joint 'theta' is of type"),
-    (".urdf", 'damping="0.004" friction="0"', 'friction="0.1"', "has friction, which is not"),
-    (".urdf", "<axis xyz=\"0 -1 0\"/>", '<mimic joint="x"/>', "mimics another"),
-    (".urdf", '<limit lower="-100" upper="100"', "<limit", "states no limits"),
-    (".urdf", '<child link="pole"/>', '<child link="bar"/>', "its <child> is 'bar', which"),
-    (".urdf", 'mass value="0.25"', 'mass value="a"', "value is 'a', where a number belongs"),
+    (".urdf", '<child link="pole"/>', '<child link="bar"/>', r"m\.urdf:\d+: the child of joint"),
+    (".urdf", 'mass value="0.25"', 'mass value="a"', "value of <mass> of link 'pole' is 'a'"),
     (".urdf", "</robot>", "", r"m\.urdf:\d+: no XML"),
-    (".urdf", "xyz=\"1 0 0\"", 'xyz="0 0 1"', "no rest position within the limits"),
-    (".xml", "</worldbody>", "</worldbody><actuator><motor joint='x'/></actuator>", "<actuator>"),
-    (".xml", 'type="hinge" axis="0 -1 0" damping="0.004"', 'type="ball"', "is a ball joint"),
-    (".xml", 'damping="0.004"', 'frictionloss="0.1"', "has frictionloss"),
-    (".xml", 'name="theta" ', "", r"m\.xml:\d+: this joint has no name"),
-    (".xml", "<worldbody>", "<include file='a.xml'/><worldbody>", "<include>: parts in other"),
-    (".xml", "<option", "<option density='1.2'", "a medium"),
+    (".xml", "<worldbody>", "<worldbody><bod/>", r"m\.xml:\d+: MuJoCo can't load it"),
+    (".xml", "<worldbody>", "<include file='../a.xml'/><worldbody>", "which is not below its"),
     (".txt", "", "", "a model file is a .urdf"),
 ])  # fmt: skip
 def test_what_can_not_be_read_is_named_and_nothing_is_written(
@@ -195,11 +189,46 @@ def test_what_can_not_be_read_is_named_and_nothing_is_written(
 ) -> None:
     text = MJCF if suffix == ".xml" else URDF
     assert old in text
-    model = tmp_path / f"m{suffix}"
+    model = tmp_path / "within" / f"m{suffix}"
+    model.parent.mkdir()
     model.write_text(text.replace(old, new))
+    (tmp_path / "a.xml").write_text('<mujoco><option timestep="0.001"/></mujoco>')
     with pytest.raises(NewError, match=says):
         from_model(model, tmp_path / "read")
-    assert os.listdir(tmp_path) == [model.name]
+    assert os.listdir(tmp_path / "within") == [model.name]
+    assert not (tmp_path / "read").exists()
+
+
+@pytest.mark.parametrize(("suffix", "old", "new", "says"), [
+    (".urdf", 'damping="0.004" friction="0"', 'friction="0.1"', "has friction, which is not"),
+    (".urdf", '<axis xyz="0 -1 0"/>', '<axis xyz="0 -1 0"/><mimic joint="x"/>', "mimics another"),
+    (".urdf", '<limit lower="-100" upper="100"', "<limit", "states no limits"),
+    (".urdf", "xyz=\"1 0 0\"", 'xyz="0 0 1"', "no rest position within the limits"),
+    (".urdf", "</link>\n\n  <joint name=\"x\"", '<visual><geometry><mesh filename="no.stl"/>'
+     "</geometry></visual></link>\n\n  <joint name=\"x\"", "it needs no.stl, looked for"),
+    (".xml", "</worldbody>", "</worldbody><actuator><motor joint='x'/></actuator>", "an actuator"),
+    (".xml", 'type="hinge" axis="0 -1 0" damping="0.004"', 'type="ball"', "is a ball joint"),
+    (".xml", 'damping="0.004"', 'frictionloss="0.1"', "has frictionloss"),
+    (".xml", 'name="theta" ', "", r"m\.xml:\d+: this joint has no name"),
+    (".xml", "<worldbody>", "<include file='a.xml'/><worldbody>", "<include>: parts in other"),
+    (".xml", "<option", "<option density='1.2'", "a medium"),
+])  # fmt: skip
+def test_bodies_are_declared_where_energies_are_not(
+    tmp_path: Path, suffix: str, old: str, new: str, says: str
+) -> None:
+    text = MJCF if suffix == ".xml" else URDF
+    assert old in text
+    model = tmp_path / f"m{suffix}"
+    model.write_text(text.replace(old, new))
+    (tmp_path / "a.xml").write_text('<mujoco><option timestep="0.001"/></mujoco>')
+    written = from_model(model, tmp_path / "read")
+    assert written.declares.startswith("bodies, and not energies: ")
+    assert re.search(says, written.declares)
+    assert not [one for one in written.remarks if not one.startswith("left out: ")]
+    assert isinstance(load_declaration(tmp_path / "read"), MultibodySystem)
+    found = run([tmp_path / "read"], Options(jobs=1), lambda *_: None).results
+    assert {case.outcome for case in found.cases} == {"AGREES"}
+    assert len(found.cases) == (2 if suffix == ".urdf" else 1)
 
 
 def test_a_reading_that_no_engine_shares_is_not_written(
@@ -209,13 +238,15 @@ def test_a_reading_that_no_engine_shares_is_not_written(
     model.write_text(URDF)
     # A fault of the reading: gravity that the sidecar doesn't have.
     settings = [line.replace("9.81", "9.8") for line in _settings(".urdf")]
-    monkeypatch.setattr("harness.scaffold.from_model._settings", lambda _: settings)
+    monkeypatch.setattr("harness.scaffold.from_energies.format_settings", lambda _: settings)
     with pytest.raises(NewError, match="no engine agrees with what was read"):
         from_model(model, tmp_path / "read")
     assert os.listdir(tmp_path) == ["m.urdf"]
 
 
-def test_meshes_are_copied_and_those_elsewhere_refused(tmp_path: Path) -> None:
+def test_meshes_are_copied_and_bodies_need_none_that_are_elsewhere(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "meshes").mkdir()
     shape = tmp_path / "meshes" / "pole.obj"
     shape.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
@@ -226,13 +257,13 @@ def test_meshes_are_copied_and_those_elsewhere_refused(tmp_path: Path) -> None:
         model = tmp_path / "m.urdf"
         model.write_text(URDF.replace('</link>\n\n  <joint name="x"', visual.format(name)))
         target = tmp_path / "read"
+        written = from_model(model, target)
         if good:
-            from_model(model, target)
             assert (target / name).read_bytes() == shape.read_bytes()
-            shutil.rmtree(target)
         else:
-            with pytest.raises(NewError, match="not below its folder"):
-                from_model(model, target)
+            assert "not below its folder" in written.declares
+            assert not (target / "meshes").exists()
+        shutil.rmtree(target)
 
 
 SHAPE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -283,8 +314,18 @@ def test_the_meshes_of_an_mjcf_are_found_where_its_compiler_is_told(
 def test_a_mesh_that_is_nowhere_is_told_with_where_it_was_looked_for(tmp_path: Path) -> None:
     asset = '<compiler meshdir="a"/><asset><mesh name="x" file="x.obj"/></asset>'
     (tmp_path / "m.xml").write_text(SHARED.replace("<worldbody>", f"{asset}<worldbody>"))
-    with pytest.raises(NewError, match=r"m.xml:3: it needs x.obj, looked for as a/x.obj: No such"):
-        from_model(tmp_path / "m.xml", tmp_path / "read")
+    written = from_model(tmp_path / "m.xml", tmp_path / "read")
+    told = "m.xml:3: it needs x.obj, looked for as a/x.obj: No such"
+    assert told in written.declares
+    needed = asset + '<worldbody><geom type="mesh" mesh="x"/>'
+    text = SHARED.replace("<worldbody>", needed, 1).replace(
+        '<inertial pos="0 0 -0.5" mass="1" diaginertia="0.1 0.1 0.1"/>',
+        '<geom type="mesh" mesh="x"/>',
+    )
+    (tmp_path / "m.xml").write_text(text)
+    with pytest.raises(NewError, match=r"m.xml.*x\.obj"):
+        from_model(tmp_path / "m.xml", tmp_path / "again")
+    assert not (tmp_path / "again").exists()
 
 
 @pytest.mark.parametrize(("model", "names"), [

@@ -9,14 +9,19 @@ from typing import Literal
 from xml.etree.ElementTree import fromstring
 
 import numpy as np
+import pybullet_data
 import pytest
+import sympy as sp
 
 from harness.cases.derivation import derivation
+from harness.cases.tree_derivation import tree_derivation
 from harness.report.maths import mathml
+from harness.scaffold.from_model import from_model
 from harness.text.equations import DerivedSystem, describe
 from harness.text.typeset import Latex
 from reference import DeclarationError, Equilibrium, System
-from reference.load import load_system
+from reference.load import load_declaration, load_system
+from reference.trees import MultibodySystem
 from tests.cases.arms import arm
 from tests.reference.mechanisms import CART
 
@@ -314,3 +319,59 @@ def test_every_formula_can_be_set_in_a_browser(name: str) -> None:
     for formula in formulas:
         assert mathml(formula).startswith("<math>"), formula
         fromstring(mathml(formula))
+
+
+SWINGING = """<robot name="two"><link name="l0"/>{}</robot>"""
+LIMB = """<link name="l{1}"><inertial><origin xyz="0.02 0 -0.1"/><mass value="1.{0}"/>
+<inertia ixx="0.1" iyy="0.11" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/>
+<origin xyz="0 0 -0.2"/><axis xyz="0 1 0"/><dynamics damping="0.1"{2}/></joint>"""
+
+
+def folder_of(path: Path, friction: str) -> Path:
+    model = path / "two.urdf"
+    model.write_text(SWINGING.format("".join(LIMB.format(i, i + 1, friction) for i in (0, 1))))
+    from_model(model, path / "two")
+    return path / "two"
+
+
+def test_what_rests_at_no_round_angle_is_inverted_in_numbers(tmp_path: Path) -> None:
+    """Its short matrices have digits of a search in them, which sympy factors without end."""
+    found = derivation(load_system(folder_of(tmp_path, "")))
+    matrices = {one.name: one for one in found.equilibria[0].matrices}
+    assert matrices["M"].symbolic is not None
+    assert matrices["M"].symbolic.has(sp.Float)
+    assert matrices["A"].symbolic is None
+    mass, stiffness = (np.array(matrices[name].numbers) for name in "MK")
+    below = np.array(matrices["A"].numbers)[2:, :2]
+    np.testing.assert_allclose(mass @ below, -stiffness, rtol=1e-12)
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_two_bodies_are_told_in_formulas(tmp_path: Path, style: Style) -> None:
+    declared = load_declaration(folder_of(tmp_path, ' friction="0.1"'))
+    assert isinstance(declared, MultibodySystem)
+    text = describe(tree_derivation(declared), style)
+    if style == "text":
+        assert "(0.0088*sin(j1) + 0.044*cos(j1) + 0.28584)*j0''" in text
+        assert "- 0.1*j1'" in text
+        assert "M = [ 0.32984  0.14344 ]" in text
+        assert max(map(len, text.splitlines())) <= 100
+    else:
+        assert r"\ddot{j}_{0}" in text
+        assert r"\begin{bmatrix} 0.32984 & 0.14344 \\" in text
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_seven_are_told_in_numbers_and_that_is_said(tmp_path: Path, style: Style) -> None:
+    kuka = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
+    from_model(kuka, tmp_path / "kuka")
+    declared = load_declaration(tmp_path / "kuka")
+    assert isinstance(declared, MultibodySystem)
+    text = describe(tree_derivation(declared), style)
+    assert "they are left out: of 7 joints they are long" in text
+    assert "Degrees of freedom: 7." in text
+    rows = re.findall(r"lbr_iiwa_link_3|lbr\\_iiwa\\_link\\_3", text)
+    assert len(rows) == 3  # what it weighs, what it carries, and its joint
+    assert "e-15" not in text
+    assert r"\times 10^{-15}" not in text  # what turned axes leave of zeros

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
@@ -12,14 +11,18 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.engines.compiled import CompiledTree
 from harness.engines.mistake import LeftOut
-from harness.engines.mujoco.mjcf import checked_numbers, checked_step, refusal, sources
+from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
 from harness.engines.mujoco.poses import Poses
 from harness.engines.mujoco.remarks import model_remarks
-from harness.engines.mujoco.smooth import switch_off
+from harness.engines.mujoco.settings import apply_settings, held_controls, is_on
+from harness.engines.mujoco.smooth import hold, leave_out, without_joints
+from harness.engines.mujoco.state import States
 from harness.engines.mujoco.tree import compiled_tree
+from harness.engines.mujoco.urdf import changes, complete_urdf
 from harness.engines.mujoco.warnings import Warnings
 from harness.engines.protocol import (
     Array,
@@ -30,12 +33,13 @@ from harness.engines.protocol import (
     ModelSpec,
     Sample,
     StateForce,
+    held_joints,
     within,
 )
 from harness.engines.remark import Remark
 from harness.engines.source import XmlSource, engine_errors
-from harness.engines.urdf import IDLE, SETTINGS, joint_springs, read_urdf, sample_urdf
-from harness.engines.urdf_copy import Change, rewritten, without_mimics, without_shapes
+from harness.engines.urdf import IDLE, SETTINGS, read_urdf, sample_urdf
+from harness.engines.urdf_copy import followers_of, rewritten
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 
@@ -85,6 +89,7 @@ class MujocoEngine(Engine):
         r"|.*/(texture|global|quality|hfield)@\w+"
     )
     compiles = (".xml",)
+    switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
     usual_mistakes = (
         LeftOut(
             name="soft equality, solref left out", within="equality", defaults=_OWN, cause=_SOFT
@@ -104,41 +109,44 @@ class MujocoEngine(Engine):
         robot = read_urdf(spec.path) if spec.path.suffix == ".urdf" else None
         found, warnings = sources(spec.path), Warnings()
         try:
-            with warnings.heard(), rewritten(robot, spec.path, _changes(spec)) as path:
+            with warnings.heard(), rewritten(robot, spec.path, changes(spec)) as path:
                 tree = mujoco.MjSpec.from_file(str(path))
                 if robot is not None:
-                    _complete_urdf(tree, spec, robot)
-                _apply_settings(tree, spec)
+                    complete_urdf(tree, spec, robot)
+                apply_settings(tree, spec)
+                if robot is None:  # a URDF's copy holds them
+                    without_joints(tree, held_joints(spec))
                 model = tree.compile()
         except EngineError:
             raise
         except Exception as error:
             raise refusal(error, spec.path, found) from None
+        hold(model, followers_of(spec.settings, f"{spec.path}.toml"))
+        if is_on(spec, "smooth", otherwise=False):
+            leave_out(model)
         checked_step(model.opt.timestep, found, spec, mujoco.mjMINVAL)
         checked_numbers(_not_finite(model), found, spec.path)
-        for joint in range(model.njnt):
-            kind = mujoco.mjtJoint(model.jnt_type[joint])
-            if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-                raise EngineError(
-                    f"{spec.path}: joint {model.joint(joint).name!r} is a"
-                    f" {kind.name[6:].lower()} joint; only slides and hinges are supported so far"
-                )
         if not model.njnt:
             raise EngineError(f"{spec.path}: it has no moving joint")
-        if (model.nu or model.na) and not _is_on(spec, "smooth", otherwise=False):
+        if (model.nu or model.na) and not is_on(spec, "smooth", otherwise=False):
             raise EngineError(f"{spec.path}: it has actuators; inputs are applied to joints here")
+        controls = held_controls(model, spec)
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
         # rung would agree with itself.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        return MujocoModel(model, spec, found, warnings)
+        return MujocoModel(model, spec, found, warnings, controls)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Of a URDF, step and gravity; MuJoCo's own are the same."""
         return SETTINGS if suffix == ".urdf" else {}
 
-    def compiled(self, path: Path) -> CompiledTree:
+    def parts(self, path: Path) -> tuple[Path, ...]:
+        """An MJCF and those that it includes."""
+        return included(path)
+
+    def compiled(self, path: Path, texts: Mapping[Path, bytes] | None = None) -> CompiledTree:
         """An MJCF as MuJoCo compiles it."""
-        return compiled_tree(path)
+        return compiled_tree(path, texts or {})
 
     def samples(self) -> tuple[Sample, ...]:
         """Every order and treatment of damping, in MJCF; the first in a URDF too."""
@@ -169,87 +177,24 @@ def _reals(of: str) -> tuple[str, ...]:
     )
 
 
-def _complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:
-    """Add what a URDF cannot say to MuJoCo: Gazebo's joint springs, and the sidecar's springs."""
-    for joint, (stiffness, rest) in joint_springs(robot, spec.path).items():
-        element = tree.joint(joint)
-        if element is None:
-            raise EngineError(f"{spec.path}: <gazebo reference={joint!r}> names no moving joint")
-        element.stiffness = _spring_terms(stiffness)
-        element.springref = rest
-    for index, spring in enumerate(spec.springs):
-        tendon = tree.add_tendon(name=f"crosscheck_spring_{index}")
-        for joint, coefficient in spring.joints.items():
-            tendon.wrap_joint(joint, coefficient)
-        tendon.stiffness = _spring_terms(spring.stiffness)
-        tendon.damping = _spring_terms(spring.damping)
-        tendon.springlength = [spring.rest, spring.rest]
-
-
-def _spring_terms(value: float) -> Any:
-    """MuJoCo 4 takes a polynomial for stiffness and damping, 3 a number."""
-    import mujoco
-
-    if int(mujoco.__version__.split(".")[0]) >= 4:
-        return [value, 0.0, 0.0]
-    return value
-
-
-def _changes(spec: ModelSpec) -> list[Change]:
-    """What settings change in a URDF before it is loaded."""
-    found: list[Change] = [without_shapes] if _is_on(spec, "smooth", otherwise=False) else []
-    return found if _is_on(spec, "couplings", otherwise=True) else [*found, without_mimics]
-
-
-def _is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:
-    """A setting that switches something on or off.
-
-    Raises:
-        EngineError: where it is neither true nor false.
-    """
-    value = spec.settings.get(key, otherwise)
-    if not isinstance(value, bool):
-        told = f"[settings] {key} is {value!r}, where true or false belongs"
-        raise EngineError(f"{spec.path}.toml: {told}")
-    return value
-
-
-def _apply_settings(tree: Any, spec: ModelSpec) -> None:
-    settings = dict(spec.settings)
-    smooth, coupled = settings.pop("smooth", False), settings.pop("couplings", True)
-    switch_off(tree, smooth=bool(smooth), coupled=bool(coupled))
-    if "step" in settings:
-        tree.option.timestep = settings.pop("step")
-    if "gravity" in settings:
-        tree.option.gravity = settings.pop("gravity")
-    if "integrator" in settings:
-        import mujoco
-
-        name = f"mjINT_{str(settings.pop('integrator')).upper()}"
-        if not hasattr(mujoco.mjtIntegrator, name):
-            raise EngineError(f"{spec.path}.toml: MuJoCo has no integrator {name[6:].lower()!r}")
-        tree.option.integrator = getattr(mujoco.mjtIntegrator, name)
-    for key in ("solref", "solimp"):
-        if key in settings:
-            value = settings.pop(key)
-            for equality in tree.equalities:
-                setattr(equality, key, value)
-    if settings:
-        names = ", ".join(sorted(settings))
-        raise EngineError(f"{spec.path}.toml: MuJoCo has no setting {names}")
-
-
 class MujocoModel(Model):
-    """A compiled model of slides and hinges, whose state is (qpos, qvel)."""
+    """A compiled model, whose state is (qpos, qvel)."""
 
     def __init__(
-        self, model: Any, spec: ModelSpec, found: tuple[XmlSource, ...], warnings: Warnings
+        self,
+        model: Any,
+        spec: ModelSpec,
+        found: tuple[XmlSource, ...],
+        warnings: Warnings,
+        controls: Array,
     ) -> None:
         import mujoco
 
+        self._controls = controls
+
         self.model, self._spec, self._sources, self._warnings = model, spec, found, warnings
-        # In the order of qpos.
-        self.coordinates = tuple(model.joint(i).name or f"joint_{i}" for i in range(model.njnt))
+        self._states = States(model)
+        self.coordinates = self._states.names
         # The step is read now: every rollout sets another.
         self.step = float(model.opt.timestep)
         name: str = mujoco.mjtIntegrator(model.opt.integrator).name
@@ -259,25 +204,37 @@ class MujocoModel(Model):
     @property
     def home(self) -> Array:
         """Positions as the file draws the mechanism, (nz,)."""
-        return np.array(self.model.qpos0, dtype=float)
+        qpos = np.array(self.model.qpos0, dtype=float)
+        return np.array(self._states.at(qpos, None))
 
     @property
     def reach(self) -> Array:
-        """Where positions may be drawn, (nz, 2): limits, a turn of a hinge, 1 m of a slide."""
+        """Where positions may be drawn, (nz, 2): limits, a turn of a hinge, 1 m or 1 rad of all
+        others.
+        """
         import mujoco
 
-        hinge = np.array(self.model.jnt_type) == mujoco.mjtJoint.mjJNT_HINGE
+        own = self._states.joints
+        hinge = np.array(self.model.jnt_type)[own] == mujoco.mjtJoint.mjJNT_HINGE
         half = np.where(hinge, np.pi, 1.0)
         free = np.stack([self.home - half, self.home + half], axis=1)
-        limited = np.array(self.model.jnt_limited, dtype=bool)
-        return within(free, np.where(limited[:, None], self.model.jnt_range, free))
+        limited = self._limited
+        return within(free, np.where(limited[:, None], self.model.jnt_range[own], free))
 
     @property
     def limits(self) -> Array:
         """Of limited joints, less the margin at which their stops begin to act, (nz, 2)."""
-        limited = np.array(self.model.jnt_limited, dtype=bool)[:, None]
-        margin = np.array(self.model.jnt_margin)[:, None] * [1.0, -1.0]
-        return np.where(limited, self.model.jnt_range + margin, [-np.inf, np.inf])
+        own = self._states.joints
+        margin = np.array(self.model.jnt_margin)[own, None] * [1.0, -1.0]
+        bounds = self.model.jnt_range[own] + margin
+        return np.where(self._limited[:, None], bounds, [-np.inf, np.inf])
+
+    @property
+    def _limited(self) -> NDArray[np.bool_]:
+        """Which coordinates have limits of their own, (nz,)."""
+        limited = np.array(self.model.jnt_limited, dtype=bool)[self._states.joints]
+        found: NDArray[np.bool_] = np.logical_and(limited, self._states.single)
+        return found
 
     @property
     def remedies(self) -> dict[str, Mapping[str, object]]:
@@ -293,7 +250,7 @@ class MujocoModel(Model):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What MuJoCo and its formats add or drop."""
         with self._warnings.heard():
-            yield from model_remarks(self.model, self._spec, self._sources, z, w)
+            yield from model_remarks(self.model, self._spec, self._sources, self._states.qpos(z), w)
         for warning in self._warnings:
             yield Remark(message=f"MuJoCo warns: {warning}", address="")
 
@@ -309,8 +266,12 @@ class MujocoModel(Model):
         if self._spec.path.suffix != ".urdf":
             return Poses(self.model, "body")
         # By default links on fixed joints, such as a tool's, become part of what they are fixed to.
-        with self._warnings.heard():
-            tree = mujoco.MjSpec.from_file(str(self._spec.path))
+        robot = read_urdf(self._spec.path)
+        with (
+            self._warnings.heard(),
+            rewritten(robot, self._spec.path, changes(self._spec)) as path,
+        ):
+            tree = mujoco.MjSpec.from_file(str(path))
             tree.compiler.fusestatic = False
             return Poses(tree.compile(), "link")
 
@@ -321,7 +282,7 @@ class MujocoModel(Model):
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """By its forward kinematics, without a step."""
-        return self._poses.at(places, z)
+        return self._poses.at(places, self._states.qpos(z))
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """RK4 keeps order 4 until an input is held over the step; the others have order 1."""
@@ -358,22 +319,28 @@ class MujocoModel(Model):
         self.model.opt.timestep = h
         # A rollout without controls keeps the forces that an earlier one left in its data.
         mujoco.mj_resetData(self.model, self._data)
-        batch, size = q.shape
-        # The full physics state is (time, qpos, qvel) for slides and hinges without activations.
-        state = np.zeros((batch, 1 + 2 * size))
-        state[:, 1 : 1 + size], state[:, 1 + size :] = q, v
+        qpos, nq, nv = self._states.qpos(q), self.model.nq, self.model.nv
+        # The full physics state is (time, qpos, qvel) and the activations, which stay zero.
+        size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        state = np.zeros((len(q), size))
+        state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv] = qpos, self._states.qvel(q, v)
+        held = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+        if self._controls.any():
+            held |= int(mujoco.mjtState.mjSTATE_CTRL)
+            force = self._with_controls(force, (len(q), n))
         states, _ = self._rollout.rollout(
-            self.model,
-            self._data,
-            state,
-            force,
-            nstep=n,
-            control_spec=int(mujoco.mjtState.mjSTATE_QFRC_APPLIED),
+            self.model, self._data, state, force, nstep=n, control_spec=held
         )
         # A run that blows up ends early, and its last state fills the rest: its clock stands still.
         states[states[:, :, 0] < h * (np.arange(n) + 0.5)] = np.nan
         kept = states[:, every - 1 :: every]
-        return kept[:, :, 1 : 1 + size].copy(), kept[:, :, 1 + size :].copy()
+        return self._states.taken(kept[:, :, 1 : 1 + nq], kept[:, :, 1 + nq : 1 + nq + nv], qpos)
+
+    def _with_controls(self, force: Array | None, shape: tuple[int, int]) -> Array:
+        """Controls come before applied forces."""
+        applied = np.zeros((*shape, self.model.nv)) if force is None else force
+        same = np.broadcast_to(self._controls, (*shape, len(self._controls)))
+        return np.concatenate([same, applied], axis=2)
 
     def _step_by_state(
         self, q: Array, v: Array, h: float, n: int, force: StateForce, every: int
@@ -382,15 +349,16 @@ class MujocoModel(Model):
 
         self.model.opt.timestep = h
         data = self._data
-        out_q = np.empty((len(q), n // every, q.shape[1]))
-        out_v = np.empty_like(out_q)
+        qpos, qvel = self._states.qpos(q), self._states.qvel(q, v)
+        out_q = np.empty((len(q), n // every, self.model.nq))
+        out_v = np.empty((len(q), n // every, self.model.nv))
         for b in range(len(q)):
             mujoco.mj_resetData(self.model, data)
-            data.qpos[:], data.qvel[:] = q[b], v[b]
+            data.qpos[:], data.qvel[:], data.ctrl[:] = qpos[b], qvel[b], self._controls
             held = force.inputs[b].tolist()
             for i in range(n):
-                data.qfrc_applied[:] = force.at(data.qpos.tolist(), held[i])
+                data.qfrc_applied[:] = force.at(self._states.at(data.qpos, q[b]), held[i])
                 mujoco.mj_step(self.model, data)
                 if (i + 1) % every == 0:
                     out_q[b, i // every], out_v[b, i // every] = data.qpos, data.qvel
-        return out_q, out_v
+        return self._states.taken(out_q, out_v, qpos)

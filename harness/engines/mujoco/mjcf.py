@@ -25,9 +25,22 @@ def sources(path: Path) -> tuple[XmlSource, ...]:
         EngineError: for what no engine should see: pipes, a DTD, a second root, of which MuJoCo
             reads the first alone.
     """
+    return tuple(one for one in _found(path).values() if one is not None)
+
+
+def included(path: Path) -> tuple[Path, ...]:
+    """A file and those that it includes, also those that are no XML.
+
+    Raises:
+        EngineError: as `sources`.
+    """
+    return tuple(_found(path))
+
+
+def _found(path: Path) -> dict[Path, XmlSource | None]:
     found: dict[Path, XmlSource | None] = {}
     _collect(path, path.parent, found)
-    return tuple(one for one in found.values() if one is not None)
+    return found
 
 
 def _collect(path: Path, folder: Path, found: dict[Path, XmlSource | None]) -> None:

@@ -22,14 +22,17 @@ def model_remarks(
 ) -> Iterator[Remark]:
     """All there is to say of a compiled model along the states (z, w), (K, nz) each.
 
-    `found`: its files, as far as they are XML.
+    `z` are (K, nq), as in qpos; `found`: its files, as far as they are XML.
     """
+    import mujoco
+
     urdf = spec.path.suffix == ".urdf"
     if urdf:
         names = [m.joint(i).name for i in range(m.njnt)]
         yield from urdf_remarks(_URDF, spec.path, names, z, w)
     for i in range(m.njnt):
-        yield from _joint(m, i, "robot" if urdf else "body", z[:, i])
+        if int(m.jnt_type[i]) in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+            yield from _joint(m, i, "robot" if urdf else "body", z[:, m.jnt_qposadr[i]])
     yield from _options(m, spec, found)
     yield from override_remarks(found, spec)
     yield from doubled_remarks(found)
@@ -42,16 +45,17 @@ def model_remarks(
 def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
     name = m.joint(i).name
     address = f"{parent}/joint[{name}]"
-    if m.dof_armature[i]:
-        value = float(m.dof_armature[i])
+    dof = int(m.jnt_dofadr[i])
+    if m.dof_armature[dof]:
+        value = float(m.dof_armature[dof])
         yield Remark(
             message=f"armature of {name} adds an inertia of {value:g}",
             address=f"{address}@armature",
             value=value,
             shows_in=("inertia",),
         )
-    if m.dof_frictionloss[i]:
-        value = float(m.dof_frictionloss[i])
+    if m.dof_frictionloss[dof]:
+        value = float(m.dof_frictionloss[dof])
         yield Remark(
             message=f"frictionloss of {name} holds it with {value:g}; friction is not smooth",
             fault=True,
@@ -72,16 +76,16 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
             reached=(float(z.min()), float(z.max())),
             address=f"{address}@range",
         )
-    if np.any(m.jnt_stiffness[i]) and m.qpos_spring[i] != 0:
-        rest = float(m.qpos_spring[i])
+    if np.any(m.jnt_stiffness[i]) and m.qpos_spring[m.jnt_qposadr[i]] != 0:
+        rest = float(m.qpos_spring[m.jnt_qposadr[i]])
         yield Remark(
             message=f"the spring of {name} rests at {rest:g} (springref)",
             address=f"{address}@springref",
             value=rest,
             shows_in=PULL,
         )
-    if m.qpos0[i]:
-        value = float(m.qpos0[i])
+    if m.qpos0[m.jnt_qposadr[i]]:
+        value = float(m.qpos0[m.jnt_qposadr[i]])
         yield Remark(
             message=f"{name} is {value:g} where the file draws it (ref)",
             address=f"{address}@ref",

@@ -2,36 +2,131 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
+from harness.engines.mujoco.pulls import (
+    joint_name,
+    powers,
+    pulls_by_itself,
+    straight_actuator,
+    straight_equalities,
+    straight_tendon,
+)
+from harness.engines.mujoco.shapes import without_idle_files
+from harness.engines.mujoco.state import BALL, FREE
 
-def switch_off(tree: Any, *, smooth: bool, coupled: bool) -> None:
-    """Leave out of a specification what a sidecar's `smooth` and `couplings` say."""
+_SOLREF, _SOLIMP = [1e-6, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
+"""Of equalities as stiff as a step allows, settled after one."""
+
+
+def switch_off(tree: Any, *, smooth: bool, actuated: bool) -> None:
+    """Leave out of a specification what `smooth` and `actuators` of a sidecar say."""
     import mujoco
 
-    names = ("CONTACT", "LIMIT", "FRICTIONLOSS", "ACTUATION") if smooth else ()
-    for name in (*names, *(() if coupled else ("EQUALITY",))):
+    names = ("CONTACT", "LIMIT", "FRICTIONLOSS", "CLAMPCTRL") if smooth else ()
+    for name in (*names, *(() if actuated else ("ACTUATION",))):
         tree.option.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
     if smooth:
+        without_idle_files(tree)
         tree.option.density = tree.option.viscosity = 0.0
         tree.option.wind = [0.0, 0.0, 0.0]
-        for body in tree.bodies:
-            body.gravcomp = 0.0
+
+
+def hold(m: Any, followers: Collection[str] | None) -> None:
+    """Let those equalities alone act that make these joints follow others; None: all."""
+    if followers is not None:
+        held = {
+            i for i in straight_equalities(m) if joint_name(m, int(m.eq_obj1id[i])) in followers
+        }
+        for i in set(range(m.neq)) - held:
+            m.eq_active0[i] = 0
+
+
+def leave_out(m: Any) -> None:
+    """Take from a compiled model what has no formula here, and all saturation.
+
+    Equalities that are left hold at once, by a solver that goes on to the last digit, and under
+    Euler's steps, since with others their limits can't be told.
+    """
+    import mujoco
+
+    m.eq_solref[:], m.eq_solimp[:] = _SOLREF, _SOLIMP
+    if m.eq_active0.any():
+        m.opt.tolerance, m.opt.iterations = 0.0, 100
+        m.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        # Dampers taken implicitly act after the solver, so that they would let go of equalities.
+        m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+        m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # 4.0.0 has a wrong sparse Hessian
+    for name in ("actuator_forcelimited", "jnt_actfrclimited", "tendon_actfrclimited"):
+        getattr(m, name)[:] = 0
+    own = ("damping", "dampingpoly", "armature")
+    force = ("gainprm", "biasprm", "gaintype", "biastype")  # of type 0 they are constants
+    _zero(m, "actuator", (*force, *own), _bent_actuators(m))
+    _zero(m, "tendon", ("stiffness", "stiffnesspoly", *own), _bent_tendons(m))
+    _zero(m, "jnt", ("stiffness", "stiffnesspoly"), _sprung_balls(m))
+
+
+def _zero(m: Any, of: str, names: tuple[str, ...], rows: Iterable[int]) -> None:
+    """Set some fields of some rows to zero; those of later versions where they are there."""
+    wanted = list(rows)
+    for name in names:
+        if hasattr(m, f"{of}_{name}"):
+            getattr(m, f"{of}_{name}")[wanted] = 0
+
+
+def _bent_actuators(m: Any) -> list[int]:
+    return [i for i in range(m.nu) if not straight_actuator(m, i)]
+
+
+def _bent_tendons(m: Any) -> list[int]:
+    return [i for i in range(m.ntendon) if pulls_by_itself(m, i) and not straight_tendon(m, i)]
+
+
+def _sprung_balls(m: Any) -> Iterator[int]:
+    """Ball and free joints with springs."""
+    for i in range(m.njnt):
+        if int(m.jnt_type[i]) in (FREE, BALL) and any(powers(m, "jnt_stiffness", i)):
+            yield i
+
+
+def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
+    """Take joints out of a specification, so that what they carry stands where it is drawn.
+
+    Those without a name are called as the adapter calls them. Actuators, sensors and equalities
+    of such a joint go with it.
+    """
+    users = (
+        *((one, (one.target,)) for one in tree.actuators),
+        *((one, (one.objname,)) for one in tree.sensors),
+        *((one, (one.name1, one.name2)) for one in tree.equalities),
+    )
+    gone = [one for one, targets in users if set(targets) & set(joints)]
+    rows = enumerate(tree.joints)
+    gone += [joint for i, joint in rows if (joint.name or f"joint_{i}") in joints]
+    for one in gone:
+        tree.delete(one)
 
 
 def besides(m: Any) -> tuple[tuple[str, int], ...]:
     """What of a compiled model these settings leave out, with its number."""
     touching = (np.array(m.geom_contype) | np.array(m.geom_conaffinity)) != 0
     counts = {
-        "actuators": m.nu,
-        "equality constraints": m.neq,
+        "actuators with states, or not on joints": len(_bent_actuators(m)),
+        "saturation of actuators": np.count_nonzero(
+            np.array(m.actuator_ctrllimited) | np.array(m.actuator_forcelimited)
+        )
+        + np.count_nonzero(m.jnt_actfrclimited)
+        + np.count_nonzero(m.tendon_actfrclimited),
+        "spatial tendons that pull": len(_bent_tendons(m)),
+        "springs of ball and free joints": len(list(_sprung_balls(m))),
+        "equality constraints": m.neq - len(straight_equalities(m)),
         "limits of position": np.count_nonzero(m.jnt_limited) + np.count_nonzero(m.tendon_limited),
         "dry friction": np.count_nonzero(m.dof_frictionloss)
         + np.count_nonzero(m.tendon_frictionloss),
         "contact geometry": np.count_nonzero(touching),
-        "gravity compensation": np.count_nonzero(m.body_gravcomp),
         "a medium": int(bool(m.opt.wind.any() or m.opt.density or m.opt.viscosity)),
     }
     return tuple((what, int(count)) for what, count in counts.items() if count)
@@ -39,17 +134,5 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
 
 def uncovered(m: Any) -> tuple[str, ...]:
     """What acts whatever these settings say, and is in no tree of bodies."""
-    found = {
-        "tendons that pull": _any(m, "tendon_stiffness", "tendon_damping", "tendon_armature")
-        or _any(m, "tendon_stiffnesspoly", "tendon_dampingpoly"),
-        "springs and dampers that are no straight line": _any(
-            m, "jnt_stiffnesspoly", "dof_dampingpoly"
-        ),
-        "flexible bodies": bool(getattr(m, "nflex", 0)),
-        "plugins": bool(m.nplugin),
-    }
+    found = {"flexible bodies": bool(getattr(m, "nflex", 0)), "plugins": bool(m.nplugin)}
     return tuple(what for what, there in found.items() if there)
-
-
-def _any(m: Any, *names: str) -> bool:
-    return any(bool(np.any(getattr(m, name))) for name in names if hasattr(m, name))

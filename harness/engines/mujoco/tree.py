@@ -2,41 +2,89 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harness.engines.compiled import CompiledBody, CompiledJoint, CompiledTree, Numbers
-from harness.engines.mujoco.mjcf import refusal, sources
+from harness.engines.compiled import (
+    CompiledActuator,
+    CompiledBody,
+    CompiledJoint,
+    CompiledTree,
+    Numbers,
+)
+from harness.engines.mujoco.mjcf import included, refusal, sources
+from harness.engines.mujoco.pulls import acts, couplings, powers, pulls
+from harness.engines.mujoco.shapes import without_idle_files
 from harness.engines.mujoco.smooth import besides, uncovered
 from harness.engines.mujoco.warnings import Warnings
 
 
-def compiled_tree(path: Path) -> CompiledTree:
+def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
     """Compile a file and read its bodies and joints.
+
+    Args:
+        path: of the file.
+        texts: what is read instead of it, and of files that it includes.
 
     Raises:
         EngineError: naming file and reason.
     """
-    import mujoco
-
-    found = sources(path)
+    found = () if texts else sources(path)
     try:
         with Warnings().heard():
-            tree: Any = mujoco.MjSpec.from_file(str(path))
+            tree = _spec(path, texts)
+            without_idle_files(tree)
             m: Any = tree.compile()
     except Exception as error:
         raise refusal(error, path, found) from None
-    x, y, z = map(float, m.opt.gravity)
+    x, y, z = map(float, m.opt.gravity if acts(m, "GRAVITY") else np.zeros(3))
     return CompiledTree(
+        pulls=tuple(pulls(m)),
+        couplings=tuple(couplings(m)),
+        controls=int(getattr(m, "nctrl", m.nu)),
         bodies=tuple(_body(m, i) for i in range(1, m.nbody)),
         gravity=(x, y, z),
         medium=bool(m.opt.wind.any() or m.opt.density or m.opt.viscosity),
         name=tree.modelname,
         besides=besides(m),
         uncovered=uncovered(m),
+        actuators=tuple(_actuator(m, i) for i in range(m.nu)),
     )
+
+
+def _actuator(m: Any, i: int) -> CompiledActuator:
+    import mujoco
+
+    acts = mujoco.mjtTrn(m.actuator_trntype[i]).name.removeprefix("mjTRN_").lower()
+    gain = mujoco.mjtGain(m.actuator_gaintype[i]).name.removeprefix("mjGAIN_").lower()
+    bias = mujoco.mjtBias(m.actuator_biastype[i]).name.removeprefix("mjBIAS_").lower()
+    target = int(m.actuator_trnid[i][0])
+    named = {"joint": m.joint, "jointinparent": m.joint, "tendon": m.tendon, "site": m.site}
+    on = named[acts](target).name if acts in named and target >= 0 else ""
+    return CompiledActuator(
+        name=m.actuator(i).name,
+        on=on,
+        kind=f"{acts}, gain {gain}, bias {bias}",
+        gear=_numbers(m.actuator_gear[i]),
+        law=(*_numbers(m.actuator_gainprm[i]), *_numbers(m.actuator_biasprm[i])),
+    )
+
+
+def _spec(path: Path, texts: Mapping[Path, bytes]) -> Any:
+    import mujoco
+
+    if not texts:
+        return mujoco.MjSpec.from_file(str(path))
+    others = {}
+    for part in included(path)[1:]:
+        others[str(part.relative_to(path.parent))] = texts.get(part) or part.read_bytes()
+    own = texts.get(path) or path.read_bytes()
+    tree = mujoco.MjSpec.from_string(own.decode("utf-8"), include=others or None)
+    tree.modelfiledir = f"{path.parent}/"
+    return tree
 
 
 def _body(m: Any, i: int) -> CompiledBody:
@@ -51,6 +99,7 @@ def _body(m: Any, i: int) -> CompiledBody:
         principal=_numbers(m.body_iquat[i]),
         moments=_numbers(m.body_inertia[i]),
         joints=tuple(_joint(m, j) for j in range(first, first + count)),
+        lift=float(m.body_gravcomp[i]),
         ordinary=not (m.body_mocapid[i] >= 0 or m.body_gravcomp[i]),
     )
 
@@ -59,25 +108,26 @@ def _joint(m: Any, j: int) -> CompiledJoint:
     import mujoco
 
     q, d = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
+    kind = mujoco.mjtJoint(m.jnt_type[j]).name.removeprefix("mjJNT_").lower()
+    single = kind in ("hinge", "slide")
     return CompiledJoint(
         name=m.joint(j).name,
-        kind=mujoco.mjtJoint(m.jnt_type[j]).name.removeprefix("mjJNT_").lower(),
+        kind=kind,
         at=_numbers(m.jnt_pos[j]),
         axis=_numbers(m.jnt_axis[j]),
-        zero=float(m.qpos0[q]),
-        rest=float(m.qpos_spring[q]),
-        stiffness=_powers(m, "jnt_stiffness", j),
-        damping=_powers(m, "dof_damping", d),
+        zero=float(m.qpos0[q]) if single else 0.0,
+        rest=float(m.qpos_spring[q]) if single else 0.0,
+        stiffness=_on(m, "SPRING", powers(m, "jnt_stiffness", j)),
+        damping=_on(m, "DAMPER", powers(m, "dof_damping", d)),
         armature=float(m.dof_armature[d]),
         friction=float(m.dof_frictionloss[d]),
         limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1])) if m.jnt_limited[j] else None,
     )
 
 
-def _powers(m: Any, name: str, index: int) -> Numbers:
-    """A stiffness or damping; MuJoCo 4 has polynomials."""
-    higher = getattr(m, f"{name}poly")[index] if hasattr(m, f"{name}poly") else ()
-    return (*_numbers(getattr(m, name)[index]), *_numbers(higher))
+def _on(m: Any, what: str, values: Numbers) -> Numbers:
+    """The values, or zeros where a file's flags switch such forces off."""
+    return values if acts(m, what) else tuple(0.0 for _ in values)
 
 
 def _numbers(values: Any) -> Numbers:

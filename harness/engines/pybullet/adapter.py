@@ -7,7 +7,6 @@ import importlib.util
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +20,10 @@ from harness.engines.protocol import (
     ModelSpec,
     Sample,
     Spring,
-    StateForce,
+    held_joints,
     within,
 )
+from harness.engines.pybullet.base import Base
 from harness.engines.pybullet.inertias import (
     EXACT,
     axes_cause,
@@ -32,22 +32,24 @@ from harness.engines.pybullet.inertias import (
     held_inertias,
     lost_inertias,
 )
-from harness.engines.pybullet.poses import link_places, link_poses
+from harness.engines.pybullet.poses import link_places
 from harness.engines.pybullet.printed import printed
 from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
-from harness.engines.pybullet.settings import DEFAULTS, REWRITTEN, UNDONE, check_settings
+from harness.engines.pybullet.settings import DEFAULTS, UNDONE, changes_of, check_settings
+from harness.engines.pybullet.stepper import Stepper
 from harness.engines.remark import Remark
 from harness.engines.source import engine_errors, folded
 from harness.engines.urdf import (
     IDLE,
     SETTINGS,
     Mimic,
+    base_name,
     joint_springs,
     mimics,
     read_urdf,
     sample_urdf,
 )
-from harness.engines.urdf_copy import rewritten
+from harness.engines.urdf_copy import followers_of, rewritten
 
 _client: int | None = None
 _loaded: object = None
@@ -67,6 +69,7 @@ class PybulletEngine(Engine):
     unstated = "1/240 s and no gravity"
     bare_link = "1 kg"
     takes_springs = (".urdf",)
+    switches = frozenset({"smooth", "couplings", "held"})
     idle = IDLE
     ignores = frozenset({"dynamics@friction"})
     usual_mistakes = (
@@ -97,9 +100,11 @@ class PybulletEngine(Engine):
         """Load a URDF into this process's physics server."""
         robot = read_urdf(spec.path)
         check_settings(spec, self.unstated)
+        held = held_joints(spec)
         springs = [
             Spring({joint: 1.0}, stiffness, 0.0, rest)
             for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
+            if joint not in held
         ]
         with engine_errors(spec.path, self.title):
             return PybulletModel(spec, robot, [*springs, *spec.springs])
@@ -118,7 +123,7 @@ class PybulletEngine(Engine):
 
 
 class PybulletModel(Model):
-    """A fixed-base multibody of slides and hinges, stepped by semi-implicit Euler."""
+    """A multibody of slides and hinges, fixed or floating, stepped by semi-implicit Euler."""
 
     integrator = "semi-implicit euler"
 
@@ -150,11 +155,15 @@ class PybulletModel(Model):
         own = self._setting("inertia_from_file")
         self._lost = lost_inertias(robot, held_inertias(self._body)) if own else {}
         self._joints, names = self._moving_joints()
-        self.coordinates = tuple(names)
+        self._base = Base(self._body, base_name(robot)) if self._setting("floating") else None
+        self._joint_names = names
+        self.coordinates = (*(self._base.names if self._base else ()), *names)
         check_inertias(self.path, self._body, self._joints, robot if own else None)
         self._free_links()
-        self._springs = [self._resolve(spring) for spring in springs]
-        followed = mimics(robot, spec.path) if self._setting("couplings") else []
+        pulls = [self._resolve(spring) for spring in springs]
+        self._stepper = Stepper(self._body, self._joints, self._base, pulls)
+        held = followers_of(spec.settings, self.path)
+        followed = [m for m in mimics(robot, spec.path) if held is None or m.joint in held]
         self._gears = [self._gear(mimic) for mimic in followed]
 
     def _load_file(self) -> int:
@@ -165,10 +174,10 @@ class PybulletModel(Model):
         flags = p.URDF_USE_INERTIA_FROM_FILE if self._setting("inertia_from_file") else 0
         # What is to be seen moves nothing, and is nineteen twentieths of the time to load.
         flags |= p.URDF_IGNORE_VISUAL_SHAPES
-        changes = [change for key, on, change in REWRITTEN if self._setting(key) == on]
         try:
-            with rewritten(robot, spec.path, changes) as path, printed() as said:
-                return int(p.loadURDF(str(path), useFixedBase=1, flags=flags))
+            with rewritten(robot, spec.path, changes_of(spec)) as path, printed() as said:
+                fixed = int(not self._setting("floating"))
+                return int(p.loadURDF(str(path), useFixedBase=fixed, flags=flags))
         except p.error as error:
             reason = said[-1] if said else folded(error)
             raise EngineError(f"{self.path}: PyBullet can't load it: {reason}") from None
@@ -205,7 +214,7 @@ class PybulletModel(Model):
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """By its forward kinematics, without a step."""
         self._check_loaded()
-        return link_poses(self._body, self._joints, places, z)
+        return self._stepper.poses(places, z)
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""
@@ -214,7 +223,7 @@ class PybulletModel(Model):
     @property
     def home(self) -> Array:
         """Positions as the file draws the mechanism, (nz,)."""
-        return np.zeros(len(self._joints))
+        return np.zeros(len(self.coordinates))
 
     @property
     def reach(self) -> Array:
@@ -222,7 +231,9 @@ class PybulletModel(Model):
         import pybullet as p
 
         info = [p.getJointInfo(self._body, joint) for joint in self._joints]
-        half = np.array([np.pi if one[2] == p.JOINT_REVOLUTE else 1.0 for one in info])
+        half = np.array(
+            [1.0] * self._free + [np.pi if one[2] == p.JOINT_REVOLUTE else 1.0 for one in info]
+        )
         return within(np.stack([-half, half], axis=1), self.limits)
 
     @property
@@ -231,7 +242,9 @@ class PybulletModel(Model):
         import pybullet as p
 
         info = [p.getJointInfo(self._body, joint) for joint in self._joints]
-        return np.array([one[8:10] if one[8] < one[9] else (-np.inf, np.inf) for one in info])
+        free = [(-np.inf, np.inf)] * self._free
+        own = [one[8:10] if one[8] < one[9] else (-np.inf, np.inf) for one in info]
+        return np.array([*free, *own])
 
     def _moving_joints(self) -> tuple[list[int], list[str]]:
         import pybullet as p
@@ -249,9 +262,14 @@ class PybulletModel(Model):
                 )
             joints.append(index)
             names.append(name)
-        if not joints:
+        if not joints and not self._setting("floating"):
             raise EngineError(f"{self.path}: it has no moving joint")
         return joints, names
+
+    @property
+    def _free(self) -> int:
+        """Coordinates of the base."""
+        return len(self.coordinates) - len(self._joints)
 
     def _free_links(self) -> None:
         """Switch off what PyBullet adds on its own, unless asked for: damping, motors, a limit."""
@@ -263,7 +281,7 @@ class PybulletModel(Model):
             p.changeDynamics(self._body, link, linearDamping=damping, angularDamping=damping)
         for joint in self._joints:
             p.changeDynamics(self._body, joint, maxJointVelocity=1e300)  # clamps at 100 otherwise
-        if self._setting("motors"):
+        if self._setting("motors") or not self._joints:
             return
         # TORQUE_CONTROL with zero would not switch the default motors off.
         p.setJointMotorControlArray(
@@ -272,18 +290,18 @@ class PybulletModel(Model):
 
     def _resolve(self, spring: Spring) -> tuple[list[tuple[int, float]], float, float, float]:
         for joint in spring.joints:
-            if joint not in self.coordinates:
+            if joint not in self._joint_names:
                 raise EngineError(
                     f"{self.path}: a spring names {joint!r}, which is no moving joint"
                 )
-        terms = [(self.coordinates.index(j), float(c)) for j, c in spring.joints.items()]
+        terms = [(self._joint_names.index(j), float(c)) for j, c in spring.joints.items()]
         return terms, spring.stiffness, spring.damping, spring.rest
 
     def _gear(self, mimic: Mimic) -> int:
         import pybullet as p
 
         for joint in (mimic.leader, mimic.joint):
-            if joint not in self.coordinates:
+            if joint not in self._joint_names:
                 raise EngineError(f"{self.path}: <mimic> names {joint!r}, which is no moving joint")
         if not mimic.multiplier:
             raise EngineError(
@@ -293,7 +311,7 @@ class PybulletModel(Model):
         if mimic.offset:
             raise EngineError(f"{self.path}: <mimic> with an offset is not supported by JOINT_GEAR")
         leader, follower = (
-            self._joints[self.coordinates.index(j)] for j in (mimic.leader, mimic.joint)
+            self._joints[self._joint_names.index(j)] for j in (mimic.leader, mimic.joint)
         )
         gear = p.createConstraint(
             self._body,
@@ -325,11 +343,9 @@ class PybulletModel(Model):
         p.setPhysicsEngineParameter(fixedTimeStep=h)
         out_q = np.empty((len(q), n // every, q.shape[1]))
         out_v = np.empty_like(out_q)
-        reset = p.resetJointState
         for b in range(len(q)):
-            for i, joint in enumerate(self._joints):
-                reset(self._body, joint, q[b, i], v[b, i])
-            self._run(b, n, force, every, out_q[b], out_v[b])
+            self._stepper.reset(q[b], v[b])
+            self._stepper.run(b, n, force, every, out_q[b], out_v[b])
             if not np.isfinite(out_q[b, -1]).all():
                 # What is not a number stays in a gear, through every reset of the joints.
                 self._load()
@@ -339,40 +355,3 @@ class PybulletModel(Model):
     def _check_loaded(self) -> None:
         if _loaded is not self:
             raise EngineError(f"{self.path}: another model has been loaded since")
-
-    def _run(self, b: int, n: int, force: Force, every: int, out_q: Array, out_v: Array) -> None:
-        import pybullet as p
-
-        body, joints = self._body, self._joints
-        size = len(joints)
-        states, step, torque = p.getJointStates, p.stepSimulation, p.setJointMotorControlArray
-        mode, springs = p.TORQUE_CONTROL, self._springs
-        by_state = force if isinstance(force, StateForce) else None
-        held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
-        inputs: Any = by_state.inputs[b].tolist() if by_state is not None else None
-        driven = bool(springs) or force is not None
-        feedback = bool(springs) or by_state is not None
-        current: Any = states(body, joints) if feedback else ()
-        for i in range(n):
-            if driven:
-                if by_state is not None:
-                    tau = list(by_state.at([s[0] for s in current], inputs[i]))
-                else:
-                    tau = held[i] if held is not None else [0.0] * size
-                for terms, stiffness, damping, rest in springs:
-                    stretch, rate = -rest, 0.0
-                    for j, c in terms:
-                        stretch += c * current[j][0]
-                        rate += c * current[j][1]
-                    pull = stiffness * stretch + damping * rate
-                    for j, c in terms:
-                        tau[j] -= c * pull
-                torque(body, joints, mode, forces=tau)
-            step()
-            sampled = (i + 1) % every == 0
-            if feedback or sampled:
-                current = states(body, joints)
-            if sampled:
-                row = i // every
-                for j in range(size):
-                    out_q[row, j], out_v[row, j] = current[j][0], current[j][1]

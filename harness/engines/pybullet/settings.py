@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from harness.engines.protocol import EngineError, ModelSpec
+from harness.engines.protocol import EngineError, ModelSpec, held_joints
 from harness.engines.pybullet.inertias import exact_axes
-from harness.engines.urdf_copy import Change, without_limits, without_mimics, without_shapes
+from harness.engines.urdf_copy import (
+    Change,
+    followers_of,
+    mimics_of,
+    with_held,
+    without_limits,
+    without_shapes,
+)
 
 REQUIRED = ("step", "gravity")
 """What no URDF says, and a sidecar must."""
@@ -28,8 +35,8 @@ DEFAULTS: Mapping[str, float | bool] = {
     "exact_axes": False,
     # Whether contacts and joint limits are left out.
     "smooth": False,
-    # Whether joints follow those that they mimic.
-    "couplings": True,
+    # Whether the root link moves freely.
+    "floating": False,
 }
 """Of every setting."""
 
@@ -37,9 +44,22 @@ REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
     ("exact_axes", True, exact_axes),
     ("smooth", True, without_shapes),
     ("smooth", True, without_limits),
-    ("couplings", False, without_mimics),
 )
 """What settings change in the file that PyBullet loads, and at which value."""
+
+
+HELD = "held"
+"""Names of joints that stand still."""
+
+
+def changes_of(spec: ModelSpec) -> list[Change]:
+    """What settings change in the file."""
+    on = {key: spec.settings.get(key, default) for key, default in DEFAULTS.items()}
+    found = [change for key, value, change in REWRITTEN if on[key] == value]
+    followers = followers_of(spec.settings, f"{spec.path}.toml")
+    if followers is not None:
+        found.append(mimics_of(followers))
+    return [*found, with_held(held)] if (held := held_joints(spec)) else found
 
 
 def check_settings(spec: ModelSpec, unstated: str) -> None:
@@ -51,7 +71,9 @@ def check_settings(spec: ModelSpec, unstated: str) -> None:
     Raises:
         EngineError: naming the sidecar and the setting.
     """
-    unknown = set(spec.settings) - {*REQUIRED, *DEFAULTS}
+    held_joints(spec)
+    followers_of(spec.settings, f"{spec.path}.toml")
+    unknown = set(spec.settings) - {*REQUIRED, *DEFAULTS, "couplings", HELD}
     if unknown:
         raise EngineError(f"{spec.path}.toml: PyBullet has no setting {', '.join(unknown)}")
     for key, default in DEFAULTS.items():

@@ -121,7 +121,7 @@ def xml_offset(source: Source, address: str) -> int | None:
     attribute = match["attribute"]
     for element in found:
         if attribute in element.attributes:
-            return _attribute_span(element, attribute, source)[0]
+            return attribute_span(element, attribute, source)[0]
     return found[0].start if found else None
 
 
@@ -249,7 +249,7 @@ def _walk(
     return found
 
 
-def _attribute_span(element: RawElement, attribute: str, source: Source) -> Span:
+def attribute_span(element: RawElement, attribute: str, source: Source) -> Span:
     """Where the value of an attribute is that the element has."""
     tag = TAG.match(source.data, element.start)
     assert tag is not None  # the parser has found an element here
@@ -265,7 +265,7 @@ def attribute_words(
     element: RawElement, attribute: str, source: Source, address: str
 ) -> tuple[list[Span], list[str]]:
     """Where the words of an attribute's value are, and what the parser reads there."""
-    spans = find_words(source, *_attribute_span(element, attribute, source), address)
+    spans = find_words(source, *attribute_span(element, attribute, source), address)
     return spans, element.attributes[attribute].split()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import casadi
@@ -12,7 +13,7 @@ import pytest
 from reference.multibody.algebra import DOUBLES, LONG_DOUBLES, objects
 from reference.multibody.dynamics import Dynamics, solved
 from reference.multibody.recursion import Recursion
-from reference.multibody.tree import Kind, Tree, TreeError
+from reference.multibody.tree import Kind, Pull, Tree, TreeError
 from reference.numeric import Array
 from tests.reference.multibody.trees import KINDS, link, state, tree
 
@@ -55,6 +56,9 @@ def by_lagrange(one: Tree, q: Array, v: Array) -> tuple[Array, Array]:
         kinetic += body.mass * casadi.dot(speed, speed) / 2
         kinetic += casadi.dot(angular, casadi.mtimes(casadi.DM(body.inertia), angular)) / 2
         kinetic += body.armature * casadi.dot(own, own) / 2
+    for pull in one.pulls:
+        moved = sum(share * inverse[one.velocities[i].start] for i, share in pull.joints)
+        kinetic += pull.armature * moved**2 / 2
     potential = Dynamics(one, SYMBOLS).potential(columns)[0]
     momentum = casadi.gradient(kinetic, rate)
     mass = casadi.mtimes([tangent.T, casadi.jacobian(momentum, rate), tangent])
@@ -72,7 +76,36 @@ def by_lagrange(one: Tree, q: Array, v: Array) -> tuple[Array, Array]:
             for body, there in zip(one.links, one.velocities, strict=True)
         ]
     )
-    return found[0], found[1][:, 0] - damping * v
+    return found[0], found[1][:, 0] - damping * v - damped(one, v)
+
+
+def damped(one: Tree, v: Array) -> Array:
+    """What the dampers of pulls ask."""
+    out = np.zeros(one.nv)
+    for pull in one.pulls:
+        w = sum(share * v[one.velocities[i].start] for i, share in pull.joints)
+        force = sum(d * w * abs(w) ** k for k, d in enumerate(pull.damping))
+        for i, share in pull.joints:
+            out[one.velocities[i].start] += share * force
+    return out
+
+
+def loaded(one: Tree) -> Tree:
+    """With pulls on all its hinges and slides, and with parts that gravity does not pull on."""
+    single = [i for i, body in enumerate(one.links) if body.kind in ("hinge", "slide")]
+    rng = np.random.default_rng(4)
+    pulls = (
+        Pull(
+            name="tendon", joints=tuple((i, float(rng.normal())) for i in single),
+            stiffness=(3.0, 2.0, 1.0), damping=(0.3, 0.2, 0.1), rest=(0.2, 0.2), armature=0.7,
+        ),
+        Pull(name="servo", joints=((single[0], 2.0),), constant=1.5, stiffness=(4.0,)),
+    )  # fmt: skip
+    links = (
+        dataclasses.replace(body, lifted=float(rng.uniform(0, 2)), lift=rng.normal(size=3))
+        for body in one.links
+    )
+    return Tree(links=tuple(links), gravity=one.gravity, pulls=pulls)
 
 
 TREES: list[tuple[Kind, ...]] = [
@@ -92,6 +125,41 @@ def test_the_equations_are_those_of_the_energies(kinds: tuple[Kind, ...]) -> Non
     assert np.max(np.abs(dynamics.recursion.mass(q) - mass)) < 1e-12 * np.max(np.abs(mass))
     own = dynamics.force(q, v, np.zeros(one.nv))
     assert np.max(np.abs(own - force)) < 1e-12 * max(1.0, np.max(np.abs(force)))
+
+
+@pytest.mark.parametrize("kinds", TREES[-2:], ids="-".join)
+def test_so_they_are_with_pulls_and_lifted_parts(kinds: tuple[Kind, ...]) -> None:
+    one = loaded(tree(kinds, seed=len(kinds)))
+    q, v = state(one, seed=7)
+    dynamics = Dynamics(one)
+    mass, force = by_lagrange(one, q, v)
+    assert np.max(np.abs(dynamics.mass(q) - mass)) < 1e-12 * np.max(np.abs(mass))
+    own = dynamics.force(q, v, np.zeros(one.nv))
+    assert np.max(np.abs(own - force)) < 1e-12 * max(1.0, np.max(np.abs(force)))
+    energy = dynamics.kinetic(q, v) + dynamics.potential(q)
+    rates, a, h = dynamics.recursion.rates(q, v), dynamics.acceleration(q, v, 0 * v), 1e-6
+    ends = [
+        dynamics.kinetic(q + s * rates, v + s * a) + dynamics.potential(q + s * rates)
+        for s in (h, -h)
+    ]
+    lost = (ends[1] - ends[0]) / (2 * h)
+    assert lost == pytest.approx(dynamics.dissipated(v), rel=1e-6)
+    assert np.isfinite(energy)
+
+
+def test_a_spring_pulls_nothing_between_its_rests() -> None:
+    one = tree(("slide",), 0)
+    pull = Pull(name="t", joints=((0, 2.0),), stiffness=(3.0,), rest=(-0.1, 0.2))
+    plain, sprung = Dynamics(one), Dynamics(dataclasses.replace(one, pulls=(pull,)))
+    q, none = np.array([[-0.5, -0.05, 0.0, 0.1, 0.5]]), np.zeros((1, 5))
+    added = sprung.force(q, none, none) - plain.force(q, none, none)
+    assert added[0] == pytest.approx([2 * 3 * 0.9, 0, 0, 0, -2 * 3 * 0.8])
+
+
+def test_a_pull_on_a_ball_is_refused_by_name() -> None:
+    one = tree(("ball",), 0)
+    with pytest.raises(TreeError, match="t: j0 is no hinge"):
+        dataclasses.replace(one, pulls=(Pull(name="t", joints=((0, 1.0),)),))
 
 
 def test_a_batch_is_each_of_its_states() -> None:

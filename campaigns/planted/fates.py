@@ -1,0 +1,224 @@
+"""One number of a robot's file made wrong, the file run beside the equations of the right one."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
+from harness.diagnosis.fit import Fit
+from harness.diagnosis.robot_task import RobotDiagnosisTask, ranked
+from harness.engines.protocol import EngineError
+from harness.records.case import Case
+from harness.records.outcome import FLOOR, Outcome
+from harness.robots.named import Numbers, robot_numbers
+from harness.robots.numerals import SMALL, Numeral
+from reference.flows import Flow
+from reference.integrate import ReferenceError
+
+RESOLUTION = 1e-9
+
+STATES = 32
+"""Of the hundred that a run takes."""
+
+ROUNDING = 1e-13
+"""A change of the ends by less, relative to their movement, is that of rounding."""
+
+CLEAR = 3.0
+"""A change that is larger than what is uncertain, or than the resolution, by so many times, shows
+at any luck."""
+
+RIGHT = 0.01
+"""How near a fitted value must be to the right one, as a share of the fault, beside its error."""
+
+
+class Fate(StrEnum):
+    """What came of a fault."""
+
+    INVISIBLE = "no motion depends on it"
+    FAINT = "below the resolution"
+    MISSED = "not caught"
+    REFUSED = "the engine refuses the file"
+    NAMED = "named"
+    TIED = "tied with the first"
+    CAUGHT = "caught, not named"
+
+    @property
+    def seen(self) -> bool:
+        """Whether it counts among what can be seen."""
+        return self not in (Fate.INVISIBLE, Fate.FAINT, Fate.REFUSED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planted:
+    """A fault and its fate.
+
+    Attributes:
+        file, line, address: of the number.
+        share: of its size by which it is wrong.
+        effect: largest change of an end, relative to its movement.
+        said: what the first explanation is, with its remainder.
+    """
+
+    file: str
+    line: int
+    address: str
+    share: float
+    fate: Fate
+    effect: float
+    said: str = ""
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line} {self.address} off by {self.share:g}"
+        return f"{where}: {self.fate}, effect {self.effect:.1e}; {self.said}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """A robot's file as it is, and some states of it.
+
+    Attributes:
+        prepared: the file, read and solved.
+        numbers: of it.
+        flow: of its states.
+        engine: that runs the changed copies.
+    """
+
+    prepared: PreparedRobot
+    numbers: Numbers
+    flow: Flow
+    engine: str
+
+    @staticmethod
+    def of(file: Path, engine: str) -> Ground:
+        """Of a file."""
+        prepared = prepare_robot(file)
+        drawn = prepared.samples
+        some = replace(
+            drawn, start=drawn.start[:STATES], forces=drawn.forces[:STATES], end=drawn.end[:STATES]
+        )
+        numbers = robot_numbers(file, prepared.settings)
+        tree = numbers.tree({})
+        assert tree is not None  # it was prepared
+        flow = Flow(tree, some.start, some.forces, some.length)
+        return Ground(
+            prepared=replace(prepared, samples=some), numbers=numbers, flow=flow, engine=engine
+        )
+
+    def effect(self, index: int, value: float) -> float:
+        """Largest change of an end, relative to how far it moves at most; infinite without one."""
+        drawn = self.prepared.samples
+        scale = np.max(np.abs(drawn.end - drawn.start), axis=0)
+        tree = self.numbers.tree({index: value})
+        if tree is None:
+            return np.inf
+        try:
+            moved = np.abs(self.flow.moved(tree)).max(axis=0)
+        except ReferenceError:
+            return np.inf
+        return float(np.max(moved / np.where(scale > 0, scale, scale.max())))
+
+
+def faults(
+    ground: Ground, shares: Sequence[float], chosen: Sequence[int] | None = None
+) -> Iterator[Planted]:
+    """Each number of a robot's file, or some by their index, wrong by shares of its size."""
+    for index in ground.numbers.saying if chosen is None else chosen:
+        for share in shares:
+            yield plant(ground, index, share)
+
+
+def plant(ground: Ground, index: int, share: float) -> Planted:
+    """One fault, and what comes of it."""
+    one = ground.numbers.numerals[index]
+    value = one.value + share * (abs(one.value) if abs(one.value) > SMALL else one.scale)
+    effect = ground.effect(index, value)
+    fate, said = Fate.INVISIBLE, ""
+    if effect > ROUNDING:
+        with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+            copy = copied(ground.prepared.file, ground.numbers.texts({index: value}), Path(folder))
+            task = replace(ground.prepared.task(ground.engine, RESOLUTION), file=copy)
+            fate, said = _fate(task, one, value, effect)
+    return Planted(
+        file=one.file.name,
+        line=one.line,
+        address=one.address,
+        share=share,
+        fate=fate,
+        effect=effect,
+        said=said,
+    )
+
+
+def copied(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Path:
+    """A file with other texts, and links to all that stands beside it."""
+    top = Path(os.path.commonpath([path.parent.resolve() for path in texts]))
+    for path, data in texts.items():
+        copy = folder / path.resolve().relative_to(top)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes(data)
+    for beside in top.iterdir():
+        if not (folder / beside.name).exists():
+            (folder / beside.name).symlink_to(beside)
+    return folder / file.resolve().relative_to(top)
+
+
+def _fate(task: RobotTask, one: Numeral, value: float, effect: float) -> tuple[Fate, str]:
+    try:
+        case = run_robot(task)
+    except EngineError as error:
+        return Fate.REFUSED, str(error)
+    if case.outcome is not Outcome.DIFFERS:
+        clear = effect > CLEAR * (_uncertain(case) + max(RESOLUTION, FLOOR))
+        return (Fate.MISSED if clear else Fate.FAINT), f"{case.outcome} {case.reason}"
+    ranking = ranked(RobotDiagnosisTask(task=task, own=False))
+    if not ranking.fits:
+        return Fate.CAUGHT, "nothing fits"
+    first = ranking.fits[0]
+    said = f"{' and '.join(map(str, first.causes))} leaves {first.remaining:.1e}"
+    if not ranking.explained:
+        return Fate.CAUGHT, f"unexplained; {said}"
+    if _is(first, one):
+        return (Fate.NAMED if _right(first, one, value) else Fate.CAUGHT), said
+    told = [fit for fit in ranking.fits if _is(fit, one)]
+    tied = any(cause.subject == (one.address,) for cause in first.tied_with)
+    if tied and all(_right(fit, one, value) for fit in told[:1]):
+        return Fate.TIED, said
+    return Fate.CAUGHT, said
+
+
+def _is(fit: Fit, one: Numeral) -> bool:
+    return len(fit.members) == 1 and fit.causes[0].subject == (one.address,)
+
+
+def _right(fit: Fit, one: Numeral, value: float) -> bool:
+    """Whether a fitted value is the right one."""
+    off = abs(fit.estimates[0] - one.value)
+    return off <= RIGHT * abs(value - one.value) + 5 * fit.standard_errors[0]
+
+
+def _uncertain(case: Case) -> float:
+    if case.verdict is None or case.verdict.largest_uncertainty is None:
+        return 0.0
+    return case.verdict.largest_uncertainty
+
+
+def table(found: Sequence[Planted]) -> list[str]:
+    """How many had which fate, by share, and the share of those seen that are named."""
+    lines = []
+    for share in sorted({one.share for one in found}):
+        counts = Counter(one.fate for one in found if one.share == share)
+        said = ", ".join(f"{counts[fate]} {fate}" for fate in Fate if counts[fate])
+        lines.append(f"off by {share:g}: {said}")
+    seen = [one for one in found if one.fate.seen]
+    good = sum(one.fate in (Fate.NAMED, Fate.TIED) for one in seen)
+    part = f", {good / len(seen):.1%}" if seen else ""
+    lines.append(f"of {len(seen)} that can be seen, {good} are caught and named{part}")
+    return lines

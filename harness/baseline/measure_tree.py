@@ -1,0 +1,111 @@
+"""What a model of declared bodies does, for the baseline: at some of the states that are checked.
+
+No constant is fitted: which number has moved is told by the diagnosis, of a model that differs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from harness.baseline.fingerprint import digests
+from harness.baseline.measure import comparable
+from harness.baseline.snapshot import PICKED, ends, same_motion, segments_of
+from harness.cases.robot import RobotTask, load_robot, order_of
+from harness.cases.verdict import filled
+from harness.files.reads import recorded
+from harness.records.base import rows
+from harness.records.baseline import Measurement, OnAccepted, Snapshot
+from reference.numeric import Array
+from reference.samples import ends_of
+from reference.trees import TreeEquations, TreeSystem
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureTreeTask:
+    """Everything a worker needs.
+
+    Attributes:
+        task: the case.
+        system: the declared tree.
+        accepted: the snapshot of the baseline, where there is one.
+        reads: files that `system.py` has read.
+    """
+
+    task: RobotTask
+    system: TreeSystem
+    accepted: Snapshot | None
+    reads: tuple[str, ...]
+
+
+def measure_tree(task: MeasureTreeTask) -> Measurement:
+    """Measure one case: on the accepted snapshot where it is comparable, and on its own.
+
+    Raises:
+        EngineError, BlownUpError, ReferenceError: naming what could not be run.
+    """
+    folder = Path(task.task.folder)
+    with recorded(folder) as reads:
+        found = _measured(task)
+    names = dict.fromkeys((*task.reads, *reads.names()))
+    return msgspec.structs.replace(found, reads=digests(folder, names))
+
+
+def _measured(task: MeasureTreeTask) -> Measurement:
+    check = task.task
+    model = load_robot(check)
+    coordinates = check.followers.map(order_of(check, model), check.names)
+    own = _snapshot(check)
+    accepted, on_accepted = task.accepted, None
+    if accepted is not None and comparable(own, accepted):
+        end, uncertainty = ends(model, coordinates, segments_of(accepted))
+        on_accepted = OnAccepted(
+            end=rows(end.tolist()),
+            uncertainty=rows(uncertainty.tolist()),
+            equations=rows(_equations(task.system, accepted).tolist()),
+        )
+        if same_motion(own, accepted):
+            own = accepted
+    if own is not accepted:
+        end, uncertainty = ends(model, coordinates, segments_of(own))
+    return Measurement(
+        snapshot=own,
+        end=rows(end.tolist()),
+        uncertainty=rows(uncertainty.tolist()),
+        constants={},
+        on_accepted=on_accepted,
+    )
+
+
+def _snapshot(task: RobotTask) -> Snapshot:
+    """The first of the states, each under its own forces."""
+    drawn = task.samples
+    count = min(PICKED, len(drawn.start))
+    return Snapshot(
+        scenario=task.scenario,
+        components=(*task.names, *(f"{name}_dot" for name in task.names)),
+        duration=drawn.length,
+        inputs=tuple(f"a force on {name}, held" for name in task.names),
+        fastest=drawn.fastest,
+        varying=False,
+        t=(0.0,) * count,
+        length=(drawn.length,) * count,
+        start=_table(drawn.start[:count]),
+        input_nodes=tuple((row,) for row in _table(drawn.forces[:count])),
+        end=_table(drawn.end[:count]),
+        scale=tuple(filled(np.max(np.abs(drawn.end - drawn.start), axis=0)).tolist()),
+    )
+
+
+def _table(values: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in values.tolist())
+
+
+def _equations(system: TreeSystem, accepted: Snapshot) -> Array:
+    """Where the equations of today end the accepted segments, (K, 2n)."""
+    one = segments_of(accepted)
+    forces = np.concatenate(one.inputs)
+    return ends_of(TreeEquations(system), one.start, forces, float(one.length[0]))

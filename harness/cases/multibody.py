@@ -1,0 +1,166 @@
+"""A folder that declares bodies: its tree, states of it at random, its models against these.
+
+The tree is what `system.py` says; a model file is held against it at the same kind of states as a
+file that is given alone is against its own. With which settings is said by its sidecar.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from harness.cases.prepare import Prepared, derived
+from harness.cases.robot import (
+    SCENARIO,
+    STATES,
+    Followers,
+    RobotTask,
+    inertia_findings,
+    told,
+    tree_record,
+    tree_states,
+)
+from harness.files.reads import recorded
+from harness.files.sidecar import Sidecar
+from harness.records.case import CaseId
+from harness.records.finding import AuditFinding
+from harness.records.system import System as SystemRecord
+from harness.robots.named import read_robot
+from reference.integrate import ReferenceError
+from reference.load import load_declaration
+from reference.samples import Samples
+from reference.system import System
+from reference.trees import MultibodySystem
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreparedTree:
+    """A folder's tree of bodies, solved; picklable.
+
+    Attributes:
+        folder: of the system.
+        system: as declared.
+        samples: states of the tree, and where its equations take them.
+        record: the system's entry in results.json.
+        reads: files that `system.py` has read, by their places relative to the folder.
+    """
+
+    folder: Path
+    system: MultibodySystem
+    samples: Samples
+    record: SystemRecord
+    reads: tuple[str, ...]
+
+    def id(self, sidecar: Sidecar, engine: str) -> CaseId:
+        """The one case of a model in an engine."""
+        return CaseId(
+            system=self.system.name, model=sidecar.model.name, scenario=SCENARIO, engine=engine
+        )
+
+    def task(self, sidecar: Sidecar, engine: str, resolution: float) -> RobotTask:
+        """That case, to run it."""
+        return case_of(self.system, self.samples, self.folder, sidecar, engine, resolution)
+
+
+def case_of(
+    system: MultibodySystem,
+    drawn: Samples,
+    folder: Path,
+    sidecar: Sidecar,
+    engine: str,
+    resolution: float,
+) -> RobotTask:
+    """A model in an engine at some states of the declared bodies."""
+    spec = sidecar.spec(engine)
+    return RobotTask(
+        file=sidecar.model,
+        folder=str(folder),
+        robot=system.name,
+        scenario=SCENARIO,
+        engine=engine,
+        names=tuple(c.name for c in system.tree_system.coordinates),
+        followers=Followers.of(system.assembled.tree),
+        samples=drawn,
+        settings=spec.settings,
+        springs=spec.springs,
+        resolution=resolution,
+    )
+
+
+def prepare_folder(folder: Path, described: bool = True) -> Prepared | PreparedTree:
+    """Load `folder/system.py`, and solve what it declares: energies, or bodies.
+
+    Without `described` the record has no derivation, as in `prepare`.
+
+    Raises:
+        DeclarationError, ReferenceError: naming what is wrong and where.
+    """
+    began = time.perf_counter()
+    with recorded(folder) as reads:
+        declared = load_declaration(folder)
+    if isinstance(declared, System):
+        return derived(folder, declared, reads.names(), began, described=described)
+    return _prepared_tree(folder, declared, reads.names(), began)
+
+
+def _prepared_tree(
+    folder: Path, declared: MultibodySystem, reads: tuple[str, ...], began: float
+) -> PreparedTree:
+    try:
+        drawn = states_of(declared, STATES)
+    except ReferenceError as error:
+        raise ReferenceError(f"{folder / 'system.py'}: {error}") from None
+    seconds = time.perf_counter() - began
+    return PreparedTree(
+        folder=folder,
+        system=declared,
+        samples=drawn,
+        record=tree_record(str(folder), declared.tree_system, drawn, SCENARIO, seconds),
+        reads=reads,
+    )
+
+
+def states_of(declared: MultibodySystem, count: int) -> Samples:
+    """States of a declared tree at random, and where its equations take them.
+
+    Raises:
+        ReferenceError: where a joint moves nothing that has mass.
+    """
+    return tree_states(declared.tree_system, declared.assembled.limits, count)
+
+
+def not_of_a_tree(sidecar: Sidecar) -> str:
+    """Why a sidecar does not fit beside declared bodies, in a sentence; empty where it does."""
+    given = {
+        "coordinates": sidecar.coordinates, "readback": sidecar.readback,
+        "bindings": sidecar.bindings, "frames": sidecar.frames,
+    }  # fmt: skip
+    unread = [f"[{key}]" for key, value in given.items() if value]
+    if not unread:
+        return ""
+    return (
+        f"{sidecar.model}.toml: {', '.join(unread)}: system.py declares bodies, whose joints are"
+        f" matched by their names alone; take {'it' if len(unread) == 1 else 'them'} out"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileSurvey:
+    """What a model file says beyond its motions.
+
+    Attributes:
+        findings: inertias that no body can have.
+        left_out: what the file says and the check leaves out.
+    """
+
+    findings: tuple[AuditFinding, ...]
+    left_out: tuple[str, ...]
+
+
+def survey_file(sidecar: Sidecar) -> FileSurvey:
+    """Read a model file as it is read alone."""
+    robot = read_robot(sidecar.model, floating=bool(sidecar.settings.get("floating", False)))
+    return FileSurvey(
+        findings=inertia_findings(robot), left_out=tuple(told(one) for one in robot.left_out)
+    )

@@ -1,0 +1,208 @@
+"""One tree laid on another, joint by joint, so that what differs is told where it is and once.
+
+Frames of links, the fixed links between and where a joint's angle is zero are conventions. Each
+body of B is moved to where A has it: by what its parent is moved by, then by what brings its axis
+onto that of A, then about that axis, where all that it carries is turned alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.compare.placed import Placed
+from reference.multibody.algebra import DOUBLES, about_axis
+from reference.multibody.lump import HERE, Place
+from reference.numeric import Array
+
+SAME = 1e-9
+"""Angles in radians, and lengths in sizes of the mechanism, that differ by less are the same."""
+
+LinkPair = tuple[int, int]
+"""Index of a link of A, and of one of B."""
+
+LEAST_SEEN = 2
+"""So many things at least must agree that a joint counts from elsewhere."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Aligned:
+    """A pair of links, and what was done to B's.
+
+    Attributes:
+        a, b: index of the link in either tree.
+        moved: what brings B's body, in the world, onto that of A.
+        opposite: whether its axis points the other way.
+        angle: between the axes, rad.
+        apart: distance of the axes of hinges, m; with that by which all that a hinge carries is
+            elsewhere along its axis.
+        zero: by how much B's position is more than A's where both stand alike: rad or m, about the
+            axis of A.
+    """
+
+    a: int
+    b: int
+    moved: Place
+    opposite: bool = False
+    angle: float = 0.0
+    apart: float = 0.0
+    zero: float = 0.0
+
+
+def aligned(one: Placed, other: Placed, pairs: Sequence[LinkPair]) -> tuple[Aligned, ...]:
+    """Lay B's links on those of A.
+
+    Args:
+        one, other: A and B, at one position.
+        pairs: of links of one kind, parents first.
+    """
+    found: dict[int, Aligned] = {}
+    for a, b in pairs:
+        parent = one.tree.links[a].parent
+        before = found[parent].moved if parent in found else HERE
+        found[a] = _joint(one, other, (a, b), before, pairs)
+    return tuple(found.values())
+
+
+def _joint(
+    one: Placed,
+    other: Placed,
+    pair: LinkPair,
+    before: Place,
+    pairs: Sequence[LinkPair],
+) -> Aligned:
+    a, b = pair
+    if one.tree.links[a].kind not in ("hinge", "slide"):
+        return Aligned(a=a, b=b, moved=before)
+    hinge, size = one.tree.links[a].kind == "hinge", max(one.size, other.size)
+    u, p = one.axes[a], one.anchors[a]
+    v, r = before.rotation @ other.axes[b], before.at(other.anchors[b])
+    opposite = bool(u @ v < 0)
+    v = -v if opposite else v
+    across = np.cross(v, u)
+    sine = float(np.linalg.norm(across))
+    angle = float(np.arctan2(sine, u @ v))
+    moved = before
+    if angle > SAME:
+        moved = _turned_about(r, across / sine, angle).of(moved)
+    shift = (p - r) - u * (u @ (p - r)) if hinge else np.zeros(3)
+    apart = float(np.linalg.norm(shift))
+    if apart > SAME * size:
+        moved = Place(np.eye(3), shift).of(moved)
+    zero, along, moved = _zero(one, other, pair, moved, pairs)
+    return Aligned(
+        a=a,
+        b=b,
+        moved=moved,
+        opposite=opposite,
+        angle=angle,
+        apart=float(np.hypot(apart, along)),
+        zero=zero,
+    )
+
+
+def _zero(
+    one: Placed,
+    other: Placed,
+    pair: LinkPair,
+    moved: Place,
+    pairs: Sequence[LinkPair],
+) -> tuple[float, float, Place]:
+    """From where B's joint counts, where that is the one thing that explains what it carries."""
+    a, _ = pair
+    u, p, hinge = one.axes[a], one.anchors[a], one.tree.links[a].kind == "hinge"
+    carried = _Carried(one, other, pair, pairs)
+    if carried.alike(moved) == carried.count or carried.count < LEAST_SEEN:
+        return 0.0, 0.0, moved
+    for x, y in carried.points(moved):
+        if hinge:
+            # In the plane across the axis.
+            x, y = (w - p - u * (u @ (w - p)) for w in (x, y))
+            by = float(np.arctan2(u @ np.cross(y, x), x @ y))
+            guess = _turned_about(p, u, by).of(moved)
+        else:
+            by = float(u @ (x - y))
+            guess = Place(np.eye(3), by * u).of(moved)
+        if carried.alike(guess) == carried.count:
+            return -by, 0.0, guess
+    for x, y in carried.points(moved) if hinge else ():
+        along = float(u @ (x - y))
+        guess = Place(np.eye(3), along * u).of(moved)
+        if carried.alike(guess) == carried.count:
+            return 0.0, along, guess
+    return 0.0, 0.0, moved
+
+
+class _Carried:
+    """What a pair of joints carries: its bodies' masses, and the axes of the joints on these."""
+
+    def __init__(
+        self, one: Placed, other: Placed, pair: LinkPair, pairs: Sequence[LinkPair]
+    ) -> None:
+        self.one, self.other = one, other
+        self.size = max(one.size, other.size)
+        self.bodies = one.lump(pair[0]), other.lump(pair[1])
+        self.children = [
+            (a, b)
+            for a, b in pairs
+            if one.tree.links[a].parent == pair[0] and other.tree.links[b].parent == pair[1]
+        ]
+        self.heavy = self.bodies[0].mass > 0 and self.bodies[1].mass > 0
+        self.count = 2 * self.heavy + len(self.children)
+
+    def points(self, moved: Place) -> Iterator[tuple[Array, Array]]:
+        """Points of A, and what should be the same of B."""
+        if self.heavy:
+            yield self.bodies[0].center, moved.at(self.bodies[1].center)
+        for a, b in self.children:
+            yield self.one.anchors[a], moved.at(self.other.anchors[b])
+
+    def alike(self, moved: Place) -> int:
+        """How much of it is the same, when B's is moved so."""
+        return sum(self._alike(moved))
+
+    def _alike(self, moved: Place) -> Iterator[bool]:
+        near = SAME * self.size
+        if self.heavy:
+            x, y = self.bodies[0], self.bodies[1].seen(moved)
+            yield bool(np.linalg.norm(x.center - y.center) <= near)
+            large = max(np.abs(x.inertia).max(), np.abs(y.inertia).max())
+            yield bool(np.abs(x.inertia - y.inertia).max() <= 10 * SAME * large)
+        for a, b in self.children:
+            u, v = self.one.axes[a], moved.rotation @ self.other.axes[b]
+            between = moved.at(self.other.anchors[b]) - self.one.anchors[a]
+            if self.one.tree.links[a].kind != "hinge":
+                between = 0 * between
+            line = np.linalg.norm(between - u * (u @ between)) <= near
+            yield bool(np.linalg.norm(np.cross(u, v)) <= SAME and line)
+
+
+def _turned_about(point: Array, axis: Array, angle: float) -> Place:
+    """The motion that turns about a line."""
+    rotation = about_axis(axis, np.array(angle), DOUBLES)
+    return Place(rotation, point - rotation @ point)
+
+
+def paired_links(
+    one: Placed, other: Placed, names: Sequence[tuple[str, str]]
+) -> tuple[tuple[LinkPair, ...], tuple[tuple[str, str, str], ...]]:
+    """Indices of links by the names of their joints, parents first; and pairs that are no pair.
+
+    Of these a phrase, and how A and B have it.
+    """
+    of = dict(names)
+    good: list[LinkPair] = []
+    odd: list[tuple[str, str, str]] = []
+    for name, its in sorted(names, key=lambda pair: one.index[pair[0]]):
+        if one.kind(name) != other.kind(its):
+            odd.append((name, f"a {one.kind(name)}", f"a {other.kind(its)}"))
+            continue
+        carriers = one.parent(name), other.parent(its)
+        if of.get(carriers[0], "") != carriers[1]:
+            here, there = (f"on {one}" if one else "on the base" for one in carriers)
+            odd.append((name, here, there))
+            continue
+        good.append((one.index[name], other.index[its]))
+    return tuple(good), tuple(odd)

@@ -1,0 +1,205 @@
+"""What each difference of the files does to the motions, and all of them together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.compare.candidate import Candidate
+from harness.compare.diff import Edit, edits
+from harness.compare.excitation import Recorded
+from harness.compare.execute import Execute, FailureError, ask
+from harness.compare.judge import Followed
+from harness.compare.match import Match
+from harness.compare.runs import Runs
+from harness.compare.trials import Trial, TrialTask, attribute_difference, tried
+from harness.engines.protocol import Array
+from harness.engines.registry import engines
+from harness.files.locations import LocationError
+from harness.files.locations.outline import outline
+from harness.schedule.workers import Failure
+
+MOST_TRIED = 24
+"""Differences of the files that are tried one by one, the largest first; beyond, they are only
+counted."""
+
+SOME = 32
+"""Runs on which they are tried."""
+
+RESOLVED = 1e-9
+"""Runs whose ends are known so well, relative, are taken where there are some."""
+
+Found = tuple[tuple[Trial, ...], int]
+"""Trials, and how many differences were not tried alone."""
+
+
+def attributed(
+    execute: Execute,
+    models: tuple[Candidate, Candidate],
+    recorded: Recorded,
+    runs: Runs,
+    followed: Followed,
+    matched: Match,
+    known: bool,
+) -> Found:
+    """Make the differences of the files in copies of A, one by one and together.
+
+    Args:
+        execute: runs the engines.
+        models: A and B.
+        recorded: runs of the source.
+        runs: the same in the target's coordinates.
+        followed: where the target ends them.
+        matched: the coordinates.
+        known: whether bodies or joints are known to differ: then many differences are not tried
+            one by one.
+
+    Raises:
+        FailureError: for a file that can't be read, or an engine that fails with the files as they
+            are.
+    """
+    try:
+        found = edits(*models)
+    except LocationError as error:
+        raise FailureError(Failure(str(error), "")) from None
+    can = [edit for edit in found if edit.changes or edit.settings]
+    rest = [
+        Trial((edit,), 0.0, 0.0, "it can't be tried alone")
+        for edit in found
+        if not edit.changes and not edit.settings
+    ]
+    if not can:
+        return tuple(rest), 0
+    bench = _Bench.of(execute, models, recorded, runs, followed, matched)
+    engine = engines()[models[0].engine]
+    looks = [re.compile(pattern) for pattern in engine.idle]
+    root = _root(models[0].sidecar.model)
+    idle = [edit for edit in can if _is_idle(edit, root, looks)]
+    others = sorted((edit for edit in can if edit not in idle), key=_size, reverse=True)
+    most = 0 if known and len(others) + len(idle) > MOST_TRIED else MOST_TRIED
+    trials = bench.idle(idle, most)
+    alone = 0 if known and len(others) > MOST_TRIED else MOST_TRIED
+    sets: list[tuple[Edit, ...]] = [(edit,) for edit in others[:alone]]
+    untried = len(can) - len(trials) - len(sets)
+    if len(can) > 1:
+        sets.append(tuple(can))
+    trials += [*bench.tried(sets), *rest]
+    trials.sort(key=lambda one: (-one.explained, -one.moved, len(one.edits)))
+    return tuple(trials), untried
+
+
+def _root(file: Path) -> str:
+    """The tag of an XML file's first element; empty for other files."""
+    return outline(file, file.read_bytes()).tag if file.suffix in (".xml", ".urdf") else ""
+
+
+def _is_idle(edit: Edit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
+    """Whether no motion is likely to depend on it, as shapes are; that is tried all the same.
+
+    A whole element is what its numbers are.
+    """
+    tags = re.sub(r"\[[^\]]*\]", "", edit.label)
+    paths = (f"{root}/{tags}", f"{root}/{tags.replace('@', '/')}/")
+    return bool(edit.changes) and any(one.fullmatch(path) for one in looks for path in paths)
+
+
+def _size(edit: Edit) -> float:
+    """By how much a number changes, relative; 1 of what is no number."""
+    try:
+        old, new = float(edit.old), float(edit.new)
+    except ValueError:
+        return 1.0
+    large = max(abs(old), abs(new))
+    return abs(old - new) / large if large and np.isfinite(large) else 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Bench:
+    """Where differences are tried: A's ends as it is, and those of B.
+
+    Attributes:
+        task: what is common to all trials.
+        a, b: ends, (K, 2m).
+        scale: how far each component moves, (2m,).
+        floor: below, relative, nothing is certain.
+    """
+
+    execute: Execute
+    task: TrialTask
+    a: Array
+    b: Array
+    scale: Array
+    floor: float
+
+    @staticmethod
+    def of(
+        execute: Execute,
+        models: tuple[Candidate, Candidate],
+        recorded: Recorded,
+        runs: Runs,
+        followed: Followed,
+        matched: Match,
+    ) -> _Bench:
+        """Run both as they are, on some of the runs."""
+        doubt = (recorded.uncertainty + followed.limit.uncertainty) / recorded.scale
+        # Where both are smooth: elsewhere nothing is certain.
+        smooth = np.flatnonzero(np.max(doubt, axis=1) <= RESOLVED)
+        smooth = smooth if len(smooth) else np.arange(len(doubt))
+        some = smooth[np.unique(np.linspace(0, len(smooth) - 1, SOME).astype(int))]
+
+        def task(candidate: Candidate, source: bool) -> TrialTask:
+            own = recorded.runs if source else runs
+            part = Runs(length=own.length, z=own.z[some], w=own.w[some], push=own.push[some])
+            return TrialTask(
+                candidate=candidate,
+                edits=(),
+                runs=part,
+                match=matched if source else None,
+                joints=own.z.shape[1],
+                near=recorded.end[some],
+                periodic=matched.periodic,
+            )
+
+        is_source = matched.source == "A"
+        of_a, of_b = task(models[0], is_source), task(models[1], not is_source)
+        known = doubt[some]
+        return _Bench(
+            execute=execute,
+            task=of_a,
+            a=ask(execute, models[0], tried, of_a),
+            b=ask(execute, models[1], tried, of_b),
+            scale=recorded.scale,
+            floor=2 * float(np.max(known[np.isfinite(known)], initial=1e-13)),
+        )
+
+    def tried(self, sets: Sequence[tuple[Edit, ...]]) -> list[Trial]:
+        """Each set of differences made at once."""
+        tasks = [replace(self.task, edits=made) for made in sets]
+        values = self.execute(self.task.candidate.name, tried, tasks)
+        return [
+            Trial(made, 0.0, 0.0, self._why(value))
+            if isinstance(value, Failure)
+            else attribute_difference(made, value, self.a, self.b, self.scale, self.floor)
+            for made, value in zip(sets, values, strict=True)
+        ]
+
+    def idle(self, made: Sequence[Edit], most: int) -> list[Trial]:
+        """Differences on which no motion is likely to depend: at once, and some singly if one does.
+
+        Args:
+            made: the differences.
+            most: how many are tried singly.
+        """
+        if len(made) > 1:
+            (together,) = self.tried([tuple(made)])
+            if not together.not_tried and together.moved == 0.0:
+                return [Trial((edit,), 0.0, 0.0) for edit in made]
+        return self.tried([(edit,) for edit in made[:most]])
+
+    def _why(self, failure: Failure) -> str:
+        """The reason, without the place of the copy, which is gone."""
+        return failure.reason.rpartition(f"{self.task.candidate.sidecar.model.name}:")[2].strip()

@@ -1,0 +1,145 @@
+"""Bodies of two files held against each other: mass, centre of mass, tensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from harness.compare.alignment import SAME, Aligned
+from harness.compare.property import Property, shown, told
+from harness.compare.side import Side
+from harness.engines.protocol import Array
+from harness.records.base import SourceLine
+from harness.robots.robot import Part
+
+ROUNDING = 1e-13
+"""Of m r^2, in a tensor that was brought from one frame to another."""
+
+
+def body_properties(a: Side, b: Side, row: Aligned, size: float) -> Iterator[Property]:
+    """What differs of the bodies that a pair of joints carries, in the world."""
+    one, other = a.placed.lump(row.a), b.placed.lump(row.b).seen(row.moved)
+    parts = a.parts[row.a], b.parts[row.b]
+    total = sum(link.mass for link in a.tree.links) or 1.0
+    heavy = max(one.mass, other.mass)
+    if abs(one.mass - other.mass) > SAME * heavy:
+        effect = abs(one.mass - other.mass) / total
+        yield from _masses(a, b, parts, (one.mass, other.mass), effect)
+    apart = float(np.linalg.norm(one.center - other.center))
+    weighed = min(one.mass, other.mass) > 0
+    if weighed and apart > SAME * size:
+        here, there = (f"({_digits(c, apart)})" for c in (one.center, other.center))
+        message = f"centre of mass {apart:.3g} m apart: {here} in A, {there} in B, in the world"
+        yield from _named(a, b, parts, "centre", message, heavy * apart / total / size)
+    large = max(np.abs(one.inertia).max(), np.abs(other.inertia).max())
+    miss = float(np.abs(one.inertia - other.inertia).max())
+    if miss > SAME * large + ROUNDING * heavy * size**2:
+        message = _tensors(one.inertia, other.inertia)
+        yield from _named(a, b, parts, "inertia", message, miss / total / size**2)
+
+
+def _masses(
+    a: Side,
+    b: Side,
+    parts: tuple[tuple[Part, ...], tuple[Part, ...]],
+    masses: tuple[float, float],
+    effect: float,
+) -> Iterator[Property]:
+    """Of the links that differ, where these are all of the difference; else of the body."""
+    pairs = [
+        (x, y) for x, y in _namesakes(*parts)
+        if abs(x.mass - y.mass) > SAME * max(x.mass, y.mass)
+    ]  # fmt: skip
+    left = masses[0] - masses[1] - sum(x.mass - y.mass for x, y in pairs)
+    if pairs and abs(left) <= SAME * max(masses):
+        for x, y in pairs:
+            message = f"link {_both(x.name, y.name)}: mass {shown(x.mass, y.mass)}"
+            yield _at(a, b, x, y, told("mass", x.name, message, effect, x.mass, y.mass))
+        return
+    message = f"mass {shown(*masses)}"
+    yield from _named(a, b, parts, "mass", message, effect, masses)
+
+
+def _namesakes(one: tuple[Part, ...], other: tuple[Part, ...]) -> list[tuple[Part, Part]]:
+    if len(one) == len(other) == 1:
+        return [(one[0], other[0])]
+    by_name = {part.name: part for part in other}
+    return [(part, by_name[part.name]) for part in one if part.name in by_name]
+
+
+def _named(
+    a: Side,
+    b: Side,
+    parts: tuple[tuple[Part, ...], tuple[Part, ...]],
+    kind: str,
+    message: str,
+    effect: float,
+    values: tuple[float, float] | None = None,
+) -> Iterator[Property]:
+    """Said of the link that differs by itself, or of all that are welded."""
+    own = [pair for pair in _namesakes(*parts) if a.file.suffix == b.file.suffix and _unlike(*pair)]
+    x, y = own[0] if len(own) == 1 else (_heaviest(parts[0]), _heaviest(parts[1]))
+    name = _both(x.name, y.name) if x and y else (x or y or _NOBODY).name
+    more = max(map(len, parts)) > 1 and len(own) != 1
+    subject = f"link {name}{' with what is welded to it' if more else ''}"
+    here, there = values or (None, None)
+    one = told(kind, x.name if x else name, f"{subject}: {message}", effect, here, there)
+    yield _at(a, b, x, y, one)
+
+
+_NOBODY = Part(name="", line=0, mass=0.0, center=np.zeros(3), inertia=np.zeros((3, 3)))
+
+
+def _unlike(x: Part, y: Part) -> bool:
+    """Whether two links say other things of their masses, in their own frames."""
+    return not (
+        x.mass == y.mass
+        and np.array_equal(x.center, y.center)
+        and np.array_equal(x.inertia, y.inertia)
+    )
+
+
+def _heaviest(parts: tuple[Part, ...]) -> Part | None:
+    return max(parts, key=lambda part: part.mass, default=None)
+
+
+def _both(x: str, y: str) -> str:
+    return x if x == y else f"{x} / {y}"
+
+
+def _at(a: Side, b: Side, x: Part | None, y: Part | None, one: Property) -> Property:
+    """With its lines."""
+    where = [
+        SourceLine(file=str(side.file), line=part.line) if part is not None and part.line else None
+        for side, part in ((a, x), (b, y))
+    ]
+    return replace(one, where_a=where[0], where_b=where[1])
+
+
+def _tensors(one: Array, other: Array) -> str:
+    """By what does not depend on a frame, where that differs; else by how the axes are turned."""
+    here, there = (np.asarray(np.linalg.eigvalsh(m), dtype=float) for m in (one, other))
+    large = float(max(np.abs(here).max(), np.abs(there).max()))
+    miss = float(np.abs(here - there).max())
+    entries = float(np.abs(one - other).max())
+    if miss > max(SAME * large, 1e-3 * entries):
+        told_a, told_b = (f"({_digits(m, miss)})" for m in (here, there))
+        return f"principal moments {told_a} in A, {told_b} in B ({miss / large:.2g} of the largest)"
+    return f"the same principal moments about axes turned by {_turn(one, other):.3g} rad"
+
+
+def _turn(one: Array, other: Array) -> float:
+    """By how much the principal axes that are turned most are, rad."""
+    bases = np.linalg.eigh(one)[1], np.linalg.eigh(other)[1]
+    cosines = np.abs(np.sum(bases[0] * bases[1], axis=0))
+    sines = np.linalg.norm(np.cross(bases[0].T, bases[1].T), axis=1)
+    return float(np.arctan2(sines, cosines).max())
+
+
+def _digits(values: Array, apart: float) -> str:
+    """Numbers with enough digits to show a difference."""
+    large = float(np.abs(values).max()) or 1.0
+    digits = int(np.clip(np.ceil(np.log10(large / apart)) + 2 if apart else 4, 4, 15))
+    return ", ".join(f"{value:.{digits}g}" for value in values)

@@ -1,0 +1,85 @@
+"""Frames of one name in both files, such as a tool's: where they are in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.compare.alignment import SAME
+from harness.compare.candidate import Candidate, Facts
+from harness.compare.property import Property, told
+from harness.engines.protocol import Array
+
+KNOWN = 1e-9
+"""Engines tell a frame so well, relative to the size of the mechanism."""
+
+
+@dataclass(frozen=True)
+class FramesTask:
+    """What a worker needs: places of a model, as `kind:name`, and positions, (nz,)."""
+
+    candidate: Candidate
+    places: tuple[str, ...]
+    z: Array
+
+
+def frames(task: FramesTask) -> tuple[Array, Array]:
+    """Origins (F, 3), m, and rotations (F, 3, 3) in the engine's world.
+
+    Raises:
+        EngineError: naming file, place and remedy.
+    """
+    origins, turns = task.candidate.load().poses(task.places, task.z[None])
+    return origins[0], turns[0]
+
+
+def shared_frames(a: Facts, b: Facts) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Places of A and those of B that have one name, and no mass: sites, and links on fixed joints.
+
+    The frame of a link with a mass is a convention.
+    """
+    one, other = _frames(a), _frames(b)
+    names = [name for name in one if name in other]
+    return tuple(one[name] for name in names), tuple(other[name] for name in names)
+
+
+def _frames(facts: Facts) -> dict[str, str]:
+    parts = () if facts.robot is None else facts.robot.parts
+    massless = {part.name for part in parts if part.mass == 0.0 and not part.inertia.any()}
+    found: dict[str, str] = {}
+    for place in facts.places:
+        kind, _, name = place.partition(":")
+        if kind == "site" or (kind in ("body", "link") and name in massless):
+            found.setdefault(name, place)
+    return found
+
+
+def frame_properties(
+    places: Sequence[str], a: tuple[Array, Array], b: tuple[Array, Array], size: float
+) -> tuple[Property, ...]:
+    """Those that are not where their namesakes are."""
+    found = []
+    for i, place in enumerate(places):
+        name = place.partition(":")[2]
+        apart = b[0][i] - a[0][i]
+        far = float(np.linalg.norm(apart))
+        turn = _angle(a[1][i].T @ b[1][i])
+        parts = []
+        if far > max(KNOWN, SAME) * size:
+            x, y, z = (f"{value + 0.0:.4g}" for value in apart)
+            parts.append(f"in B {far:.4g} m away, by ({x}, {y}, {z}) in the world")
+        if turn > 10 * SAME:
+            parts.append(f"turned by {turn:.4g} rad")
+        if parts:
+            message = f"frame {name}: {' and '.join(parts)}"
+            found.append(told("frame", name, message, far / size + turn, moves=False))
+    return tuple(found)
+
+
+def _angle(rotation: Array) -> float:
+    """Of a rotation, rad; its sine tells small ones, its cosine large ones."""
+    odd = rotation - rotation.T
+    sine = float(np.linalg.norm([odd[2, 1], odd[0, 2], odd[1, 0]])) / 2
+    return float(np.arctan2(sine, (np.trace(rotation) - 1) / 2))

@@ -1,0 +1,165 @@
+"""A tree of bodies at one position: axes, anchors and masses in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.robots.robot import Robot
+from harness.robots.system import names_of
+from reference.multibody.algebra import DOUBLES, about_axis
+from reference.multibody.chart import Chart, coordinate_names
+from reference.multibody.lump import Lump, Place
+from reference.multibody.recursion import Recursion
+from reference.multibody.tree import WORLD, Kind, Link, Tree
+from reference.numeric import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placed:
+    """The links of a tree at one position, in the world.
+
+    Attributes:
+        tree: the links, n of them.
+        frames: each link's frame.
+        index: of each link, by the name of its joint.
+        axes: of the joints; of no meaning for a ball and a free joint, (n, 3).
+        anchors: points on them, m, (n, 3).
+        centers: of mass, m, (n, 3).
+        size: of the mechanism, m.
+    """
+
+    tree: Tree
+    frames: tuple[Place, ...]
+    index: Mapping[str, int]
+    axes: Array
+    anchors: Array
+    centers: Array
+    size: float
+
+    def kind(self, name: str) -> Kind:
+        """Of a joint."""
+        return self.tree.links[self.index[name]].kind
+
+    def coordinates(self, name: str) -> tuple[str, ...]:
+        """Of a joint: its own name, or those of a ball's or a free joint's."""
+        return tuple(one for one, _ in coordinate_names(self.kind(name), name))
+
+    def parent(self, name: str) -> str:
+        """The joint that carries a joint; empty where the world does."""
+        parent = self.tree.links[self.index[name]].parent
+        return "" if parent == WORLD else self.tree.links[parent].name
+
+    def lump(self, i: int) -> Lump:
+        """A link as a rigid body in the world."""
+        link = self.tree.links[i]
+        return Lump(link.mass, link.center, link.inertia).seen(self.frames[i])
+
+
+def placed(tree: Tree, q: Array) -> Placed:
+    """Place a tree at positions q, (nq,)."""
+    poses = Recursion(tree).poses(q)
+    frames = tuple(Place(np.asarray(p.rotation), np.asarray(p.origin)) for p in poses)
+    n = len(tree.links)
+    rows = list(zip(tree.links, frames, strict=True))
+    axes = np.array([frame.rotation @ link.axis for link, frame in rows]).reshape(n, 3)
+    anchors = np.array([frame.origin for frame in frames]).reshape(n, 3)
+    centers = np.array([frame.at(link.center) for link, frame in rows]).reshape(n, 3)
+    points = np.concatenate([anchors, centers])
+    size = float(np.max(np.ptp(points, axis=0), initial=0.0)) if n else 0.0
+    return Placed(
+        tree=tree,
+        frames=frames,
+        index={link.name: i for i, link in enumerate(tree.links)},
+        axes=axes,
+        anchors=anchors,
+        centers=centers,
+        size=size or 1.0,
+    )
+
+
+def tree_of(robot: Robot | None, coordinates: Sequence[str]) -> Tree | None:
+    """The tree whose joints have an engine's coordinates; None where they have not."""
+    if robot is None or robot.tree is None:
+        return None
+    names = names_of(robot.tree)
+    if len(set(names)) != len(names) or not set(coordinates) <= set(names):
+        return None
+    return robot.tree
+
+
+def positions(tree: Tree, coordinates: Sequence[str], z: Array) -> Array:
+    """Positions of a tree's joints, (nq,), of those of an engine's coordinates, (nz,)."""
+    where = {name: i for i, name in enumerate(coordinates)}
+    found: Array = Chart(tree, DOUBLES).positions(z[[where[name] for name in names_of(tree)]])
+    return found
+
+
+def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
+    """The tree with some joints standing still, and where each old link is now; or `WORLD`.
+
+    Args:
+        tree: the links.
+        at: positions of hinges and slides that are held, by their names.
+    """
+    links: list[Link] = []
+    # Of each old link: the new one that it is in, and its frame there.
+    now: list[tuple[int, Place]] = []
+    still = Place(np.eye(3), np.zeros(3))
+    for link in tree.links:
+        within, frame = (WORLD, still) if link.parent == WORLD else now[link.parent]
+        place = frame.of(Place(link.rotation, link.position))
+        if link.name not in at:
+            links.append(
+                replace(link, parent=within, rotation=place.rotation, position=place.origin)
+            )
+            now.append((len(links) - 1, still))
+            continue
+        place = place.of(_moved(link, at[link.name]))
+        now.append((within, place))
+        if within != WORLD:
+            links[within] = _joined(links[within], link, place)
+    pulls = tuple(
+        replace(pull, joints=tuple((now[i][0], share) for i, share in pull.joints))
+        for pull in tree.pulls
+        if not any(tree.links[i].name in at for i, _ in pull.joints)
+    )
+    couplings = tuple(
+        replace(
+            one,
+            follower=now[one.follower][0],
+            leader=None if one.leader is None else now[one.leader][0],
+        )
+        for one in tree.couplings
+        if not {tree.links[i].name for i in (one.follower, one.leader) if i is not None} & set(at)
+    )
+    whole = Tree(links=tuple(links), gravity=tree.gravity, pulls=pulls, couplings=couplings)
+    return whole, tuple(i for i, _ in now)
+
+
+def _joined(carrier: Link, link: Link, place: Place) -> Link:
+    """A link with another welded to it, whose frame stands there; so are the points lifted."""
+    whole = Lump(carrier.mass, carrier.center, carrier.inertia).with_(
+        Lump(link.mass, link.center, link.inertia).seen(place)
+    )
+    none = np.zeros((3, 3))
+    lifts = Lump(carrier.lifted, carrier.lift, none).with_(
+        Lump(link.lifted, link.lift, none).seen(place)
+    )
+    return replace(
+        carrier,
+        mass=whole.mass,
+        center=whole.center,
+        inertia=whole.inertia,
+        lifted=lifts.mass,
+        lift=lifts.center,
+    )
+
+
+def _moved(link: Link, by: float) -> Place:
+    """A joint's motion from zero."""
+    if link.kind == "hinge":
+        return Place(about_axis(link.axis, np.array(by), DOUBLES), np.zeros(3))
+    return Place(np.eye(3), link.axis * by)

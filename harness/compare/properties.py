@@ -1,0 +1,237 @@
+"""What two files say differently: of bodies, joints, actuators, gravity, and what is left out.
+
+Read from the files, without a motion. Of masses and axes the equations are made; of limits,
+actuators and shapes no motion that is compared depends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.compare.alignment import SAME, Aligned, aligned, paired_links
+from harness.compare.bodies import body_properties
+from harness.compare.candidate import FOLLOWERS
+from harness.compare.partners import joints_of
+from harness.compare.placed import Placed
+from harness.compare.property import Property, shown, told
+from harness.compare.side import Pair, Side
+from harness.compare.terms import apart
+from harness.engines.compiled import CompiledActuator
+from harness.engines.protocol import Array
+from harness.robots.robot import LeftOut
+
+
+@dataclass(frozen=True, kw_only=True)
+class Properties:
+    """What the files say differently.
+
+    Attributes:
+        found: of which motions depend first, the weightiest first.
+        turned: joints whose axis points the other way in B than the pairing has it.
+    """
+
+    found: tuple[Property, ...]
+    turned: tuple[str, ...]
+
+
+def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
+    """Hold two files against each other."""
+    by_name = _joint_pairs(a.placed, b.placed, pairs)
+    names = [(pair.a, pair.b) for pair in by_name.values()]
+    links, odd = paired_links(a.placed, b.placed, names)
+    rows = aligned(a.placed, b.placed, links)
+    size = max(a.placed.size, b.placed.size)
+    found = [
+        told("kind", name, f"joint {name}: {here} in A, {there} in B", 1.0)
+        for name, here, there in odd
+    ]
+    turned = []
+    for row in rows:
+        pair = by_name[a.tree.links[row.a].name]
+        single = a.tree.links[row.a].kind in ("hinge", "slide")
+        if single and row.opposite != (pair.slope < 0):
+            turned.append(pair.a)
+        found += _joint(a, b, row, pair, size)
+        found += body_properties(a, b, row, size)
+    found += _gravity(a, b)
+    found.sort(key=lambda one: -one.effect)
+    rest = [*_ranges(a, b, rows, by_name), *_actuators(a, b, dict(names)), *_left_out(a, b)]
+    every = sorted((*found, *rest), key=lambda one: not one.moves)
+    return Properties(found=tuple(every), turned=tuple(turned))
+
+
+def _joint_pairs(one: Placed, other: Placed, pairs: Sequence[Pair]) -> dict[str, Pair]:
+    """Pairs of joints, of those of coordinates, by the names of A's.
+
+    A ball's and a free joint's coordinates are paired each with its own, unchanged.
+    """
+    straight = {pair.a: pair.b for pair in pairs if (pair.slope, pair.offset) == (1.0, 0.0)}
+    found = {
+        name: Pair(a=name, b=its, slope=1.0, offset=0.0)
+        for name, its in joints_of(straight, one, other).items()
+    }
+    single = (pair for pair in pairs if pair.a in one.index and pair.b in other.index)
+    return found | {pair.a: pair for pair in single}
+
+
+def _joint(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[Property]:
+    """Where a joint is, and what pulls at it."""
+    if a.tree.links[row.a].kind in ("hinge", "slide"):
+        yield from _geometry(a, b, row, pair, size)
+    if abs(abs(pair.slope) - 1) <= SAME:
+        yield from _forces(a, b, row, pair)
+
+
+def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterator[Property]:
+    """Axis, place, and from where its position counts."""
+    one = a.tree.links[row.a]
+    name = one.name
+    if row.angle > SAME:
+        vectors = _vector(a.placed.axes[row.a]), _vector(_axis(b, row))
+        message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
+        message += f", {row.angle:.3g} rad apart"
+        yield told("axis", name, message, row.angle)
+    if row.apart > SAME * size:
+        message = f"place of joint {name}: {row.apart:.3g} m apart"
+        yield told("anchor", name, message, row.apart / size)
+    if abs(row.zero) > SAME * (1.0 if one.kind == "hinge" else size):
+        unit = "rad" if one.kind == "hinge" else "m"
+        sign = -1.0 if row.opposite else 1.0
+        shift = f"{row.zero - sign * pair.offset:+.15g}"
+        remedy = f"--joints={pair.a}={'-' if row.opposite else ''}{pair.b}{shift}"
+        message = f"zero of joint {name}: {abs(row.zero):.9g} {unit} from that of A ({remedy})"
+        yield told("zero", name, message, abs(row.zero))
+
+
+def _forces(a: Side, b: Side, row: Aligned, pair: Pair) -> Iterator[Property]:
+    """Armature, damper and spring."""
+    one, other = a.tree.links[row.a], b.tree.links[row.b]
+    name = one.name
+    plain = [("armature", one.armature, other.armature)]
+    if not (a.springs or b.springs):
+        plain += [
+            ("damping", one.damping, other.damping),
+            ("stiffness", one.stiffness, other.stiffness),
+        ]
+    for what, here, there in plain:
+        most = max(abs(here), abs(there))
+        if abs(here - there) > SAME * most:
+            message = f"{what} of joint {name}: {shown(here, there)}"
+            yield told(what, name, message, abs(here - there) / most, here, there)
+    if one.stiffness and other.stiffness and not (a.springs or b.springs):
+        rest = (other.rest[0] - pair.offset) / pair.slope
+        if abs(one.rest[0] - rest) > SAME:
+            message = f"rest of the spring of joint {name}: {shown(one.rest[0], rest)}"
+            yield told("rest", name, message, abs(one.rest[0] - rest), one.rest[0], rest)
+
+
+def _axis(b: Side, row: Aligned) -> Array:
+    """B's axis, in the sense of A's."""
+    axis: Array = b.placed.axes[row.b] * (-1.0 if row.opposite else 1.0)
+    return axis
+
+
+def _vector(values: Array) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in values + 0.0)})"
+
+
+def _gravity(a: Side, b: Side) -> Iterator[Property]:
+    one, other = np.array(a.facts.gravity), np.array(b.facts.gravity)
+    if one.shape != other.shape or not one.size:
+        return
+    apart = float(np.linalg.norm(one - other))
+    large = max(float(np.linalg.norm(one)), float(np.linalg.norm(other)))
+    if apart > SAME * large:
+        here, there = (f"({', '.join(f'{x:.9g}' for x in v)})" for v in (one, other))
+        yield told("gravity", "", f"gravity: {here} in A, {there} in B", apart / large)
+
+
+def _ranges(
+    a: Side, b: Side, rows: Sequence[Aligned], by_name: dict[str, Pair]
+) -> Iterator[Property]:
+    """Limits of position, those of B in A's coordinates."""
+    for row in rows:
+        pair = by_name[a.tree.links[row.a].name]
+        if pair.a not in a.facts.coordinates:
+            continue
+        here = np.array(a.limits(pair.a))
+        there = np.sort((np.array(b.limits(pair.b)) - pair.offset) / pair.slope)
+        with np.errstate(invalid="ignore"):
+            miss = np.where(here == there, 0.0, np.abs(here - there))
+        if (miss > SAME * np.maximum(1.0, np.minimum(np.abs(here), np.abs(there)))).any():
+            told_a, told_b = _range(here, there)
+            said = f"range of joint {pair.a}: {told_a} in A, {told_b} in B"
+            yield told("range", pair.a, said, 0.0, moves=False)
+
+
+def _range(here: Array, there: Array) -> tuple[str, str]:
+    """Both, with as many digits as show that they are two."""
+    if np.isinf(here).any() or np.isinf(there).any():
+        one, other = (
+            "endless" if np.isinf(both).all() else f"{both[0]:.7g} to {both[1]:.7g}"
+            for both in (here + 0.0, there + 0.0)
+        )
+        return one, other
+    (low, its_low), (high, its_high) = (
+        apart(float(x) + 0.0, float(y) + 0.0, 0.0) if x != y else (f"{x + 0.0:.7g}",) * 2
+        for x, y in zip(here, there, strict=True)
+    )
+    return f"{low} to {high}", f"{its_low} to {its_high}"
+
+
+def _actuators(a: Side, b: Side, names: dict[str, str]) -> Iterator[Property]:
+    """Count, and by what they act on gear, kind and law: motions depend on those that act."""
+    one, other = a.facts.actuators, b.facts.actuators
+    if one is None or other is None:
+        return
+    acting = a.facts.robot is not None and bool(a.facts.robot.controls)
+    if len(one) != len(other):
+        said = f"actuators: {len(one)} in A, {len(other)} in B"
+        yield told("actuators", "", said, 0.0, moves=False)
+    of_b = {actuator.on: actuator for actuator in other}
+    for actuator in one:
+        its = of_b.get(names.get(actuator.on, actuator.on))
+        if its is not None:
+            yield from _actuator(actuator, its, acting)
+
+
+def _actuator(one: CompiledActuator, other: CompiledActuator, acting: bool) -> Iterator[Property]:
+    name = one.name or f"on {one.on}"
+    for what, here, there in (
+        ("kind", one.kind, other.kind),
+        ("gear", _numbers(one.gear), _numbers(other.gear)),
+        ("gain and bias", _numbers(one.law), _numbers(other.law)),
+    ):
+        if here != there:
+            said = f"{what} of actuator {name}: {here} in A, {there} in B"
+            yield told("actuator", one.on, said, 0.0, moves=acting)
+
+
+def _numbers(values: Sequence[float]) -> str:
+    """Without the zeros that fill a row."""
+    last = max((i for i, value in enumerate(values) if value), default=0)
+    return " ".join(f"{value:.9g}" for value in values[: last + 1])
+
+
+COUNTED = (
+    FOLLOWERS, "dry friction", "mimic", "equality", "contact", "collision", "a medium",
+)  # fmt: skip
+"""How what is left out begins, of which the numbers are held against each other."""
+
+
+def _left_out(a: Side, b: Side) -> Iterator[Property]:
+    """How often the files have what is left out; only of one format they count alike."""
+    if a.file.suffix != b.file.suffix or a.facts.robot is None or b.facts.robot is None:
+        return
+    one, other = (_counts(s.facts.robot.left_out) for s in (a, b) if s.facts.robot is not None)
+    for what in dict.fromkeys([*one, *other]):
+        if one.get(what, 0) != other.get(what, 0):
+            said = f"{what}: {one.get(what, 0)} in A, {other.get(what, 0)} in B"
+            yield told("left out", "", said, 0.0, moves=False)
+
+
+def _counts(left_out: Sequence[LeftOut]) -> dict[str, int]:
+    return {one.what: one.count for one in left_out if one.what.startswith(COUNTED)}

@@ -1,0 +1,64 @@
+"""Where starts are drawn: within the limits of both files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.compare.candidate import Facts
+from harness.compare.match import Match
+from harness.compare.side import pairs_of
+from harness.engines.protocol import Array
+
+FAR = np.pi
+"""Limits further from home than this stand for none, as in `reference.samples`: rad or m."""
+
+OFF = 1e-3
+"""Share of a range by which a start is off its ends: there a stop may act already."""
+
+
+def start_range(source: Facts, target: Facts, match: Match) -> tuple[Array, Array, tuple[str, ...]]:
+    """Positions to begin from, (nz,), and where they are drawn, (nz, 2), of the source.
+
+    Within the limits of both; where there is none, as far as the engine has it, about where the
+    file draws the mechanism. With them joints whose ranges have nothing in common.
+    """
+    limits, strangers = source.limits.copy(), []
+    for pair in pairs_of(match, source.coordinates):
+        own, its = (pair.a, pair.b) if match.source == "A" else (pair.b, pair.a)
+        slope, offset = pair.slope, pair.offset
+        if match.source == "B":
+            slope, offset = 1 / slope, -offset / slope
+        i, j = source.coordinates.index(own), target.coordinates.index(its)
+        other = np.sort((target.limits[j] - offset) / slope)
+        both = np.array([max(limits[i, 0], other[0]), min(limits[i, 1], other[1])])
+        if both[0] < both[1]:
+            limits[i] = both
+        else:
+            strangers.append(own)
+    return *_drawn(source, limits), tuple(strangers)
+
+
+def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:
+    """As `reference.samples.within`, with reaches of the engine's own."""
+    low, high = limits.T
+    half = (source.reach[:, 1] - source.reach[:, 0]) / 2
+    half = np.where(np.isinf(limits).all(axis=1), half, np.minimum(half, FAR))
+    low = np.where(np.isfinite(low), low, np.minimum(source.home, high) - half)
+    high = np.where(np.isfinite(high), high, np.maximum(source.home, low) + half)
+    near = np.clip(source.home, low, high)
+    reach = np.stack([np.maximum(low, near - FAR), np.minimum(high, near + FAR)], axis=1)
+    off = OFF * (reach[:, 1] - reach[:, 0])
+    inside = (reach[:, 0] + off <= source.home) & (source.home <= reach[:, 1] - off)
+    return np.where(inside, source.home, reach.mean(axis=1)), reach
+
+
+def told(strangers: Sequence[str], label: str) -> tuple[str, ...]:
+    """What is said of joints whose ranges don't meet."""
+    if not strangers:
+        return ()
+    return (
+        f"the ranges of {', '.join(strangers)} have nothing in common: runs start within those"
+        f" of {label}",
+    )

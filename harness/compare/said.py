@@ -1,0 +1,105 @@
+"""What both files say, held against each other where they draw the mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.compare.candidate import Facts
+from harness.compare.execute import Execute, ask
+from harness.compare.frames import FramesTask, frame_properties, frames, shared_frames
+from harness.compare.prepared import Prepared
+from harness.compare.properties import properties
+from harness.compare.property import Property
+from harness.compare.side import Pair, Side, pairs_of, side
+from harness.engines.protocol import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Said:
+    """What the files say.
+
+    Attributes:
+        sides: A and B; None where one is no tree of hinges and slides.
+        properties: what differs, of which motions depend first, then frames, then the rest.
+        turned: joints of the comparison that turn the other way.
+    """
+
+    sides: tuple[Side, Side] | None
+    properties: tuple[Property, ...]
+    turned: tuple[str, ...]
+
+    @property
+    def moving(self) -> bool:
+        """Whether something differs on which motions depend."""
+        return any(one.moves for one in self.properties)
+
+
+def said(execute: Execute, made: Prepared, home: Array) -> Said:
+    """Read both files at one position.
+
+    Args:
+        execute: runs the engines, which tell frames.
+        made: both models.
+        home: positions of the source, (nz,).
+
+    Raises:
+        FailureError: where an engine fails.
+    """
+    own = made.facts[0 if made.match.source == "A" else 1]
+    pairs = pairs_of(made.match, own.coordinates)
+    z = home, made.match.value(home[None])[0]
+    z = z if made.match.source == "A" else z[::-1]
+    sides = _sides(made, z)
+    if sides is None:
+        return Said(sides=None, properties=_frames(execute, made, z, 1.0), turned=())
+    found = properties(*sides, pairs)
+    turned = tuple(p.a if made.match.source == "B" else p.b for p in pairs if p.a in found.turned)
+    if found.turned:
+        of_a = dict(zip(made.facts[0].coordinates, z[0].tolist(), strict=True))
+        # Once more where both stand alike.
+        pairs = tuple(_turned(p) if p.a in found.turned else p for p in pairs)
+        z = z[0], _posed(z[1], made.facts, pairs, of_a)
+        again = _sides(made, z)
+        assert again is not None
+        found = properties(*again, pairs)
+    size = max(one.placed.size for one in sides)
+    moving = [one for one in found.found if one.moves]
+    rest = [one for one in found.found if not one.moves]
+    every = (*moving, *_frames(execute, made, z, size), *rest)
+    return Said(sides=sides, properties=every, turned=turned)
+
+
+def _sides(made: Prepared, z: tuple[Array, Array]) -> tuple[Side, Side] | None:
+    one = side(made.a, made.facts[0], made.still[0], z[0])
+    other = side(made.b, made.facts[1], made.still[1], z[1])
+    return None if one is None or other is None else (one, other)
+
+
+def _turned(pair: Pair) -> Pair:
+    return replace(pair, slope=-pair.slope, offset=-pair.offset)
+
+
+def _posed(
+    z: Array, facts: tuple[Facts, Facts], pairs: tuple[Pair, ...], of_a: Mapping[str, float]
+) -> Array:
+    """B's positions where A's are given."""
+    found = np.array(z)
+    for pair in pairs:
+        found[facts[1].coordinates.index(pair.b)] = pair.slope * of_a[pair.a] + pair.offset
+    return found
+
+
+def _frames(
+    execute: Execute, made: Prepared, z: tuple[Array, Array], size: float
+) -> tuple[Property, ...]:
+    places = shared_frames(*made.facts)
+    if not places[0] or made.a == made.b:
+        return ()
+    one, other = (
+        ask(execute, candidate, frames, FramesTask(candidate, its, at))
+        for candidate, its, at in zip((made.a, made.b), places, z, strict=True)
+    )
+    return frame_properties(places[0], one, other, size)

@@ -1,0 +1,119 @@
+"""One of the two files as what it says: its tree at the common position, its links and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from harness.compare.candidate import Candidate, Facts
+from harness.compare.match import Match
+from harness.compare.placed import Placed, held, placed, positions, tree_of
+from harness.engines.protocol import Array
+from harness.robots.robot import Part
+from harness.robots.system import names_of
+from reference.multibody.tree import WORLD, Tree
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Side:
+    """What a file says, and where its bodies are at the common position.
+
+    Attributes:
+        label: "A" or "B".
+        file: that was read.
+        facts: of the model as it is run.
+        tree: with the joints that are held standing still.
+        placed: the same at the common position.
+        parts: the file's links, by the tree's link that they are in.
+        springs: whether a sidecar adds some to those of the file.
+    """
+
+    label: str
+    file: Path
+    facts: Facts
+    tree: Tree
+    placed: Placed
+    parts: tuple[tuple[Part, ...], ...]
+    springs: bool
+
+    def limits(self, name: str) -> tuple[float, float]:
+        """Bounds of a joint."""
+        low, high = self.facts.limits[self.facts.coordinates.index(name)]
+        return float(low), float(high)
+
+    @property
+    def order(self) -> list[int]:
+        """Where each of the tree's joints is among the engine's coordinates."""
+        return [self.facts.coordinates.index(name) for name in names_of(self.tree)]
+
+
+def side(candidate: Candidate, facts: Facts, still: Mapping[str, float], z: Array) -> Side | None:
+    """A file at a position; None where it is no tree with the engine's coordinates.
+
+    Args:
+        candidate: as it is run.
+        facts: of it.
+        still: joints that are held, and where.
+        z: positions of its coordinates, (nz,).
+    """
+    robot = facts.robot
+    tree = tree_of(robot, facts.coordinates)
+    if robot is None or tree is None:
+        return None
+    if set(names_of(tree)) - set(still) != set(facts.coordinates):
+        return None
+    tree, now = held(tree, still) if still else (tree, tuple(range(len(tree.links))))
+    if len(facts.gravity) == 3:
+        tree = replace(tree, gravity=np.array(facts.gravity))
+    parts: list[list[Part]] = [[] for _ in tree.links]
+    for part in robot.parts:
+        if part.body != WORLD and now[part.body] != WORLD:
+            parts[now[part.body]].append(part)
+    return Side(
+        label=candidate.label,
+        file=candidate.sidecar.model,
+        facts=facts,
+        tree=tree,
+        placed=placed(tree, positions(tree, facts.coordinates, z)),
+        parts=tuple(map(tuple, parts)),
+        springs=bool(candidate.sidecar.springs),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two joints of which one follows from the other: B's position is slope * A's + offset."""
+
+    a: str
+    b: str
+    slope: float
+    offset: float
+
+
+def pairs_of(match: Match, own: tuple[str, ...]) -> tuple[Pair, ...]:
+    """Joints of A and B that a match holds for one another, by straight lines.
+
+    Args:
+        match: of coordinates.
+        own: names of the source's coordinates.
+    """
+    if not match.constant:
+        return ()
+    zero = np.zeros((1, len(own)))
+    slopes, offsets = match.slopes(zero)[0], match.value(zero)[0]
+    found = []
+    for name, row, offset in zip(match.names, slopes, offsets, strict=True):
+        (places,) = np.nonzero(row)
+        if len(places) != 1:
+            continue
+        source, slope = own[places[0]], float(row[places[0]])
+        if match.source == "A":
+            found.append(Pair(a=source, b=name, slope=slope, offset=float(offset)))
+        else:
+            found.append(
+                Pair(a=name, b=source, slope=1 / slope, offset=-float(offset) / slope + 0.0)
+            )
+    return tuple(found)

@@ -1,0 +1,188 @@
+"""A robot's discrepancy, and what the numbers of its file do to it: by the equations alone.
+
+What an engine ignores has a slope so, and no engine is run again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from harness.diagnosis.fit import Hypothesis
+from harness.diagnosis.hypotheses.trial import REFUSED
+from harness.robots.named import Numbers
+from harness.robots.numerals import NUDGE
+from reference.flows import Flow
+from reference.integrate import ReferenceError
+from reference.multibody.tree import Tree
+from reference.numeric import Array
+
+NOTHING = 1e-13
+"""A change of the ends by less, relative to their movement, is that of rounding."""
+
+BEND = 1e-2
+"""Share of its size by which a number is moved that has no slope to speak of."""
+
+FLAT, BENT = 1e-4, 30.0
+"""A slope is none to speak of where a change by the number's size would make no more than this; a
+chord that is steeper by so many times says that it bends."""
+
+Faults = Mapping[int, float]
+"""Faults by index of the hypothesis; those not named are none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suspicion:
+    """A hypothesis on numbers of a file.
+
+    Attributes:
+        hypothesis: what might be wrong.
+        units: how a fault of one moves each number, by its index.
+    """
+
+    hypothesis: Hypothesis
+    units: Mapping[int, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotProblem:
+    """What an engine makes of a robot's file, beside its equations.
+
+    Attributes:
+        numbers: of the file that the engine runs.
+        flow: where the equations of that file take some states.
+        suspicions: H of them.
+        apart: engine - reference at the ends, scaled, (B, 2n).
+        scale: what a defect is relative to, (2n,).
+        way: 1 where the reference is the file's own, so that a fault moves what the engine seems to
+            take; -1 where it is another's, so that repairing the fault moves what the file says.
+    """
+
+    numbers: Numbers
+    flow: Flow
+    suspicions: tuple[Suspicion, ...]
+    apart: Array
+    scale: Array
+    way: int
+    _defects: dict[object, Array] = field(default_factory=dict, repr=False)
+    _flows: dict[object, Flow | None] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """What might be wrong."""
+        return tuple(one.hypothesis for one in self.suspicions)
+
+    def defect(self, faults: Faults) -> Array:
+        """Engine - reference once these faults are repaired, scaled and flat, (N,)."""
+        values = self._values(faults)
+        key = tuple(sorted(values.items()))
+        if key not in self._defects:
+            self._defects[key] = self._defect(values)
+        return self._defects[key]
+
+    def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
+        """How much of the defect a unit of each fault makes, near these faults, (len(of), N).
+
+        Far from no fault they are those of the trajectories there, and of the linear problem here.
+        """
+        of = range(len(self.suspicions)) if of is None else of
+        rows = np.zeros((len(of), self.apart.size))
+        values = self._values(faults)
+        flow = self._flow(values)
+        if flow is None:
+            return rows
+        for row, index in enumerate(of):
+            one = self.suspicions[index]
+            if one.hypothesis.switch and faults:
+                rows[row] = self._switched(flow, faults, index)
+            elif one.hypothesis.switch:
+                rows[row] = self.defect(faults) - self.defect({**faults, index: 1.0})
+            else:
+                rows[row] = self._slope(flow, faults, index)
+        return rows
+
+    def _switched(self, flow: Flow, faults: Faults, index: int) -> Array:
+        """What a switch does beside faults, at trajectories as they are: enough to rank pairs."""
+        tree = self._tree(self._values({**faults, index: 1.0}))
+        try:
+            by = None if tree is None else flow.variation(tree) / self.scale
+        except ReferenceError:
+            by = None
+        return np.zeros(self.apart.size) if by is None else self.way * by.ravel()
+
+    def _slope(self, flow: Flow, faults: Faults, index: int) -> Array:
+        """By a difference; of what has no slope to speak of and bends, by a longer one.
+
+        The length of an axis, or a turn out of the plane of all motions, has no effect of the first
+        order: the chord then points where its curvature does.
+        """
+        near, far = self._chord(flow, faults, index, NUDGE), None
+        if np.max(np.abs(near)) * self.hypotheses[index].size < FLAT:
+            far = self._chord(flow, faults, index, BEND)
+        bends = far is not None and np.max(np.abs(far)) > BENT * np.max(np.abs(near))
+        return far if far is not None and bends else near
+
+    def _chord(self, flow: Flow, faults: Faults, index: int, share: float) -> Array:
+        """Slope by a share of the size; to the other side where there is no tree on the one."""
+        size = self.hypotheses[index].size
+        for step in (share * size, -share * size):
+            tree = self._tree(self._values({**faults, index: faults.get(index, 0.0) + step}))
+            if tree is None:
+                continue
+            try:
+                by = flow.variation(tree) / self.scale
+            except ReferenceError:
+                continue
+            if np.max(np.abs(by)) <= NOTHING:
+                break
+            slope: Array = self.way * by.ravel() / step
+            return slope
+        return np.zeros(self.apart.size)
+
+    def _defect(self, values: Mapping[int, float]) -> Array:
+        found = self.apart.ravel()
+        if not values:
+            return found
+        tree = self._tree(values)
+        if tree is None:
+            return np.full_like(found, REFUSED)
+        try:
+            by = self.flow.moved(tree) / self.scale
+        except ReferenceError:
+            return np.full_like(found, REFUSED)
+        left: Array = found - self.way * by.ravel()
+        return left
+
+    def _values(self, faults: Faults) -> dict[int, float]:
+        """The numbers with these faults repaired."""
+        values: dict[int, float] = {}
+        for index, fault in faults.items():
+            for number, unit in self.suspicions[index].units.items():
+                if fault and unit:
+                    before = values.get(number, self.numbers.numerals[number].value)
+                    values[number] = before + fault * unit
+        return values
+
+    def _flow(self, values: Mapping[int, float]) -> Flow | None:
+        if not values:
+            return self.flow
+        key = tuple(sorted(values.items()))
+        if key not in self._flows:
+            tree = self._tree(values)
+            try:
+                self._flows[key] = None if tree is None else self.flow.at(tree)
+            except ReferenceError:
+                self._flows[key] = None
+        return self._flows[key]
+
+    def _tree(self, values: Mapping[int, float]) -> Tree | None:
+        with np.errstate(all="ignore"):
+            found = self.numbers.tree(values)
+        own = self.flow.tree
+        if found is None or found.freedoms != own.freedoms:
+            return None
+        same = [one.kind for one in found.links] == [one.kind for one in own.links]
+        return found if same else None

@@ -1,0 +1,108 @@
+"""What might be wrong with a robot's file, or with how an engine takes it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from harness.diagnosis.fit import Hypothesis
+from harness.diagnosis.hypotheses.candidate import rank
+from harness.diagnosis.robot_problem import Suspicion
+from harness.records.base import SourceLine
+from harness.records.cause import CauseId
+from harness.robots.named import Numbers
+from harness.robots.numerals import Numeral
+
+LISTED = 4
+"""Elements that are named where all that they say is dropped."""
+
+_MOMENTS = re.compile(r".*/inertia@\w+")
+_PRODUCTS = re.compile(r".*/inertia@(ixy|ixz|iyz)")
+
+
+def suspicions(numbers: Numbers, *, own: bool) -> Iterator[Suspicion]:
+    """All that might be wrong.
+
+    Args:
+        numbers: of the file.
+        own: whether the file is right, and the engine may take it otherwise.
+    """
+    for i in numbers.saying:
+        one = numbers.numerals[i]
+        hypothesis = Hypothesis(
+            id=CauseId(kind="taken" if own else "literal", subject=(one.address,)),
+            value=one.value,
+            size=one.scale,
+            rank=rank("literal"),
+            where=(_line(one),),
+            correction=1.0 if own else -1.0,
+        )
+        yield Suspicion(hypothesis=hypothesis, units={i: hypothesis.correction})
+    if own:
+        yield from _dropped(numbers)
+
+
+def _dropped(numbers: Numbers) -> Iterator[Suspicion]:
+    """What an engine may read over: several numbers, each as if it were zero."""
+    numerals = numbers.numerals
+    groups: dict[tuple[int, ...], str] = {}
+    for name, group in _groups(numbers):
+        told = tuple(i for i in group if numerals[i].value)
+        if len(told) > 1:  # one alone is taken for zero
+            groups.setdefault(told, name)
+    for chosen, name in groups.items():
+        elements = tuple(dict.fromkeys(numerals[i].address.split("@")[0] for i in chosen))
+        several = (f"{name} of {len(elements)} elements",)
+        hypothesis = Hypothesis(
+            id=CauseId(
+                kind="dropped",
+                subject=_named(elements, name) if len(elements) <= LISTED else several,
+            ),
+            value=0.0,
+            size=1.0,
+            rank=rank("default"),
+            where=tuple(dict.fromkeys(_line(numerals[i]) for i in chosen)),
+            switch=True,
+        )
+        yield Suspicion(hypothesis=hypothesis, units={i: -numerals[i].value for i in chosen})
+
+
+def _named(elements: Sequence[str], name: str) -> tuple[str, ...]:
+    return tuple(f"{name} of {element}" for element in elements)
+
+
+def _groups(numbers: Numbers) -> Iterator[tuple[str, list[int]]]:
+    """Numbers that may be dropped together, with what they are; some groups may be the same."""
+    kinds: dict[str, list[int]] = {}
+    links: dict[int, list[int]] = {}
+    massless: list[int] = []
+    products: list[int] = []
+    for i in numbers.saying:
+        one = numbers.numerals[i]
+        kinds.setdefault("/".join(one.path.split("/")[-2:]), []).append(i)
+        if _MOMENTS.fullmatch(one.path):
+            links.setdefault(id(one.element), []).append(i)
+            if _mass(one) == 0.0:
+                massless.append(i)
+        if _PRODUCTS.fullmatch(one.path):
+            products.append(i)
+    for group in links.values():
+        yield "moments", group
+    yield "moments", massless
+    yield "products", products
+    for kind, group in kinds.items():
+        yield kind.rpartition("@")[2] or kind, group
+
+
+def _mass(one: Numeral) -> float | None:
+    """That is told beside moments."""
+    inertial = one.element.parent
+    told = [] if inertial is None else [m for m in inertial.children if m.tag == "mass"]
+    try:
+        return float(told[0].attributes["value"]) if told else None
+    except (KeyError, ValueError):
+        return None
+
+
+def _line(one: Numeral) -> SourceLine:
+    return SourceLine(file=one.file.name, line=one.line)

@@ -1,0 +1,61 @@
+"""Rotations as three coordinates whose rates are velocities, for engines that keep quaternions.
+
+p = 4 tan(angle/4) times the axis, four times the modified Rodrigues parameters (Schaub and Junkins,
+Analytical Mechanics of Space Systems, section 3.6). Quaternions have their real part first; angular
+velocities are in the axes of what turns. All arrays may have leading dimensions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.engines.protocol import Array
+
+AXES = ("x", "y", "z")
+
+
+def rotation_names(joint: str) -> tuple[str, ...]:
+    """Of the three coordinates of a joint."""
+    return tuple(f"{joint}:r{axis}" for axis in AXES)
+
+
+def place_names(joint: str) -> tuple[str, ...]:
+    """Of the place of what a free joint carries."""
+    return tuple(f"{joint}:{axis}" for axis in AXES)
+
+
+def quaternion(p: Array) -> Array:
+    """(..., 4) of (..., 3), of length one."""
+    s = p / 4
+    square = np.sum(s * s, axis=-1, keepdims=True)
+    found: Array = np.concatenate([1 - square, 2 * s], axis=-1) / (1 + square)
+    return found
+
+
+def coordinates(q: Array, near: Array) -> Array:
+    """(..., 3) of quaternions (..., 4), of the two signs that which is nearer to `near`."""
+    towards = np.sum(q * near, axis=-1, keepdims=True)
+    q = np.where(towards < 0, -q, q)
+    found: Array = 4 * q[..., 1:] / (np.linalg.norm(q, axis=-1, keepdims=True) + q[..., :1])
+    return found
+
+
+def rate(p: Array, angular: Array) -> Array:
+    """dp/dt, (..., 3)."""
+    s = p / 4
+    square, along = _dot(s, s), _dot(s, angular)
+    found: Array = (1 - square) * angular + 2 * np.cross(s, angular) + 2 * s * along
+    return found
+
+
+def angular_velocity(p: Array, rates: Array) -> Array:
+    """Of dp/dt, (..., 3)."""
+    s = p / 4
+    square, along = _dot(s, s), _dot(s, rates)
+    found: Array = (1 - square) * rates - 2 * np.cross(s, rates) + 2 * s * along
+    return found / (1 + square) ** 2
+
+
+def _dot(one: Array, other: Array) -> Array:
+    found: Array = np.sum(one * other, axis=-1, keepdims=True)
+    return found

@@ -1,0 +1,72 @@
+"""What settings ask of MuJoCo: of a specification before it is compiled, and of a rollout."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from harness.engines.mujoco.smooth import switch_off
+from harness.engines.protocol import Array, EngineError, ModelSpec
+
+
+def is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:
+    """A setting that switches something on or off.
+
+    Raises:
+        EngineError: where it is neither true nor false.
+    """
+    value = spec.settings.get(key, otherwise)
+    if not isinstance(value, bool):
+        told = f"[settings] {key} is {value!r}, where true or false belongs"
+        raise EngineError(f"{spec.path}.toml: {told}")
+    return value
+
+
+def apply_settings(tree: Any, spec: ModelSpec) -> None:
+    """Change a specification.
+
+    Raises:
+        EngineError: naming the setting that MuJoCo does not have.
+    """
+    settings = dict(spec.settings)
+    actuated = is_on(spec, "actuators", otherwise=True)
+    switch_off(tree, smooth=bool(settings.pop("smooth", False)), actuated=actuated)
+    settings.pop("couplings", None)
+    for key in ("controls", "floating", "held", "actuators"):  # of a rollout; and done
+        settings.pop(key, None)
+    if "step" in settings:
+        tree.option.timestep = settings.pop("step")
+    if "gravity" in settings:
+        tree.option.gravity = settings.pop("gravity")
+    if "integrator" in settings:
+        import mujoco
+
+        name = f"mjINT_{str(settings.pop('integrator')).upper()}"
+        if not hasattr(mujoco.mjtIntegrator, name):
+            raise EngineError(f"{spec.path}.toml: MuJoCo has no integrator {name[6:].lower()!r}")
+        tree.option.integrator = getattr(mujoco.mjtIntegrator, name)
+    for key in ("solref", "solimp"):
+        if key in settings:
+            value = settings.pop(key)
+            for equality in tree.equalities:
+                setattr(equality, key, value)
+    if settings:
+        names = ", ".join(sorted(settings))
+        raise EngineError(f"{spec.path}.toml: MuJoCo has no setting {names}")
+
+
+def held_controls(model: Any, spec: ModelSpec) -> Array:
+    """At which all controls are held; zero unless the settings say.
+
+    Raises:
+        EngineError: where they are not as many numbers as there are controls.
+    """
+    count = int(getattr(model, "nctrl", model.nu))
+    given = spec.settings.get("controls", [0.0] * count)
+    numbers = isinstance(given, list) and all(type(one) in (int, float) for one in given)
+    if not numbers or len(given) != count:  # type: ignore[arg-type]  # a list
+        raise EngineError(
+            f"{spec.path}.toml: [settings] controls is {given!r}, where {count} numbers belong"
+        )
+    return np.array(given, dtype=float)

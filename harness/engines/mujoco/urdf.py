@@ -1,0 +1,60 @@
+"""A URDF in MuJoCo: what settings change in the file, and what the format cannot say."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import Any
+
+from harness.engines.mujoco.settings import is_on
+from harness.engines.protocol import EngineError, ModelSpec, held_joints
+from harness.engines.urdf import base_name, joint_springs
+from harness.engines.urdf_copy import (
+    Change,
+    followers_of,
+    mimics_of,
+    with_held,
+    without_shapes,
+)
+
+
+def complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:
+    """Add what a URDF cannot say to MuJoCo: a floating root, Gazebo's and the sidecar's springs."""
+    if is_on(spec, "floating", otherwise=False):
+        root = tree.worldbody.first_body()
+        if root is None:
+            raise EngineError(f"{spec.path}: it has no link that could float")
+        root.add_freejoint().name = base_name(robot)
+    held = held_joints(spec)
+    for joint, (stiffness, rest) in joint_springs(robot, spec.path).items():
+        if joint in held:
+            continue
+        element = tree.joint(joint)
+        if element is None:
+            raise EngineError(f"{spec.path}: <gazebo reference={joint!r}> names no moving joint")
+        element.stiffness = _spring_terms(stiffness)
+        element.springref = rest
+    for index, spring in enumerate(spec.springs):
+        tendon = tree.add_tendon(name=f"crosscheck_spring_{index}")
+        for joint, coefficient in spring.joints.items():
+            tendon.wrap_joint(joint, coefficient)
+        tendon.stiffness = _spring_terms(spring.stiffness)
+        tendon.damping = _spring_terms(spring.damping)
+        tendon.springlength = [spring.rest, spring.rest]
+
+
+def _spring_terms(value: float) -> Any:
+    """MuJoCo 4 takes a polynomial for stiffness and damping, 3 a number."""
+    import mujoco
+
+    if int(mujoco.__version__.split(".")[0]) >= 4:
+        return [value, 0.0, 0.0]
+    return value
+
+
+def changes(spec: ModelSpec) -> list[Change]:
+    """What settings change in a URDF before it is loaded."""
+    found: list[Change] = [without_shapes] if is_on(spec, "smooth", otherwise=False) else []
+    followers = followers_of(spec.settings, f"{spec.path}.toml")
+    if followers is not None:
+        found.append(mimics_of(followers))
+    return [*found, with_held(held)] if (held := held_joints(spec)) else found

@@ -1,0 +1,194 @@
+"""A system folder of a mechanism's energies: read, planned, and checked in every engine."""
+
+from __future__ import annotations
+
+import types
+from dataclasses import replace
+from pathlib import Path
+
+import sympy as sp
+
+from harness.audit.plan import audits
+from harness.engines.registry import readers
+from harness.scaffold.assets import neighbours
+from harness.scaffold.constants import Ledger, Row
+from harness.scaffold.folder import NewError
+from harness.scaffold.mechanism import Mechanism
+from harness.scaffold.mjcf import read_mjcf
+from harness.scaffold.scenarios import Plan, plan, provisional
+from harness.scaffold.text import sidecar_text, system_text
+from harness.scaffold.urdf import read_urdf
+from reference.system import System
+
+GRAVITY = 9.81
+STEP = 0.002
+
+
+class Energies:
+    """The folder of a mechanism whose energies are written as formulas.
+
+    Args:
+        model: the file.
+        data: its content.
+        target: the folder to write.
+
+    Attributes:
+        remarks: what there is to say about it.
+        operations: in T and V.
+        files: to write, once it is planned.
+
+    Raises:
+        NewError: naming file, line and what can't be read.
+    """
+
+    def __init__(self, model: Path, data: bytes, target: Path) -> None:
+        self._model, self._data, self._target = model, data, target
+        self._beside = neighbours(model, data)
+        self._ledger = Ledger(model, data)
+        mechanism = _read(model, data, self._ledger)
+        if not mechanism.joints:
+            raise NewError(f"{model}: it has no moving joint")
+        self._mechanism = _with_symbols(mechanism, self._ledger)
+        self._system = _declared(self._text(provisional(self._mechanism.joints)), model)
+        self._left_out: dict[str, str] = {}
+        self.remarks = list(mechanism.remarks)
+        self.operations = int(sp.count_ops(self._system.T) + sp.count_ops(self._system.V))
+        self.files: dict[str, bytes] = {}
+
+    def plan(self) -> None:
+        """Choose where it rests and its motions; the files are complete then.
+
+        Raises:
+            NewError: where it rests nowhere.
+        """
+        chosen = plan(self._system, self._mechanism.joints)
+        self.files = {
+            self._model.name: self._data,
+            **self._beside,
+            "system.py": self._text(chosen).encode(),
+            self._sidecar: self._sidecar_bytes(),
+        }
+
+    def check(self, made: Path) -> None:
+        """Hold engines against what was read; those that can't run the file are left out.
+
+        Raises:
+            NewError: where none agrees.
+        """
+        suffix = self._model.suffix
+        self.remarks.extend(_checked(made, self._target, suffix, self._left_out))
+        (made / self._sidecar).write_bytes(self._sidecar_bytes())
+
+    def _text(self, chosen: Plan) -> str:
+        rows = self._ledger.rows
+        return system_text(self._target.name, self._model.name, self._mechanism, rows, chosen)
+
+    @property
+    def _sidecar(self) -> str:
+        return f"{self._model.name}.toml"
+
+    def _sidecar_bytes(self) -> bytes:
+        suffix = self._model.suffix
+        return sidecar_text(
+            self._model.name,
+            [engine for engine in readers(suffix) if engine.name not in self._left_out],
+            self._mechanism,
+            self._ledger,
+            self._left_out,
+            format_settings(suffix),
+        ).encode()
+
+
+def _read(model: Path, data: bytes, ledger: Ledger) -> Mechanism:
+    if model.suffix == ".xml":
+        return read_mjcf(model, data, ledger)
+    mechanism = read_urdf(model, data, ledger)
+    g = ledger.name("g")
+    ledger.rows.append(
+        Row(
+            name=g,
+            value=GRAVITY,
+            unit="m/s^2",
+            description="gravity",
+            source=f"{model.name}.toml; a URDF states none",
+        )
+    )
+    ledger.bindings["sidecar:settings.gravity[2]"] = f"-{g}"
+    return replace(mechanism, gravity=("0", "0", f"-{g}"))
+
+
+def format_settings(suffix: str) -> list[str]:
+    """Lines of a sidecar's settings, for a format that states none."""
+    if suffix != ".urdf":
+        return []
+    taken = [f"{e.title} would take {e.unstated}" for e in readers(suffix) if e.unstated]
+    first, *others = [*taken, ""]
+    rest = "".join(f", {words.replace(' would take', '')}" for words in others if words)
+    return [
+        f"# A URDF carries neither; {first}{rest}.",
+        "[settings]",
+        f"step = {STEP}",
+        f"gravity = [0, 0, -{GRAVITY}]",
+        "",
+    ]
+
+
+def _with_symbols(mechanism: Mechanism, ledger: Ledger) -> Mechanism:
+    """Names for the forces and the centres, which no constant has."""
+    return replace(
+        mechanism,
+        bodies=tuple(
+            replace(
+                body,
+                centred=ledger.name(body.name, "centre"),
+                joints=tuple(replace(j, force=ledger.name("force", j.name)) for j in body.joints),
+            )
+            for body in mechanism.bodies
+        ),
+    )
+
+
+def _declared(text: str, model: Path) -> System:
+    """The system that a system.py would declare."""
+    module = types.ModuleType("new_system")
+    try:
+        exec(compile(text, "system.py", "exec"), module.__dict__)
+    except (ArithmeticError, RecursionError, TypeError, ValueError) as error:
+        raise NewError(f"{model}: what it says makes no mechanism: {error}") from None
+    system: System = module.system
+    return system
+
+
+def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) -> list[str]:
+    """What engines that run the file have to say against it; `left_out` gets those that can't.
+
+    Raises:
+        NewError: where no installed engine agrees with what was read.
+    """
+    installed = tuple(e.name for e in readers(suffix) if e.version() is not None)
+    if not installed:
+        return ["no engine that runs it is installed: what was read is not checked"]
+    against: list[str] = []
+    agrees = False
+    for model in audits([made], engines=installed):
+        engine = model.id.engine
+        wrong = [one.message for one in model.findings if one.severity == "finding"]
+        if model.failure and engine == "-":
+            raise NewError(_plain(model.failure, made, target))
+        if model.failure:
+            left_out[engine] = _plain(model.failure, made, target)
+            against.append(f"{engine} is left out: {left_out[engine]}")
+        elif wrong:
+            against += [f"{engine}: {_plain(m, made, target)}" for m in wrong]
+        else:
+            agrees = True
+    if not agrees:
+        raise NewError(
+            f"{target}: nothing was written, since no engine agrees with what was read: "
+            + "; ".join(against or ["none ran it"])
+        )
+    return against
+
+
+def _plain(message: str, made: Path, target: Path) -> str:
+    return " ".join(message.replace(str(made), str(target)).split())

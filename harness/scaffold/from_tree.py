@@ -1,0 +1,141 @@
+"""A system folder of a robot's bodies: written, held against what was read, run in every engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from harness.cases.multibody import case_of, states_of
+from harness.cases.robot import run_robot, settings_of, told
+from harness.engines.protocol import Engine
+from harness.engines.registry import readers
+from harness.files.sidecar import read_sidecar
+from harness.records.outcome import Outcome
+from harness.robots.named import read_robot
+from harness.robots.robot import Robot, Told
+from harness.robots.system import summary
+from harness.scaffold.folder import NewError, write_folder
+from harness.scaffold.parts import besides, included
+from harness.scaffold.places import places
+from harness.scaffold.tree_text import tree_sidecar, tree_text
+from harness.schedule.workers import Failure, Workers
+from reference.integrate import ReferenceError
+from reference.load import load_declaration
+from reference.trees import MultibodySystem
+
+CHECKED = 8
+"""States at which engines are held against what was written: each number has a say in most."""
+
+RESOLUTION = 1e-9
+
+
+class _OtherBodiesError(Exception):
+    """The copy of a file says other bodies than the file: it lacks a mesh, say."""
+
+
+def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> tuple[str, ...]:
+    """Write the folder of a robot that has a tree; returns what there is to say about it.
+
+    Args:
+        robot: as it was read.
+        data: the file's content.
+        target: the folder to write.
+        settings: lines of a sidecar for a format that states no step and no gravity.
+
+    Raises:
+        NewError: naming what is in the way; nothing is written then.
+    """
+    model, told_ = robot.file, robot.told
+    assert told_ is not None  # it has a tree
+    parts = included(model)
+    where = places([model, *(model.parent / name for name in parts)])
+    compiled = next((e.title for e in readers(model.suffix) if model.suffix in e.compiles), "")
+    text = tree_text(target.name, summary(robot), model.name, told_, where, compiled)
+    beside, able = f"{model.name}.toml", readers(model.suffix)
+    files = {model.name: data, **parts, "system.py": text.encode()}
+    files |= {beside: _sidecar(robot, able, {}, settings)}
+    remarks: list[str] = []
+
+    def check(made: Path) -> None:
+        _check_reading(made, robot)
+        left_out, said = _run(made, robot, target)
+        chosen = [one for one in able if one.name not in left_out]
+        # Where none runs it, a run is to say so of each.
+        (made / beside).write_bytes(_sidecar(robot, chosen or able, left_out, settings))
+        remarks.extend(said)
+
+    try:
+        write_folder(target, files, check)
+    except _OtherBodiesError:  # some of its meshes have a say
+        try:
+            write_folder(target, {**besides(model), **files}, check)
+        except _OtherBodiesError as error:
+            raise NewError(f"{model}: its copy in a folder is another robot: {error}") from None
+    if robot.left_out:
+        remarks.append(f"left out: {', '.join(told(one) for one in robot.left_out)}")
+    return tuple(remarks)
+
+
+def _sidecar(
+    robot: Robot, chosen: Sequence[Engine], left_out: Mapping[str, str], settings: Sequence[str]
+) -> bytes:
+    own = settings_of(robot)
+    return tree_sidecar(robot.file.name, chosen, left_out, settings, own).encode()
+
+
+def _check_reading(made: Path, robot: Robot) -> None:
+    """Hold what was written against what was read: the declaration, and the copy of the file.
+
+    Raises:
+        _OtherBodiesError: where the copy is another robot.
+        NewError: where the declaration is.
+    """
+    again = read_robot(made / robot.file.name, floating=robot.floats)
+    if again.told != robot.told:
+        raise _OtherBodiesError(
+            "; ".join(one.sentence for one in again.obstacles) or "it lacks a part"
+        )
+    system = load_declaration(made)
+    assert isinstance(system, MultibodySystem)
+    written = Told(
+        bodies=system.bodies,
+        gravity=system.gravity,
+        pulls=system.pulls,
+        couplings=system.couplings,
+    )
+    if written != robot.told:
+        raise NewError(f"{robot.file}: what was written of it is not what was read")
+
+
+def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[str]]:
+    """Engines that can't run the file, with why; and what there is to say of engines.
+
+    Raises:
+        NewError: where the bodies can't be solved.
+    """
+    able = [one for one in readers(robot.file.suffix) if one.version() is not None]
+    if not able:
+        return {}, ["no engine that runs it is installed: what was read is not checked"]
+    system = load_declaration(made)
+    assert isinstance(system, MultibodySystem)
+    sidecar = read_sidecar(made / f"{robot.file.name}.toml")
+    try:
+        drawn = states_of(system, CHECKED)
+    except ReferenceError as error:
+        raise NewError(f"{robot.file}: {error}") from None
+    left_out: dict[str, str] = {}
+    remarks: list[str] = []
+    with Workers(1) as workers:
+        for engine in able:
+            task = case_of(system, drawn, made, sidecar, engine.name, RESOLUTION)
+            case = workers.outcome(workers.submit(run_robot, task))
+            if isinstance(case, Failure):
+                why = left_out[engine.name] = _plain(case.reason, made, target)
+                remarks.append(f"{engine.name} is left out: {why}")
+            elif case.outcome is not Outcome.AGREES:
+                remarks.append(f"{engine.name} {case.outcome}: {case.reason}")
+    return left_out, remarks
+
+
+def _plain(message: str, made: Path, target: Path) -> str:
+    return " ".join(message.replace(str(made), str(target)).split())

@@ -1,0 +1,57 @@
+"""The files that a model of bodies needs: what it includes, and meshes where they have a say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+from harness.files.parts import PartError, check_parts, parts
+from harness.files.reading import read_regular
+from harness.scaffold.assets import MEANT
+from harness.scaffold.folder import NewError
+
+
+def included(model: Path) -> dict[str, bytes]:
+    """Relative path -> content of the models that a model file includes, at any depth.
+
+    Raises:
+        NewError: for one that may do harm, or is not below the model's folder.
+    """
+    try:
+        check_parts(model)
+    except PartError as error:
+        raise NewError(str(error)) from None
+    return dict(_read(model, [path for path, part in parts(model).items() if part], strict=True))
+
+
+def besides(model: Path) -> dict[str, bytes]:
+    """The same of all else that it names and that is there: meshes, height fields, textures."""
+    others = [path for path, part in parts(model).items() if not part]
+    return dict(_read(model, others, strict=False))
+
+
+def _read(model: Path, paths: list[Path], *, strict: bool) -> Iterator[tuple[str, bytes]]:
+    for path in paths:
+        within = _below(path, model.parent)
+        if within is None or within.suffix in MEANT:
+            if strict:
+                why = (
+                    f"files that end with {path.suffix} are run or read in a folder: rename it"
+                    if within is not None
+                    else "which is not below its folder; a folder holds all it needs"
+                )
+                raise NewError(f"{model}: it needs {path}, {why}")
+            continue
+        try:
+            yield str(within), read_regular(path)
+        except OSError as error:
+            raise NewError(f"{model}: it needs {path}: {error.strerror}") from None
+
+
+def _below(path: Path, folder: Path) -> PurePosixPath | None:
+    """Its place in a folder; None where it is elsewhere."""
+    try:
+        within = PurePosixPath(path.relative_to(folder).as_posix())
+    except ValueError:
+        return None
+    return None if ".." in within.parts else within

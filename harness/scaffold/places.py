@@ -1,0 +1,61 @@
+"""Where bodies, joints and pulls stand in the files of a model: for comments beside numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from harness.files.locations.xml import RawElement
+from harness.robots.document import Document, DocumentError
+
+Key = tuple[str, ...]
+"""What it is, its name, and which part: `("body", "rod")`, `("body", "rod", "mass")`."""
+
+_BODIES, _JOINTS = ("link", "body"), ("joint", "freejoint")
+_PULLS = ("tendon", "actuator")
+"""Elements that hold such."""
+
+
+def places(files: Iterable[Path]) -> Mapping[Key, str]:
+    """`robot.urdf:93` of all that has a name, and of what is within it, the first of each."""
+    found: dict[Key, str] = {}
+    for file in files:
+        try:
+            document = Document(file)
+        except DocumentError:
+            continue  # what no parser of XML reads, though an engine may
+        for key, element in _named(document.root):
+            found.setdefault(key, f"{file.name}:{document.line(element)}")
+    return found
+
+
+def _named(element: RawElement) -> Iterator[tuple[Key, RawElement]]:
+    """All that have names, in and below an element."""
+    name, kind = element.attributes.get("name", ""), _kind(element)
+    if name and kind:
+        yield (kind, name), element
+        for label, part in _within(element):
+            yield (kind, name, label), part
+    if element.tag == "gazebo" and "reference" in element.attributes:
+        for part in element.children:
+            yield ("joint", element.attributes["reference"], part.tag), part
+    for child in element.children:
+        yield from _named(child)
+
+
+def _kind(element: RawElement) -> str:
+    if element.tag in _BODIES:
+        return "body"
+    if element.tag in _JOINTS:
+        return "joint"
+    return "pull" if element.parent is not None and element.parent.tag in _PULLS else ""
+
+
+def _within(element: RawElement) -> Iterator[tuple[str, RawElement]]:
+    """What of it has numbers: not what is seen or touches, and no other body."""
+    for child in element.children:
+        if child.tag == "inertial":
+            yield child.tag, child
+            yield from ((f"inertial/{part.tag}", part) for part in child.children)
+        elif child.tag in ("origin", "axis", "dynamics", "limit"):
+            yield child.tag, child

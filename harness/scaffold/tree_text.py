@@ -1,0 +1,220 @@
+"""system.py and the sidecar of a robot whose bodies are declared, each number with its line."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any
+
+from harness.engines.protocol import Engine
+from harness.robots.robot import Told
+from harness.scaffold.places import Key
+from harness.scaffold.text import comment, literal, plain, quoted
+from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
+
+_BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
+    "position": ("m", ()),
+    "rpy": ("rad", ()),
+    "quaternion": ("w, x, y, z", ()),
+    "mass": ("kg", ("inertial/mass", "inertial")),
+    "center": ("m", ("inertial/origin", "inertial")),
+    "inertia": ("kg m^2", ("inertial/inertia", "inertial")),
+    "inertia_rpy": ("rad", ("inertial/origin",)),
+    "inertia_quaternion": ("w, x, y, z", ("inertial",)),
+    "lift": ("share of its weight", ()),
+})  # fmt: skip
+"""Fields of a body: their unit, and in which elements they stand."""
+
+_PLACING = ("position", "rpy", "quaternion")
+
+_JOINT_IN = MappingProxyType({
+    "axis": ("axis",), "damping": ("dynamics",), "limits": ("limit",),
+    "stiffness": ("springStiffness",), "rest": ("springReference",),
+})  # fmt: skip
+
+_TURNING = MappingProxyType({
+    "at": "m", "zero": "rad", "damping": "N m s/rad", "stiffness": "N m/rad", "rest": "rad",
+    "armature": "kg m^2", "limits": "rad",
+})  # fmt: skip
+_SLIDING = MappingProxyType({
+    "at": "m", "zero": "m", "damping": "N s/m", "stiffness": "N/m", "rest": "m",
+    "armature": "kg", "limits": "m",
+})  # fmt: skip
+_FREE = MappingProxyType({"damping": "N m s/rad and N s/m", "armature": "kg m^2 and kg"})
+
+
+def tree_text(
+    name: str, title: str, file: str, told: Told, where: Mapping[Key, str], compiled: str
+) -> str:
+    """The whole of system.py; nothing of the model file stands in it but in literals.
+
+    Args:
+        name: of the system.
+        title: what it is.
+        file: name of the model file.
+        told: its bodies.
+        where: where they stand in it.
+        compiled: who has compiled it; empty where the numbers are the file's own.
+    """
+    shown = plain(file)
+    number = "Every number is as the file has it"
+    if compiled:
+        number = (
+            f"Every number is as {compiled} compiles the file: in SI units, with defaults, frames"
+            " and shapes put in"
+        )
+    more = [*(["Coupling"] if told.couplings else []), *(["Pull"] if told.pulls else [])]
+    used = sorted(["Joint", "MultibodySystem", "RigidBody", *more])
+    lines = [
+        f'""{quoted(f"The physics of {name}, read from {shown} by `crosscheck new`.")}""',
+        "",
+        f"from physics_crosscheck import {', '.join(used)}",
+        "",
+        *comment(f"""{number}, with its line beside it. It was all read from {shown} itself, so it
+        checks the engines, and every later edit of {shown}: but not yet {shown} against what you
+        mean. For that, put in your own numbers, from drawings and data sheets."""),
+        "",
+        "system = MultibodySystem(",
+        f"    name={quoted(name)},",
+        f"    title={quoted(title)},",
+        f"    source={quoted(f'{shown}, read by crosscheck new')},",
+        f"    gravity={_number(told.gravity)},  # m/s^2",
+        "    # Each body after the one that carries it; one without joints is welded to that. Its",
+        "    # inertia is ixx, iyy, izz, ixy, ixz and iyz about its center of mass.",
+        "    bodies=(",
+        *(line for body in told.bodies for line in _body(body, where)),
+        "    ),",
+    ]  # fmt: skip
+    if told.pulls:
+        lines += [
+            "    # Tendons, and actuators with their inputs held at `control`.",
+            "    pulls=(",
+            *(line for pull in told.pulls for line in _pull(pull, where)),
+            "    ),",
+        ]
+    if told.couplings:
+        lines += [
+            "    # Joints that follow others.",
+            "    couplings=(",
+            *map(_coupling, told.couplings),
+            "    ),",
+        ]
+    return "\n".join([*lines, ")", ""])
+
+
+def tree_sidecar(
+    file: str,
+    engines: Sequence[Engine],
+    left_out: Mapping[str, str],
+    settings: Sequence[str],
+    own: Mapping[str, object],
+) -> str:
+    """The sidecar: engines, what the format has no word for, and what is not compared.
+
+    Args:
+        file: name of the model file.
+        engines: that run it.
+        left_out: engines that can't, and why.
+        settings: lines for a format that states no step and no gravity, `[settings]` among them.
+        own: settings with which it is held against bodies.
+    """
+    lines = [f"# The sidecar of {plain(file)}: what the file itself can't say."]
+    lines += [f"# Left out: {plain(f'{name}: {why}')}" for name, why in left_out.items()]
+    lines += [f"engines = [{', '.join(quoted(e.name) for e in engines)}]", ""]
+    lines += [line for line in settings if line] or ["[settings]"]
+    lines += [
+        "# Contacts, limits and dry friction have no digits to compare: the bodies move without,",
+        "# and joints follow others where `couplings` names them.",
+        *(f"{key} = {json.dumps(value)}" for key, value in own.items()),
+        "",
+    ]
+    for engine in engines if settings else ():
+        if engine.stated_settings:
+            stated = engine.stated_settings.items()
+            lines += [f"[settings.{engine.name}]"]
+            lines += [f"{key} = {literal(value)}" for key, value in stated] + [""]
+    return "\n".join(lines)
+
+
+def _body(body: RigidBody, where: Mapping[Key, str]) -> Iterator[str]:
+    yield _opening(8, "RigidBody(", where.get(("body", body.name), ""))
+    yield f"            name={quoted(body.name)},"
+    yield f"            parent={None if body.parent is None else quoted(body.parent)},"
+    origin = "" if not body.joints else where.get(("joint", body.joints[0].name, "origin"), "")
+    said = dict(_said(body, ("name", "parent", "joints")))
+    for key in (one for one in _PLACING if one in said):
+        yield _field(12, key, said.pop(key), _BODY[key][0], origin)
+    if body.joints:
+        yield "            joints=("
+        for joint in body.joints:
+            yield from _joint(joint, where)
+        yield "            ),"
+    for key, value in said.items():
+        unit, parts = _BODY[key]
+        yield _field(12, key, value, unit, _first(where, ("body", body.name), parts))
+    yield "        ),"
+
+
+def _joint(joint: Joint, where: Mapping[Key, str]) -> Iterator[str]:
+    yield _opening(16, "Joint(", where.get(("joint", joint.name), ""))
+    yield f"                    name={quoted(joint.name)},"
+    yield f'                    kind="{joint.kind}",'
+    units = {"slide": _SLIDING, "free": _FREE}.get(joint.kind, _TURNING)
+    said = dict(_said(joint, ("name", "kind")))
+    if joint.single:
+        said = {"axis": joint.axis, **said}
+    for key, value in said.items():
+        place = _first(where, ("joint", joint.name), _JOINT_IN.get(key, ()))
+        yield _field(20, key, value, units.get(key, ""), place)
+    yield "                ),"
+
+
+def _pull(pull: Pull, where: Mapping[Key, str]) -> Iterator[str]:
+    yield _opening(8, "Pull(", where.get(("pull", pull.name), ""))
+    yield f"            name={quoted(pull.name)},"
+    shares = ", ".join(f"({quoted(name)}, {_number(share)})" for name, share in pull.joints)
+    yield f"            joints=({shares}{',' if len(pull.joints) == 1 else ''}),"
+    for key, value in _said(pull, ("name", "joints")):
+        yield _field(12, key, value, "", "")
+    yield "        ),"
+
+
+def _coupling(one: Coupling) -> str:
+    leader = None if one.leader is None else quoted(one.leader)
+    more = "".join(f", {key}={_number(value)}" for key, value in _said(one, ("follower", "leader")))
+    return f"        Coupling(follower={quoted(one.follower)}, leader={leader}{more}),"
+
+
+def _said(one: Any, but: tuple[str, ...]) -> Iterator[tuple[str, object]]:
+    """Fields that are not at their default."""
+    for field in fields(one):
+        value = getattr(one, field.name)
+        # A zero with a sign is not the zero of the default.
+        if field.name not in but and repr(value) != repr(field.default):
+            yield field.name, value
+
+
+def _first(where: Mapping[Key, str], key: Key, parts: tuple[str, ...]) -> str:
+    return next((where[*key, part] for part in parts if (*key, part) in where), "")
+
+
+def _opening(indent: int, text: str, place: str) -> str:
+    return " " * indent + text + (f"  # {plain(place)}" if place else "")
+
+
+def _field(indent: int, key: str, value: object, unit: str, place: str) -> str:
+    said = ", ".join(part for part in (unit, plain(place)) if part)
+    return " " * indent + f"{key}={_number(value)}," + (f"  # {said}" if said else "")
+
+
+def _number(value: object) -> str:
+    """A number, or a tuple of them, as Python reads it to the last digit."""
+    if isinstance(value, tuple):
+        inner = ", ".join(map(_number, value))
+        return f"({inner}{',' if len(value) == 1 else ''})"
+    if isinstance(value, float) and not math.isfinite(value):
+        return f'float("{value}")'
+    return repr(value)

@@ -1,0 +1,266 @@
+"""A tree of bodies as a model file tells it: every body by itself, numbers as they stand there.
+
+Bodies that are welded to others are bodies of their own here, and one body may have several joints
+one after the other; `reference.multibody.assemble` makes a `Tree` of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import get_args
+
+import numpy as np
+
+from reference.multibody.algebra import from_quaternion, from_rpy
+from reference.multibody.lump import Lump, Place
+from reference.multibody.tree import Kind, TreeError
+from reference.numeric import Array
+
+Triple = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Powers = float | tuple[float, ...]
+"""A coefficient, or those of several powers: the first, the second, ..."""
+
+ZERO: Triple = (0.0, 0.0, 0.0)
+KINDS = get_args(Kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """A joint between a body and the one that carries it, or the body's joint before it.
+
+    Attributes:
+        name: by which its coordinate is called.
+        kind: "hinge", "slide", "ball" or "free". A free joint's position is that of the body's
+            frame, from where the body stands without it.
+        axis: direction in the body's frame, of any length; of no meaning for a ball or a free
+            joint.
+        at: a point of the axis, in the body's frame, m.
+        zero: its position where the body stands as it does without the joint: rad or m.
+        damping: force by velocity, against it: N s/m or N m s/rad; of several, those of the powers
+            w, w |w|, w |w|^2, ...
+        stiffness: N/m or N m/rad; of several, those of the powers of the stretch.
+        rest: position at which the spring pulls nothing: rad or m.
+        armature: added to the diagonal of the mass matrix: kg or kg m^2.
+        limits: lowest and highest position, between which states are drawn; None where there are
+            none.
+
+    Raises:
+        TreeError: naming the joint and what is wrong with it.
+    """
+
+    name: str
+    kind: Kind
+    axis: Triple = (1.0, 0.0, 0.0)
+    at: Triple = ZERO
+    zero: float = 0.0
+    damping: Powers = 0.0
+    stiffness: Powers = 0.0
+    rest: float = 0.0
+    armature: float = 0.0
+    limits: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        what = f"joint {self.name!r}"
+        if self.kind not in KINDS:
+            raise TreeError(f"{what} is of kind {self.kind!r}; kinds are {', '.join(KINDS)}")
+        _check(what, "axis", self.axis, 3)
+        _check(what, "at", self.at, 3)
+        for key in ("damping", "stiffness"):
+            _check(what, key, powers(getattr(self, key)))
+        _check(what, "zero, rest and armature", (self.zero, self.rest, self.armature), 3)
+        if self.single and not any(self.axis):
+            raise TreeError(f"the axis of {what} has no length")
+        if self.limits is not None and not (
+            len(self.limits) == 2 and self.limits[0] <= self.limits[1]
+        ):
+            raise TreeError(f"limits of {what} are a lowest and a highest position")
+        if not self.single and powers(self.stiffness):
+            raise TreeError(f"{what} is a {self.kind} joint with a spring, which is not covered")
+        if not self.single and self.bent:
+            raise TreeError(
+                f"{what} is a {self.kind} joint with a damper that is no straight line, which is"
+                " not covered"
+            )
+
+    @property
+    def single(self) -> bool:
+        """Whether its position is one number."""
+        return self.kind in ("hinge", "slide")
+
+    @property
+    def bent(self) -> bool:
+        """Whether its spring or its damper is no straight line."""
+        return len(powers(self.damping)) > 1 or len(powers(self.stiffness)) > 1
+
+    @cached_property
+    def direction(self) -> Array:
+        """Its axis as a unit vector, (3,)."""
+        axis = np.array(self.axis, dtype=float)
+        axis = axis / np.abs(axis).max()  # its square neither overflows nor vanishes
+        found: Array = axis / np.linalg.norm(axis)
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigidBody:
+    """A body, and the joints between it and the one that carries it.
+
+    Attributes:
+        name: of the body.
+        parent: name of the body that carries it; None for the world.
+        position: of its frame in the parent's, where all joints are as at `zero`, m.
+        rpy: how its frame is turned there: about the parent's x, then y, then z axis, rad.
+        quaternion: the same otherwise, (w, x, y, z); None where `rpy` says it.
+        joints: by which it moves, one after the other; none of a body that is welded.
+        mass: kg.
+        center: of mass, in the body's frame, m.
+        inertia: (ixx, iyy, izz, ixy, ixz, iyz) about the center of mass, kg m^2.
+        inertia_rpy, inertia_quaternion: how the axes of `inertia` are turned in the body's frame.
+        lift: share of its weight that does not pull on it.
+
+    Raises:
+        TreeError: naming the body and what is wrong with it.
+    """
+
+    name: str
+    parent: str | None
+    position: Triple = ZERO
+    rpy: Triple = ZERO
+    quaternion: Quaternion | None = None
+    joints: tuple[Joint, ...] = ()
+    mass: float = 0.0
+    center: Triple = ZERO
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    inertia_rpy: Triple = ZERO
+    inertia_quaternion: Quaternion | None = None
+    lift: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = f"body {self.name!r}"
+        for key, count in (("position", 3), ("center", 3), ("inertia", 6)):
+            _check(what, key, getattr(self, key), count)
+        _check(what, "mass and lift", (self.mass, self.lift), 2)
+        for key in ("", "inertia_"):
+            rpy, other = getattr(self, f"{key}rpy"), getattr(self, f"{key}quaternion")
+            _check(what, f"{key}rpy", rpy, 3)
+            if other is None:
+                continue
+            _check(what, f"{key}quaternion", other, 4)
+            if any(rpy) or not any(other):
+                raise TreeError(
+                    f"{what} has {key}rpy and {key}quaternion: one of them says how it is turned"
+                    if any(rpy)
+                    else f"{key}quaternion of {what} has no length"
+                )
+
+    @property
+    def place(self) -> Place:
+        """Of its frame in its parent's."""
+        return _place(self.position, self.rpy, self.quaternion)
+
+    @property
+    def lump(self) -> Lump:
+        """Its mass in its own frame."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+        own = Lump(float(self.mass), np.zeros(3), tensor)
+        return own.seen(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pull:
+    """A force F along a length s that is a combination of hinges' and slides' positions.
+
+    F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
+    w = ds/dt and x is by how much s is outside `rest`; on each joint acts F times its coefficient.
+
+    Attributes:
+        name: of the tendon or actuator.
+        joints: names of joints, each with its coefficient.
+        bias: (b0, b1, b2).
+        gain: (g0, g1, g2).
+        control: u, at which its input is held.
+        stiffness: k_1, k_2, ...; N/m^i or N m/rad^i.
+        damping: d_1, d_2, ...
+        rest: between which lengths springs pull nothing.
+        armature: mass that moves as s does, kg or kg m^2.
+
+    Raises:
+        TreeError: naming what is wrong with it.
+    """
+
+    name: str
+    joints: tuple[tuple[str, float], ...]
+    bias: Triple = ZERO
+    gain: Triple = ZERO
+    control: float = 0.0
+    stiffness: Powers = 0.0
+    damping: Powers = 0.0
+    rest: tuple[float, float] = (0.0, 0.0)
+    armature: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = f"pull {self.name!r}"
+        for key in ("bias", "gain"):
+            _check(what, key, getattr(self, key), 3)
+        for key in ("stiffness", "damping"):
+            _check(what, key, powers(getattr(self, key)))
+        _check(what, "control and armature", (self.control, self.armature), 2)
+        _check(what, "rest", self.rest, 2)
+        _check(what, "joints", [share for _, share in self.joints])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coupling:
+    """A hinge or slide that follows another: its position is multiplier * the other's + offset.
+
+    Attributes:
+        follower, leader: names of the joints; no leader where it stands at the offset.
+        multiplier: in the units of both.
+        offset: rad or m.
+
+    Raises:
+        TreeError: naming what is wrong with it.
+    """
+
+    follower: str
+    leader: str | None
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = f"the coupling of {self.follower!r}"
+        _check(what, "multiplier and offset", (self.multiplier, self.offset), 2)
+
+
+def powers(value: Powers) -> tuple[float, ...]:
+    """Coefficients of the first power, the second, ...; none of those that are zero at the end."""
+    found = value if isinstance(value, tuple) else (value,)
+    while found and not found[-1]:
+        found = found[:-1]
+    return found
+
+
+def _place(at: Triple, rpy: Triple, quaternion: Quaternion | None) -> Place:
+    if quaternion is None:
+        return Place(from_rpy(*rpy), np.array(at, dtype=float))
+    return Place(from_quaternion(np.array(quaternion, dtype=float)), np.array(at, dtype=float))
+
+
+def _check(what: str, key: str, values: Sequence[float], count: int | None = None) -> None:
+    """Refuse what are not so many finite numbers.
+
+    Raises:
+        TreeError: naming them.
+    """
+    try:
+        fine = all(math.isfinite(value) for value in values)
+    except TypeError:
+        fine = False
+    if not fine or (count is not None and len(values) != count):
+        wanted = "finite numbers belong" if count is None else f"{count} finite numbers belong"
+        raise TreeError(f"{key} of {what}: {values!r}, where {wanted}")

@@ -1,0 +1,65 @@
+"""Joints that follow others: the coordinates that are left, and all of them by these."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from reference.multibody.algebra import DOUBLES, Field, Scalars
+from reference.multibody.tree import Coupling, Tree, TreeError
+
+
+class Coupled:
+    """All of a tree's coordinates, y = G x + c, by those that follow none, x.
+
+    Attributes:
+        kept: indices of x among y.
+        matrix: G, (nv, kept).
+        offset: c, (nv,).
+    """
+
+    def __init__(self, tree: Tree) -> None:
+        rows = {tree.velocities[one.follower].start: one for one in tree.couplings}
+        self.kept = [i for i in range(tree.nv) if i not in rows]
+        self.matrix, self.offset = np.zeros((tree.nv, len(self.kept))), np.zeros(tree.nv)
+        self.matrix[self.kept, range(len(self.kept))] = 1.0
+        waiting = dict(rows)
+        while waiting:
+            ready = [i for i, one in waiting.items() if _leader(tree, one) not in waiting]
+            if not ready:
+                names = ", ".join(tree.links[one.follower].name for one in waiting.values())
+                raise TreeError(f"{names} follow each other in a circle")
+            for i in ready:
+                self._follow(i, _leader(tree, waiting.pop(i)), rows[i])
+
+    def _follow(self, i: int, leader: int | None, one: Coupling) -> None:
+        self.offset[i] = one.offset
+        if leader is not None:
+            self.matrix[i] = one.multiplier * self.matrix[leader]
+            self.offset[i] += one.multiplier * self.offset[leader]
+
+    def positions(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
+        """y, (nv, ...), of x, (kept, ...)."""
+        offset = field.array(self.offset).reshape(-1, *(1,) * (x.ndim - 1))
+        found: Scalars = self.rates(x, field) + offset
+        return found
+
+    def rates(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
+        """G x, of rates or accelerations."""
+        found: Scalars = np.tensordot(field.array(self.matrix), x, 1)
+        return found
+
+    def forces(self, y: Scalars, field: Field = DOUBLES) -> Scalars:
+        """G^T y: what forces on all are on those that are left."""
+        found: Scalars = np.tensordot(field.array(self.matrix.T), y, 1)
+        return found
+
+    def mass(self, whole: Scalars, field: Field = DOUBLES) -> Scalars:
+        """G^T M G, (kept, kept, ...)."""
+        half = np.tensordot(field.array(self.matrix.T), whole, 1)
+        both = np.tensordot(half, field.array(self.matrix), ([1], [0]))
+        found: Scalars = np.moveaxis(both, -1, 1)
+        return found
+
+
+def _leader(tree: Tree, one: Coupling) -> int | None:
+    return None if one.leader is None else tree.velocities[one.leader].start

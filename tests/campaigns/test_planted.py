@@ -1,0 +1,43 @@
+"""Faults planted into a robot's file: each is told apart by what can be seen of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from campaigns.planted import __main__ as command
+from campaigns.planted.fates import Fate, Ground, faults, table
+from tests.robots.files import joint, link
+
+TEXT = "\n".join(
+    [
+        '<robot name="written">',
+        link("base", ""),
+        joint("a", "base", "one", '<origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>'),
+        link("one"),
+        joint("b", "one", "two", '<origin xyz="0 0 -1"/><dynamics damping="0.5"/>'),
+        link("two"),
+        "</robot>",
+    ]
+)
+
+
+def test_what_shows_is_named_and_what_does_not_is_told_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(TEXT)
+    ground = Ground.of(file, "mujoco")
+    where = {ground.numbers.numerals[i].address: i for i in ground.numbers.saying}
+    chosen = {
+        "joint[a]/origin@xyz[2]": Fate.INVISIBLE,
+        "link[two]/inertial/mass@value": Fate.NAMED,
+        "joint[b]/dynamics@damping": Fate.NAMED,
+    }
+    found = list(faults(ground, [1e-6, 1e-2], [where[address] for address in chosen]))
+    assert [one.fate for one in found] == [fate for fate in chosen.values() for _ in range(2)]
+    assert file.read_text() == TEXT
+    assert "of 4 that can be seen, 4 are caught and named, 100.0%" in table(found)
+    assert command.main([str(file), "--engine", "mujoco", "--every", "9"]) == 0
+    assert "are caught and named" in capsys.readouterr().out

@@ -1,0 +1,112 @@
+"""Robots' files whose joints follow others: mimics and joint equalities."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.cases.robot import prepare_robot, run_robot
+from harness.engines.registry import readers
+from harness.records.outcome import Outcome
+
+INERTIA = '<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/>'
+URDF = f"""<robot name="gripper"><link name="w"/>
+<link name="a"><inertial><origin xyz="0.1 0 -0.3"/><mass value="1.3"/>{INERTIA}</inertial></link>
+<link name="b"><inertial><origin xyz="0 0.1 -0.2"/><mass value="0.7"/>{INERTIA}</inertial></link>
+<link name="c"><inertial><origin xyz="0 0 0.1"/><mass value="0.4"/>{INERTIA}</inertial></link>
+<link name="d"><inertial><origin xyz="0.1 0 0.1"/><mass value="0.3"/>{INERTIA}</inertial></link>
+<joint name="j1" type="continuous"><parent link="w"/><child link="a"/><axis xyz="0 1 0"/>
+<dynamics damping="0.1"/></joint>
+<joint name="j2" type="continuous"><parent link="a"/><child link="b"/>
+<origin xyz="0 0 -0.5" rpy="0.2 0 0"/><axis xyz="1 0 0"/></joint>
+<joint name="j3" type="prismatic"><parent link="b"/><child link="c"/><origin xyz="0 0 -0.5"/>
+<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
+<mimic joint="j2" multiplier="-0.3"/></joint>
+<joint name="j4" type="continuous"><parent link="a"/><child link="d"/><axis xyz="0 0 1"/>
+<mimic joint="j3" multiplier="2"/></joint></robot>"""
+
+MJCF = """<mujoco><option integrator="{}"/><worldbody><body><joint name="j1" axis="0 1 0"/>
+<inertial pos="0.1 0 -.3" mass="1.3" diaginertia="0.05 0.06 0.07"/>
+<body pos="0 0 -0.5" euler="20 0 0"><joint name="j2" axis="1 0 0" ref="10"/>
+<inertial pos="0 .1 -.2" mass="0.7" diaginertia="0.01 0.02 0.015"/>
+<body name="s" pos="0 0 -0.5"><joint name="j3" type="slide" axis="0 0 1" ref="0.2" stiffness="30"/>
+<inertial pos="0 0 0.1" mass="0.4" diaginertia="0.01 0.02 0.015"/></body>
+<body pos="0 0.3 -0.5"><joint name="j4" type="slide" axis="0 0 1" ref="0.2"/>
+<inertial pos="0 0 0.1" mass="0.4" diaginertia="0.01 0.02 0.015"/></body>
+</body></body></worldbody><equality>
+<joint joint1="j3" joint2="j2" polycoef="0.1 -0.3 0 0 0"/>
+<joint joint1="j4" polycoef="0.05 0 0 0 0"/>
+<joint joint1="j1" joint2="j2" polycoef="0 0 1 0 0"/>
+<connect body1="s" anchor="0 0 0"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("engine", [e.name for e in readers(".urdf") if e.version() is not None])
+def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
+    file = tmp_path / "g.urdf"
+    file.write_text(URDF)
+    prepared = prepare_robot(file)
+    assert prepared.names == ("j1", "j2")
+    assert prepared.settings["couplings"] == ["j3", "j4"]
+    task = prepared.task(engine, 1e-9)
+    assert run_robot(task).outcome is Outcome.AGREES
+    for old, new in (('"-0.3"', '"-0.3000003"'), ('value="0.3"', 'value="0.3000003"')):
+        file.write_text(URDF.replace(old, new))
+        assert run_robot(task).outcome is Outcome.DIFFERS, new
+
+
+@pytest.mark.parametrize("engine", [e.name for e in readers(".urdf") if e.version() is not None])
+def test_a_mimic_that_an_engine_lost_differs(tmp_path: Path, engine: str) -> None:
+    file = tmp_path / "g.urdf"
+    file.write_text(URDF)
+    task = prepare_robot(file).task(engine, 1e-9)
+    file.write_text(URDF.replace('<mimic joint="j3" multiplier="2"/>', ""))
+    case = run_robot(task)
+    assert case.outcome is Outcome.DIFFERS
+    assert "j4" in case.reason
+    assert "state" in case.reason
+
+
+@pytest.mark.parametrize(
+    "other", ['multiplier="2" offset="0.1"', 'multiplier="0"', 'multiplier="2" joint="gone"']
+)
+def test_what_no_gear_holds_is_free_and_told(tmp_path: Path, other: str) -> None:
+    text = URDF.replace('joint="j3" multiplier="2"', f'joint="j3" {other}')
+    file = tmp_path / "g.urdf"
+    file.write_text(text.replace('joint="j3" multiplier="2" joint="gone"', 'joint="gone"'))
+    prepared = prepare_robot(file)
+    assert prepared.names == ("j1", "j2", "j4")
+    assert "mimic that no gear holds: the joint is free" in prepared.left_out
+    for engine in readers(".urdf"):
+        if engine.version() is not None:
+            assert run_robot(prepared.task(engine.name, 1e-9)).outcome is Outcome.AGREES
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
+def test_straight_equalities_of_joints_are_held_and_agree(tmp_path: Path, integrator: str) -> None:
+    """References count; a joint may stand still; curves and points of bodies are left out."""
+    file, engine = tmp_path / "g.xml", next(e for e in readers(".xml") if ".xml" in e.compiles)
+    file.write_text(MJCF.format(integrator))
+    prepared = prepare_robot(file)
+    assert prepared.names == ("j1", "j2")
+    assert "equality constraints (2)" in prepared.left_out
+    task = prepared.task(engine.name, 1e-9)
+    assert run_robot(task).outcome is Outcome.AGREES
+    for old, new in (("0.1 -0.3", "0.1000001 -0.3"), ("-0.3 0 0", "-0.3000003 0 0")):
+        file.write_text(MJCF.format(integrator).replace(old, new))
+        assert run_robot(task).outcome is Outcome.DIFFERS, new
+
+
+def test_as_many_follow_as_there_are(tmp_path: Path) -> None:
+    """A chain of forty, told in its order; one that would close a circle follows none."""
+    hinge = '<body pos="{0} 0 0"><joint name="a{0}" axis="0 1 0"/><geom size="0.1"/></body>'
+    equality = '<joint joint1="a{0}" joint2="a{1}"/>'
+    bodies = "".join(hinge.format(i) for i in range(41))
+    chain = "".join(equality.format(i + 1, i) for i in range(40)) + equality.format(0, 40)
+    file, engine = tmp_path / "g.xml", next(e for e in readers(".xml") if ".xml" in e.compiles)
+    file.write_text(f"<mujoco><worldbody>{bodies}</worldbody><equality>{chain}</equality></mujoco>")
+    found = engine.compiled(file)
+    assert [(one.follower, one.leader) for one in found.couplings] == [
+        (i + 1, i) for i in range(40)
+    ]
+    assert dict(found.besides)["equality constraints"] == 1

@@ -1,0 +1,318 @@
+"""Files of real robots, and small ones with the same traits: no false difference, one cause."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.compare.compare import Findings
+from harness.compare.trials import Trial
+from harness.records.outcome import Outcome
+from tests.compare.arm import MJCF, URDF
+from tests.compare.asking import compared, written
+from tests.compare.test_agreement import agrees
+
+TOUCHING = (
+    '<collision><geometry><mesh filename="package://gone/link.stl"/></geometry></collision>',
+    '<collision><geometry><sphere radius="0.4"/></geometry></collision>',
+)
+LIMITS = 'lower="-0.2" upper="0.3"'
+
+
+def robots(name: str) -> Path:
+    data = pytest.importorskip("pybullet_data")
+    return Path(data.getDataPath()) / name
+
+
+def gymnasium(name: str) -> Path:
+    found = pytest.importorskip("gymnasium")
+    return Path(found.__file__).parent / "envs" / "mujoco" / "assets" / name
+
+
+def moving(found: Findings) -> list[str]:
+    return [one.message for one in found.properties if one.moves]
+
+
+def idle(found: Findings) -> list[str]:
+    return [one.message for one in found.properties if not one.moves]
+
+
+def shaped(shape: str) -> tuple[tuple[str, str], ...]:
+    """The arm's first two links with a shape."""
+    return (
+        ('<link name="ground"/>', f'<link name="ground">{shape}</link>'),
+        ('<link name="upper">', f'<link name="upper">{shape}'),
+        ('xyz="0 0 1.2"', 'xyz="0 0 0.2"'),
+    )
+
+
+def test_a_base_that_touches_its_first_link_is_no_difference_of_two_engines(
+    tmp_path: Path,
+) -> None:
+    path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[1]))
+    shipped = compared(path, path, "pybullet", "mujoco", as_shipped=True)
+    assert shipped.judgement.outcome is not Outcome.AGREES
+    found = agrees(compared(path, path, "pybullet", "mujoco"))
+    assert "left out of both: limits of position, collision geometry (2)" in found.notes
+
+
+def test_the_kuka_agrees_in_both_engines() -> None:
+    path = robots("kuka_iiwa/model.urdf")
+    found = agrees(compared(path, path, "pybullet", "mujoco"))
+    assert "left out of both: limits of position (7), collision geometry (8)" in found.notes
+
+
+def test_meshes_that_are_not_there_are_not_looked_for(tmp_path: Path) -> None:
+    path = written(tmp_path, "arm.urdf", URDF, *shaped(TOUCHING[0]))
+    agrees(compared(path, path, "pybullet", "mujoco"))
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_range_without_zero_is_no_difference(tmp_path: Path, engine: str) -> None:
+    """As that of a panda's fourth joint."""
+    near = ('type="continuous">\n    <parent link="upper"/>',
+            'type="revolute">\n    <limit lower="-3.07" upper="-0.07" effort="87" velocity="2"/>'
+            '\n    <parent link="upper"/>')  # fmt: skip
+    path = written(tmp_path, "arm.urdf", URDF, near)
+    found = agrees(compared(path, path, engine, "mujoco"))
+    elbow = found.recorded.runs.z[:, found.facts[0].coordinates.index("elbow")]
+    assert elbow[: len(elbow) // 2].min() > -3.07
+    assert elbow[: len(elbow) // 2].max() < -0.07
+
+
+@pytest.mark.parametrize("as_shipped", [False, True])
+def test_a_home_at_a_limit_is_no_obstacle(tmp_path: Path, as_shipped: bool) -> None:
+    a = written(tmp_path, "arm.xml", MJCF, ('range="-0.2 0.3"', 'range="0 0.3"'))
+    b = written(tmp_path, "arm.urdf", URDF, (LIMITS, 'lower="0" upper="0.3"'))
+    found = compared(a, b, engine_b="mujoco", as_shipped=as_shipped)
+    assert found.judgement.outcome is Outcome.AGREES, found.judgement.reason
+    assert len(found.recorded.runs.z) > 40
+
+
+def test_starts_are_within_the_limits_of_both(tmp_path: Path) -> None:
+    a = written(tmp_path, "arm.xml", MJCF)
+    b = written(tmp_path, "arm.urdf", URDF, (LIMITS, 'lower="0.1" upper="0.4"'))
+    found = agrees(compared(a, b, engine_b="mujoco"))
+    reach = found.recorded.runs.z[: len(found.recorded.runs.z) // 2, 2]
+    assert reach.min() > 0.1
+    assert reach.max() < 0.3
+    assert idle(found) == ["range of joint reach: -0.2 to 0.3 in A, 0.1 to 0.4 in B"]
+
+
+@pytest.mark.parametrize("mass", ["0.90000009", "0.909"])
+def test_one_mass_across_formats_is_one_line(tmp_path: Path, mass: str) -> None:
+    a = written(tmp_path, "arm.xml", MJCF)
+    b = written(tmp_path, "arm.urdf", URDF, ('mass value="0.9"', f'mass value="{mass}"'))
+    found = compared(a, b, engine_b="mujoco")
+    assert found.judgement.outcome is Outcome.DIFFERS
+    share = "+1.0e-07" if mass == "0.90000009" else "+1 %"
+    assert moving(found) == [f"link fore: mass 0.9 in A, {mass} in B ({share})"]
+    assert str(found.properties[0].where_b).endswith("arm.urdf:10")
+    assert found.terms == ()
+
+
+def test_frames_of_links_lumps_and_zeros_of_joints_are_conventions(tmp_path: Path) -> None:
+    """The same arm: the hand in two links, the forearm's frame turned, the elbow from elsewhere."""
+    a = written(tmp_path, "arm.xml", MJCF, ('stiffness="2.5" springref="0.4"', ""))
+    hand = '<mass value="0.35"/>'
+    half = URDF[URDF.index('<link name="hand">') :].partition("</link>")[0] + "</link>"
+    palm = half.replace('"hand"', '"palm"').replace(hand, '<mass value="0.15"/>')
+    palm = palm.replace('ixx="0.0008" iyy="0.0009" izz="0.0005"', 'ixx="0" iyy="0" izz="0"')
+    weld = (
+        '<joint name="weld" type="fixed"><parent link="hand"/><child link="palm"/></joint>\n'
+        '  <joint name="shoulder"'
+    )
+    spring = URDF[URDF.index('<gazebo reference="elbow">') :].partition("</gazebo>")[0]
+    b = written(
+        tmp_path,
+        "arm.urdf",
+        URDF,
+        (spring + "</gazebo>", ""),
+        ('<mass value="0.35"/>', '<mass value="0.2"/>'),
+        ('<joint name="shoulder"', palm + weld),
+        ('<origin xyz="0.01 0.05 -0.45"/>', turned()),
+    )
+    found = compared(a, b, engine_b="mujoco")
+    (told,) = moving(found)
+    assert told.startswith("zero of joint elbow: 0.3 rad from that of A")
+    remedy = told.partition("--joints=")[2].rstrip(")")
+    agrees(compared(a, b, engine_b="mujoco", joints=remedy))
+
+
+def turned() -> str:
+    """The elbow's place, turned about its axis (0.6, 0.8, 0) by 0.3."""
+    axis, angle = np.array([0.6, 0.8, 0.0]), 0.3
+    cross = np.cross(np.eye(3), axis)
+    m = np.eye(3) - np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    roll, pitch = np.arctan2(m[2, 1], m[2, 2]), -np.arcsin(m[2, 0])
+    yaw = np.arctan2(m[1, 0], m[0, 0])
+    return f'<origin xyz="0.01 0.05 -0.45" rpy="{roll!r} {pitch!r} {yaw!r}"/>'.replace(
+        "np.float64(", ""
+    ).replace(")", "")
+
+
+RENAMED = tuple((f'"{name}"', f'"{name}_x"') for name in ("shoulder", "elbow", "reach"))
+
+
+def test_joints_of_other_names_are_paired_by_their_order(tmp_path: Path) -> None:
+    a, b = written(tmp_path, "arm.xml", MJCF), written(tmp_path, "arm.urdf", URDF, *RENAMED)
+    found = agrees(compared(a, b, engine_b="mujoco"))
+    assert found.match.pairing == tuple(
+        f"joint {name} of A is {name}_x of B: by order" for name in ("shoulder", "elbow", "reach")
+    )
+
+
+def two_arms(first: str, second: str) -> str:
+    """Two pendulums on one base, in some order."""
+    bodies = {
+        name: f'<body name="{name}" pos="0 {y} 1"><joint name="{name}_{first}" axis="0 1 0"/>'
+        f'<inertial pos="0 0 -{far}" mass="{mass}" diaginertia="0.01 0.02 0.03"/></body>'
+        for name, y, far, mass in (("left", 0.4, 0.3, 1.0), ("right", -0.4, 0.5, 2.0))
+    }
+    inner = "".join(bodies[name] for name in second.split())
+    return f"<mujoco><worldbody>{inner}</worldbody></mujoco>"
+
+
+def test_joints_of_other_names_and_order_are_paired_by_geometry(tmp_path: Path) -> None:
+    a = written(tmp_path, "a.xml", two_arms("hip", "left right"))
+    b = written(tmp_path, "b.xml", two_arms("joint", "right left"))
+    found = agrees(compared(a, b))
+    assert set(found.match.pairing) == {
+        "joint left_hip of A is left_joint of B: by geometry",
+        "joint right_hip of A is right_joint of B: by geometry",
+    }
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_joint_without_a_partner_is_named_and_held(tmp_path: Path, engine: str) -> None:
+    a = written(tmp_path, "arm.xml", MJCF)
+    spring = URDF[URDF.index('<gazebo reference="reach">') :].partition("</robot>")[0]
+    locked = ('"reach" type="prismatic"', '"reach" type="fixed"'), (spring, "")
+    b = written(tmp_path, "arm.urdf", URDF, *locked)
+    for one, other, engines in ((a, b, (None, engine)), (b, a, (engine, None))):
+        found = agrees(compared(one, other, *engines))
+        label, of = ("A", "B") if one == a else ("B", "A")
+        assert f"joint reach of {label} has no partner in {of}: held at 0" in found.notes
+        assert moving(found) == []
+
+
+# Of a link without any, PyBullet makes one of 1 kg.
+NOTHING = (
+    '<inertial><mass value="0"/>'
+    '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+
+
+def test_a_frame_of_one_name_is_held_against_its_namesake(tmp_path: Path) -> None:
+    site = ('<inertial pos="0.015 -0.01 -0.06"', '<site name="tip" pos="0 0 -0.1"/>'
+            '<inertial pos="0.015 -0.01 -0.06"')  # fmt: skip
+    a = written(tmp_path, "arm.xml", MJCF, site)
+    for z, turn in (("-0.1", "0"), ("-0.12", "0.1")):
+        tip = (
+            f'<link name="tip">{NOTHING}</link>'
+            '<joint name="weld" type="fixed"><parent link="hand"/>'
+            f'<child link="tip"/><origin xyz="0 0 {z}" rpy="0 0 {turn}"/></joint>'
+            '<joint name="shoulder"'
+        )
+        b = written(tmp_path, "arm.urdf", URDF, ('<joint name="shoulder"', tip))
+        for engine in ("mujoco", "pybullet"):
+            found = agrees(compared(a, b, engine_b=engine))
+            told = [one for one in idle(found) if one.startswith("frame tip")]
+            if z == "-0.1":
+                assert told == []
+            else:
+                (sentence,) = told
+                assert "in B 0.02 m away" in sentence
+                assert "turned by 0.1 rad" in sentence
+
+
+def test_actuators_are_held_against_each_other(tmp_path: Path) -> None:
+    motor = '<actuator><motor name="drive" joint="elbow" gear="{}"/></actuator></mujoco>'
+    a, b = (
+        written(tmp_path, f"{gear}.xml", MJCF, ("</mujoco>", motor.format(gear)))
+        for gear in ("20", "21")
+    )
+    found = compared(a, b)
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert "actuators (1), each held at a control within its range" in found.notes
+    assert moving(found) == ["gear of actuator drive: 20 in A, 21 in B"]
+    assert found.explained is not None
+    assert found.explained.share > 1 - 1e-6
+    assert single(found).explained == 1.0
+    # A URDF has none: they are left out.
+    found = agrees(compared(a, written(tmp_path, "arm.urdf", URDF), engine_b="mujoco"))
+    assert "left out of A: actuators (1)" in found.notes
+
+
+def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
+    hinge = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.07"/>'
+    text = MJCF.replace(hinge, '<freejoint name="base"/>')
+    a = written(tmp_path, "a.xml", text)
+    b = written(tmp_path, "b.xml", text, ('mass="1.7"', 'mass="1.7000017"'))
+    agrees(compared(a, a))
+    found = compared(a, b)
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert moving(found) == ["link upper: mass 1.7 in A, 1.7000017 in B (+1.0e-06)"]
+    assert found.terms == ()
+
+
+def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> None:
+    mimic = ('<axis xyz="0.6 0.8 0"/>', '<axis xyz="0.6 0.8 0"/><mimic joint="shoulder"/>')
+    a, b = written(tmp_path, "a.urdf", URDF, mimic), written(tmp_path, "b.urdf", URDF)
+    found = agrees(compared(a, b, "pybullet", "mujoco"))
+    assert "left out of A: joints that follow others, limits of position" in found.notes
+    assert idle(found) == ["joints that follow others: 1 in A, 0 in B"]
+    shipped = compared(a, b, "pybullet", "pybullet", as_shipped=True)
+    assert shipped.judgement.outcome is Outcome.DIFFERS
+
+
+def single(found: Findings) -> Trial:
+    (trial,) = (one for one in found.trials if len(one.edits) == 1)
+    return trial
+
+
+@pytest.mark.parametrize(("mass", "engine"), [
+    ("1.8000018", "mujoco"), ("1.818", "mujoco"), ("0.3", "pybullet"),
+])  # fmt: skip
+def test_a_mass_of_the_kuka_is_named(tmp_path: Path, mass: str, engine: str) -> None:
+    text = robots("kuka_iiwa/model.urdf").read_text()
+    a = written(tmp_path, "a.urdf", text)
+    b = written(tmp_path, "b.urdf", text, ('"1.8"', f'"{mass}"'))
+    found = compared(a, b, engine, engine)
+    assert found.judgement.outcome is Outcome.DIFFERS
+    (told,) = moving(found)
+    assert told.startswith(f"link lbr_iiwa_link_6: mass 1.8 in A, {mass} in B")
+    assert found.terms == ()
+    line = text[: text.index('"1.8"')].count("\n") + 1
+    (edit,) = single(found).edits
+    assert (edit.where_a.line, single(found).explained) == (line, 1.0)
+
+
+@pytest.mark.parametrize(("name", "old", "new", "joints"), [
+    ("reacher.xml", 'damping="1" limited', 'damping="1.000001" limited', 2),
+    ("half_cheetah.xml", 'armature=".1"', 'armature=".101"', 6),
+])  # fmt: skip
+def test_a_literal_of_a_default_class_is_named(
+    tmp_path: Path, name: str, old: str, new: str, joints: int
+) -> None:
+    text = gymnasium(name).read_text()
+    a, b = written(tmp_path, "a.xml", text), written(tmp_path, "b.xml", text, (old, new))
+    found = compared(a, b)
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert len(moving(found)) == joints
+    (edit,) = single(found).edits
+    assert edit.label.startswith("default/joint@")
+    assert edit.where_a.line == text[: text.index(old)].count("\n") + 1
+    assert single(found).explained == 1.0
+
+
+def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> None:
+    """MuJoCo drops the moments of a link without mass."""
+    path = robots("franka_panda/panda.urdf")
+    found = compared(path, path, "pybullet", "mujoco")
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert found.properties == ()
+    assert found.explained is not None
+    assert found.explained.off[0] < 1e-9 < found.explained.off[1]
+    assert any("link 'panda_link8' has moments" in one for one in found.impossible)
+    assert {term.kind for term in found.terms} <= {"inertia"}

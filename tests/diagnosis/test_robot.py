@@ -1,0 +1,239 @@
+"""Robots' files with a number made wrong: caught, and named with its line and its right value."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pybullet_data
+import pytest
+
+from harness.cases.robot import prepare_robot, run_robot
+from harness.diagnosis.diagnose import diagnose
+from harness.diagnosis.robot_suspicions import suspicions
+from harness.diagnosis.robot_task import (
+    STATES,
+    RobotDiagnosisTask,
+    diagnose_robot,
+    robot_problem,
+)
+from harness.diagnosis.task import explanation
+from harness.engines.registry import engines, readers
+from harness.records.cause import CauseId
+from harness.records.finding import Diagnosis
+from harness.records.outcome import Outcome
+from harness.robots.named import robot_numbers
+from harness.text.causes import cause_sentences
+from reference.flows import Flow
+
+ARM = """<robot name="arm">
+<link name="base"/>
+<joint name="pan" type="continuous"><parent link="base"/><child link="post"/>
+  <origin xyz="0 0 0.3" rpy="0.2 0.1 0"/><axis xyz="0.1 0 1"/><dynamics damping="0.7"/></joint>
+<link name="post"><inertial><origin xyz="0.02 0.01 0.1"/><mass value="2.5"/>
+  <inertia ixx="0.04" ixy="0.003" ixz="-0.002" iyy="0.05" iyz="0.001" izz="0.03"/></inertial></link>
+<joint name="lift" type="revolute"><parent link="post"/><child link="beam"/>
+  <origin xyz="0.1 0.05 0.4" rpy="0 0.4 0.1"/><axis xyz="0 1 0.2"/>
+  <limit lower="-2" upper="2" effort="0" velocity="0"/></joint>
+<link name="beam"><inertial><origin xyz="0.2 0.02 0.03" rpy="0.3 0.1 0.2"/><mass value="1.5"/>
+  <inertia ixx="0.01" ixy="0.001" ixz="0" iyy="0.04" iyz="0" izz="0.045"/></inertial></link>
+<joint name="reach" type="prismatic"><parent link="beam"/><child link="hand"/>
+  <origin xyz="0.3 0 0"/><axis xyz="1 0 0"/><limit lower="0" upper="0.4" effort="0" velocity="0"/>
+  <dynamics damping="1.5"/></joint>
+<link name="hand"><inertial><origin xyz="0.03 0.01 0"/><mass value="0.4"/>
+  <inertia ixx="0.001" ixy="0.0002" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>
+</robot>
+"""
+
+MJCF = """<mujoco>
+<compiler angle="radian"/>
+<option gravity="0 0 -9.81"/>
+<default><joint damping="0.3"/><default class="heavy"><geom density="2500"/></default></default>
+<include file="limbs.xml"/>
+</mujoco>
+"""
+
+LIMBS = """<mujocoinclude><worldbody>
+<body pos="0 0 1"><joint name="a" axis="0.2 1 0" armature="0.02"/>
+  <geom type="capsule" fromto="0 0 0 0.1 0.05 -0.4" size="0.04"/>
+  <body pos="0.1 0.05 -0.4" euler="0.3 0.2 0.1">
+    <joint name="b" axis="1 0 0.3" damping="0.1" stiffness="2" springref="0.2"/>
+    <geom class="heavy" type="box" size="0.05 0.08 0.2" pos="0.02 0.03 -0.2"/>
+    <body pos="0 0 -0.4"><joint name="c" type="slide" axis="0 0.3 1"/>
+      <inertial pos="0.05 0 -0.1" mass="0.6" fullinertia="0.004 0.005 0.006 0.001 0.0005 0.0002"/>
+    </body></body></body>
+</worldbody></mujocoinclude>
+"""
+
+
+def plain(text: str) -> str:
+    """Axes along one coordinate, and no products of inertia."""
+    text = text.replace('"0.1 0 1"', '"0 0 1"').replace('"0 1 0.2"', '"0 1 0"')
+    return re.sub(r'(i(?:xy|xz|yz))="[^"]*"', r'\1="0"', text)
+
+
+def diagnosed(
+    file: Path, old: str, new: str, engine: str, changed: Path | None = None
+) -> Diagnosis:
+    """A file held against its equations from before a number was changed."""
+    changed = changed or file
+    task = prepare_robot(file).task(engine, 1e-9)
+    text = changed.read_text()
+    assert text.count(old) == 1
+    changed.write_text(text.replace(old, new))
+    case = run_robot(task)
+    assert case.outcome is Outcome.DIFFERS, case.reason
+    return diagnose_robot(RobotDiagnosisTask(task=task, own=False))
+
+
+def check_named(
+    found: Diagnosis, address: str, line: int, file: str, right: float, wrong: float
+) -> None:
+    assert found.explained
+    first = found.explanations[0]
+    alike = (first.causes[0].id, *first.tied_with)
+    assert CauseId(kind="literal", subject=(address,)) in alike
+    (cause,) = next(one.causes for one in found.explanations if one.causes[0].subject == (address,))
+    assert [(one.file, one.line) for one in cause.where] == [(file, line)]
+    assert cause.nominal == pytest.approx(wrong, rel=1e-12)
+    assert cause.estimate is not None
+    assert abs(cause.estimate - right) < 1e-3 * abs(wrong - right)
+
+
+URDF_FAULTS = {
+    'mass value="1.5"': ("link[beam]/inertial/mass@value", 10),
+    'ixy="0.001"': ("link[beam]/inertial/inertia@ixy", 11),
+    'rpy="0 0.4 0.1"': ("joint[lift]/origin@rpy[1]", 8),
+    'rpy="0.3 0.1 0.2"': ("link[beam]/inertial/origin@rpy[0]", 10),
+    'xyz="0 1 0.2"': ("joint[lift]/axis@xyz[2]", 8),
+    'damping="0.7"': ("joint[pan]/dynamics@damping", 4),
+    'xyz="0.2 0.02 0.03"': ("link[beam]/inertial/origin@xyz[1]", 10),
+}
+MJCF_FAULTS = {
+    'joint damping="0.3"': ("default/joint@damping", 4, "arm.xml"),
+    'density="2500"': ("default[heavy]/geom@density", 4, "arm.xml"),
+    'mass="0.6"': ("inertial@mass", 8, "limbs.xml"),
+    'armature="0.02"': ("joint[a]@armature", 2, "limbs.xml"),
+    'springref="0.2"': ("joint[b]@springref", 5, "limbs.xml"),
+    'euler="0.3 0.2 0.1"': ("@euler[2]", 4, "limbs.xml"),
+}
+NUMBERS = {
+    "rpy[1]": "0.4", "rpy[0]": "0.3", "axis@xyz[2]": "0.2", "xyz[1]": "0.02", "@euler[2]": "0.1",
+}  # fmt: skip
+
+
+def moved(spelled: str, address: str, share: float) -> tuple[str, float, float]:
+    """A spelled attribute with its number off by a share of it."""
+    ending = [number for key, number in NUMBERS.items() if address.endswith(key)]
+    number = ending[0] if ending else spelled.split('"')[1]
+    wrong = float(number) * (1 + share)
+    head, _, tail = spelled.rpartition(number)
+    return f"{head}{wrong!r}{tail}", float(number), wrong
+
+
+@pytest.mark.parametrize("share", [1e-6, 1e-2])
+@pytest.mark.parametrize("spelled", URDF_FAULTS)
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_wrong_number_of_a_urdf_is_named(
+    tmp_path: Path, engine: str, spelled: str, share: float
+) -> None:
+    file = tmp_path / "arm.urdf"
+    # PyBullet takes axes as long as they are, and finds principal ones to some digits alone.
+    file.write_text(ARM if engine == "mujoco" else plain(ARM))
+    if spelled not in file.read_text() or not engines()[engine].version():
+        pytest.skip("not of this engine")
+    address, line = URDF_FAULTS[spelled]
+    new, right, wrong = moved(spelled, address, share)
+    found = diagnosed(file, spelled, new, engine)
+    check_named(found, address, line, "arm.urdf", right, wrong)
+
+
+@pytest.mark.parametrize("share", [1e-6, 1e-2])
+@pytest.mark.parametrize("spelled", MJCF_FAULTS)
+@pytest.mark.parametrize("engine", [one.name for one in readers(".xml") if one.version()])
+def test_a_wrong_number_of_an_mjcf_or_of_what_it_includes_is_named(
+    tmp_path: Path, engine: str, spelled: str, share: float
+) -> None:
+    file = tmp_path / "arm.xml"
+    file.write_text(MJCF)
+    (tmp_path / "limbs.xml").write_text(LIMBS)
+    address, line, name = MJCF_FAULTS[spelled]
+    new, right, wrong = moved(spelled, address, share)
+    found = diagnosed(file, spelled, new, engine, tmp_path / name)
+    first = found.explanations[0].causes[0].subject[0]
+    check_named(found, first, line, name, right, wrong)
+    assert first.endswith(address)
+
+
+def test_what_an_engine_reads_over_is_told_with_all_its_lines() -> None:
+    """MuJoCo drops the moments of two links without mass that it welds to others."""
+    panda = prepare_robot(Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf")
+    found = diagnose_robot(RobotDiagnosisTask(task=panda.task("mujoco", 1e-9)))
+    assert found.explained
+    told = cause_sentences(found.explanations[0])[0]
+    assert told == (
+        "moments of link[panda_link8]/inertial/inertia, moments of"
+        " link[panda_grasptarget]/inertial/inertia (panda.urdf:222, panda.urdf:329) in the file,"
+        " 0 in the engine"
+    )
+
+
+@pytest.mark.parametrize("engine", [one.name for one in readers(".urdf") if one.version()])
+def test_a_number_that_an_engine_takes_otherwise_is_told_with_both_values(
+    tmp_path: Path, engine: str
+) -> None:
+    """The engine runs a file that says 1.5; the equations, and the lines, are of one of 1.8."""
+    file = tmp_path / "arm.urdf"
+    arm = plain(ARM)
+    file.write_text(arm)
+    other = RobotDiagnosisTask(task=prepare_robot(file).task(engine, 1e-9))
+    taken, uncertainty = robot_problem(other)
+    file.write_text(arm.replace('value="1.5"', 'value="1.8"'))
+    said = replace(taken, numbers=robot_numbers(file, {}))
+    drawn = other.task.samples
+    tree = said.numbers.tree({})
+    assert tree is not None
+    flow = Flow(tree, drawn.start[:STATES], drawn.forces[:STATES], drawn.length)
+    own = taken.flow.moved(tree) / taken.scale
+    problem = replace(said, flow=flow, apart=taken.apart - own, suspicions=tuple(
+        suspicions(said.numbers, own=True)))  # fmt: skip
+    best = diagnose(problem, uncertainty).fits[0]
+    sentence = cause_sentences(explanation(best))[0]
+    assert sentence.startswith(
+        "link[beam]/inertial/mass@value (arm.urdf:10) is 1.8 in the file, 1.5"
+    )
+    assert sentence.endswith(" in the engine")
+
+
+def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(ARM)
+    task = prepare_robot(file).task(readers(".urdf")[0].name, 1e-9)
+    problem, _ = robot_problem(RobotDiagnosisTask(task=task))
+    slopes = problem.slopes({})
+    for i, hypothesis in enumerate(problem.hypotheses):
+        if hypothesis.switch:
+            continue
+        step = 1e-4 * hypothesis.size
+        both = problem.defect({i: -step}) - problem.defect({i: step})
+        off = np.max(np.abs(both / (2 * step) - slopes[i]))
+        assert off <= 1e-3 * np.max(np.abs(slopes[i])) + 1e-8 / hypothesis.size, hypothesis.id
+        # The place of the first joint has no say: nothing but gravity tells one place from another.
+        if hypothesis.id.subject[0].startswith("joint[pan]/origin@xyz"):
+            assert not slopes[i].any()
+
+
+def test_what_an_engine_does_on_its_own_is_named() -> None:
+    """PyBullet's principal axes of tensors with products: no number of the file is wrong."""
+    file = Path(pybullet_data.getDataPath()) / "aliengo" / "aliengo.urdf"
+    task = prepare_robot(file).task("pybullet", 1e-9)
+    assert run_robot(task).outcome is Outcome.DIFFERS
+    found = diagnose_robot(RobotDiagnosisTask(task=task))
+    assert found.explained
+    (one,) = found.explanations
+    (cause,) = one.causes
+    assert cause.kind == "default"
+    assert "principal axes of FR_hip" in str(cause)
+    assert one.remaining < 1e-3

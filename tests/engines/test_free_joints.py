@@ -1,0 +1,68 @@
+"""Free and ball joints in an adapter: their coordinates' rates are velocities, in the world."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness.engines.protocol import Model, ModelSpec, StateForce
+from harness.engines.registry import engines
+
+MJCF = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody>
+<body name="top" pos="1 2 3" euler="0 0 90"><joint name="top" type="free"/>
+<inertial pos="0 0 0" mass="2" diaginertia="0.1 0.2 0.3"/>
+<body><joint name="neck" type="ball"/><inertial pos="0 0 0" mass="1" diaginertia="0.4 0.4 0.4"/>
+</body></body></worldbody></mujoco>"""
+H = 1e-6
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Model:
+    file = tmp_path_factory.mktemp("free") / "top.xml"
+    file.write_text(MJCF)
+    return engines()["mujoco"].load(ModelSpec(file))
+
+
+def test_its_coordinates_are_as_many_as_it_has_freedoms(model: Model) -> None:
+    place, turn = ("top:x", "top:y", "top:z"), ("top:rx", "top:ry", "top:rz")
+    assert model.coordinates == (*place, *turn, "neck:rx", "neck:ry", "neck:rz")
+    # Of a quarter of a turn about z: 4 tan(90/4 degrees).
+    assert model.home[:3] == pytest.approx([1, 2, 3])
+    assert model.home[3:6] == pytest.approx([0, 0, 4 * np.tan(np.pi / 8)])
+    assert model.reach.shape == model.limits.shape == (9, 2)
+    assert np.isinf(model.limits).all()
+
+
+def test_positions_move_as_the_rates_say(model: Model) -> None:
+    rng = np.random.default_rng(0)
+    q, v = rng.normal(size=(2, 5, 9))
+    moved, after = model.rollout(q, v, H, 1, None, 1)
+    # Euler's step takes the new velocity.
+    assert (moved[:, 0] - q) / H == pytest.approx(after[:, 0], abs=1e-5)
+
+
+def test_beyond_half_a_turn_coordinates_go_on(model: Model) -> None:
+    """Spinning about z from 170 degrees over 180: a quaternion's sign must not show."""
+    q, v = np.zeros((1, 9)), np.zeros((1, 9))
+    q[0, 5] = 4 * np.tan(np.radians(170) / 4)
+    rate = (1 + (q[0, 5] / 4) ** 2) * 10.0  # of 10 rad/s
+    v[0, 5] = rate
+    found, _ = model.rollout(q, v, 1e-3, 40, None, 1)
+    angles = 4 * np.arctan(found[0, :, 5] / 4)
+    assert np.diff(angles) == pytest.approx(0.01, rel=1e-6)
+    assert angles[-1] == pytest.approx(np.radians(170) + 0.4, rel=1e-6)
+
+
+def test_forces_are_along_the_world_and_moments_about_the_bodys_axes(model: Model) -> None:
+    """Turned by a quarter about z: a moment about its x axis turns it about the world's y."""
+    q, push = model.home[None], np.zeros((1, 1, 9))
+    push[0, 0, 0], push[0, 0, 3] = 6.0, 0.05
+    held = model.rollout(q, np.zeros((1, 9)), H, 1, push, 1)[1][0, 0] / H
+    assert held[:3] == pytest.approx([6.0 / 3, 0, 0])
+    by_state = StateForce(push, lambda z, u: list(u))
+    again = model.rollout(q, np.zeros((1, 9)), H, 1, by_state, 1)[1][0, 0] / H
+    assert again == pytest.approx(held)
+    # dp/dt of an angular velocity (w, 0, 0) is (1 - s^2) w along x and 2 s w along y.
+    s = np.tan(np.pi / 8)
+    w = 0.05 / 0.1
+    assert held[3:6] == pytest.approx([(1 - s * s) * w, 2 * s * w, 0])

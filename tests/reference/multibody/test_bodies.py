@@ -1,0 +1,96 @@
+"""Bodies as a file tells them are put together to a tree, or refused by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference import DeclarationError
+from reference.multibody.assemble import assembled
+from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, powers
+from reference.multibody.tree import WORLD, TreeError
+from reference.trees import MultibodySystem
+
+DOWN = (0.0, 0.0, -9.81)
+HINGE = Joint(name="a", kind="hinge", axis=(0, 2, 0))
+ROD = RigidBody(name="rod", parent=None, joints=(HINGE,), mass=2.0, inertia=(1, 2, 3, 0, 0, 0))
+
+
+def test_what_is_welded_is_one_body_and_several_joints_are_a_chain() -> None:
+    tip = RigidBody(name="tip", parent="rod", position=(0, 0, -1), mass=2.0)
+    base = RigidBody(name="base", parent=None, position=(1, 0, 0), mass=9.0)
+    two = (Joint(name="b", kind="slide", zero=0.5), Joint(name="c", kind="hinge", at=(0, 0, 1)))
+    last = RigidBody(name="last", parent="tip", joints=two, mass=1.0)
+    found = assembled([base, ROD, tip, last], DOWN)
+    assert dict(found.bodies) == {"base": WORLD, "rod": 0, "tip": 0, "last": 2}
+    assert [link.mass for link in found.tree.links] == [4.0, 0.0, 1.0]
+    assert found.tree.links[0].center.tolist() == [0, 0, -0.5]
+    assert found.tree.links[0].inertia.tolist() == np.diag([2.0, 3.0, 3.0]).tolist()
+    assert found.tree.links[0].axis.tolist() == [0, 1, 0]
+    assert found.tree.links[1].position.tolist() == [-0.5, 0, -1]
+    assert found.tree.links[2].center.tolist() == [0, 0, -1]
+    assert found.cancelled == ()
+
+
+def test_a_turn_is_told_in_either_way() -> None:
+    half = np.sqrt(0.5)
+    one = RigidBody(name="x", parent=None, rpy=(0, 0, np.pi / 2))
+    other = RigidBody(name="x", parent=None, quaternion=(half, 0, 0, half))
+    np.testing.assert_allclose(one.place.rotation, other.place.rotation, atol=1e-15)
+
+
+def test_a_spring_that_is_no_straight_line_is_a_pull_and_a_control_is_put_in() -> None:
+    bent = Joint(name="a", kind="hinge", stiffness=(3.0, 2.0, 0.0), damping=0.5, rest=0.1)
+    servo = Pull(name="p", joints=(("a", 2.0),), bias=(1, -5, -0.2), gain=(5, 0, 0), control=0.5)
+    rod = RigidBody(name="rod", parent=None, joints=(bent,), mass=1.0)
+    one, other = assembled([rod], DOWN, [servo]).tree.pulls
+    assert (one.stiffness, one.damping, one.rest) == ((3.0, 2.0), (0.5,), (0.1, 0.1))
+    assert (other.constant, other.stiffness, other.damping) == (3.5, (5.0,), (0.2,))
+    assert assembled([rod], DOWN).tree.links[0].damping == 0.0
+    assert powers(0.0) == powers((0.0, 0.0)) == ()
+
+
+WRONG: list[tuple[Any, str]] = [
+    (lambda: RigidBody(name="x", parent=None, mass=float("nan")), "mass and lift of body 'x'"),
+    (lambda: RigidBody(name="x", parent=None, position=(1, 2)), "3 finite numbers belong"),  # type: ignore[arg-type]
+    (lambda: RigidBody(name="x", parent=None, rpy=(1, 0, 0), quaternion=(1, 0, 0, 0)), "one of"),
+    (lambda: RigidBody(name="x", parent=None, quaternion=(0, 0, 0, 0)), "has no length"),
+    (lambda: Joint(name="x", kind="ball", stiffness=1.0), "a ball joint with a spring"),
+    (lambda: Joint(name="x", kind="ball", damping=(1.0, 2.0)), "no straight line"),
+    (lambda: Joint(name="x", kind="hinge", limits=(1.0, 0.0)), "limits of joint 'x'"),
+    (lambda: assembled([ROD, ROD], DOWN), "two bodies are called 'rod'"),
+    (lambda: assembled([ROD], DOWN, [Pull(name="p", joints=(("z", 1),))]), "pull 'p' names joint"),
+    (lambda: assembled([ROD], DOWN, (), [Coupling(follower="z", leader="a")]), "names joint 'z'"),
+]
+
+
+@pytest.mark.parametrize(("make", "says"), WRONG, ids=[says for _, says in WRONG])
+def test_what_does_not_fit_is_named(make: Any, says: str) -> None:
+    with pytest.raises(TreeError, match=says):
+        make()
+
+
+def system(*bodies: RigidBody, **rest: Any) -> MultibodySystem:
+    return MultibodySystem(name="s", title="s", source="s", gravity=DOWN, bodies=bodies, **rest)
+
+
+def test_a_system_has_the_coordinates_of_what_follows_nothing() -> None:
+    two = (Joint(name="b", kind="hinge"), Joint(name="c", kind="ball"))
+    more = RigidBody(name="more", parent="rod", mass=1.0, joints=two)
+    declared = system(ROD, more, couplings=(Coupling(follower="a", leader="b"),))
+    names = [one.name for one in declared.tree_system.coordinates]
+    assert names == ["b", "c:rx", "c:ry", "c:rz"]
+
+
+@pytest.mark.parametrize(("bodies", "rest", "says"), [
+    ((RigidBody(name="x", parent=None, mass=1.0),), {}, "has no joint"),
+    ((ROD, RigidBody(name="x", parent="rod", mass=-2.0)), {}, "'x' takes all of what it is welded"),
+    ((ROD,), {"couplings": (Coupling(follower="a", leader="a"),)}, "in a circle"),
+])  # fmt: skip
+def test_a_system_that_is_none_is_refused(
+    bodies: tuple[RigidBody, ...], rest: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(DeclarationError, match=says):
+        system(*bodies, **rest)

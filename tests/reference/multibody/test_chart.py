@@ -1,0 +1,112 @@
+"""Coordinates of which the velocities are the rates, against the tree's own numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness.engines.attitude import angular_velocity, coordinates, quaternion, rate
+from reference.multibody.algebra import LONG_DOUBLES, Scalars, from_quaternion
+from reference.multibody.chart import Chart, coordinate_names
+from reference.multibody.charted import Charted
+from reference.multibody.dynamics import Dynamics
+from reference.multibody.recursion import Recursion
+from reference.multibody.tree import Kind
+from tests.reference.multibody.trees import KINDS, tree
+
+TREE = tree(("free", "hinge", "ball", "slide", "free"), 3)
+N = TREE.nv
+H = 1e-6
+
+
+@pytest.fixture(scope="module")
+def state() -> tuple[Scalars, Scalars, Scalars]:
+    """Positions, rates and forces, a batch of five."""
+    y, rates, forces = np.random.default_rng(0).normal(size=(3, N, 5))
+    return y, rates, forces
+
+
+def test_rates_are_those_of_the_frames(state: tuple[Scalars, Scalars, Scalars]) -> None:
+    """The tree's velocities turn and move its frames as the coordinates do."""
+    y, rates, _ = state
+    chart, recursion = Chart(TREE), Recursion(TREE)
+    v, q = chart.velocities(y, rates), chart.positions(y)
+    assert chart.rates(y, v) == pytest.approx(rates, abs=1e-13)
+    for body, here in zip(TREE.links, TREE.positions, strict=True):
+        if body.kind in ("ball", "free"):
+            part = slice(here.stop - 4, here.stop)
+            q[part] /= np.sqrt((q[part] ** 2).sum(axis=0))
+    moved = H * recursion.rates(q, v)
+    by_tree = zip(recursion.placements(q + moved), recursion.placements(q - moved), strict=True)
+    by_chart = zip(
+        recursion.placements(chart.positions(y + H * rates)),
+        recursion.placements(chart.positions(y - H * rates)),
+        strict=True,
+    )
+    for (one, before), (other, earlier) in zip(by_tree, by_chart, strict=True):
+        for a, b, c, d in zip(one, before, other, earlier, strict=True):
+            assert (a - b) / (2 * H) == pytest.approx((c - d) / (2 * H), abs=1e-8)
+
+
+def test_accelerations_are_the_derivatives_of_the_trees_velocities(
+    state: tuple[Scalars, Scalars, Scalars],
+) -> None:
+    y, rates, forces = state
+    chart, own = Chart(TREE), Charted(TREE)
+    second = own.acceleration(y, rates, forces)
+    after, before = (
+        chart.velocities(y + h * rates + h * h * second / 2, rates + h * second) for h in (H, -H)
+    )
+    q, v = chart.positions(y), chart.velocities(y, rates)
+    wanted = Dynamics(TREE).acceleration(q, v, chart.forces(y, forces))
+    assert (after - before) / (2 * H) == pytest.approx(wanted, abs=1e-7)
+    assert own.forces_for(y, rates, second) == pytest.approx(forces, abs=1e-11)
+    unpushed = own.acceleration(y, rates, 0 * forces)
+    assert own.effect(y, forces) == pytest.approx(second - unpushed, abs=1e-11)
+    more = Charted(TREE, LONG_DOUBLES).acceleration(*map(LONG_DOUBLES.array, state))
+    assert second == pytest.approx(more.astype(float), abs=1e-11)
+
+
+def test_the_energy_of_the_rates_is_that_of_the_bodies(
+    state: tuple[Scalars, Scalars, Scalars],
+) -> None:
+    y, rates, forces = state
+    chart, mass = Chart(TREE), Charted(TREE).mass(y)
+    kinetic = Dynamics(TREE).kinetic(chart.positions(y), chart.velocities(y, rates))
+    assert (rates * (mass * rates).sum(axis=1)).sum(axis=0) / 2 == pytest.approx(kinetic)
+    assert mass == pytest.approx(np.swapaxes(mass, 0, 1), abs=1e-13)
+    energy, supplied, _ = Charted(TREE).powers(y, rates, forces)
+    potential = Dynamics(TREE).potential(chart.positions(y))
+    assert energy == pytest.approx(kinetic + potential)
+    # A moment about the link's axes is no conjugate of the rates; a force is.
+    alone = np.zeros_like(forces)
+    alone[3:6] = forces[3:6]
+    supplied = Charted(TREE).powers(y, rates, alone)[1]
+    assert supplied == pytest.approx((alone * rates).sum(axis=0))
+
+
+def test_rotations_are_those_that_adapters_make() -> None:
+    """Two modules write the same formulas, since adapters see no equations."""
+    rng = np.random.default_rng(1)
+    p, angular = rng.normal(size=(2, 40, 3))
+    ball = tree(("ball",), 0)
+    chart = Chart(ball)
+    q = quaternion(p)
+    assert np.linalg.norm(q, axis=1) == pytest.approx(1)
+    own, other = from_quaternion(q.T), from_quaternion(chart.positions(p.T))
+    assert own == pytest.approx(other, abs=1e-14)
+    assert rate(p, angular) == pytest.approx(chart.rates(p.T, angular.T).T, abs=1e-14)
+    assert angular_velocity(p, rate(p, angular)) == pytest.approx(angular, abs=1e-14)
+    assert coordinates(-q, q) == pytest.approx(p, abs=1e-13)
+    # Beyond half a turn the nearer of both signs has a negative real part.
+    far = p * (6 / np.linalg.norm(p, axis=1, keepdims=True))
+    assert (quaternion(far)[:, 0] < 0).all()
+    assert coordinates(-quaternion(far), quaternion(far)) == pytest.approx(far, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_velocity_has_a_name_and_a_unit(kind: Kind) -> None:
+    one = tree((kind,), 0)
+    names = coordinate_names(kind, "j")
+    assert len(set(names)) == one.nv
+    assert {unit for _, unit in names} <= {"rad", "m"}

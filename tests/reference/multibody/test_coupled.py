@@ -1,0 +1,91 @@
+"""Joints that follow others, against the whole tree with forces that hold them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from reference.multibody.algebra import LONG_DOUBLES
+from reference.multibody.chart import Chart
+from reference.multibody.charted import Charted
+from reference.multibody.coupled import Coupled
+from reference.multibody.dynamics import Dynamics
+from reference.multibody.tree import Coupling, Tree, TreeError
+from tests.reference.multibody.trees import tree
+
+
+def gripper() -> Tree:
+    """A floating base; of its hinges and slides one follows one that follows, one stands still."""
+    one = tree(("free", "hinge", "slide", "hinge", "slide"), 5)
+    return dataclasses.replace(
+        one,
+        couplings=(
+            Coupling(follower=4, leader=3, multiplier=-0.7, offset=0.1),
+            Coupling(follower=3, leader=1, multiplier=2.0, offset=-0.3),
+            Coupling(follower=2, leader=None, offset=0.25),
+        ),
+    )
+
+
+def test_what_follows_is_where_its_leader_says() -> None:
+    coupled = Coupled(gripper())
+    assert coupled.kept == [0, 1, 2, 3, 4, 5, 6]
+    x = np.arange(7.0)
+    y = coupled.positions(x)
+    assert y[:7] == pytest.approx(x)
+    assert y[7] == pytest.approx(0.25)
+    assert y[8] == pytest.approx(2 * 6 - 0.3)
+    assert y[9] == pytest.approx(-0.7 * (2 * 6 - 0.3) + 0.1)
+
+
+def test_accelerations_are_those_of_the_whole_with_forces_that_hold_it() -> None:
+    """The equations with multipliers (KKT), solved as they stand."""
+    held = gripper()
+    whole = dataclasses.replace(held, couplings=())
+    coupled, chart, dynamics = Coupled(held), Chart(held), Dynamics(whole)
+    x, rate, forces = np.random.default_rng(2).normal(size=(3, 7, 4))
+    y, rates = coupled.positions(x), coupled.rates(rate)
+    given = np.zeros_like(y)
+    given[coupled.kept] = forces
+    q, v = chart.positions(y), chart.velocities(y, rates)
+    rows = np.zeros((3, 10))
+    rows[0, [9, 8]], rows[1, [8, 6]], rows[2, 7] = (1.0, 0.7), (1.0, -2.0), 1.0
+    mass, force = dynamics.mass(q), dynamics.force(q, v, chart.forces(y, given))
+    for k in range(4):
+        whole_matrix = np.block([[mass[:, :, k], rows.T], [rows, np.zeros((3, 3))]])
+        a = np.linalg.solve(whole_matrix, [*force[:, k], 0, 0, 0])[:10]
+        wanted = chart.seconds(y[:, k : k + 1], v[:, k : k + 1], a[:, None])[:7, 0]
+        own = Charted(held).acceleration(x[:, k], rate[:, k], forces[:, k])
+        assert own == pytest.approx(wanted, rel=1e-10, abs=1e-10)
+    batch = Charted(held).acceleration(x, rate, forces)
+    assert Charted(held).forces_for(x, rate, batch) == pytest.approx(forces, abs=1e-10)
+    long = Charted(held, LONG_DOUBLES).acceleration(*map(LONG_DOUBLES.array, (x, rate, forces)))
+    assert batch == pytest.approx(long.astype(float), abs=1e-10)
+    unpushed = Charted(held).acceleration(x, rate, 0 * forces)
+    assert Charted(held).effect(x, forces) == pytest.approx(batch - unpushed, abs=1e-10)
+
+
+def test_its_energy_is_that_of_the_whole() -> None:
+    held = gripper()
+    x, rate = np.random.default_rng(3).normal(size=(2, 7, 4))
+    mass = Charted(held).mass(x)
+    kinetic = (rate * (mass * rate).sum(axis=1)).sum(axis=0) / 2
+    coupled, chart = Coupled(held), Chart(held)
+    y = coupled.positions(x)
+    v = chart.velocities(y, coupled.rates(rate))
+    assert kinetic == pytest.approx(Dynamics(held).kinetic(chart.positions(y), v))
+
+
+def test_a_circle_is_refused_by_its_names() -> None:
+    one = tree(("hinge", "hinge"), 0)
+    ends = (Coupling(follower=0, leader=1), Coupling(follower=1, leader=0))
+    with pytest.raises(TreeError, match="j0, j1 follow each other in a circle"):
+        Coupled(dataclasses.replace(one, couplings=ends))
+
+
+def test_a_ball_follows_nothing() -> None:
+    one = tree(("ball", "hinge"), 0)
+    with pytest.raises(TreeError, match="j0 is coupled, and no hinge"):
+        dataclasses.replace(one, couplings=(Coupling(follower=1, leader=0),))

@@ -1,0 +1,81 @@
+"""Equations of small trees as formulas are those that the recursion has in numbers."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from reference.multibody.assemble import assembled
+from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
+from reference.multibody.dynamics import Dynamics
+from reference.multibody.formulas import Formulas, formulas
+from reference.multibody.tree import Tree
+
+INERTIA = (0.1, 0.11, 0.05, 0.0, 0.0, 0.0)
+
+
+def body(i: int, parent: str | None, joint: Joint, **rest: object) -> RigidBody:
+    return RigidBody(
+        name=f"b{i}", parent=parent, joints=(joint,), mass=1.0 + i / 10, center=(0.02, 0.01, -0.1),
+        inertia=INERTIA, **rest,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def chain(count: int, *kinds: str) -> Tree:
+    bodies = []
+    for i in range(count):
+        kind = kinds[i] if i < len(kinds) else "hinge"
+        joint = Joint(
+            name=f"j{i}", kind=kind, axis=(0, 1, 0), damping=0.1 + i, stiffness=2.0, rest=0.3,  # type: ignore[arg-type]
+            armature=0.01,
+        )  # fmt: skip
+        # A quarter turn with the digits of a file, so that its cosine is not quite nothing.
+        rpy = (0.0, 1.57079632679, 0.0) if i == 1 else (0.0, 0.0, 0.0)
+        parent = f"b{i - 1}" if i else None
+        bodies.append(body(i, parent, joint, position=(0.0, 0.1, -0.2), rpy=rpy))
+    return assembled(bodies, (0.0, 0.0, -9.81)).tree
+
+
+@pytest.mark.parametrize("kinds", [("hinge",), ("slide", "hinge"), ("hinge", "hinge")])
+def test_they_are_what_the_recursion_has(kinds: tuple[str, ...]) -> None:
+    tree, n = chain(len(kinds), *kinds), len(kinds)
+    q, v = (sp.symbols(f"{letter}:{n}", real=True) for letter in "qv")
+    found = formulas(tree, q, v)
+    assert isinstance(found, Formulas)
+    dynamics = Dynamics(tree)
+    for at in np.random.default_rng(3).uniform(-2, 2, (4, 2, n)):
+        values = dict(zip((*q, *v), at.ravel().tolist(), strict=True))
+        mass = [[float(x.subs(values)) for x in row] for row in found.mass]
+        force = [float(sum(x.subs(values) for x in row)) for row in found.force]
+        np.testing.assert_allclose(mass, dynamics.mass(at[0]), rtol=1e-9, atol=1e-9)
+        wanted = dynamics.force(at[0], at[1], np.zeros(n))
+        np.testing.assert_allclose(force, wanted, rtol=1e-8, atol=1e-8)
+
+
+def test_what_angles_of_a_file_leave_of_zeros_is_left_out() -> None:
+    q, v = (sp.symbols(f"{letter}:2", real=True) for letter in "qv")
+    found = formulas(chain(2), q, v)
+    assert isinstance(found, Formulas)
+    numbers = [abs(float(x)) for row in found.force for term in row for x in term.atoms(sp.Float)]
+    assert min(numbers) > 1e-6
+
+
+@pytest.mark.parametrize(("tree", "says"), [
+    (chain(4), "of 4 joints they are long"),
+    (chain(3), r"they have \d+ terms, where 80 are long"),
+    (assembled(
+        [body(0, None, Joint(name="b", kind="ball"))], (0, 0, -9.81)).tree, "'b' is a ball joint"),
+    (assembled([body(0, None, Joint(name="b", kind="hinge"))], (0, 0, -9.81),
+               [Pull(name="p", joints=(("b", 1.0),), bias=(1, 0, 0))]).tree, "of tendons"),
+    (assembled([body(0, None, Joint(name="a", kind="hinge")),
+                body(1, "b0", Joint(name="b", kind="hinge"))], (0, 0, -9.81),
+               couplings=[Coupling(follower="b", leader="a")]).tree, "that follow others"),
+])  # fmt: skip
+def test_why_there_are_none_is_said(tree: Tree, says: str) -> None:
+    q, v = (sp.symbols(f"{letter}:{tree.nv}", real=True) for letter in "qv")
+    found = formulas(tree, q, v)
+    assert isinstance(found, str)
+    assert re.search(says, found)

@@ -1,0 +1,98 @@
+"""Segments of a changed tree: as those that are solved from scratch, and to first order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reference.flows import Flow
+from reference.multibody.charted import Charted
+from reference.multibody.dynamics import Dynamics
+from reference.multibody.tree import Coupling, Kind, Tree
+from reference.numeric import Array
+from tests.reference.multibody.trees import tree
+
+KINDS: tuple[tuple[Kind, ...], ...] = (
+    ("hinge", "slide", "hinge"), ("free", "hinge"), ("ball",), ("hinge", "hinge", "hinge", "hinge"),
+)  # fmt: skip
+LENGTH = 0.02
+
+
+def mechanism(kinds: tuple[Kind, ...]) -> Tree:
+    """A tree; of four hinges the last follows the first."""
+    one = tree(kinds, 5)
+    follows = (Coupling(follower=3, leader=0, multiplier=-0.7),) if len(kinds) == 4 else ()
+    return replace(one, couplings=follows)
+
+
+def changed(one: Tree, share: float) -> Tree:
+    """Another mass, place and axis of the last link."""
+    link = one.links[-1]
+    axis = link.axis + share * np.array([0.3, -0.2, 0.5])
+    last = replace(
+        link,
+        mass=link.mass * (1 + share),
+        position=link.position + share * np.array([0.1, 0.2, -0.1]),
+        axis=axis / np.linalg.norm(axis),
+        damping=link.damping + (0 if link.kind == "free" else share),
+    )
+    follows = tuple(replace(c, multiplier=c.multiplier * (1 + share)) for c in one.couplings)
+    return replace(one, links=(*one.links[:-1], last), couplings=follows)
+
+
+def given(one: Tree) -> tuple[Array, Array]:
+    random = np.random.default_rng(3)
+    return random.normal(size=(5, 2 * one.freedoms)), random.normal(size=(5, one.freedoms))
+
+
+def ends(one: Tree, start: Array, forces: Array) -> Array:
+    """By the classical Runge-Kutta method in many steps."""
+    own, n, steps = Charted(one), one.freedoms, 400
+    y, u, h = start.T, forces.T, LENGTH / steps
+
+    def rate(state: Array) -> Array:
+        return np.concatenate([state[n:], own.acceleration(state[:n], state[n:], u)])
+
+    for _ in range(steps):
+        k1 = rate(y)
+        k2 = rate(y + h / 2 * k1)
+        k3 = rate(y + h / 2 * k2)
+        k4 = rate(y + h * k3)
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return np.asarray(y.T)
+
+
+@pytest.mark.parametrize("kinds", KINDS)
+def test_a_changed_tree_moves_the_ends_as_two_solutions_differ(kinds: tuple[Kind, ...]) -> None:
+    one = mechanism(kinds)
+    start, forces = given(one)
+    other = changed(one, 0.2)
+    flow = Flow(one, start, forces, LENGTH)
+    apart = ends(other, start, forces) - ends(one, start, forces)
+    assert np.abs(apart).max() > 1e-4
+    assert np.allclose(flow.moved(other), apart, atol=1e-11)
+    back = flow.at(other).moved(one)
+    assert np.allclose(back, -apart, atol=1e-11)
+
+
+@pytest.mark.parametrize("kinds", KINDS)
+def test_a_variation_is_the_slope_of_the_ends(kinds: tuple[Kind, ...]) -> None:
+    one = mechanism(kinds)
+    flow = Flow(one, *given(one), LENGTH)
+    step = 1e-5
+    both = (flow.moved(changed(one, step)) - flow.moved(changed(one, -step))) / (2 * step)
+    found = flow.variation(changed(one, step)) / step
+    assert np.allclose(found, both, atol=1e-4 * np.abs(both).max())
+    assert np.abs(both).max() > 1e-4
+
+
+def test_what_accelerations_leave_of_the_forces_is_that_of_the_mass_matrix() -> None:
+    one = tree(("hinge", "free", "ball", "slide"), 6)
+    random = np.random.default_rng(4)
+    q = random.normal(size=(one.nq, 6))
+    v, a, u = random.normal(size=(3, one.nv, 6))
+    own = Dynamics(one)
+    wanted = own.force(q, v, u) - (own.recursion.mass(q) * a).sum(axis=1)
+    assert np.allclose(own.residual(q, v, a, u), wanted, atol=1e-11)

@@ -1,0 +1,126 @@
+"""Numbers of robots' files: all found where they stand, and the trees that others of them make."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.robots.named import Numbers, read_robot, robot_numbers
+from reference.multibody.tree import Tree
+from tests.robots.files import joint, link
+
+URDF = "\n".join(
+    [
+        '<robot name="written">',
+        link("base", ""),
+        joint("a", "base", "one", '<origin xyz="0, 0, 0.25" rpy="0.1 0 0"/><axis xyz="0 1 0"/>'),
+        link("one"),
+        joint("b", "one", "two", '<dynamics damping="0.5"/><limit effort="7"/>', "revolute"),
+        link("two").replace('value="2"', "value='3.5'"),
+        '<gazebo reference="b"><springStiffness> 4 </springStiffness></gazebo>',
+        "</robot>",
+    ]
+)
+
+
+def by_address(numbers: Numbers) -> dict[str, int]:
+    found = {one.address: i for i, one in enumerate(numbers.numerals)}
+    assert len(found) == len(numbers.numerals)
+    return found
+
+
+def same(one: Tree | None, other: Tree | None) -> bool:
+    assert one is not None
+    assert other is not None
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name))
+        for a, b in zip(one.links, other.links, strict=True)
+        for name in ("position", "rotation", "axis", "mass", "center", "inertia", "damping",
+                     "stiffness", "rest", "armature")
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("address", [
+    "joint[a]/origin@xyz[2]", "joint[a]/origin@rpy[0]", "joint[a]/axis@xyz[0]",
+    "link[two]/inertial/mass@value", "link[one]/inertial/inertia@ixy",
+    "joint[b]/dynamics@damping", "gazebo[b]/springStiffness",
+])  # fmt: skip
+def test_a_tree_of_another_number_is_that_of_the_file_with_it(tmp_path: Path, address: str) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(URDF)
+    numbers = robot_numbers(file, {})
+    index = by_address(numbers)[address]
+    assert index in numbers.saying
+    before = numbers.tree({})
+    assert same(before, read_robot(file).tree)
+    changed = numbers.tree({index: 0.125})
+    assert not same(changed, before)
+    (text,) = numbers.texts({index: 0.125}).values()
+    file.write_bytes(text)
+    assert same(changed, read_robot(file).tree)
+    assert same(numbers.tree({}), before), "what was changed stays so for a while alone"
+
+
+def test_numbers_are_told_where_they_stand_and_with_a_size(tmp_path: Path) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(URDF)
+    numbers = robot_numbers(file, {})
+    known = by_address(numbers)
+    one = numbers.numerals[known["joint[a]/origin@xyz[2]"]]
+    assert (one.line, one.value, one.scale) == (3, 0.25, 0.25)
+    assert file.read_bytes()[one.start : one.end] == b"0.25"
+    assert numbers.numerals[known["joint[a]/origin@xyz[0]"]].scale == 0.25
+    assert numbers.numerals[known["link[one]/inertial/inertia@ixy"]].scale == 0.3
+    effort = known["joint[b]/limit@effort"]
+    assert numbers.numerals[effort].value == 7
+    assert effort not in numbers.saying
+
+
+def test_a_number_that_makes_no_tree_makes_none(tmp_path: Path) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(URDF)
+    numbers = robot_numbers(file, {})
+    index = by_address(numbers)["joint[a]/axis@xyz[1]"]
+    assert numbers.tree({index: 0.0}) is None
+    assert numbers.tree({}) is not None
+
+
+MJCF = """<mujoco>
+<compiler angle="radian"/><option gravity="0 0 -9.81" timestep="0.002"/>
+<default><joint damping="0.3"/><geom density="500" rgba="1 0 0 1"/></default>
+<include file="limbs.xml"/>
+</mujoco>
+"""
+LIMBS = """<mujocoinclude><worldbody><body><joint name="a" axis="0 1 0" armature="0.02"/>
+<geom size="0.1 0.2 0.3" type="box" pos="0 0 -0.2" friction="1 0.1 0.1"/>
+<geom name="light" size="0.1" pos="0 0 -0.3" mass="0.2"/>
+</body></worldbody></mujocoinclude>
+"""
+
+
+def test_an_mjcf_has_the_numbers_of_what_it_includes(tmp_path: Path) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(MJCF)
+    (tmp_path / "limbs.xml").write_text(LIMBS)
+    numbers = robot_numbers(file, {})
+    known = by_address(numbers)
+    said = {numbers.numerals[i].address for i in numbers.saying}
+    assert {
+        "mujoco/default/joint@damping", "mujoco/default/geom@density", "joint[a]@armature",
+        "geom[light]@mass", "geom[light]@pos[2]", "mujoco/option@gravity[2]",
+    } <= said  # fmt: skip
+    assert not said & {"mujoco/option@timestep", "mujoco/default/geom@rgba[0]"}
+    assert not [one for one in said if "friction" in one]
+    before = numbers.tree({})
+    for address in ("mujoco/default/joint@damping", "geom[light]@mass"):
+        index = known[address]
+        changed = numbers.tree({index: 0.4})
+        assert not same(changed, before)
+        other = tmp_path / address.split("[")[0].replace("/", "_")
+        other.mkdir()
+        for path, text in numbers.texts({index: 0.4}).items():
+            (other / path.name).write_bytes(text)
+        assert same(changed, read_robot(other / "r.xml").tree)
+        assert (tmp_path / "limbs.xml").read_text() == LIMBS

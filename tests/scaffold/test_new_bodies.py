@@ -1,0 +1,301 @@
+"""Folders of robots: every number as the file has it, and each that is changed is seen."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pybullet_data
+import pytest
+
+from harness.files.model_files import UnreadModel, model_files
+from harness.files.sidecar import Sidecar, read_sidecar
+from harness.records.outcome import Outcome
+from harness.robots.named import read_robot
+from harness.run import Options, run
+from harness.scaffold.folder import NewError
+from harness.scaffold.from_model import from_model
+from reference.declaration import DeclarationError
+from reference.load import load_declaration, load_system
+from reference.multibody.tree import Link, Tree
+from reference.trees import MultibodySystem
+
+DATA = Path(pybullet_data.getDataPath())
+ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+SHAPE = "v 0 0 0\nv .2 0 0\nv 0 .2 0\nv 0 0 .2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+ALL = """<mujoco model="all"><include file="beside.xml"/><compiler meshdir="shapes"/>
+<default><joint damping="0.1"/></default>
+<asset><mesh name="tetrahedron" file="tetrahedron.obj"/></asset>
+<worldbody>
+<body name="base" pos="0 0 1" gravcomp="0.5"><freejoint name="root"/>
+<geom type="mesh" mesh="tetrahedron" density="500"/>
+<body name="arm" pos="0.1 0 0" euler="10 20 30"><joint name="shoulder" type="ball"
+ armature="0.01" pos="0.01 0.02 0"/>
+<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>
+<body pos="0.3 0 0"><joint name="elbow" axis="0 1 1" stiffness="3 2 1" springref="10" ref="20"/>
+<joint name="slide" type="slide" axis="1 0 0" ref="0.1" range="-1 0.5"/>
+<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>
+<include file="parts/tip.xml"/></body></body></body>
+<replicate count="2" offset="0 1 0"><body name="r"><joint name="rj" axis="1 0 0"/>
+<geom type="box" size=".1 .2 .1" pos="0 .2 0"/></body></replicate></worldbody>
+<tendon><fixed name="rope" stiffness="5" damping="0.3" springlength="0.1">
+<joint joint="elbow" coef="0.5"/><joint joint="slide" coef="-1"/></fixed></tendon>
+<actuator><position name="servo" joint="elbow" kp="5" kv="0.2"/>
+<motor tendon="rope" gear="2"/></actuator>
+<equality><joint joint1="rj1" joint2="rj0" polycoef="0.1 -0.5 0 0 0"/></equality></mujoco>
+"""
+
+
+def written(folder: Path) -> Path:
+    """An MJCF with all that there is, in files and folders of its own."""
+    for name in ("shapes", "parts"):
+        (folder / name).mkdir(parents=True)
+    (folder / "beside.xml").write_text('<mujoco><option gravity="0 1 -9.8"/></mujoco>')
+    tip = '<mujocoinclude><body name="tip" pos=".3 0 0"><geom size=".05"/></body></mujocoinclude>'
+    (folder / "parts" / "tip.xml").write_text(tip)
+    (folder / "shapes" / "tetrahedron.obj").write_text(SHAPE)
+    file = folder / "all.xml"
+    file.write_text(ALL)
+    return file
+
+
+def digits(tree: Tree) -> list[object]:
+    """All numbers of a tree, in words that tell every double from every other."""
+    links = [
+        [repr(np.asarray(getattr(link, field.name)).tolist()) for field in fields(Link)]
+        for link in tree.links
+    ]
+    return [links, repr(tree.pulls), repr(tree.couplings), repr(tree.gravity.tolist())]
+
+
+def bodies(folder: Path) -> MultibodySystem:
+    declared = load_declaration(folder)
+    assert isinstance(declared, MultibodySystem)
+    return declared
+
+
+@pytest.mark.parametrize("file", [
+    DATA / "kuka_iiwa" / "model.urdf", DATA / "franka_panda" / "panda.urdf",
+    DATA / "a1" / "a1.urdf", ASSETS / "half_cheetah.xml", ASSETS / "humanoid.xml", None,
+], ids=lambda file: "all" if file is None else file.stem)  # fmt: skip
+def test_what_is_declared_is_the_tree_of_the_file_to_the_last_digit(
+    tmp_path: Path, file: Path | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # What engines make of it is tested below.
+    monkeypatch.setattr("harness.scaffold.from_tree._run", lambda *_: ({}, []))
+    file = written(tmp_path / "given") if file is None else file
+    from_model(file, tmp_path / "made")
+    declared, robot = bodies(tmp_path / "made"), read_robot(file)
+    assert robot.tree is not None
+    assert digits(declared.assembled.tree) == digits(robot.tree)
+    for one, other in zip(declared.assembled.limits, robot.limits, strict=True):
+        assert np.array_equal(one, other)
+    named = [part.name for part in robot.parts]
+    assert sorted(body.name for body in declared.bodies) == sorted(named)
+
+
+@pytest.fixture(scope="module")
+def kuka(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("folders") / "kuka"
+    said = from_model(DATA / "kuka_iiwa" / "model.urdf", folder)
+    assert said.declares.startswith("bodies, and not energies: it has 7 joints")
+    assert [one.partition(":")[0] for one in said.remarks] == ["left out"]
+    return folder
+
+
+def test_every_number_has_its_line_beside_it(kuka: Path) -> None:
+    source = (DATA / "kuka_iiwa" / "model.urdf").read_text().splitlines()
+    found = 0
+    for line in (kuka / "system.py").read_text().splitlines():
+        if (match := re.search(r"(\w+)=(.*),  # .*model\.urdf:(\d+)$", line)) is None:
+            continue
+        key, value = match[1], match[2].strip("()").split(", ")
+        numbers = re.findall(r"-?\d+\.?\d*(?:[eE]-?\d+)?", source[int(match[3]) - 1])
+        words = set(map(float, numbers))
+        assert {float(word) for word in value} <= words | {0.0}, (key, line)
+        found += 1
+    assert found == 7 * 7 + 6 + 2  # all of a joint and a link, six turns, and of the fixed link
+    assert {one.name for one in kuka.iterdir()} == {"model.urdf", "model.urdf.toml", "system.py"}
+
+
+@pytest.mark.parametrize(("old", "new", "line"), [
+    ('<mass value="3"/>', '<mass value="3.000003"/>', 154),
+    ('xyz="0.0003 0.059 0.042"', 'xyz="0.0003 0.0590001 0.042"', 124),
+])  # fmt: skip
+def test_a_number_that_is_changed_afterwards_differs_and_is_named(
+    kuka: Path, old: str, new: str, line: int
+) -> None:
+    file = kuka / "model.urdf"
+    text = file.read_text()
+    assert old in text
+    sound = run([kuka], Options(jobs=1), lambda *_: None).results
+    assert {(case.scenario, case.outcome) for case in sound.cases} == {("states", Outcome.AGREES)}
+    assert all(model.coverage and model.coverage.motion > 100 for model in sound.models)
+    assert all(model.coverage and model.coverage.left_out for model in sound.models)
+    try:
+        file.write_text(text.replace(old, new, 1))
+        found = run([kuka], Options(jobs=1), lambda *_: None).results
+    finally:
+        file.write_text(text)
+    assert {case.outcome for case in found.cases} == {Outcome.DIFFERS}
+    for model in found.models:
+        assert model.diagnosis is not None
+        (first, *_) = model.diagnosis.explanations[0].causes
+        assert [place.line for place in first.where] == [line]
+
+
+def test_all_that_a_format_has_is_written_and_agrees(tmp_path: Path) -> None:
+    """Includes, a mesh that has a say, replicas, free and ball joints, tendons, actuators."""
+    file, made = written(tmp_path / "given"), tmp_path / "made"
+    said = from_model(file, made)
+    assert not [one for one in said.remarks if not one.startswith("left out: ")]
+    names = {str(path.relative_to(made)) for path in made.rglob("*") if path.is_file()}
+    assert names == {
+        "all.xml", "all.xml.toml", "beside.xml", "parts/tip.xml", "shapes/tetrahedron.obj",
+        "system.py",
+    }  # fmt: skip
+    (model,) = model_files(made)
+    assert isinstance(model, Sidecar), "what it includes is no model of its own"
+    assert model.settings["couplings"] == ["rj1"]
+    found = run([made], Options(jobs=1), lambda *_: None).results
+    assert [(case.model, case.outcome) for case in found.cases] == [("all.xml", Outcome.AGREES)]
+    tip = made / "parts" / "tip.xml"
+    tip.write_text(tip.read_text().replace(".05", ".0500001"))
+    found = run([made], Options(jobs=1), lambda *_: None).results
+    assert [case.outcome for case in found.cases] == [Outcome.DIFFERS]
+
+
+def test_meshes_that_have_no_say_are_left_where_they_are(tmp_path: Path) -> None:
+    file = written(tmp_path / "given")
+    text = '<geom type="mesh" mesh="tetrahedron" density="500"/>'
+    own = '<inertial pos="0 0 .1" mass="2" diaginertia=".1 .1 .1"/>'
+    file.write_text(ALL.replace(text, text + own))
+    from_model(file, tmp_path / "made")
+    assert not (tmp_path / "made" / "shapes").exists()
+
+
+def test_a_root_may_float(tmp_path: Path) -> None:
+    from_model(DATA / "laikago" / "laikago_toes_zup.urdf", tmp_path / "dog", floating=True)
+    assert bodies(tmp_path / "dog").bodies[0].joints[0].kind == "free"
+    sidecar = read_sidecar(tmp_path / "dog" / "laikago_toes_zup.urdf.toml")
+    assert sidecar.settings["floating"] is True
+    found = run([tmp_path / "dog"], Options(jobs=1), lambda *_: None).results
+    assert {case.outcome for case in found.cases} == {Outcome.AGREES}
+
+
+def test_where_no_engine_runs_it_that_is_told_and_the_folder_is_there(tmp_path: Path) -> None:
+    said = from_model(DATA / "laikago" / "laikago_toes.urdf", tmp_path / "dog")
+    left_out = [one for one in said.remarks if "is left out: " in one]
+    assert len(left_out) == 2
+    assert "has no moments" in left_out[0] or "has no moments" in left_out[1]
+    sidecar = read_sidecar(tmp_path / "dog" / "laikago_toes.urdf.toml")
+    assert set(sidecar.engines) == {"mujoco", "pybullet"}
+
+
+def test_a_file_that_can_not_be_read_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(NewError, match=r"husky\.urdf:97: ") as caught:
+        from_model(DATA / "husky" / "husky.urdf", tmp_path / "husky")
+    assert str(caught.value).count("husky.urdf:97: ") == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("table", "told"), [
+    ('[coordinates]\nlbr_iiwa_joint_1 = "x"\n', "[coordinates]"),
+    ('[bindings]\n"x" = "y"\n', "[bindings]"),
+])  # fmt: skip
+def test_what_a_sidecar_says_of_energies_is_refused_beside_bodies(
+    kuka: Path, table: str, told: str
+) -> None:
+    sidecar = kuka / "model.urdf.toml"
+    text = sidecar.read_text()
+    try:
+        sidecar.write_text(f"{text}\n{table}")
+        found = run([kuka], Options(jobs=1), lambda *_: None).results
+    finally:
+        sidecar.write_text(text)
+    for case in found.cases:
+        assert case.outcome is Outcome.FAILED
+        assert f"model.urdf.toml: {told}: system.py declares bodies" in case.reason
+
+
+def test_without_its_settings_contacts_and_limits_act_and_it_is_no_longer_the_same(
+    tmp_path: Path,
+) -> None:
+    """They are stated, and nothing is added to them."""
+    from_model(ASSETS / "inverted_pendulum.xml", tmp_path / "made")
+    sidecar = tmp_path / "made" / "inverted_pendulum.xml.toml"
+    sidecar.write_text(sidecar.read_text().replace("smooth = true", "smooth = false"))
+    (case,) = run([tmp_path / "made"], Options(jobs=1), lambda *_: None).results.cases
+    assert case.outcome is Outcome.FAILED
+    assert "it has actuators" in case.reason
+
+
+@pytest.mark.parametrize(("old", "new", "says"), [
+    ("mass=4.0,", 'mass="four",', "mass and lift of body 'lbr_iiwa_link_1': "),
+    ('parent="lbr_iiwa_link_0"', 'parent="link_0"', "hangs from 'link_0', which does not come"),
+    ('kind="hinge"', 'kind="screw"', "joint 'lbr_iiwa_joint_1' is of kind 'screw'; kinds are"),
+    ("axis=(0.0, 0.0, 1.0)", "axis=(0.0, 0.0, 0.0)", "the axis of joint 'lbr_iiwa_joint_1' has no"),
+    ("axis=(0.0, 0.0, 1.0)", "axis=(0.0, 1.0)", "axis of joint 'lbr_iiwa_joint_1': .* 3 finite"),
+    ('name="lbr_iiwa_joint_2"', 'name="lbr_iiwa_joint_1"', "two joints are called"),
+    ("mass=4.0,", "weight=4.0,", "unexpected keyword argument 'weight'"),
+])  # fmt: skip
+def test_a_mistake_in_a_declaration_is_told_with_its_line(
+    kuka: Path, tmp_path: Path, old: str, new: str, says: str
+) -> None:
+    text = (kuka / "system.py").read_text()
+    assert old in text
+    (tmp_path / "system.py").write_text(text.replace(old, new, 1))
+    with pytest.raises(DeclarationError, match=rf"system\.py:\d+: .*{says}"):
+        load_declaration(tmp_path)
+
+
+def test_what_needs_energies_says_so(kuka: Path) -> None:
+    with pytest.raises(DeclarationError, match="it declares bodies, and not energies"):
+        load_system(kuka)
+
+
+def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    # As at a desk: a robot in CI may not accept.
+    desk = {name: text for name, text in os.environ.items() if name not in ("CI", "GITHUB_ACTIONS")}
+    return subprocess.run(
+        [sys.executable, "-m", "harness", *arguments], cwd=folder, capture_output=True, text=True,
+        check=False, env=desk,
+    )  # fmt: skip
+
+
+def test_from_the_command_line_to_a_gate(tmp_path: Path) -> None:
+    (tmp_path / "m").mkdir()
+    file = tmp_path / "arm.urdf"
+    file.write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())
+    done = crosscheck(tmp_path, "new", "m/arm", "--from", "arm.urdf")
+    assert done.returncode == 0, done.stderr
+    assert "system.py declares bodies, and not energies: it has 7 joints" in done.stdout
+    done = crosscheck(tmp_path, "accept", "--folder", "m", "--reason", "first")
+    assert done.returncode == 0, done.stdout + done.stderr
+    done = crosscheck(tmp_path, "gate")
+    assert "2 cases: 2 as accepted; 0 run" in done.stdout
+    copy = tmp_path / "m" / "arm" / "arm.urdf"
+    copy.write_text(copy.read_text().replace('<mass value="3"/>', '<mass value="3.001"/>'))
+    done = crosscheck(tmp_path, "gate", "--jobs", "1")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "CHANGED arm/arm.urdf/states [pybullet] (model)" in done.stdout
+    assert "the model's motion moved by" in done.stdout
+    assert "arm.urdf:154" in done.stdout
+    declared = tmp_path / "m" / "arm" / "system.py"
+    declared.write_text(declared.read_text().replace("mass=3.0,", "mass=3.001,"))
+    done = crosscheck(tmp_path, "gate", "--jobs", "1")
+    assert "model and equations changed alike: they agree" in done.stdout
+    tests = subprocess.run(
+        [sys.executable, "-m", "pytest", "--crosscheck", "m", "-q", "-p", "no:cacheprovider"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert tests.returncode == 0, tests.stdout
+    assert "4 passed" in tests.stdout
+    assert not [one for one in model_files(tmp_path / "m" / "arm") if isinstance(one, UnreadModel)]
