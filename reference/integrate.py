@@ -25,6 +25,14 @@ STAGES = 8
 AGREEMENT = 1e-12
 """Largest distance of the two integrations over a segment, relative to the motion's size."""
 
+ITERATIONS = 60
+CONVERGED = 4e-16
+"""Change of the stages' rates, relative to the largest of each component, that ends iterations."""
+
+ROUNDED = 1e-10
+"""Where rounding moves rates to and fro, as of a light finger on a heavy body, a change that falls
+no more is of this size at most; the two solutions are held against each other all the same."""
+
 MOST_OPERATIONS = 2500
 """Length of the equations beyond which heyoka's compilation takes minutes."""
 
@@ -141,10 +149,22 @@ def solve_numerically(
     )
 
 
-def collocate(field: Field, times: Array, states: Array, length: float) -> tuple[Array, Array]:
+def collocate(
+    field: Field, times: Array, states: Array, length: float, names: Sequence[str] = ()
+) -> tuple[Array, Array]:
     """Integrate B segments at once: ends (B, 2n) and states at the Chebyshev nodes (B, NODES, 2n).
 
     Two steps a segment; each stage equation is solved by fixed-point iteration, to rounding.
+
+    Args:
+        field: dy/dt.
+        times: at which they start, (B,).
+        states: at which they start, (B, 2n).
+        length: of each, seconds.
+        names: of the components, for a message.
+
+    Raises:
+        ReferenceError: where the stage equations don't converge.
     """
     nodes, weights, matrix, integrals = gauss(STAGES)
     half = length / 2
@@ -153,16 +173,13 @@ def collocate(field: Field, times: Array, states: Array, length: float) -> tuple
     for part in range(2):
         at = times + part * half
         stage_times = at[:, None] + half * nodes
-        slopes = np.repeat(field(at, current)[:, None, :], STAGES, axis=1)
-        for _ in range(60):
-            stages = current[:, None, :] + half * np.einsum("ij,bjc->bic", matrix, slopes)
-            new = field(stage_times, stages)
-            change = np.max(np.abs(new - slopes) / (1e-300 + np.max(np.abs(new), axis=(0, 1))))
-            slopes = new
-            if change < 4e-16:
-                break
-        if not np.isfinite(change) or change > 1e-12:
-            raise ReferenceError("the stage equations of the collocation do not converge")
+
+        def rates(slopes: Array, start: Array = current, times: Array = stage_times) -> Array:
+            stages = start[:, None, :] + half * np.einsum("ij,bjc->bic", matrix, slopes)
+            return field(times, stages)
+
+        begun = np.repeat(field(at, current)[:, None, :], STAGES, axis=1)
+        slopes = _iterated(rates, begun, names)
         inside = [
             (i, 2 * c - part) for i, c in enumerate(chebyshev_nodes()) if part <= 2 * c <= part + 1
         ]
@@ -172,6 +189,31 @@ def collocate(field: Field, times: Array, states: Array, length: float) -> tuple
     output[:, 0] = states
     output[:, -1] = current
     return current, output
+
+
+def _iterated(rates: Callable[[Array], Array], slopes: Array, names: Sequence[str]) -> Array:
+    """The rates at the stages (B, STAGES, 2n) that the rates there reproduce, by iteration.
+
+    Raises:
+        ReferenceError: where they don't converge, with the component that changes most.
+    """
+    last = np.inf
+    for _ in range(ITERATIONS):
+        new = rates(slopes)
+        size = np.max(np.abs(new), axis=(0, 1)) + 1e-300
+        changes = np.max(np.abs(new - slopes), axis=(0, 1)) / size
+        change, slopes = float(np.max(changes)), new
+        if change < CONVERGED or last <= change < ROUNDED:
+            return slopes
+        if not np.isfinite(change):
+            break
+        last = change
+    worst = int(np.argmax(np.where(np.isfinite(changes), changes, np.inf)))
+    raise ReferenceError(
+        "the stage equations of the collocation do not converge: the rate of"
+        f" {names[worst] if names else f'component {worst}'} changes by {changes[worst]:.1e} of"
+        " its size"
+    )
 
 
 def gauss(stages: int) -> tuple[Array, Array, Array, Callable[[float], Array]]:

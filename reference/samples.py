@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reference.equations import slopes_of
 from reference.integrate import AGREEMENT, Field, ReferenceError, by_runge_kutta, collocate
 from reference.numeric import Array
 from reference.trees import TreeEquations
@@ -114,14 +113,16 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     coupled = bool(equations.system.tree.couplings)
     length = 2 * np.pi / fastest / (COUPLED_A_PERIOD if coupled else SEGMENTS_A_PERIOD)
     field, times = _field(equations, forces), np.zeros(count)
-    end, _ = collocate(field, times, start, length)
+    names = [c.name for c in equations.system.coordinates]
+    names += [f"{name}_dot" for name in names]
+    end, _ = collocate(field, times, start, length, names)
     checked = by_runge_kutta(field, times, start, length)
     apart, size = np.max(np.abs(end - checked), axis=0), np.max(np.abs(end), axis=0)
     sizes = np.repeat([size[:n].max(), size[n:].max()], n)
     if not np.all(apart <= AGREEMENT * sizes):  # so that nan is refused as well
         worst = int(np.argmax(apart / sizes))
         raise ReferenceError(
-            f"two solutions of component {worst} are {apart[worst]:.1e} apart over a segment"
+            f"two solutions of {names[worst]} are {apart[worst]:.1e} apart over a segment"
         )
     rounded = equations.rounding(q, v, forces)
     jolt = np.concatenate([rounded * length**2 / 2, rounded * length])
@@ -198,7 +199,7 @@ def _rates(equations: TreeEquations, states: Array, forces: Array) -> tuple[floa
     """
     states, forces, n = states[:LOOKED_AT], forces[:LOOKED_AT], states.shape[1] // 2
     with np.errstate(all="ignore"):
-        lower = slopes_of(lambda q, v: equations.pushed_acceleration(q, v, forces), states)
+        lower = equations.pushed_slopes(states, forces)
     if not np.isfinite(lower).all():
         raise ReferenceError("the accelerations are not finite: the mass matrix is singular")
     full = np.zeros((len(states), 2 * n, 2 * n))

@@ -19,6 +19,9 @@ from reference.multibody.coupled import Coupled
 from reference.multibody.tree import Tree, TreeError
 from reference.numeric import Array
 
+AT_ONCE = 2000
+"""States that one recursion takes: more of them no longer save time, and ask for memory."""
+
 MARGIN = 4.0
 """Rounding is seen at some states and bounded at all, by so many times the largest seen."""
 
@@ -155,6 +158,38 @@ class TreeEquations(EquationsOfMotion):
         shape = np.broadcast_shapes(q.shape, v.shape, forces.shape)
         at = (_first(np.broadcast_to(part, shape)) for part in (q, v, forces))
         return _last(self._doubles.acceleration(*at))
+
+    def pushed_slopes(self, states: Array, forces: Array) -> Array:
+        """Derivatives of the accelerations under held forces by q and v, (B, n, 2n).
+
+        By central differences of what known accelerations leave of the forces: that takes one mass
+        matrix a state, where differences of accelerations take one a component.
+
+        Args:
+            states: (B, 2n).
+            forces: on the coordinates, (B, n).
+        """
+        n, own = forces.shape[1], self._doubles
+        x, rate, pushed = (_first(part) for part in (states[:, :n], states[:, n:], forces))
+        second = own.acceleration(x, rate, pushed)
+        inverse = np.linalg.inv(np.moveaxis(own.inertia(x), -1, 0))
+
+        def left(steps: Array) -> Scalars:
+            """Forces left over, (n, columns, B), at states moved by (2n, columns)."""
+            like = (n, steps.shape[1], len(states))
+            moved = (x[:, None] + steps[:n, :, None], rate[:, None] + steps[n:, :, None])
+            known = (np.broadcast_to(part[:, None], like) for part in (second, pushed))
+            return own.residual(*moved, *known)
+
+        sizes = 1e-6 * np.maximum(np.max(np.abs(states), axis=0), 1e-3)
+        columns = []
+        for some in np.array_split(np.arange(2 * n), -(-2 * n * len(states) // AT_ONCE)):
+            step = np.zeros((2 * n, len(some)))
+            step[some, range(len(some))] = sizes[some]
+            by = np.einsum("bij,jcb->icb", inverse, left(step) - left(-step), optimize=True)
+            at = np.broadcast_to(x[:, None], by.shape)
+            columns.append(own.seconds(at, by) / (2 * sizes[some][:, None]))
+        return np.moveaxis(np.concatenate(columns, axis=1), 2, 0)
 
     def forces_for(self, q: Array, v: Array, wanted: Array) -> Array:
         """Forces on the coordinates that make accelerations, all (..., n)."""

@@ -1,79 +1,100 @@
 """Every robot of some folders, read and checked: `python -m campaigns.real_models FOLDER...`.
 
-Prints what is read, a line a case as it comes, and tables of what became of them; see the README.
+Prints a line a case as it comes, and tables of what became of all; see the README.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import re
+import signal
+import sys
 import time
-from collections import Counter
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from campaigns.real_models.files import robot_files
-from campaigns.real_models.reading import Reading, kind, survey, table
-from harness.records.case import Case
-from harness.run import Options, run
+from campaigns.real_models.check import Check, digest_of
+from campaigns.real_models.entry import Entry, keep, kept
+from campaigns.real_models.files import included, robot_files
+from campaigns.real_models.packages import FOLDERS, folder_of
+from campaigns.real_models.summary import line, summary
+from harness.schedule.jobs import work
+from harness.schedule.workers import Limits, Workers
 
 
-def line(case: Case) -> str:
-    """Such as: AGREES mujoco kuka_iiwa/model.urdf E 8.3e-13 U 2.6e-10."""
-    where = f"{case.outcome:<10} {case.engine:<9} {case.folder}"
-    if case.verdict is None or case.reason:
-        return f"{where}: {case.reason}"
-    found = case.verdict
-    return f"{where} E {found.largest_discrepancy:.1e} U {found.largest_uncertainty:.1e}"
+def folders_of(names: list[str]) -> list[Path]:
+    """Folders and files as they are given, and those of packages by their names.
+
+    Raises:
+        SystemExit: for what is neither.
+    """
+    found = []
+    for name in names or sorted(FOLDERS):
+        folder = Path(name) if Path(name).exists() else folder_of(name)
+        if folder is None and names:
+            sys.exit(f"{name}: no file or folder, and no package with models that is installed")
+        if folder is None:
+            print(f"{name}: not installed; its models are left out", flush=True)
+            continue
+        found.append(folder)
+    return found
 
 
-def outcomes(cases: Iterable[Case]) -> str:
-    """How many files of each format came out how, by engine; and why others have no verdict."""
-    rows: Counter[str] = Counter()
-    why: Counter[str] = Counter()
-    for case in cases:
-        rows[f"{Path(case.model).suffix} {case.engine:<9} {case.outcome}"] += 1
-        if case.verdict is None:
-            reason = case.reason.removeprefix(f"{case.folder}: ")
-            why[f"{case.engine:<9} {kind(reason)[:150]}"] += 1
-    return "\n\n".join([table("outcomes, files", rows), table("no verdict, files", why)])
+def arguments() -> argparse.Namespace:
+    """Of the command line."""
+    parser = argparse.ArgumentParser(prog="python -m campaigns.real_models", description=__doc__)
+    parser.add_argument(
+        "folder", nargs="*", help=f"or a package: {', '.join(FOLDERS)}; none: all of these"
+    )
+    parser.add_argument("--jobs", type=int, default=0, help="workers; 0: as many as processors")
+    parser.add_argument("--resolution", type=float, default=1e-9)
+    parser.add_argument("--limit", type=float, default=Limits.seconds, help="seconds a task")
+    parser.add_argument("--floating", action="store_true", help="the roots of URDFs move freely")
+    parser.add_argument(
+        "--kept", type=Path, default=Path("real_models.jsonl"),
+        help="what is done is written there, and is not done again",
+    )  # fmt: skip
+    parser.add_argument(
+        "--again", metavar="PATTERN", help="do those again whose line has this; '' for all"
+    )
+    parser.add_argument("--told", action="store_true", help="the tables alone, of what is done")
+    return parser.parse_args()
 
 
-def judged(readings: Sequence[Reading], cases: Iterable[Case]) -> str:
-    """How many of the robots that move have a verdict in one engine at least."""
-    there = {case.folder for case in cases if case.verdict is not None}
-    lines = []
-    for suffix in (".urdf", ".xml"):
-        own = [one for one in readings if one.file.suffix == suffix]
-        robots = [one for one in own if one.moves and one.loads]
-        count = sum(str(one.file) in there for one in robots)
-        share = f" ({count / len(robots):.1%})" if robots else ""
-        lines.append(
-            f"{suffix}: {len(own)} files, {len(robots)} of them robots that move, {count} with a"
-            f" verdict{share}"
-        )
-    return "\n".join(lines)
+def is_done(file: Path, entry: Entry | None, again: str | None) -> bool:
+    """Whether nothing is left to be done of a file."""
+    if entry is None or entry.digest != digest_of(file):
+        return False
+    return again is None or not re.search(again, "\n".join(line(entry)))
 
 
 def main() -> None:
-    """Print what is read, then a line a case, and the counts."""
-    parser = argparse.ArgumentParser(prog="python -m campaigns.real_models", description=__doc__)
-    parser.add_argument("folder", type=Path, nargs="+")
-    parser.add_argument("--jobs", type=int, default=0)
-    parser.add_argument("--floating", action="store_true", help="the roots of URDFs move freely")
-    options = parser.parse_args()
-    began = time.perf_counter()
-    files = [file for folder in options.folder for file in robot_files(folder)]
-    readings = [Reading.of(file) for file in files]
-    print(survey(readings), flush=True)
-    robots = [one.file for one in readings if one.moves]
+    """Print a line a case, and the tables."""
+    options = arguments()
+    files = [file for folder in folders_of(options.folder) for file in robot_files(folder)]
+    files = list(dict.fromkeys(files))
+    done = dict(kept(options.kept))
+    left = [one for one in files if not is_done(one, done.get(str(one)), options.again)]
+    left = [] if options.told else left
+    began, count = time.perf_counter(), 0
 
-    def progress(done: int, total: int, case: Case | None) -> None:
-        told = f"[{done}/{total}, {time.perf_counter() - began:.0f} s]"
-        print(told, line(case) if case else "", flush=True)
+    def told(entry: Entry) -> None:
+        nonlocal count
+        count += 1
+        done[entry.file] = entry
+        keep(options.kept, entry)
+        for one in line(entry):
+            print(f"[{count}/{len(left)}, {time.perf_counter() - began:.0f} s] {one}", flush=True)
 
-    wanted = Options(jobs=options.jobs, floating=options.floating)
-    cases = run((), wanted, progress, robots=robots).results.cases
-    print(f"\n{outcomes(cases)}\n\n{judged(readings, cases)}")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with Workers(options.jobs or os.cpu_count() or 1, Limits(seconds=options.limit)) as workers:
+            jobs = [Check(one, options.resolution, options.floating, told).job for one in left]
+            work(jobs, workers)
+    except KeyboardInterrupt:
+        print(f"stopped; {options.kept} has what is done", flush=True)
+    entries = [done[str(file)] for file in files if str(file) in done]
+    print(f"\n{summary(entries, included(files))}")
 
 
 if __name__ == "__main__":
