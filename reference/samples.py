@@ -168,10 +168,7 @@ def _check_masses(equations: TreeEquations, q: Array) -> None:
     Raises:
         ReferenceError: naming the joint.
     """
-    count, n = q.shape
-    none, still = np.zeros_like(q), np.zeros((count, 1))
-    unpushed = np.zeros((count, equations.pushes.shape[1]))
-    mass = equations.numeric_mass(q, none, unpushed, still).reshape(count, n, n)
+    mass = equations.inertia(q)
     own = np.einsum("kii->ki", mass)
     if not np.isfinite(own).all():
         raise ReferenceError("the masses are not finite")

@@ -195,6 +195,11 @@ class TreeEquations(EquationsOfMotion):
         """Forces on the coordinates that make accelerations, all (..., n)."""
         return _last(self._doubles.forces_for(*map(_first, (q, v, wanted))))
 
+    def inertia(self, q: Array) -> Array:
+        """M of the velocities at positions (B, n), (B, n, n): definite wherever that of T is."""
+        found: Array = np.moveaxis(self._doubles.inertia(_first(q)), -1, 0)
+        return found
+
     def rounding(self, q: Array, v: Array, forces: Array) -> Array:
         """Bound of what rounding does to accelerations at such states (..., n): (n,)."""
         at = [_first(part) for part in (q, v, forces)]

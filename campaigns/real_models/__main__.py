@@ -86,7 +86,8 @@ def main() -> None:
         for one in line(entry):
             print(f"[{count}/{len(left)}, {time.perf_counter() - began:.0f} s] {one}", flush=True)
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for end in (signal.SIGTERM, signal.SIGINT):  # a shell's job in the background ignores the last
+        signal.signal(end, signal.default_int_handler)
     try:
         with Workers(options.jobs or os.cpu_count() or 1, Limits(seconds=options.limit)) as workers:
             jobs = [Check(one, options.resolution, options.floating, told).job for one in left]

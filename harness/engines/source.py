@@ -13,6 +13,7 @@ from xml.parsers import expat
 
 import defusedxml.ElementTree
 
+from harness.engines.mending import UTF_16, mended
 from harness.engines.protocol import EngineError
 
 LARGEST = 64_000_000
@@ -45,8 +46,12 @@ class XmlSource:
         return EngineError(f"{self.path}:{self.lines[element]}: {sentence}")
 
 
-def read_source(path: Path) -> str:
+def read_source(path: Path, *, mend: bool = False) -> str:
     """The text of a model file.
+
+    Args:
+        path: of the file.
+        mend: whether what engines read over in XML is taken out.
 
     Raises:
         EngineError: for what is no regular file of text, such as a pipe, which would be waited for.
@@ -56,7 +61,8 @@ def read_source(path: Path) -> str:
             raise EngineError(f"{path}: can't be read: it is no regular file")
         if path.stat().st_size > LARGEST:
             raise EngineError(f"{path}: can't be read: it has more than {LARGEST:,} bytes")
-        return path.read_text(encoding="utf-8")
+        data = path.read_bytes()
+        return (mended(data) if mend and not data.startswith(UTF_16) else data).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise EngineError(f"{path}: can't be read: {error}") from None
 
@@ -113,8 +119,14 @@ def _lines(text: str, path: Path) -> list[int]:
 
 
 def finite_numbers(words: str) -> list[float] | None:
-    """The numbers that an attribute lists; None where one is no number, or not a finite one."""
-    numbers = [float(w) if _NUMBER.fullmatch(w) else math.nan for w in words.split()]
+    """The numbers that an attribute lists; None where one is no number, or not a finite one.
+
+    A comma may follow a number before a blank: PyBullet takes "1, 2, 3" as it is meant, and
+    MuJoCo refuses it. Of "1,2,3" PyBullet makes 0 0 0, of "1 ,2 ,3" 1 0 0: they are no numbers.
+    """
+    *before, last = words.split() or [""]
+    parts = [*(word.removesuffix(",") for word in before), last] if last else []
+    numbers = [float(w) if _NUMBER.fullmatch(w) else math.nan for w in parts]
     return numbers if all(map(math.isfinite, numbers)) else None
 
 

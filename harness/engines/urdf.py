@@ -33,12 +33,12 @@ class Mimic:
 
 
 def read_urdf(path: Path) -> ET.Element:
-    """Parse a URDF that has one meaning, entity expansion off.
+    """Parse a URDF that has one meaning, entity expansion off, as forgivingly as engines do.
 
     Raises:
         EngineError: naming file and line.
     """
-    source = read_xml(read_source(path), path)
+    source = read_xml(read_source(path, mend=True), path)
     check_urdf(source)
     return source.root
 
@@ -192,7 +192,7 @@ def _read_over(reader: UrdfReader, continuous: bool, lower: float, upper: float)
 def _axis(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
     axis, name = joint.find("axis"), joint.get("name", "")
     stated = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-    length = math.hypot(*map(float, stated.split()))
+    length = math.hypot(*(finite_numbers(stated) or ()))
     if reader.long_axes and abs(length - 1) > ROUNDED:
         yield Remark(
             message=f"the axis of {name} has the length {length:.15g}: {reader.long_axes} takes it"

@@ -2,7 +2,8 @@
 
 PyBullet ends its process by a segmentation fault on two root links, on a link with two parents, on
 a cycle and on a joint's name used twice; it takes "abc" for 0, "1,5" for 1, and the first of two
-elements. MuJoCo takes two root links, and a joint's name used twice for none.
+elements, which MuJoCo refuses though they say the same. MuJoCo takes two root links, and a joint's
+name used twice for none.
 """
 
 from __future__ import annotations
@@ -77,8 +78,16 @@ def _check_numbers(source: XmlSource, element: ET.Element) -> None:
 
 def _check_once(source: XmlSource, element: ET.Element) -> None:
     for tag in _ONCE.get(element.tag, ()):
-        for second in element.findall(tag)[1:]:
-            raise source.refused(second, f"a second <{tag}> of one <{element.tag}>")
+        found = element.findall(tag)
+        for other in found[1:]:
+            if _said(other) != _said(found[0]):
+                raise source.refused(other, f"a second <{tag}> of one <{element.tag}>")
+
+
+def _said(element: ET.Element) -> object:
+    """What an element says, blanks apart."""
+    attributes = sorted((key, value.split()) for key, value in element.attrib.items())
+    return element.tag, attributes, (element.text or "").split(), [_said(one) for one in element]
 
 
 def _named(source: XmlSource, tag: str) -> dict[str, ET.Element]:

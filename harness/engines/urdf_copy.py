@@ -50,7 +50,7 @@ def without_shapes(robot: ET.Element) -> None:
 def without_limits(robot: ET.Element) -> None:
     """Limits that PyBullet takes for none: the lower one above the upper."""
     for joint in robot.findall("joint"):
-        if joint.get("type") in ("revolute", "prismatic"):
+        if joint.get("type") in ("revolute", "prismatic", "spherical"):
             limit = joint.find("limit")
             if limit is None:
                 limit = ET.SubElement(joint, "limit", effort="0", velocity="0")

@@ -8,15 +8,13 @@ from bisect import bisect_right
 from functools import cached_property
 from pathlib import Path
 
+from harness.engines.mending import mended
 from harness.files.brief import brief
 from harness.files.locations.location import LocationError, RefusedError, Source
 from harness.files.locations.xml import RawElement, read_elements
 from harness.files.reading import MOST_MODEL, read_regular
 from harness.robots.robot import Obstacle
 
-_HEAD = re.compile(rb"\s*<\?xml.*?\?>", re.DOTALL)
-_ENCODING = re.compile(rb"encoding\s*=\s*[\"']([\w.-]+)[\"']")
-_HIDDEN = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ENDLESS = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _UNEXPANDED = re.compile(r"\$[({]")
@@ -48,7 +46,7 @@ class Document:
         self.path = path
         self.obstacles: list[Obstacle] = []
         try:
-            self.data = _mended(read_regular(path, MOST_MODEL))
+            self.data = mended(read_regular(path, MOST_MODEL))
         except OSError as error:
             raise DocumentError(self._whole(f"can't be read: {error}", "give another")) from None
         try:
@@ -141,33 +139,3 @@ def _content(element: RawElement) -> object:
     attributes = sorted((key, value.split()) for key, value in element.attributes.items())
     inner = [_content(child) for child in element.children]
     return element.tag, attributes, element.text.split(), inner
-
-
-def _mended(data: bytes) -> bytes:
-    """A file without what a strict parser stops at and no engine does; lines stay where they are.
-
-    That is a declaration after blank lines, Latin-1, two hyphens in a comment, a zero byte at the
-    end.
-    """
-    plain = _decoded(data).encode("utf-8").rstrip(b"\0\x1a \t\r\n") + b"\n"
-    if head := _HEAD.match(plain):
-        plain = _blank(head[0]) + plain[head.end() :]
-    return _HIDDEN.sub(lambda m: m[0] if m[0].startswith(b"<![") else _blank(m[0]), plain)
-
-
-def _decoded(data: bytes) -> str:
-    """The text; bytes that are no such text are characters of their own, so that names differ."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data.decode("utf-16", errors="replace")
-    head = _HEAD.match(data)
-    declared = _ENCODING.search(head[0]) if head else None
-    for encoding in ("utf-8-sig", declared[1].decode("ascii") if declared else "utf-8"):
-        try:
-            return data.decode(encoding)
-        except (UnicodeError, LookupError):
-            continue
-    return data.decode("latin-1")
-
-
-def _blank(text: bytes) -> bytes:
-    return re.sub(rb"[^\r\n]", b" ", text)

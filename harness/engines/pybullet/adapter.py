@@ -23,6 +23,7 @@ from harness.engines.protocol import (
     held_joints,
     within,
 )
+from harness.engines.pybullet.ball import Ball
 from harness.engines.pybullet.base import Base
 from harness.engines.pybullet.inertias import (
     EXACT,
@@ -62,7 +63,7 @@ class PybulletEngine(Engine):
     title = "PyBullet"
     formats = (".urdf",)
     capabilities = (
-        "URDF", "slides and hinges", "joint dampers", "springs as torques at every step",
+        "URDF", "slides, hinges and balls", "joint dampers", "springs as torques at every step",
         "springs on joint combinations", "URDF mimic as JOINT_GEAR",
     )  # fmt: skip
     preferred = (".urdf",)
@@ -123,7 +124,7 @@ class PybulletEngine(Engine):
 
 
 class PybulletModel(Model):
-    """A multibody of slides and hinges, fixed or floating, stepped by semi-implicit Euler."""
+    """A multibody of slides, hinges and balls, fixed or floating, stepped by semi-implicit Euler."""
 
     integrator = "semi-implicit euler"
 
@@ -154,14 +155,15 @@ class PybulletModel(Model):
         # Those of collision shapes are not the file's at all.
         own = self._setting("inertia_from_file")
         self._lost = lost_inertias(robot, held_inertias(self._body)) if own else {}
-        self._joints, names = self._moving_joints()
-        self._base = Base(self._body, base_name(robot)) if self._setting("floating") else None
-        self._joint_names = names
-        self.coordinates = (*(self._base.names if self._base else ()), *names)
+        self._joints, self._joint_names, balls = self._moving_joints()
+        self._turning = [Base(self._body, base_name(robot))] if self._setting("floating") else []
+        self._turning += balls
+        turned = (name for one in self._turning for name in one.names)
+        self.coordinates = (*turned, *self._joint_names)
         check_inertias(self.path, self._body, self._joints, robot if own else None)
         self._free_links()
         pulls = [self._resolve(spring) for spring in springs]
-        self._stepper = Stepper(self._body, self._joints, self._base, pulls)
+        self._stepper = Stepper(self._body, self._joints, self._turning, pulls)
         held = followers_of(spec.settings, self.path)
         followed = [m for m in mimics(robot, spec.path) if held is None or m.joint in held]
         self._gears = [self._gear(mimic) for mimic in followed]
@@ -246,29 +248,33 @@ class PybulletModel(Model):
         own = [one[8:10] if one[8] < one[9] else (-np.inf, np.inf) for one in info]
         return np.array([*free, *own])
 
-    def _moving_joints(self) -> tuple[list[int], list[str]]:
+    def _moving_joints(self) -> tuple[list[int], list[str], list[Ball]]:
+        """Numbers and names of slides and hinges, and ball joints."""
         import pybullet as p
 
-        joints, names = [], []
+        joints, names, balls = [], [], []
         for index in range(p.getNumJoints(self._body)):
             info = p.getJointInfo(self._body, index)
             name = info[1].decode()
             if info[2] == p.JOINT_FIXED:
                 continue
+            if info[2] == p.JOINT_SPHERICAL:
+                balls.append(Ball(self._body, index, name))
+                continue
             if info[2] not in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC):
                 raise EngineError(
-                    f"{self.path}: joint {name!r} is neither a slide nor a hinge; only these are"
+                    f"{self.path}: joint {name!r} is no slide, hinge or ball; only these are"
                     " supported so far"
                 )
             joints.append(index)
             names.append(name)
-        if not joints and not self._setting("floating"):
+        if not joints and not balls and not self._setting("floating"):
             raise EngineError(f"{self.path}: it has no moving joint")
-        return joints, names
+        return joints, names, balls
 
     @property
     def _free(self) -> int:
-        """Coordinates of the base."""
+        """Coordinates of the base and of ball joints."""
         return len(self.coordinates) - len(self._joints)
 
     def _free_links(self) -> None:
@@ -279,9 +285,14 @@ class PybulletModel(Model):
             # Each link has 0.04 of linear and of angular damping by default, linear and quadratic.
             damping = self._setting("link_damping")
             p.changeDynamics(self._body, link, linearDamping=damping, angularDamping=damping)
-        for joint in self._joints:
+        for joint in range(p.getNumJoints(self._body)):
             p.changeDynamics(self._body, joint, maxJointVelocity=1e300)  # clamps at 100 otherwise
-        if self._setting("motors") or not self._joints:
+        if self._setting("motors"):
+            return
+        for one in self._turning:
+            if isinstance(one, Ball):
+                one.let_go()
+        if not self._joints:
             return
         # TORQUE_CONTROL with zero would not switch the default motors off.
         p.setJointMotorControlArray(

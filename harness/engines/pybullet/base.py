@@ -32,13 +32,15 @@ class Base:
         name: of its joint to the world.
     """
 
+    count = COUNT
+
     def __init__(self, body: int, name: str) -> None:
         import pybullet as p
 
         self._body = body
         self.names = (*place_names(name), *rotation_names(name))
         info = p.getDynamicsInfo(body, -1)
-        self._center, self._turned = np.array(info[3]), _real_first(info[4])
+        self._center, self._turned = np.array(info[3]), real_first(info[4])
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def reset(self, z: Array, w: Array) -> None:
@@ -46,7 +48,7 @@ class Base:
         import pybullet as p
 
         self._near = quaternion(z[3:])
-        turn = _matrix(self._near)
+        turn = matrix(self._near)
         center = turn @ self._center
         spin = turn @ angular_velocity(z[3:], w[3:])
         inertial = _product(self._near, self._turned)
@@ -58,7 +60,7 @@ class Base:
         import pybullet as p
 
         at, own = self._placed()
-        turn, world = _matrix(own), p.WORLD_FRAME
+        turn, world = matrix(own), p.WORLD_FRAME
         p.applyExternalForce(self._body, -1, list(force[:3]), at, world)
         p.applyExternalTorque(self._body, -1, turn @ np.array(force[3:]), world)
 
@@ -74,7 +76,7 @@ class Base:
         import pybullet as p
 
         linear, spin = map(np.array, p.getBaseVelocity(self._body))
-        turn = _matrix(quaternion(z[3:]))
+        turn = matrix(quaternion(z[3:]))
         moved = linear - np.cross(spin, turn @ self._center)
         return np.concatenate([moved, rate(z[3:], turn.T @ spin)])
 
@@ -84,11 +86,12 @@ class Base:
 
         center, inertial = p.getBasePositionAndOrientation(self._body)
         back = self._turned * [1, -1, -1, -1]
-        own = _product(_real_first(inertial), back)
-        return np.array(center) - _matrix(own) @ self._center, own
+        own = _product(real_first(inertial), back)
+        return np.array(center) - matrix(own) @ self._center, own
 
 
-def _real_first(q: Sequence[float]) -> Array:
+def real_first(q: Sequence[float]) -> Array:
+    """A quaternion (x, y, z, w) as (w, x, y, z)."""
     return np.array([q[3], *q[:3]])
 
 
@@ -97,7 +100,7 @@ def _product(one: Array, other: Array) -> Array:
     return np.concatenate([[w * v - x @ y], w * y + v * x + np.cross(x, y)])
 
 
-def _matrix(q: Array) -> Array:
+def matrix(q: Array) -> Array:
     """The rotation of a quaternion, (3, 3)."""
     w, x = q[0], q[1:]
     skew = np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])

@@ -15,6 +15,7 @@ import numpy as np
 
 from harness.engines.protocol import Array, EngineError
 from harness.engines.remark import Remark
+from harness.engines.source import finite_numbers
 
 PRODUCTS = ("ixy", "ixz", "iyz")
 """Products of inertia in a URDF."""
@@ -65,7 +66,7 @@ def check_inertias(path: str, body: int, joints: Sequence[int], robot: ET.Elemen
     Args:
         path: of the file.
         body: as PyBullet knows it.
-        joints: those that move.
+        joints: slides and hinges, all that move but for ball joints and a base.
         robot: the file, where its inertias count.
 
     Raises:
@@ -167,7 +168,7 @@ def _tensor(inertial: ET.Element) -> Array:
 def _origin(inertial: ET.Element) -> list[float]:
     """Roll, pitch and yaw of the frame of inertia in the link's."""
     origin = inertial.find("origin")
-    return [float(word) for word in ("" if origin is None else origin.get("rpy", "")).split()]
+    return finite_numbers("" if origin is None else origin.get("rpy", "")) or []
 
 
 def _rotation(rpy: list[float]) -> Array:

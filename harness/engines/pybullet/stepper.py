@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from harness.engines.protocol import Array, Force, StateForce
-from harness.engines.pybullet.base import COUNT, Base
+from harness.engines.pybullet.ball import Ball
+from harness.engines.pybullet.base import Base
 from harness.engines.pybullet.poses import link_poses
 
 Pull = tuple[list[tuple[int, float]], float, float, float]
@@ -16,37 +18,44 @@ Pull = tuple[list[tuple[int, float]], float, float, float]
 
 
 class Stepper:
-    """A body's joints, and its base where that floats, whose coordinates come first.
+    """A body's slides and hinges, and what turns freely, whose coordinates come first.
 
     Args:
         body: PyBullet's number of it.
-        joints: PyBullet's numbers of those that move.
-        base: that floats, or None.
+        joints: PyBullet's numbers of slides and hinges.
+        turning: a base that floats, ball joints.
         springs: that the adapter adds as torques.
     """
 
     def __init__(
-        self, body: int, joints: Sequence[int], base: Base | None, springs: Sequence[Pull]
+        self,
+        body: int,
+        joints: Sequence[int],
+        turning: Sequence[Base | Ball],
+        springs: Sequence[Pull],
     ) -> None:
-        self._body, self._joints, self._base, self._springs = body, joints, base, springs
-        self._free = COUNT if base else 0
+        self._body, self._joints, self._springs = body, joints, springs
+        ends = np.cumsum([0, *(one.count for one in turning)]).tolist()
+        self._free = ends[-1]
+        self._turning = [(one, slice(*at)) for one, at in zip(turning, pairwise(ends), strict=True)]
 
     def reset(self, q: Array, v: Array) -> None:
         """Put it into a state, (nz,) each."""
         import pybullet as p
 
-        if self._base:
-            self._base.reset(q[: self._free], v[: self._free])
+        for one, at in self._turning:
+            one.reset(q[at], v[at])
         for i, joint in enumerate(self._joints, start=self._free):
             p.resetJointState(self._body, joint, q[i], v[i])
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """Origins (K, F, 3) and rotations (K, F, 3, 3) of places at positions z, (K, nz)."""
-        if self._base is None:
+        if not self._turning:
             return link_poses(self._body, self._joints, places, z)
         found = []
         for row in z:
-            self._base.reset(row[: self._free], np.zeros(self._free))
+            for one, at in self._turning:
+                one.reset(row[at], np.zeros(one.count))
             found.append(link_poses(self._body, self._joints, places, row[None, self._free :]))
         origins, turns = zip(*found, strict=True)
         return np.concatenate(origins), np.concatenate(turns)
@@ -58,7 +67,7 @@ class Stepper:
         """
         import pybullet as p
 
-        body, joints, base, free = self._body, self._joints, self._base, self._free
+        body, joints, free = self._body, self._joints, self._free
         states, step = p.getJointStates, p.stepSimulation
         by_state = force if isinstance(force, StateForce) else None
         held: Any = force[b].tolist() if isinstance(force, np.ndarray) else None
@@ -70,7 +79,8 @@ class Stepper:
         for i in range(n):
             if driven:
                 if by_state is not None:
-                    at = [*(base.position() if base else ()), *(s[0] for s in current)]
+                    turned = [one.position() for one, _ in self._turning]
+                    at = [*np.concatenate([[], *turned]), *(s[0] for s in current)]
                     self._push(list(by_state.at(at, inputs[i])), current)
                 else:
                     self._push(list(held[i] if held is not None else still), current)
@@ -85,8 +95,8 @@ class Stepper:
         """Set what acts over the next step: forces on all coordinates, and the springs'."""
         import pybullet as p
 
-        if self._base:
-            self._base.push(forces[: self._free])
+        for one, at in self._turning:
+            one.push(forces[at])
         tau = forces[self._free :]
         for terms, stiffness, damping, rest in self._springs:
             stretch, rate = -rest, 0.0
@@ -101,8 +111,8 @@ class Stepper:
 
     def _take(self, current: Any, q: Array, v: Array) -> None:
         """Write positions and velocities of now into rows, (nz,) each."""
-        if self._base:
-            q[: self._free] = self._base.position()
-            v[: self._free] = self._base.rates(q[: self._free])
+        for one, at in self._turning:
+            q[at] = one.position()
+            v[at] = one.rates(q[at])
         for j, state in enumerate(current, start=self._free):
             q[j], v[j] = state[0], state[1]
