@@ -166,7 +166,7 @@ def test_a_link_without_moments_is_not_said_to_have_wrong_ones(tmp_path: Path) -
     none = BODY.replace("0.01", "0")
     assert GOOD.count(BODY) > 1
     head, tail = GOOD.rsplit(BODY, 1)
-    with pytest.raises(EngineError, match="link 'a' moves and has no moments of inertia"):
+    with pytest.raises(EngineError, match="joint 'j' moves nothing that has inertia"):
         told("pybullet", f"{head}{none}{tail}", tmp_path)
 
 

@@ -160,7 +160,7 @@ class PybulletModel(Model):
         self._turning += balls
         turned = (name for one in self._turning for name in one.names)
         self.coordinates = (*turned, *self._joint_names)
-        check_inertias(self.path, self._body, self._joints, robot if own else None)
+        check_inertias(self.path, self._body, robot if own else None)
         self._free_links()
         pulls = [self._resolve(spring) for spring in springs]
         self._stepper = Stepper(self._body, self._joints, self._turning, pulls)

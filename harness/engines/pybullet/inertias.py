@@ -9,7 +9,7 @@ file can mend it, short of principal axes in the `<origin>` of the `<inertial>`.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -60,13 +60,15 @@ def held_inertias(body: int) -> dict[str, Array]:
     return held
 
 
-def check_inertias(path: str, body: int, joints: Sequence[int], robot: ET.Element | None) -> None:
+def check_inertias(path: str, body: int, robot: ET.Element | None) -> None:
     """Refuse inertias that PyBullet repairs or gives up on without an error.
+
+    A moving link without moments is no such: with a mass off its axis, or links that it carries,
+    its joint moves as it should.
 
     Args:
         path: of the file.
         body: as PyBullet knows it.
-        joints: slides and hinges, all that move but for ball joints and a base.
         robot: the file, where its inertias count.
 
     Raises:
@@ -81,13 +83,9 @@ def check_inertias(path: str, body: int, joints: Sequence[int], robot: ET.Elemen
         name = _link(body, index)
         if mass < 0:  # it is taken
             raise EngineError(f"{path}: the mass of link {name!r} is below zero")
-        if any(inertia):
-            continue
         # On a link behind a fixed joint too, and on one of no mass, as of a rotor.
-        if name in stated:
+        if name in stated and not any(inertia):
             zeroed.append(repr(name))
-        elif mass > 0 and index in joints:
-            raise EngineError(f"{path}: link {name!r} moves and has no moments of inertia")
     if zeroed:
         links, whose = ("link", "its") if len(zeroed) == 1 else ("links", "their")
         raise EngineError(
@@ -95,11 +93,29 @@ def check_inertias(path: str, body: int, joints: Sequence[int], robot: ET.Elemen
             " moments can't be a body's (about principal axes each must be at most the sum of the"
             " other two)"
         )
-    # A joint that moves no inertia stands still in PyBullet.
-    moved = p.calculateMassMatrix(body, [0.0] * len(joints))
-    for index, joint in enumerate(joints):
-        if not moved[index][index] > 0:
-            name = p.getJointInfo(body, joint)[1].decode()
+    _check_moved(path, body)
+
+
+def _check_moved(path: str, body: int) -> None:
+    """Refuse a joint that moves no inertia: it stands still in PyBullet.
+
+    Raises:
+        EngineError: naming file and joint.
+    """
+    import pybullet as p
+
+    infos = [p.getJointInfo(body, joint) for joint in range(p.getNumJoints(body))]
+    rows = {
+        info[1].decode(): range(info[4], info[4] + (3 if info[2] == p.JOINT_SPHERICAL else 1))
+        for info in infos
+        if info[2] != p.JOINT_FIXED
+    }
+    count = sum(map(len, rows.values()))
+    moved = p.calculateMassMatrix(body, [0.0] * count) if rows else ()
+    # Velocities are counted from 6, after the base's: a base that is fixed has no rows here.
+    first = 6 + count - len(moved)
+    for name, own in rows.items():
+        if not all(moved[row - first][row - first] > 0 for row in own):
             raise EngineError(
                 f"{path}: joint {name!r} moves nothing that has inertia, so that PyBullet"
                 " holds it still; give its link a mass and moments of inertia"
