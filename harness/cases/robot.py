@@ -200,6 +200,8 @@ def settings_of(robot: Robot) -> Mapping[str, object]:
         own["couplings"] = [robot.tree.links[one.follower].name for one in robot.tree.couplings]
     if robot.floats:
         own["floating"] = True
+    if robot.held:
+        own["held"] = list(robot.held)
     return {**ALONE, **own}
 
 

@@ -100,7 +100,12 @@ def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
         RobotError: where nothing that compiles the file is installed.
     """
     if file.suffix == ".urdf":
-        return UrdfNumbers(file, floating=bool(settings.get("floating")))
+        held = settings.get("held", [])
+        return UrdfNumbers(
+            file,
+            floating=bool(settings.get("floating")),
+            held=held if isinstance(held, list) else [],
+        )
     engine = compiler(file.suffix)
     if engine is None:
         raise RobotError(f"{file}: no engine is installed that compiles {file.suffix} files")

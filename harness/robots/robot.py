@@ -104,6 +104,7 @@ class Robot:
         obstacles: all that is in the way of a tree.
         controls: at which its actuators are held, as many as it has inputs.
         told: of which the tree is assembled; None where there is no tree.
+        held: joints that stand still, since they move nothing that has inertia.
     """
 
     name: str
@@ -116,6 +117,7 @@ class Robot:
     obstacles: tuple[Obstacle, ...]
     controls: tuple[float, ...] = ()
     told: Told | None = None
+    held: tuple[str, ...] = ()
 
     @property
     def floats(self) -> bool:

@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from harness.files.brief import brief
-from harness.robots.couplings import couplings, read_mimics
+from harness.robots.couplings import Mimic, couplings, read_mimics
 from harness.robots.document import EXPAND, Document, DocumentError
 from harness.robots.inertias import resting
 from harness.robots.robot import LeftOut, Part, Robot, Told, home_of, refused
-from harness.robots.urdf_left_out import urdf_left_out
+from harness.robots.urdf_left_out import HELD, urdf_left_out
 from harness.robots.urdf_parts import UrdfJoint, UrdfLink, read_joints, read_links, read_springs
 from harness.robots.urdf_root import IMPLICIT, root_of
-from harness.robots.urdf_tree import planned
+from harness.robots.urdf_tree import held_still, planned
 from reference.multibody.assemble import Assembled, assembled
 from reference.multibody.bodies import Triple
+from reference.multibody.tree import Tree
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s^2: a URDF says none."""
@@ -59,12 +60,23 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
     if floating and root == IMPLICIT:
         floating = False
         left_out += (LeftOut(what="a free joint of the world", count=1, where=(root,)),)
-    bodies = planned(root, links, joints, floating).with_springs(springs)
-    held = couplings(mimics)
-    found = assembled(bodies, gravity, couplings=held)
-    _check_masses(document, found, links, joints)
+    still: tuple[str, ...] = ()
+    while True:
+        moving = held_still(joints, still)
+        bodies = planned(root, links, moving, floating).with_springs(springs)
+        held = couplings({name: one for name, one in mimics.items() if name not in still})
+        found = assembled(bodies, gravity, couplings=held)
+        groups = _massless(document, found, links)
+        more = _holdable(found.tree, groups, joints, mimics)
+        if not more:
+            break
+        still += more
+    for group in groups:
+        _hinder_resting(document, found.tree, group, links, joints)
     if document.obstacles:
         return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
+    if still:
+        left_out += (LeftOut(what=HELD, count=len(still), where=still),)
     return Robot(
         name=name,
         file=path,
@@ -75,6 +87,7 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
         left_out=left_out,
         obstacles=(),
         told=Told(bodies=bodies, gravity=gravity, couplings=held),
+        held=still,
     )
 
 
@@ -102,13 +115,10 @@ def _check_document(document: Document) -> None:
             document.hinder(inner, "a <robot> within the <robot>", "keep one robot a file")
 
 
-def _check_masses(
-    document: Document,
-    found: Assembled,
-    links: dict[str, UrdfLink],
-    joints: dict[str, UrdfJoint],
-) -> None:
-    tree = found.tree
+def _massless(
+    document: Document, found: Assembled, links: dict[str, UrdfLink]
+) -> tuple[tuple[int, ...], ...]:
+    """Groups of joints that move no inertia together; what else is wrong with masses is noted."""
     for name in found.cancelled:
         document.hinder(
             links[name].element,
@@ -117,8 +127,8 @@ def _check_masses(
             "a mass is not negative",
         )
     if document.obstacles:
-        return
-    groups = resting(tree, found.limits)
+        return ()
+    groups, tree = resting(found.tree, found.limits), found.tree
     if groups is None:
         document.hinder(
             document.root,
@@ -132,12 +142,40 @@ def _check_masses(
             " kinematics alone",
             "give its links mass and inertia",
         )
-        return
-    for group in groups or ():
-        names = [tree.links[i].name for i in group]
-        first = joints.get(names[0])
-        element = links[names[0]].element if first is None else first.element
-        document.hinder(element, *_resting(names))
+        return ()
+    return groups or ()
+
+
+def _holdable(
+    tree: Tree,
+    groups: tuple[tuple[int, ...], ...],
+    joints: dict[str, UrdfJoint],
+    mimics: dict[str, Mimic],
+) -> tuple[str, ...]:
+    """Of those groups, joints that have no acceleration each on its own, while others move.
+
+    Engines hold such a joint still, or refuse it. One that follows or leads a joint that does move
+    is none: what that one moves is known.
+    """
+    alone = [tree.links[group[0]].name for group in groups if len(group) == 1]
+    found = {name for name in alone if name in joints}
+    pairs = [(name, one.leader) for name, one in mimics.items()]
+    while moved := {name for pair in pairs for name in pair if not found.issuperset(pair)} & found:
+        found -= moved
+    return tuple(name for name in alone if name in found) if len(found) < len(tree.links) else ()
+
+
+def _hinder_resting(
+    document: Document,
+    tree: Tree,
+    group: tuple[int, ...],
+    links: dict[str, UrdfLink],
+    joints: dict[str, UrdfJoint],
+) -> None:
+    names = [tree.links[i].name for i in group]
+    first = joints.get(names[0])
+    element = links[names[0]].element if first is None else first.element
+    document.hinder(element, *_resting(names))
 
 
 def _resting(names: list[str]) -> tuple[str, str]:

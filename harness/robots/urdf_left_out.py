@@ -34,6 +34,8 @@ _SAID: Mapping[str, Collection[str]] = MappingProxyType(
 )
 """Attributes that have a meaning."""
 
+HELD = "joints that move nothing that has inertia, held still"
+
 FREE_MIMIC = "mimic that no gear holds: the joint is free"
 
 Told = tuple[str, str]

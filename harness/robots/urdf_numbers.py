@@ -6,7 +6,7 @@ A changed number is read again with its link or its joint; the rest stays as it 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from harness.robots.numerals import Numeral, numerals, reworded, with_values
 from harness.robots.urdf import GRAVITY
 from harness.robots.urdf_parts import read_joint, read_joints, read_link, read_links, read_springs
 from harness.robots.urdf_root import IMPLICIT, root_of
-from harness.robots.urdf_tree import planned
+from harness.robots.urdf_tree import held_still, planned
 from reference.multibody.assemble import assembled
 from reference.multibody.tree import Tree
 
@@ -31,15 +31,21 @@ _SAYING = re.compile(
 class UrdfNumbers:
     """The numbers of a URDF that has a tree.
 
+    Args:
+        path: of the file.
+        floating: whether its root moves freely.
+        held: joints that stand still.
+
     Attributes:
         numerals: all of them, in the file's order.
         saying: indices of those that may say something of the tree.
     """
 
-    def __init__(self, path: Path, *, floating: bool) -> None:
+    def __init__(self, path: Path, *, floating: bool, held: Collection[str] = ()) -> None:
         self._document = Document(path)
         self._links, self._joints = read_links(self._document), read_joints(self._document)
         self._root = root_of(self._document, self._links, self._joints)
+        self._held = held
         self._floating = floating and self._root != IMPLICIT
         self.numerals: tuple[Numeral, ...] = numerals(self._document)
         owners = {id(link.element) for link in self._links.values()}
@@ -68,8 +74,9 @@ class UrdfNumbers:
                     links[name] = read_link(document, element, name)
                 elif element.tag == "joint":
                     joints[name] = read_joint(document, element, name)
-            springs, mimics = read_springs(document), read_mimics(document, joints)
-            bodies = planned(root, links, joints, self._floating).with_springs(springs)
+            moving = held_still(joints, self._held)
+            springs, mimics = read_springs(document), read_mimics(document, moving)
+            bodies = planned(root, links, moving, self._floating).with_springs(springs)
             tree = assembled(bodies, GRAVITY, couplings=couplings(mimics)).tree
         if len(document.obstacles) > known:
             del document.obstacles[known:]

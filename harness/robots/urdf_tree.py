@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from harness.robots.urdf_parts import ENDLESS, UrdfJoint, UrdfLink
@@ -35,6 +35,11 @@ def _sprung(joint: Joint, springs: Springs) -> Joint:
         return joint
     stiffness, rest = springs[joint.name]
     return replace(joint, stiffness=stiffness, rest=rest)
+
+
+def held_still(joints: Mapping[str, UrdfJoint], names: Collection[str]) -> dict[str, UrdfJoint]:
+    """The joints with some of them fixed where the file draws them."""
+    return {name: replace(one, kind=None) if name in names else one for name, one in joints.items()}
 
 
 def planned(

@@ -7,7 +7,17 @@ from pathlib import Path
 import pytest
 
 from harness.robots.urdf import read_urdf_robot
-from tests.robots.files import BODY, in_the_way, inertial, joint, link, read, read_text
+from tests.robots.files import (
+    BODY,
+    in_the_way,
+    inertial,
+    joint,
+    link,
+    read,
+    read_text,
+    told,
+    tree_of,
+)
 
 BASE, A, B = link("base", ""), link("a"), link("b")
 
@@ -117,9 +127,8 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         assert str(robot.obstacles[0]).startswith(f"{path}: can't be read: ")
 
 
-def test_a_joint_that_moves_no_inertia_is_in_the_way(tmp_path: Path) -> None:
-    robot = read(
-        tmp_path,
+def test_joints_that_move_no_inertia_are_held_while_others_move(tmp_path: Path) -> None:
+    lines = [
         BASE,
         A,
         link("camera", ""),
@@ -127,10 +136,20 @@ def test_a_joint_that_moves_no_inertia_is_in_the_way(tmp_path: Path) -> None:
         joint("pan", "a", "camera", kind="revolute"),
         link("point", inertial("1", "0 0 0", origin='<origin xyz="3 0 0" rpy="1 2 3"/>')),
         joint("spin", "a", "point"),
-    )
-    assert in_the_way(robot) == [
+    ]
+    robot = read(tmp_path, *lines)
+    assert in_the_way(robot) == []
+    assert robot.held == ("pan", "spin")
+    assert [one.name for one in tree_of(robot).links] == ["j"]
+    assert tree_of(robot).links[0].mass == 3  # that of the point
+    assert told(robot)["joints that move nothing that has inertia, held still"] == ("pan", "spin")
+    after = joint("z", "base", "hand", '<mimic joint="pan"/>')
+    robot = read(tmp_path, *lines, link("hand", ""), after)
+    assert (robot.held, tree_of(robot).couplings) == (("pan", "spin", "z"), ())
+    follower = joint("k", "base", "b", '<mimic joint="pan"/>')
+    led = read(tmp_path, *lines, link("b"), follower)
+    assert in_the_way(led) == [
         (6, "joint 'pan' moves nothing that has inertia, so it has no acceleration"),
-        (8, "joint 'spin' moves nothing that has inertia, so it has no acceleration"),
     ]
 
 

@@ -124,7 +124,7 @@ class PybulletEngine(Engine):
 
 
 class PybulletModel(Model):
-    """A multibody of slides, hinges and balls, fixed or floating, stepped by semi-implicit Euler."""
+    """A multibody of slides, hinges and balls, fixed or not, stepped by semi-implicit Euler."""
 
     integrator = "semi-implicit euler"
 
