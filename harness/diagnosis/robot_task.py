@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -81,23 +81,42 @@ def _some_of(check: RobotTask) -> Followed:
 
 
 def _undone(check: RobotTask, way: Followed) -> tuple[Explanation, ...]:
-    """What the engine does on its own, if nothing is left of the discrepancy where it does not."""
+    """What the engine does on its own, if nothing is left of the discrepancy where it does not.
+
+    Each alone, and all together where no single one is enough.
+    """
     apart, _ = _apart(way, check.names)
-    found = []
-    for cause, settings in way.model.remedies.items():
-        other = _some_of(replace(check, settings={**check.settings, **settings}))
-        left, uncertainty = _apart(other, check.names)
-        if np.all(np.abs(left).ravel() <= uncertainty):
-            told = Cause(
-                kind="default",
-                subject=(cause,),
-                nominal=number(0.0),
-                estimate=number(1.0),
-                standard_error=number(0.0),
-            )
-            remaining = float(np.linalg.norm(left) / np.linalg.norm(apart))
-            found.append(Explanation(causes=(told,), remaining=remaining))
-    return tuple(found)
+    size = float(np.linalg.norm(apart))
+    remedies = way.model.remedies
+    alone: list[tuple[tuple[str, ...], Mapping[str, object]]]
+    alone = [((cause,), settings) for cause, settings in remedies.items()]
+    every = {key: value for settings in remedies.values() for key, value in settings.items()}
+    for tried in (alone, [(tuple(remedies), every)] if len(remedies) > 1 else []):
+        found = []
+        for causes, settings in tried:
+            left, uncertainty = _left(check, settings)
+            if np.all(np.abs(left).ravel() <= uncertainty):
+                told = tuple(map(_own, causes))
+                found.append(Explanation(causes=told, remaining=float(np.linalg.norm(left)) / size))
+        if found:
+            return tuple(found)
+    return ()
+
+
+def _left(check: RobotTask, settings: Mapping[str, object]) -> tuple[Array, Array]:
+    """What is left of the discrepancy under further settings, and its uncertainty."""
+    return _apart(_some_of(replace(check, settings={**check.settings, **settings})), check.names)
+
+
+def _own(cause: str) -> Cause:
+    """What an engine does on its own."""
+    return Cause(
+        kind="default",
+        subject=(cause,),
+        nominal=number(0.0),
+        estimate=number(1.0),
+        standard_error=number(0.0),
+    )
 
 
 def ranked(task: RobotDiagnosisTask, way: Followed | None = None) -> Ranking:

@@ -24,6 +24,7 @@ from harness.engines.protocol import (
     within,
 )
 from harness.engines.pybullet.ball import Ball
+from harness.engines.pybullet.bare import BARE, bare_cause, bare_links
 from harness.engines.pybullet.base import Base
 from harness.engines.pybullet.inertias import (
     EXACT,
@@ -155,6 +156,7 @@ class PybulletModel(Model):
         # Those of collision shapes are not the file's at all.
         own = self._setting("inertia_from_file")
         self._lost = lost_inertias(robot, held_inertias(self._body)) if own else {}
+        self._bare = bare_links(robot) if self._setting("bare_links") else []
         self._joints, self._joint_names, balls = self._moving_joints()
         self._turning = [Base(self._body, base_name(robot))] if self._setting("floating") else []
         self._turning += balls
@@ -195,6 +197,8 @@ class PybulletModel(Model):
         found: dict[str, Mapping[str, object]] = {
             CAUSES[key]: {key: UNDONE[key]} for key in self._left_on()
         }
+        if self._bare:
+            found[bare_cause(self._bare)] = BARE
         return {**found, axes_cause(self._lost): EXACT} if self._lost else found
 
     def _left_on(self) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from harness.engines.protocol import EngineError, ModelSpec, held_joints
+from harness.engines.pybullet.bare import weightless
 from harness.engines.pybullet.inertias import exact_axes
 from harness.engines.urdf_copy import (
     Change,
@@ -33,6 +34,8 @@ DEFAULTS: Mapping[str, float | bool] = {
     # Whether tensors with products are turned to principal axes by the adapter, to the last digits,
     # and not by PyBullet.
     "exact_axes": False,
+    # Whether a link without an inertial has 1 kg and 1 kg m^2, as PyBullet has it, or nothing.
+    "bare_links": True,
     # Whether contacts and joint limits are left out.
     "smooth": False,
     # Whether the root link moves freely.
@@ -42,6 +45,7 @@ DEFAULTS: Mapping[str, float | bool] = {
 
 REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
     ("exact_axes", True, exact_axes),
+    ("bare_links", False, weightless),
     ("smooth", True, without_shapes),
     ("smooth", True, without_limits),
 )
