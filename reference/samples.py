@@ -153,8 +153,13 @@ def _field(equations: TreeEquations, forces: Array) -> Field:
 
 
 def within(limits: Array, home: Array) -> Array:
-    """Where positions are drawn, (n, 2): within limits, and about home where these are far away."""
-    low, high = limits.T
+    """Where positions are drawn, (n, 2): within limits, and about home where these are far away.
+
+    Limits that leave no room, as both of zero, are none: engines read them in two ways, as a joint
+    that is free and as one that is held, and equations that leave limits out have it move.
+    """
+    room = limits[:, 1] > limits[:, 0]
+    low, high = np.where(room, limits.T, np.array([[-np.inf], [np.inf]]))
     low = np.where(np.isfinite(low), low, np.minimum(home, high) - REACH)
     high = np.where(np.isfinite(high), high, np.maximum(home, low) + REACH)
     near = np.clip(home, low, high)

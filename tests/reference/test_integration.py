@@ -170,6 +170,29 @@ def test_the_collocation_has_order_16() -> None:
     assert abs(observed - 17) < 0.5
 
 
+def test_rates_that_rounding_moves_to_and_fro_are_as_good_as_they_get() -> None:
+    """A light part of a heavy body: what its forces cancel moves its rate by 1e-12 of itself."""
+    calls = 0
+
+    def field(times: Array, states: Array) -> Array:
+        nonlocal calls
+        calls += 1
+        noise = 3e-12 * np.cos(np.arange(states[..., 0].size) * calls).reshape(states.shape[:-1])
+        return np.stack([states[..., 1], -states[..., 0] * (1 + noise)], axis=-1)
+
+    end, _ = collocate(field, np.zeros(1), np.array([[0.0, 1.0]]), 0.5)
+    assert end[0] == pytest.approx([np.sin(0.5), np.cos(0.5)], abs=1e-11)
+    assert calls < 40
+
+
+def test_a_segment_too_long_for_its_stages_names_what_does_not_settle() -> None:
+    def field(times: Array, states: Array) -> Array:
+        return np.stack([states[..., 1], -900 * states[..., 0]], axis=-1)
+
+    with pytest.raises(ReferenceError, match="converge: the rate of elbow_dot changes by"):
+        collocate(field, np.zeros(1), np.array([[1.0, 0.0]]), 1.0, ["elbow", "elbow_dot"])
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_trajectory_hits_the_breaks_of_its_input(name: str) -> None:
     """A whole run in pieces ends where the segments' chain says, whatever the requested times."""

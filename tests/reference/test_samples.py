@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from reference import Coordinate
+from reference.equations import slopes_of
 from reference.integrate import ReferenceError
 from reference.multibody.algebra import LONG_DOUBLES, Scalars
 from reference.multibody.dynamics import Dynamics
@@ -97,6 +98,22 @@ def test_positions_are_drawn_near_home(
     limits: tuple[float, float], home: float, expected: tuple[float, float]
 ) -> None:
     assert within(np.array([limits]), np.array([home]))[0] == pytest.approx(expected)
+
+
+def test_slopes_under_forces_are_differences_of_accelerations() -> None:
+    own = equations(tree(KINDS, 1))
+    rng = np.random.default_rng(3)
+    states, forces = rng.normal(size=(5, 8)), rng.normal(size=(5, 4))
+    found = own.pushed_slopes(states, forces)
+    plain = slopes_of(lambda q, v: own.pushed_acceleration(q, v, forces), states)
+    assert found.shape == (5, 4, 8)
+    assert found == pytest.approx(plain, abs=1e-7 * np.max(np.abs(plain)))
+
+
+def test_limits_that_leave_no_room_are_none() -> None:
+    limits = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.5]])
+    found = within(limits, np.array([0.0, 0.5, 0.1]))
+    assert found.tolist() == [[-REACH, REACH], [0.5 - REACH, 0.5 + REACH], [0, 0.5]]
 
 
 def test_a_joint_without_any_inertia_is_refused() -> None:
