@@ -36,6 +36,9 @@ SLOWEST = 1.0
 LIVELIEST = 20.0
 """Rate of motions that are drawn, at most, rad/s: stiff servos settle faster than robots move."""
 
+QUICKEST = 1e9
+"""Rate beyond which no position moves by more than its last digits while a joint settles, rad/s."""
+
 SINGULAR = 1e-13
 """Of a mass matrix with a diagonal of ones: a smaller eigenvalue is rounding."""
 
@@ -110,13 +113,19 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     start = np.concatenate([q, v], axis=1)
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
     fastest = max(swing, _rates(equations, start, forces)[0], rate, spinning)
+    if fastest > QUICKEST:
+        joint = equations.system.coordinates[int(np.argmax(settling))].name
+        raise ReferenceError(
+            f"its fastest motion takes {1 / fastest:.0e} s, in which no position moves by more than"
+            f" its last digits; joint {joint!r} settles fastest: has what it moves its inertia?"
+        )
     coupled = bool(equations.system.tree.couplings)
     length = 2 * np.pi / fastest / (COUPLED_A_PERIOD if coupled else SEGMENTS_A_PERIOD)
     field, times = _field(equations, forces), np.zeros(count)
     names = [c.name for c in equations.system.coordinates]
     names += [f"{name}_dot" for name in names]
     end, _ = collocate(field, times, start, length, names)
-    checked = by_runge_kutta(field, times, start, length)
+    checked = by_runge_kutta(field, times, start, length, rounded=True)
     apart, size = np.max(np.abs(end - checked), axis=0), np.max(np.abs(end), axis=0)
     sizes = np.repeat([size[:n].max(), size[n:].max()], n)
     if not np.all(apart <= AGREEMENT * sizes):  # so that nan is refused as well

@@ -57,6 +57,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--again", metavar="PATTERN", help="do those again whose line has this; '' for all"
     )
+    parser.add_argument(
+        "--no-causes", action="store_true", help="do not look for what explains a difference"
+    )
     parser.add_argument("--told", action="store_true", help="the tables alone, of what is done")
     return parser.parse_args()
 
@@ -90,7 +93,8 @@ def main() -> None:
         signal.signal(end, signal.default_int_handler)
     try:
         with Workers(options.jobs or os.cpu_count() or 1, Limits(seconds=options.limit)) as workers:
-            jobs = [Check(one, options.resolution, options.floating, told).job for one in left]
+            how = options.resolution, options.floating, told
+            jobs = [Check(one, *how, causes=not options.no_causes).job for one in left]
             work(jobs, workers)
     except KeyboardInterrupt:
         print(f"stopped; {options.kept} has what is done", flush=True)

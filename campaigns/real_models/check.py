@@ -11,8 +11,7 @@ from typing import Any
 
 from msgspec import structs
 
-from campaigns.real_models.entry import Came, Entry
-from campaigns.real_models.reading import STILL
+from campaigns.real_models.entry import STILL, Came, Entry
 from harness.cases.not_run import absent
 from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
@@ -59,10 +58,14 @@ class Check:
         resolution: that is asked.
         floating: whether the root of a URDF moves freely.
         told: called at the end.
+        causes: whether what differs is explained.
     """
 
-    def __init__(self, file: Path, resolution: float, floating: bool, told: Told) -> None:
+    def __init__(
+        self, file: Path, resolution: float, floating: bool, told: Told, *, causes: bool = True
+    ) -> None:
         self._file, self._resolution, self._floating, self._told = file, resolution, floating, told
+        self._causes = causes
         self._began = time.perf_counter()
         self._left = 0
 
@@ -106,7 +109,7 @@ class Check:
             uncertainty=None if known is None else known.largest_uncertainty,
             reason=case.reason,
         )
-        if case.outcome is not Outcome.DIFFERS:
+        if case.outcome is not Outcome.DIFFERS or not self._causes:
             return self._came(came)
         inquiry = RobotDiagnosisTask(task=task)
         return iter([

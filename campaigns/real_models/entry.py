@@ -12,6 +12,12 @@ import msgspec
 from harness.records.base import Count, Number, Record
 from harness.records.outcome import Outcome
 
+STILL = "it has no joint that moves"
+"""What the harness says of a file in which nothing moves."""
+
+REFUSED = "can't load it"
+"""What it says of one that the engine refuses which compiles its format."""
+
 
 class Came(Record, frozen=True, kw_only=True):
     """A file in one engine.

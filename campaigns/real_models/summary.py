@@ -8,8 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 from enum import StrEnum
 from pathlib import Path
 
-from campaigns.real_models.entry import Came, Entry
-from campaigns.real_models.reading import REFUSED, STILL
+from campaigns.real_models.entry import REFUSED, STILL, Came, Entry
 from harness.records.outcome import Outcome
 
 FORMATS = ("MJCF", "URDF")
@@ -39,9 +38,9 @@ class Kind(StrEnum):
 
 
 FAULTS = (
-    "no body can have", "sets to zero", "inertia must satisfy", "mass and inertia of moving bodies",
-    "that has inertia", "has inertia", "is no link", "an xacro", "must have", "numbers belong", "Error opening file",
-    "not found", "no root", "two parents", "XML", "not positive definite",
+    "sets to zero", "inertia must satisfy", "inertia must have positive", "larger than mjMINVAL",
+    "has inertia", "kinematics alone", "no <link>", "xacro", "finite number", "Error opening file",
+    "not found", "repeated", "Error: ", "no XML",
 )  # fmt: skip
 """Words of refusals that say what is wrong with a file, rather than what is not covered."""
 

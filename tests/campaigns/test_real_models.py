@@ -6,6 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+from msgspec import structs
+
+from campaigns.real_models.__main__ import is_done
+from campaigns.real_models.check import digest_of
+from campaigns.real_models.entry import Came, Entry, keep, kept
+from campaigns.real_models.summary import Kind, kind_of, summary
+from harness.records.outcome import Outcome
+
 PENDULUM = """<mujoco model="p"><worldbody><body><joint name="q" axis="0 1 0"/>
 <geom size="0.1" pos="0 0 -1" mass="1"/></body></worldbody></mujoco>"""
 ARM = """<robot name="r"><link name="g"/><link name="a"><inertial><origin xyz="0 0 -1"/>
@@ -14,28 +22,76 @@ ARM = """<robot name="r"><link name="g"/><link name="a"><inertial><origin xyz="0
 </robot>"""
 FILES = {
     "one/p.xml": PENDULUM,
-    "one/part.xml": '<mujocoinclude><body name="b"/></mujocoinclude>',
+    "one/part.xml": '<mujoco><include file="none.xml"/></mujoco>',
+    "one/whole.xml": '<mujoco><include file="part.xml"/><worldbody/></mujoco>',
     "one/still.xml": '<mujoco><worldbody><geom size="1"/></worldbody></mujoco>',
-    "one/broken.xml": '<mujoco><include file="gone.xml"/><worldbody/></mujoco>',
     "two/r.urdf": ARM,
     "two/light.urdf": ARM.replace('value="1"', 'value="0"').replace('"0.1"', '"0"'),
 }
+
+
+def ran(folder: Path) -> str:
+    """The campaign on both folders."""
+    command = [sys.executable, "-m", "campaigns.real_models", folder / "one", folder / "two",
+               "--jobs", "1", "--kept", folder / "kept.jsonl"]  # fmt: skip
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
+    )
+    return done.stdout
 
 
 def test_each_robot_has_a_line_and_each_refusal_its_reason(tmp_path: Path) -> None:
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    done = subprocess.run(
-        [sys.executable, "-m", "campaigns.real_models", tmp_path / "one", tmp_path / "two",
-         "--jobs", "1"],
-        capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2],
-    )  # fmt: skip
-    told = done.stdout
-    assert "5 files, 2 read, 3 with obstacles" in told
+    told = ran(tmp_path)
+    assert "[1/6, " in told
     assert f"AGREES     mujoco    {tmp_path}/one/p.xml E " in told
     assert f"AGREES     pybullet  {tmp_path}/two/r.urdf E " in told
-    assert "joint * moves nothing that has inertia" in told
-    assert "Error opening file 'gone.xml'" in told
-    assert ".xml: 3 files, 1 of them robots that move, 1 with a verdict (100.0%)" in told
-    assert ".urdf: 2 files, 2 of them robots that move, 1 with a verdict (50.0%)" in told
+    assert "MJCF: 4 files, 2 robots that move" in told
+    assert "URDF: 2 files, 2 robots that move" in told
+    assert "1  part of another file" in told
+    assert "1  verdict: AGREES or DIFFERS in one engine at least   50.0%" in told
+    assert "1  URDF: joint * moves nothing that has inertia, so it has no" in told
+    assert "1  MJCF: MuJoCo can't load it: XML Error: Error opening file *" in told
+
+
+def test_what_is_done_is_not_done_again_but_where_it_is_asked_for(tmp_path: Path) -> None:
+    file, lines = tmp_path / "r.urdf", tmp_path / "kept.jsonl"
+    file.write_text(ARM)
+    wrong = Came(engine="a", outcome=Outcome.FAILED, reason="a crash")
+    one = structs.replace(entry(wrong), file=str(file), digest=digest_of(file))
+    keep(lines, one)
+    keep(lines, entry())
+    lines.write_bytes(lines.read_bytes()[:-20])  # it was ended while it wrote this
+    assert dict(kept(lines)) == {str(file): one}
+    keep(lines, entry())
+    assert len(kept(lines)) == 2
+    assert is_done(file, one, None)
+    assert is_done(file, one, "UNRESOLVED")
+    assert not is_done(file, one, "FAILED .*crash")
+    assert not is_done(file, None, None)
+    file.write_text(ARM + " ")
+    assert not is_done(file, one, None)
+
+
+def entry(*cases: Came, obstacles: tuple[str, ...] = ()) -> Entry:
+    return Entry(
+        file="/a/r.urdf", digest="0", tree=not obstacles, freedoms=2, obstacles=obstacles,
+        left_out=("contact geometry",), impossible=(), cases=cases,
+    )  # fmt: skip
+
+
+def test_a_crash_is_no_verdict_and_a_faulty_file_is_told_apart() -> None:
+    slow = Came(engine="a", outcome=Outcome.FAILED, reason="out of its 120 processor seconds")
+    wrong = Came(engine="b", outcome=Outcome.FAILED, reason="/a/r.urdf: PyBullet sets to zero")
+    vague = Came(engine="b", outcome=Outcome.UNRESOLVED, uncertainty=2e-9, discrepancy=1e-10)
+    differs = Came(engine="c", outcome=Outcome.DIFFERS, reason="off", cause="moments of 'x'")
+    assert kind_of(entry(slow), ()) is Kind.BROKEN
+    assert kind_of(entry(wrong), ()) is Kind.FAULT
+    assert kind_of(entry(slow, vague), ()) is Kind.UNRESOLVED
+    assert kind_of(entry(wrong, differs), ()) is Kind.VERDICT
+    assert kind_of(entry(obstacles=("/a/r.urdf: joint 'x' is planar",)), ()) is Kind.REFUSED
+    told = summary([entry(wrong, differs)], ())
+    assert "/a/r.urdf in c: off\n    moments of 'x'" in told
+    assert "URDF b FAILED: PyBullet sets to zero  [r.urdf]" in told
