@@ -50,11 +50,14 @@ def load(name: str, text: str, folder: Path, gravity: float = 0.0) -> Model:
     return engines()[name].load(ModelSpec(path, settings=settings))
 
 
-def moved(model: Model, q: float, v: float, seconds: float) -> tuple[float, float]:
-    """Position and velocity of the first joint after a while."""
+def moved(
+    model: Model, q: float, v: float, seconds: float, push: float | None = None
+) -> tuple[float, float]:
+    """Position and velocity of the first joint after a while, all pushed alike."""
     start: Array = np.ones((1, len(model.coordinates)))
     n = round(seconds / H)
-    z, w = model.rollout(q * start, v * start, H, n, None, n)
+    force = None if push is None else push * np.ones((1, n, len(model.coordinates)))
+    z, w = model.rollout(q * start, v * start, H, n, force, n)
     return float(z[0, 0, 0]), float(w[0, 0, 0])
 
 
@@ -194,3 +197,30 @@ def test_a_fixed_base_touches_its_first_link_in_one(
     assert told is touches
     if not touches:
         assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0)
+
+
+def test_a_welded_link_without_inertia_is_a_kilogram_in_one_unless_told(tmp_path: Path) -> None:
+    welded = (
+        '<link name="tip"/><joint name="w" type="fixed"><parent link="a"/><child link="tip"/>'
+        '<origin xyz="1 0 0"/></joint>'
+    )
+    path = tmp_path / "tip.urdf"
+    path.write_text(urdf(beside=welded))
+    turned = {}
+    for bare in (True, False):
+        settings = {"step": H, "gravity": [0, 0, 0], "bare_links": bare}
+        model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
+        assert [bool(one) for one in model.remedies.values()] == ([True] if bare else [])
+        turned[bare] = moved(model, 0.0, 0.0, H, push=1.0)[1] / H
+    assert turned[True] == pytest.approx(1 / (0.01 + 1 + 1))
+    assert turned[False] == pytest.approx(1 / 0.01)
+    model = load("mujoco", path.read_text(), tmp_path)
+    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
+
+
+def test_a_point_mass_moves_in_one_and_is_refused_by_the_other(tmp_path: Path) -> None:
+    point = BELOW.replace("0.01", "0").replace("0 0 -1", "0 0 -2")
+    model = load("pybullet", urdf(body=point), tmp_path)
+    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 4)
+    with pytest.raises(EngineError, match="larger than mjMINVAL"):
+        load("mujoco", urdf(body=point), tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
 
@@ -70,6 +71,53 @@ def test_it_is_refused_by_its_line(change: tuple[str, str], message: str, tmp_pa
     with pytest.raises(EngineError) as caught:
         read_urdf(path)
     assert f"{path}{message}" in str(caught.value)
+
+
+READ_BY_BOTH = [
+    f'\n\n<?xml version="1.0"?>\n{GOOD}'.encode(),
+    f"\ufeff{GOOD}".encode(),
+    f"{GOOD}\0".encode(),
+    f"<!-- two -- hyphens -->{GOOD}".encode(),
+    f'<?xml version="1.0" encoding="ISO-8859-1"?><!-- é -->{GOOD}'.encode("latin-1"),
+]
+COMMAS = '<origin xyz="0.5, 0, 0"/><axis xyz="0, 1, 0"/>'
+READ_BY_PYBULLET = [
+    (GOOD.replace('<axis xyz="0 1 0"/>', COMMAS), "bad format"),
+    (GOOD.replace("</joint>", '<axis xyz="0  1 0"/></joint>'), "repeated element"),
+]
+AT = ModelSpec(Path("robot.urdf"), settings={"step": 0.002, "gravity": [0, 0, 0]})
+
+
+def loaded(name: str, text: bytes, path: Path) -> tuple[str, ...]:
+    pytest.importorskip(name)
+    path.write_bytes(text)
+    for smooth in (False, True):  # the file itself, and a copy of it
+        settings = {**AT.settings, "smooth": smooth}
+        model = engines()[name].load(dataclasses.replace(AT, path=path, settings=settings))
+    return model.coordinates
+
+
+@pytest.mark.parametrize("text", READ_BY_BOTH)
+@pytest.mark.parametrize("name", ["mujoco", "pybullet"])
+def test_what_engines_read_over_in_xml_is_read(name: str, text: bytes, tmp_path: Path) -> None:
+    assert loaded(name, text, tmp_path / "robot.urdf") == ("j",)
+
+
+@pytest.mark.parametrize(("text", "reason"), READ_BY_PYBULLET)
+def test_what_one_engine_reads_the_other_refuses(text: str, reason: str, tmp_path: Path) -> None:
+    """The sentence is MuJoCo's own."""
+    path = tmp_path / "robot.urdf"
+    assert loaded("pybullet", text.encode(), path) == ("j",)
+    with pytest.raises(EngineError, match=f"MuJoCo can't load it: .*{reason}"):
+        loaded("mujoco", text.encode(), path)
+
+
+@pytest.mark.parametrize("words", ["0.5,0,0", "0.5 ,0 ,0", "0.5, 0, 0,"])
+def test_commas_of_which_an_engine_makes_zeros_are_refused(words: str, tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(GOOD.replace('<axis xyz="0 1 0"/>', f'<origin xyz="{words}"/>'))
+    with pytest.raises(EngineError, match="where 3 finite numbers belong"):
+        read_urdf(path)
 
 
 @pytest.mark.parametrize("name", ["mujoco", "pybullet"])

@@ -180,9 +180,13 @@ def test_rates_that_rounding_moves_to_and_fro_are_as_good_as_they_get() -> None:
         noise = 3e-12 * np.cos(np.arange(states[..., 0].size) * calls).reshape(states.shape[:-1])
         return np.stack([states[..., 1], -states[..., 0] * (1 + noise)], axis=-1)
 
-    end, _ = collocate(field, np.zeros(1), np.array([[0.0, 1.0]]), 0.5)
+    start = np.array([[0.0, 1.0]])
+    end, _ = collocate(field, np.zeros(1), start, 0.5)
     assert end[0] == pytest.approx([np.sin(0.5), np.cos(0.5)], abs=1e-11)
     assert calls < 40
+    again = by_runge_kutta(field, np.zeros(1), start, 0.5, rounded=True)
+    assert again[0] == pytest.approx(end[0], abs=1e-11)
+    assert calls < 120
 
 
 def test_a_segment_too_long_for_its_stages_names_what_does_not_settle() -> None:

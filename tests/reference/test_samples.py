@@ -110,6 +110,16 @@ def test_slopes_under_forces_are_differences_of_accelerations() -> None:
     assert found == pytest.approx(plain, abs=1e-7 * np.max(np.abs(plain)))
 
 
+def test_a_joint_that_settles_faster_than_it_can_be_seen_is_refused_by_its_name() -> None:
+    one = tree(("hinge", "hinge"), 1, chain=True)
+    light = dataclasses.replace(
+        one.links[1], mass=1e-14, inertia=1e-14 * np.eye(3), armature=0.0, damping=1.0
+    )
+    bad = dataclasses.replace(one, links=(one.links[0], light))
+    with pytest.raises(ReferenceError, match="joint 'j1' settles fastest"):
+        samples(equations(bad), np.tile(OPEN, (2, 1)), np.zeros(2), 10, 1)
+
+
 def test_limits_that_leave_no_room_are_none() -> None:
     limits = np.array([[0.0, 0.0], [0.5, 0.5], [0.0, 0.5]])
     found = within(limits, np.array([0.0, 0.5, 0.1]))

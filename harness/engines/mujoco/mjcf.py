@@ -46,7 +46,7 @@ def _found(path: Path) -> dict[Path, XmlSource | None]:
 def _collect(path: Path, folder: Path, found: dict[Path, XmlSource | None]) -> None:
     if path in found:
         return
-    text = read_source(path)
+    text = read_source(path, mend=True)
     found[path] = None
     try:
         source = read_xml(text, path)
