@@ -10,15 +10,17 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.cases.case_record import verdict_record
+from harness.cases.case_record import stepping_record, verdict_record
+from harness.cases.followers import Followers
 from harness.cases.system_record import quantities
 from harness.cases.verdict import Verdict, filled, judge, with_residual
 from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
 from harness.engines.registry import engines
-from harness.numerics.coordinates import CoordinateMap, identity, linear
+from harness.numerics.coordinates import CoordinateMap, identity
 from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate, held
+from harness.numerics.stepping import step_engine
 from harness.records.base import SourceLine, number
-from harness.records.case import Case
+from harness.records.case import Case, Stepping
 from harness.records.finding import AuditFinding
 from harness.records.outcome import Outcome
 from harness.records.system import Scenario, System
@@ -27,11 +29,11 @@ from harness.robots.named import read_robot
 from harness.robots.robot import LeftOut, Robot, home_of
 from harness.robots.system import RobotError, robot_system
 from reference.integrate import ReferenceError
-from reference.multibody.chart import coordinate_names
 from reference.multibody.coupled import Coupled
 from reference.multibody.tree import WORLD, Tree
 from reference.numeric import Array
 from reference.samples import Samples, samples
+from reference.stepping import SteppedBodies
 from reference.trees import TreeEquations, TreeSystem
 
 SCENARIO = "states"
@@ -59,6 +61,7 @@ class PreparedRobot:
         file: the model file.
         names: of its coordinates.
         followers: what follows them.
+        tree: whose equations they are.
         samples: states, and where the equations take them.
         record: what is written of it.
         settings: with which engines run it.
@@ -69,6 +72,7 @@ class PreparedRobot:
     file: Path
     names: tuple[str, ...]
     followers: Followers
+    tree: Tree
     samples: Samples
     record: System
     settings: Mapping[str, object]
@@ -91,6 +95,7 @@ class PreparedRobot:
             engine=engine,
             names=self.names,
             followers=self.followers,
+            tree=self.tree,
             samples=self.samples,
             settings={**own, **self.settings},
             resolution=resolution,
@@ -118,6 +123,7 @@ def prepare_robot(file: Path, *, floating: bool = False) -> PreparedRobot:
         file=file,
         names=tuple(c.name for c in system.coordinates),
         followers=Followers.of(system.tree),
+        tree=system.tree,
         samples=drawn,
         record=tree_record(
             str(robot.file),
@@ -162,35 +168,6 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
         )
         for one in impossible(robot)
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Followers:
-    """How a tree's joints follow its coordinates: all of them are G q + c.
-
-    Attributes:
-        names: of all that an engine has, (nz,).
-        matrix: G, (nz, n).
-        offset: c, (nz,).
-    """
-
-    names: tuple[str, ...]
-    matrix: Array
-    offset: Array
-
-    @staticmethod
-    def of(tree: Tree) -> Followers:
-        """All coordinates of a tree's joints."""
-        coupled = Coupled(tree)
-        rows = (row for link in tree.links for row in coordinate_names(link.kind, link.name))
-        names = tuple(name for name, _ in rows)
-        return Followers(names=names, matrix=coupled.matrix, offset=coupled.offset)
-
-    def map(self, order: list[int], names: tuple[str, ...]) -> CoordinateMap:
-        """Between the coordinates, by their names, and an engine's, in their order."""
-        own = [self.names[i] for i in order]
-        kept = [own.index(name) for name in names]
-        return linear(self.matrix[order], self.offset[order], kept)
 
 
 def settings_of(robot: Robot) -> Mapping[str, object]:
@@ -253,6 +230,7 @@ class RobotTask:
         engine: that runs it.
         names: of the coordinates, in the samples' order.
         followers: what follows them.
+        tree: whose equations they are.
         samples: states, and where the equations take them.
         settings: with which the engine runs it.
         resolution: that is asked.
@@ -266,6 +244,7 @@ class RobotTask:
     engine: str
     names: tuple[str, ...]
     followers: Followers
+    tree: Tree
     samples: Samples
     settings: Mapping[str, object]
     resolution: float
@@ -278,6 +257,7 @@ class Followed:
 
     Attributes:
         model: as the engine has loaded it.
+        map: of the coordinates to its own.
         names: of the coordinates, in that order.
         samples: likewise.
         scale: what a defect is relative to, (2n,).
@@ -285,10 +265,16 @@ class Followed:
     """
 
     model: Model
+    map: CoordinateMap
     names: tuple[str, ...]
     samples: Samples
     scale: Array
     found: Extrapolated
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the states' components, (2n,)."""
+        return (*self.names, *(f"{name}_dot" for name in self.names))
 
 
 def scale_of(drawn: Samples) -> Array:
@@ -321,7 +307,9 @@ def follow_robot(task: RobotTask, rungs: tuple[int, ...] = ()) -> Followed:
             found = extrapolate(model, coordinates, batch, resolution=task.resolution)
     except BlownUpError as error:
         raise BlownUpError(f"{task.file}: {error}") from None
-    return Followed(model=model, names=names, samples=drawn, scale=scale, found=found)
+    return Followed(
+        model=model, map=coordinates, names=names, samples=drawn, scale=scale, found=found
+    )
 
 
 def run_robot(task: RobotTask) -> Case:
@@ -336,6 +324,7 @@ def run_robot(task: RobotTask) -> Case:
     """
     began = time.perf_counter()
     way, verdict = _judged(task)
+    stepping = _stepping(task, way)  # as the file itself has the engine step
     if verdict.outcome is Outcome.UNRESOLVED:
         way, verdict = _otherwise(task, way, verdict)
     return Case(
@@ -347,6 +336,7 @@ def run_robot(task: RobotTask) -> Case:
         outcome=verdict.outcome,
         reason=verdict.reason,
         verdict=verdict_record(verdict, way.found, way.model.exponents(False)[0]),
+        stepping=stepping,
         seconds=time.perf_counter() - began,
     )
 
@@ -354,14 +344,12 @@ def run_robot(task: RobotTask) -> Case:
 def _judged(task: RobotTask) -> tuple[Followed, Verdict]:
     """Every segment in the engine, and what follows from them."""
     way = follow_robot(task)
-    components = (*way.names, *(f"{name}_dot" for name in way.names))
-    claimed = way.model.exponents(False)[0]
-    verdict = judge(way.found.limit, way.samples, way.scale, components, claimed, task.resolution)
-    if way.found.residual is None:
+    claimed, found = way.model.exponents(False)[0], way.found
+    verdict = judge(found.limit, way.samples, way.scale, way.components, claimed, task.resolution)
+    if found.residual is None:
         return way, verdict
     names = tuple(way.model.coordinates)
-    left = way.found.residual
-    return way, with_residual(verdict, left, way.samples, names, task.resolution)
+    return way, with_residual(verdict, found.residual, way.samples, names, task.resolution)
 
 
 def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Followed, Verdict]:
@@ -372,6 +360,15 @@ def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Follow
             told = f"stepped by {name}, since by {way.model.integrator} {verdict.reason}"
             return other, replace(found, reason="; ".join(filter(None, [found.reason, told])))
     return way, verdict
+
+
+def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
+    """The engine's very next state, at the starts of the segments."""
+    stepped = SteppedBodies(task.tree, [task.names.index(name) for name in way.names])
+    found = step_engine(
+        way.model, way.map, stepped, way.samples.start, way.samples.forces, task.resolution
+    )
+    return None if found is None else stepping_record(found, way.components)
 
 
 def load_robot(task: RobotTask) -> Model:
