@@ -78,6 +78,7 @@ def plain(entry: Entry, sentence: str) -> str:
         "; `crosscheck compare` holds it against another file without equations"
     )
     told = re.sub(r"(?<!\w)'[^']*'|(?<!\w)\"[^\"]*\"|-?\b\d+(\.\d+)?(e[-+]?\d+)?\b", "*", told)
+    told = re.sub(r"\*(, \*)+", "*", told)  # a list of names, however long
     return told[:LONGEST]
 
 

@@ -111,9 +111,8 @@ def test_an_unknown_integrator_is_refused_by_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("engine", "kind"),
-    [("mujoco", "spherical"), ("pybullet", "floating"), ("pybullet", "planar"),
-     ("pybullet", "spherical")],
-)  # fmt: skip
+    [("mujoco", "spherical"), ("pybullet", "floating"), ("pybullet", "planar")],
+)
 def test_joints_of_a_urdf_that_are_no_slides_or_hinges_are_refused(
     tmp_path: Path, engine: str, kind: str
 ) -> None:

@@ -159,8 +159,9 @@ class PybulletModel(Model):
         self._lost = lost_inertias(robot, held_inertias(self._body)) if own else {}
         self._bare = bare_links(robot) if self._setting("bare_links") else []
         self._joints, self._joint_names, balls = self._moving_joints()
-        self._turning = [Base(self._body, base_name(robot))] if self._setting("floating") else []
-        self._turning += balls
+        floats = self._setting("floating")
+        base = [Base(self._body, base_name(robot))] if floats else []
+        self._turning: list[Base | Ball] = [*base, *balls]
         turned = (name for one in self._turning for name in one.names)
         self.coordinates = (*turned, *self._joint_names)
         check_inertias(self.path, self._body, robot if own else None)
@@ -229,8 +230,11 @@ class PybulletModel(Model):
 
     @property
     def step_rule(self) -> StepRule | None:
-        """All forces at the start, dampers' too; a floating base steps about its centre of mass."""
-        return None if self._base else StepRule(scheme="semi-implicit Euler")
+        """All forces at the start, dampers' too; a floating base steps about its centre of mass.
+
+        A ball joint's quaternion steps by an exponential of its own: no rule tells that either.
+        """
+        return None if self._turning else StepRule(scheme="semi-implicit Euler")
 
     @property
     def home(self) -> Array:
