@@ -104,6 +104,8 @@ class Robot:
         obstacles: all that is in the way of a tree.
         controls: at which its actuators are held, as many as it has inputs.
         told: of which the tree is assembled; None where there is no tree.
+        shapes: files of meshes and the like without which the bodies can't be had, by the names
+            that the file has for them.
     """
 
     name: str
@@ -116,6 +118,7 @@ class Robot:
     obstacles: tuple[Obstacle, ...]
     controls: tuple[float, ...] = ()
     told: Told | None = None
+    shapes: tuple[str, ...] = ()
 
     @property
     def floats(self) -> bool:

@@ -181,6 +181,20 @@ def test_meshes_that_have_no_say_are_left_where_they_are(tmp_path: Path) -> None
     assert not (tmp_path / "made" / "shapes").exists()
 
 
+def test_just_the_meshes_that_have_a_say_are_copied(tmp_path: Path) -> None:
+    file = written(tmp_path / "given")
+    shown = tmp_path / "given" / "shapes" / "shown.obj"
+    shown.write_text(SHAPE)
+    text = ALL.replace("<asset>", '<asset><mesh name="shown" file="shown.obj"/>')
+    arm = '<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>'
+    own = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="shown"/>'
+    file.write_text(text.replace(arm, arm + own, 1))
+    said = from_model(file, tmp_path / "made")
+    copied = [path.name for path in (tmp_path / "made" / "shapes").iterdir()]
+    assert copied == ["tetrahedron.obj"]
+    assert "not copied, since no inertia follows from it: 'shown.obj'" in said.remarks
+
+
 def test_a_root_may_float(tmp_path: Path) -> None:
     from_model(DATA / "laikago" / "laikago_toes_zup.urdf", tmp_path / "dog", floating=True)
     assert bodies(tmp_path / "dog").bodies[0].joints[0].kind == "free"
