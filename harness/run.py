@@ -51,7 +51,7 @@ def run(
     interruption: Interruption = Interruption(),  # noqa: B008  # frozen
     robots: Sequence[Path] = (),
 ) -> Run:
-    """Run every model of every folder in every scenario, and robots' files at states at random.
+    """Run every model of every folder in every scenario, and robots' files at chosen states.
 
     A folder, model or case that can't be run is FAILED, with its reason; the others go on. Where it
     is asked to stop, what is done is returned, with what is not.

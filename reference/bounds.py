@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from reference.closed_form import Segments
+from reference.collocation import Field
 from reference.declaration import t
 from reference.equations import EquationsOfMotion
-from reference.integrate import Field, field_of
+from reference.integrate import field_of
 from reference.motion import Span, chebyshev_nodes
 from reference.numeric import Array
 from reference.roundoff import UNIT, running_error

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from reference.integrate import ReferenceError, gauss
+from reference.collocation import ReferenceError, gauss
 from reference.multibody.algebra import Scalars
 from reference.multibody.charted import Charted
 from reference.multibody.tree import Tree

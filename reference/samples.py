@@ -1,17 +1,21 @@
-"""States of a tree at random, and where its equations take them over a short segment.
+"""States of a tree, and where its equations take them over a short segment.
 
 A robot has more joints than one motion can try; its equations hold at every state. So segments
-start anywhere within the limits, each under forces of its own that are held.
+start anywhere within the limits, each under forces of its own that are held: of many states at
+random, those that tell the tree's numbers best apart (`reference.excitation`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from reference.integrate import AGREEMENT, Field, ReferenceError, by_runge_kutta, collocate
+from reference.collocation import Field, ReferenceError, collocate
+from reference.excitation import telling
+from reference.integrate import AGREEMENT, by_runge_kutta
 from reference.numeric import Array
 from reference.trees import TreeEquations
 
@@ -26,6 +30,10 @@ FAR = np.pi
 
 COUPLED_A_PERIOD = 20
 """The same where joints follow others: there rounding weighs more, which short segments raise."""
+
+DRAWN, ROWS, TIMES = 400, 6000, 2
+"""How many states are drawn: so many, or fewer, so that they have about so many accelerations
+together; never fewer than so many times those that are taken."""
 
 LOOKED_AT = 24
 """States at which rates are taken, each by 4 n accelerations."""
@@ -51,7 +59,7 @@ class Samples:
     """K segments of a tree of n coordinates; all in SI units.
 
     Attributes:
-        start: states (q, v), (K, 2n).
+        start: states (q, v), (K, 2n), the most telling first.
         forces: on the coordinates, held, (K, n).
         length: of each, seconds.
         end: where the equations take them, (K, 2n).
@@ -85,36 +93,26 @@ class Samples:
 
 
 def samples(equations: TreeEquations, limits: Array, home: Array, count: int, seed: int) -> Samples:
-    """Draw states and forces, and solve.
-
-    Velocities and forces are such as motions of the mechanism have: positions times the rate at
-    which it swings at rest, and masses times positions times its square.
+    """Draw states and forces, take the most telling, and solve.
 
     Args:
         limits: of the positions, (n, 2), infinite where there are none.
         home: positions about which they are drawn then, (n,).
+        count: how many are taken.
+        seed: of the draw.
 
     Raises:
         ReferenceError: where the mass matrix is singular, or the two solutions are apart.
     """
-    rng, n = np.random.default_rng(seed), len(home)
-    reach = within(limits, home)
-    q = rng.uniform(reach[:, 0], reach[:, 1], (count, n))
-    extent = np.minimum((reach[:, 1] - reach[:, 0]) / 2, REACH)
-    none = np.zeros((count, n))
-    _check_masses(equations, q)
-    rest = np.concatenate([q, none], axis=1)
-    swing, settling = _rates(equations, rest, none)
-    rate = min(max(swing, SLOWEST), LIVELIEST)
-    v = rng.uniform(-1, 1, (count, n)) * extent * rate
-    # Where a damper stops a joint sooner, to hold it against that would leave nothing but rounding.
-    wanted = rng.uniform(-1, 1, (count, n)) * extent * rate * np.maximum(rate, settling)
-    forces = equations.forces_for(q, v, wanted)
+    n, many = len(home), candidates(equations, limits, home, count, seed)
+    chosen = telling(many.rows(equations), count)
+    q, v = many.q[chosen], many.v[chosen]
+    forces = equations.forces_for(q, v, many.a[chosen])
     start = np.concatenate([q, v], axis=1)
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
-    fastest = max(swing, _rates(equations, start, forces)[0], rate, spinning)
+    fastest = max(many.swing, _rates(equations, start, forces)[0], many.rate, spinning)
     if fastest > QUICKEST:
-        joint = equations.system.coordinates[int(np.argmax(settling))].name
+        joint = equations.system.coordinates[int(np.argmax(many.settling))].name
         raise ReferenceError(
             f"its fastest motion takes {1 / fastest:.0e} s, in which no position moves by more than"
             f" its last digits; joint {joint!r} settles fastest: has what it moves its inertia?"
@@ -137,6 +135,50 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     jolt = np.concatenate([rounded * length**2 / 2, rounded * length])
     bound = apart + 2 * np.finfo(float).eps * size + GROWTH * jolt
     return Samples(start=start, forces=forces, length=length, end=end, bound=bound, fastest=fastest)
+
+
+class Candidates(NamedTuple):
+    """States to choose from: positions, velocities and accelerations, (P, n) each.
+
+    And rates, rad/s: at which the mechanism swings at rest, that of the motions drawn, and how fast
+    each joint's own dampers stop it, (n,).
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    swing: float
+    rate: float
+    settling: Array
+
+    def rows(self, equations: TreeEquations) -> Array:
+        """What each says of the tree's numbers, by the largest accelerations, (P, n, p)."""
+        found = equations.slopes(self.q, self.v, self.a)
+        found /= np.max(np.abs(self.a), axis=0)[:, None]
+        return found
+
+
+def candidates(
+    equations: TreeEquations, limits: Array, home: Array, count: int, seed: int
+) -> Candidates:
+    """States at random, of which so many are to be chosen.
+
+    Velocities and accelerations are such as motions of the mechanism have: positions times the rate
+    at which it swings at rest, and times its square. Arguments as in `samples`.
+    """
+    rng, n = np.random.default_rng(seed), len(home)
+    many = max(min(DRAWN, ROWS // n), TIMES * count)
+    reach = within(limits, home)
+    q = rng.uniform(reach[:, 0], reach[:, 1], (many, n))
+    extent = np.minimum((reach[:, 1] - reach[:, 0]) / 2, REACH)
+    none = np.zeros((many, n))
+    _check_masses(equations, q)
+    swing, settling = _rates(equations, np.concatenate([q, none], axis=1), none)
+    rate = min(max(swing, SLOWEST), LIVELIEST)
+    v = rng.uniform(-1, 1, (many, n)) * extent * rate
+    # Where a damper stops a joint sooner, to hold it against that would leave nothing but rounding.
+    wanted = rng.uniform(-1, 1, (many, n)) * extent * rate * np.maximum(rate, settling)
+    return Candidates(q, v, wanted, swing, rate, settling)
 
 
 def ends_of(equations: TreeEquations, start: Array, forces: Array, length: float) -> Array:

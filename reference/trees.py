@@ -200,6 +200,10 @@ class TreeEquations(EquationsOfMotion):
         found: Array = np.moveaxis(self._doubles.inertia(_first(q)), -1, 0)
         return found
 
+    def slopes(self, q: Array, v: Array, a: Array) -> Array:
+        """What numbers of the tree add to accelerations, (K, n, p), of states all (K, n)."""
+        return np.moveaxis(self._doubles.slopes(*map(_first, (q, v, a))), -1, 0)
+
     def rounding(self, q: Array, v: Array, forces: Array) -> Array:
         """Bound of what rounding does to accelerations at such states (..., n): (n,)."""
         at = [_first(part) for part in (q, v, forces)]

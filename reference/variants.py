@@ -14,9 +14,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 import sympy as sp
 
+from reference.collocation import collocate
 from reference.declaration import Coordinate, t
 from reference.derive import Equations
-from reference.integrate import collocate
 from reference.numeric import Array, NumericFunction, compile_function
 from reference.simplify import solved
 

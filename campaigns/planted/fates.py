@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -18,6 +17,7 @@ from harness.diagnosis.robot_task import RobotDiagnosisTask, ranked
 from harness.engines.protocol import EngineError
 from harness.records.case import Case
 from harness.records.outcome import FLOOR, Outcome
+from harness.robots.copies import copied
 from harness.robots.named import Numbers, robot_numbers
 from harness.robots.numerals import SMALL, Numeral
 from reference.flows import Flow
@@ -26,7 +26,7 @@ from reference.integrate import ReferenceError
 RESOLUTION = 1e-9
 
 STATES = 32
-"""Of the hundred that a run takes."""
+"""Of the forty that a run takes."""
 
 ROUNDING = 1e-13
 """A change of the ends by less, relative to their movement, is that of rounding."""
@@ -155,19 +155,6 @@ def plant(ground: Ground, index: int, share: float) -> Planted:
         effect=effect,
         said=said,
     )
-
-
-def copied(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Path:
-    """A file with other texts, and links to all that stands beside it."""
-    top = Path(os.path.commonpath([path.parent.resolve() for path in texts]))
-    for path, data in texts.items():
-        copy = folder / path.resolve().relative_to(top)
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_bytes(data)
-    for beside in top.iterdir():
-        if not (folder / beside.name).exists():
-            (folder / beside.name).symlink_to(beside)
-    return folder / file.resolve().relative_to(top)
 
 
 def _fate(task: RobotTask, one: Numeral, value: float, effect: float) -> tuple[Fate, str]:

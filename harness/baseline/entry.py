@@ -62,7 +62,7 @@ def summarized(entry: AcceptedCase) -> AcceptedCase:
     summary = (
         f"{entry.outcome}, E {short(entry.discrepancy, '.0e')} U {short(entry.uncertainty, '.0e')}"
     )
-    if entry.integrator:  # no motion joins states at random, which have no full run
+    if entry.integrator:  # no motion joins chosen states, which have no full run
         summary += (
             f"; global error {short(entry.global_error, '.2%')}"
             f" at {short(entry.shipped_step, 'g')} s, {entry.integrator}"

@@ -117,9 +117,10 @@ def _measured(task: MeasureTask) -> Measurement:
 
 
 def comparable(own: Snapshot, accepted: Snapshot) -> bool:
-    """Whether both have the same number of components and of inputs."""
+    """Whether both have the same number of components and of inputs, and times alike."""
     inputs = {len(row) for one in (own, accepted) for nodes in one.input_nodes for row in nodes}
-    return len(own.components) == len(accepted.components) and len(inputs) == 1
+    timed = {time is None for one in (own, accepted) for time in one.t}
+    return len(own.components) == len(accepted.components) and len(inputs) == len(timed) == 1
 
 
 def identify(

@@ -91,7 +91,7 @@ def _snapshot(task: RobotTask) -> Snapshot:
         inputs=tuple(f"a force on {name}, held" for name in task.names),
         fastest=drawn.fastest,
         varying=False,
-        t=(0.0,) * count,
+        t=(None,) * count,
         length=(drawn.length,) * count,
         start=_table(drawn.start[:count]),
         input_nodes=tuple((row,) for row in _table(drawn.forces[:count])),

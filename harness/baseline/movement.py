@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from harness.cases.verdict import starts_at
 from harness.records.base import Number, Numbers, Rows
 from harness.records.baseline import AcceptedCase, OnAccepted, Snapshot
 
@@ -35,13 +36,13 @@ class Movement:
     Attributes:
         size, uncertainty: relative to the component's movement over a segment.
         component: the one with the largest.
-        time: start of the segment, seconds.
+        place: where the segment starts: a time, or which of the states.
     """
 
     size: float = 0.0
     uncertainty: float = 0.0
     component: str = ""
-    time: float = 0.0
+    place: str = ""
 
     def __bool__(self) -> bool:
         return self.size > 0.0
@@ -49,7 +50,7 @@ class Movement:
     def __str__(self) -> str:
         return (
             f"{self.size:.1e} ± {self.uncertainty:.0e} of its movement, in {self.component} near"
-            f" t = {self.time:.4g} s"
+            f" {self.place}"
         )
 
 
@@ -77,7 +78,7 @@ def _movement(was: _Ends, now: _Ends, snapshot: Snapshot) -> Movement:
     """The largest movement of an end that exceeds both uncertainties, relative to its scale."""
     worst = Movement()
     rows = zip(was.value, was.uncertainty, now.value, now.uncertainty, snapshot.t, strict=True)
-    for *ends, time in rows:
+    for segment, (*ends, time) in enumerate(rows):
         columns = zip(*ends, snapshot.scale, snapshot.components, strict=True)
         for a, ua, b, ub, scale, component in columns:
             if a is None or b is None or ua is None or ub is None:
@@ -86,7 +87,10 @@ def _movement(was: _Ends, now: _Ends, snapshot: Snapshot) -> Movement:
             size = abs(b - a) / scale
             if abs(b - a) > allowed and size > worst.size:
                 worst = Movement(
-                    size=size, uncertainty=allowed / scale, component=component, time=time
+                    size=size,
+                    uncertainty=allowed / scale,
+                    component=component,
+                    place=starts_at(time, segment),
                 )
     return worst
 

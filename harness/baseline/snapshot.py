@@ -38,7 +38,7 @@ class PickedSegments:
 
     Attributes:
         scenario, fastest, varying: as in `Snapshot`.
-        t: start times, (K,), seconds.
+        t: start times, (K,), seconds; nan where no motion joins the segments.
         length: of each segment, (K,), seconds.
         start: states there, (K, 2n).
         inputs: each segment's inputs at Chebyshev points inside it, (nodes, inputs).
@@ -63,7 +63,7 @@ def segments_of(one: Snapshot) -> PickedSegments:
         scenario=one.scenario,
         fastest=one.fastest,
         varying=one.varying,
-        t=np.array(one.t),
+        t=np.array(one.t, dtype=float),  # nan of None
         length=np.array(one.length),
         start=np.array(one.start),
         inputs=tuple(np.array(nodes).reshape(len(nodes), -1) for nodes in one.input_nodes),
@@ -110,7 +110,8 @@ def same_motion(one: Snapshot, other: Snapshot) -> bool:
     if a.start.shape != b.start.shape or len(a.inputs) != len(b.inputs):
         return False
     pairs: list[tuple[Array, Array, Array | float]] = [
-        (a.t, b.t, 1.0),
+        (np.isnan(a.t) * 1.0, np.isnan(b.t) * 1.0, 0.0),
+        (np.nan_to_num(a.t), np.nan_to_num(b.t), 1.0),
         (a.length, b.length, float(np.max(a.length))),
         (a.start, b.start, a.scale),
         (a.end, b.end, a.scale),
@@ -147,7 +148,7 @@ def _batch(one: PickedSegments) -> Batch:
         varying=one.varying,
         scale=one.scale,
         ends=one.end,
-        times=one.t,
+        times=None if np.isnan(one.t).any() else one.t,
         name=one.scenario,
     )
 

@@ -1,4 +1,4 @@
-"""A folder that declares bodies: its tree, states of it at random, its models against these.
+"""A folder that declares bodies: its tree, chosen states of it, its models against these.
 
 The tree is what `system.py` says; a model file is held against it at the same kind of states as a
 file that is given alone is against its own. With which settings is said by its sidecar.
@@ -123,7 +123,7 @@ def _prepared_tree(
 
 
 def states_of(declared: MultibodySystem, count: int) -> Samples:
-    """States of a declared tree at random, and where its equations take them.
+    """States that tell a declared tree's numbers apart, and where its equations take them.
 
     Raises:
         ReferenceError: where a joint moves nothing that has mass.

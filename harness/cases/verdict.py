@@ -112,7 +112,7 @@ def judge(
     uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
     found = judgement.judge(defect, uncertainty, resolution, obstacle(limit))
     time, component = float(motion.t[found.segment]), names[found.component]
-    place = _place(time, found.segment)
+    place = starts_at(time, found.segment)
     reason = ""
     if found.outcome is Outcome.DIFFERS:
         reason = (
@@ -139,9 +139,10 @@ def judge(
     )
 
 
-def _place(time: float, segment: int) -> str:
+def starts_at(time: float | None, segment: int) -> str:
     """Where a segment begins: a time, or which of the states that no motion joins."""
-    return f"t = {time:.4g} s" if np.isfinite(time) else f"state {segment + 1}"
+    known = time is not None and np.isfinite(time)
+    return f"t = {time:.4g} s" if known else f"state {segment + 1}"
 
 
 def with_residual(
@@ -175,18 +176,18 @@ def with_residual(
         off = float(np.abs(limit.value[segment, found.component]))
         told = (
             f"engine coordinate {component} leaves the coordinate map by {off:.3g} over the segment"
-            f" at {_place(time, segment)} (relative {found.discrepancy:.2e}, uncertainty"
+            f" at {starts_at(time, segment)} (relative {found.discrepancy:.2e}, uncertainty"
             f" {found.uncertainty:.1e}): the model has a freedom that the equations don't have, or"
             " its constraint does not hold"
         )
     elif found.outcome is Outcome.UNRESOLVED:
         told = (
             f"whether engine coordinate {component} keeps to the coordinate map is known to"
-            f" {found.uncertainty:.1e} at best, near {_place(time, segment)}, where"
+            f" {found.uncertainty:.1e} at best, near {starts_at(time, segment)}, where"
             f" {resolution:.0e} was asked: its constraint gives way to every step in another way"
         )
     elif found.below_resolution:
-        place = _place(time, segment)
+        place = starts_at(time, segment)
         told = _below(f"engine coordinate {component}", place, found, resolution)
     else:
         return known

@@ -1,4 +1,4 @@
-"""Folders that are named beside others and are not there: told, and no success."""
+"""Names beside others that mean nothing that can be run: told, and no success."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def with_missing(code: int, named: NamedFolders) -> int:
     if not named.faults:
         return code
     names = ", ".join(visible(name) for name in named.faults)
-    print(f"crosscheck: not run, since nothing is there that it means: {names}", file=sys.stderr)
+    print(f"crosscheck: not run, as told at the beginning: {names}", file=sys.stderr)
     return max(code, USAGE)

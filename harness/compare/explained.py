@@ -13,6 +13,7 @@ from harness.compare.match import Match
 from harness.compare.runs import Runs
 from harness.compare.side import Side
 from harness.engines.protocol import Array
+from reference.collocation import ReferenceError, collocate
 from reference.multibody.algebra import DOUBLES
 from reference.multibody.charted import Charted
 
@@ -104,8 +105,6 @@ def _size(values: Array) -> float:
 
 def _ends(side: Side, runs: Runs, push: Array) -> Array:
     """Where a file's equations end runs, (K, 2nz), in the engine's order."""
-    from reference.integrate import ReferenceError, collocate  # scipy's half a second
-
     order, n = side.order, runs.z.shape[1]
     equations = Charted(side.tree, DOUBLES)
     forces = push[:, order].T

@@ -147,6 +147,8 @@ class CompiledTree:
             with its number.
         uncovered: what else acts on the bodies.
         actuators: in the order of the file.
+        shapes: files of meshes and the like without which the bodies can't be had, by the names
+            that the file has for them.
     """
 
     bodies: tuple[CompiledBody, ...]
@@ -159,3 +161,4 @@ class CompiledTree:
     besides: tuple[tuple[str, int], ...] = ()
     uncovered: tuple[str, ...] = ()
     actuators: tuple[CompiledActuator, ...] = ()
+    shapes: tuple[str, ...] = ()

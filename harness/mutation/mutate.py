@@ -12,14 +12,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from harness.cases.prepare import Prepared, prepare
+from harness.cases.multibody import PreparedTree, prepare_folder
+from harness.cases.prepare import Prepared
 from harness.diagnosis.task import DiagnosisTask, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
-from harness.mutation.judge import MutationTask, mutated, refused
+from harness.files.sidecar import Sidecar
+from harness.mutation.judge import RESOLUTION, MutationTask, mutated, refused
 from harness.mutation.survey import MutationError, Survey, survey
+from harness.mutation.trees import TreeFault, died, faults_of, mutated_tree
 from harness.records.mutation import Mutation
 from harness.schedule.jobs import Job, Task, work
 from harness.schedule.workers import Failure, Limits, Workers
@@ -78,14 +81,17 @@ class _Plan:
         ordered = sorted(self.found, key=lambda f: (f[1].system, f[1].model, f[1].engine, f[0]))
         return [row for _, row in ordered]
 
-    def folder(self, folder: Path) -> Job[Prepared]:
+    def folder(self, folder: Path) -> Job[Prepared | PreparedTree]:
         """Prepare it, then survey its models."""
         self.unknown += 1
         unsound = partial(_unsound, folder / "system.py")
-        return Job(task=Task(prepare, folder), done=self._surveys, failed=unsound)
+        return Job(task=Task(prepare_folder, folder), done=self._surveys, failed=unsound)
 
-    def _surveys(self, prepared: Prepared) -> Iterator[Job[Survey]]:
+    def _surveys(self, prepared: Prepared | PreparedTree) -> Iterator[Job[Any]]:
         self.unknown -= 1
+        if isinstance(prepared, PreparedTree):
+            yield from self._of_tree(prepared)
+            return
         for task in _models(prepared, self.only):
             self.unknown += 1
             unsound = partial(_unsound, task.sidecar.model)
@@ -103,6 +109,28 @@ class _Plan:
             )
             self.known += 1
 
+    def _of_tree(self, prepared: PreparedTree) -> Iterator[Job[Any]]:
+        for sidecar, engine in _pairs(prepared.folder, self.only):
+            self.unknown += 1
+            yield Job(
+                task=Task(faults_of, prepared.task(sidecar, engine, RESOLUTION)),
+                done=self._tree_faults,
+                failed=partial(_unsound, sidecar.model),
+            )
+
+    def _tree_faults(self, found: tuple[TreeFault, ...]) -> Iterator[Job[Mutation]]:
+        self.unknown -= 1
+        for fault in found:
+            yield Job(
+                task=Task(mutated_tree, fault),
+                done=partial(self._row, self.known),
+                failed=partial(self._tree_died, self.known, fault),
+            )
+            self.known += 1
+
+    def _tree_died(self, place: int, fault: TreeFault, failure: Failure) -> tuple[()]:
+        return self._row(place, died(fault, failure.reason))
+
     def _died(self, place: int, task: MutationTask, failure: Failure) -> tuple[()]:
         """An engine that dies of a number has refused it, in its way."""
         return self._row(place, refused(task, failure.reason))
@@ -118,11 +146,16 @@ def _unsound(file: Path, failure: Failure) -> NoReturn:
 
 
 def _models(prepared: Prepared, only: Sequence[str]) -> Iterator[DiagnosisTask]:
-    """Every model of a folder in every engine that is wanted and there."""
+    for sidecar, engine in _pairs(prepared.folder, only):
+        yield diagnosis_task(prepared, sidecar, engine)
+
+
+def _pairs(folder: Path, only: Sequence[str]) -> Iterator[tuple[Sidecar, str]]:
+    """Every model of a folder with every engine that is wanted and there."""
     known = engines()
-    for found in model_files(prepared.folder):
+    for found in model_files(folder):
         if isinstance(found, UnreadModel):
             raise MutationError(found.reason)
         for name in chosen_engines(found, only):
             if name in known and known[name].version() is not None:
-                yield diagnosis_task(prepared, found, name)
+                yield found, name

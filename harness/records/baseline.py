@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from harness.records.base import Number, Record, Rows
+from harness.records.base import Number, Numbers, Record, Rows
 from harness.records.case import CaseId, ModelId
 from harness.records.outcome import Outcome
 
@@ -22,7 +22,7 @@ class Snapshot(Record, frozen=True, kw_only=True):
         inputs: in words, `F = 7*Heaviside(t - 1)`.
         fastest: fastest rate along the motion, rad/s.
         varying: whether an input changes over any segment of the scenario.
-        t: start times, (K,), seconds.
+        t: start times, (K,), seconds; None where no motion joins the segments.
         length: of each segment, (K,), seconds.
         start: states there, (K, 2n).
         input_nodes: each segment's inputs at Chebyshev points inside it, (nodes, inputs); one row
@@ -37,7 +37,7 @@ class Snapshot(Record, frozen=True, kw_only=True):
     inputs: tuple[str, ...]
     fastest: float
     varying: bool
-    t: tuple[float, ...]
+    t: Numbers
     length: tuple[float, ...]
     start: tuple[tuple[float, ...], ...]
     input_nodes: tuple[tuple[tuple[float, ...], ...], ...]

@@ -48,6 +48,7 @@ def compiled_robot(found: CompiledTree, path: Path, left_out: tuple[LeftOut, ...
         obstacles=(),
         controls=controls,
         told=told,
+        shapes=found.shapes,
     )
 
 

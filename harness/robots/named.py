@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from harness.files.folders import FolderError
 from harness.robots.compiled import compiler, read_compiled_robot
 from harness.robots.compiled_numbers import CompiledNumbers
 from harness.robots.numerals import Numeral
@@ -47,7 +46,8 @@ class NamedRobots:
     Attributes:
         files: robots' files, each once.
         others: names that are none.
-        faults: names of robots' files that are not there -> what is said of each.
+        faults: names of files that are not there, or that can't be checked alone -> what is said of
+            each.
     """
 
     files: list[Path]
@@ -56,11 +56,7 @@ class NamedRobots:
 
 
 def robot_files(names: Sequence[str]) -> NamedRobots:
-    """Those that are files, or would be by their endings, and the other names.
-
-    Raises:
-        FolderError: for a file that can't be checked alone, naming the remedy.
-    """
+    """Those that are files, or would be by their endings, and the other names."""
     files, others, faults = list[Path](), list[str](), dict[str, str]()
     for name in names:
         path = Path(name)
@@ -71,13 +67,13 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             others.append(name)
             continue
         if path.suffix not in FORMATS:
-            raise FolderError(
+            faults[name] = (
                 f"{visible(name)}: of files alone, {' and '.join(FORMATS)} are read; make a folder"
                 f" of it, `crosscheck new --from {visible(name)} FOLDER`"
             )
-        if (why := odd_name(name)) is not None:
-            raise FolderError(f"{visible(name)}: its name has {why}; rename it")
-        if path not in files:
+        elif (why := odd_name(name)) is not None:
+            faults[name] = f"{visible(name)}: its name has {why}; rename it"
+        elif path not in files:
             files.append(path)
     return NamedRobots(files, others, faults)
 

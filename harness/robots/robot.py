@@ -105,6 +105,8 @@ class Robot:
         controls: at which its actuators are held, as many as it has inputs.
         told: of which the tree is assembled; None where there is no tree.
         held: joints that stand still, since they move nothing that has inertia.
+        shapes: files of meshes and the like without which the bodies can't be had, by the names
+            that the file has for them.
     """
 
     name: str
@@ -118,6 +120,7 @@ class Robot:
     controls: tuple[float, ...] = ()
     told: Told | None = None
     held: tuple[str, ...] = ()
+    shapes: tuple[str, ...] = ()
 
     @property
     def floats(self) -> bool:

@@ -9,13 +9,14 @@ from harness.cases.multibody import case_of, states_of
 from harness.cases.robot import run_robot, settings_of, told
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers
+from harness.files.brief import brief
 from harness.files.sidecar import read_sidecar
 from harness.records.outcome import Outcome
 from harness.robots.named import read_robot
 from harness.robots.robot import Robot, Told
 from harness.robots.system import summary
 from harness.scaffold.folder import NewError, write_folder
-from harness.scaffold.parts import besides, included
+from harness.scaffold.parts import besides, called, contents, included
 from harness.scaffold.places import places
 from harness.scaffold.tree_text import tree_sidecar, tree_text
 from harness.schedule.workers import Failure, Workers
@@ -27,6 +28,9 @@ CHECKED = 8
 """States at which engines are held against what was written: each number has a say in most."""
 
 RESOLUTION = 1e-9
+
+NAMED = 3
+"""Files that are named of those that are not copied."""
 
 
 class _OtherBodiesError(Exception):
@@ -64,16 +68,27 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
         (made / beside).write_bytes(_sidecar(robot, chosen or able, left_out, settings))
         remarks.extend(said)
 
+    others = besides(model)
+    copied = called(others, robot.shapes)
     try:
-        write_folder(target, files, check)
-    except _OtherBodiesError:  # some of its meshes have a say
+        write_folder(target, {**contents(model, copied), **files}, check)
+    except _OtherBodiesError:  # the engine needs what it does not say
+        copied = others
         try:
-            write_folder(target, {**besides(model), **files}, check)
+            write_folder(target, {**contents(model, copied), **files}, check)
         except _OtherBodiesError as error:
             raise NewError(f"{model}: its copy in a folder is another robot: {error}") from None
+    if idle := [path.name for path in others if path not in copied]:
+        remarks.append(f"not copied, since no inertia follows from it: {_listed(idle)}")
     if robot.left_out:
         remarks.append(f"left out: {', '.join(told(one) for one in robot.left_out)}")
     return tuple(remarks)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Such as: 'a.stl', 'b.stl', 'c.stl' and 5 more."""
+    more = len(names) - NAMED
+    return ", ".join(map(brief, names[:NAMED])) + (f" and {more} more" if more > 0 else "")
 
 
 def _sidecar(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 
 from harness.files.parts import PartError, check_parts, parts
@@ -24,13 +24,30 @@ def included(model: Path) -> dict[str, bytes]:
     return dict(_read(model, [path for path, part in parts(model).items() if part], strict=True))
 
 
-def besides(model: Path) -> dict[str, bytes]:
-    """The same of all else that it names and that is there: meshes, height fields, textures."""
-    others = [path for path, part in parts(model).items() if not part]
-    return dict(_read(model, others, strict=False))
+def besides(model: Path) -> list[Path]:
+    """All else that it names and that is there: meshes, height fields, textures."""
+    return [path for path, part in parts(model).items() if not part]
 
 
-def _read(model: Path, paths: list[Path], *, strict: bool) -> Iterator[tuple[str, bytes]]:
+def called(paths: Iterable[Path], names: Iterable[str]) -> list[Path]:
+    """Those of some files that are meant by names: in any folder that they are looked for in."""
+    ends = [PurePosixPath(name).parts for name in names]
+    # A whole path is cut by some (`strippath`), so that the last part has to do.
+    exact = [path for path in paths if any(path.parts[-len(end) :] == end for end in ends)]
+    last = {end[-1] for end in ends} - {path.name for path in exact}
+    return [path for path in paths if path in exact or path.name in last]
+
+
+def contents(model: Path, paths: Iterable[Path]) -> dict[str, bytes]:
+    """Relative path -> content of files that a model file names; none of those elsewhere.
+
+    Raises:
+        NewError: for one that can't be read.
+    """
+    return dict(_read(model, paths, strict=False))
+
+
+def _read(model: Path, paths: Iterable[Path], *, strict: bool) -> Iterator[tuple[str, bytes]]:
     for path in paths:
         within = _below(path, model.parent)
         if within is None or within.suffix in MEANT:

@@ -66,6 +66,24 @@ class Charted:
         asked = self._chart.forces(y, self._spread(forces))
         return self._left(self._chart.rates(y, self._solved(q, asked)))
 
+    def slopes(self, x: Scalars, rate: Scalars, second: Scalars) -> Scalars:
+        """What numbers of the tree add to second derivatives, to first order: (n, p, B).
+
+        Of p = 10 links + 4 nv: what each link's motion is linear in (`Recursion.regressor`), and
+        along each velocity a damper, an armature, a spring and a force. States are (n, B).
+        """
+        y, v, q = self._state(x, rate)
+        a = self._chart.accelerations(y, v, self._all(second))
+        bodies = self._dynamics.recursion.regressor(q, v, a)
+        eye = np.eye(self._tree.nv)[:, :, None]
+        along = [eye * part for part in (v, a, y, np.ones_like(v))]
+        forces = np.concatenate([bodies, *along], axis=1)
+        if self._coupled is not None:
+            forces = self._coupled.forces(forces, self._field)
+        mass = np.moveaxis(self.inertia(x), -1, 0)
+        by = np.linalg.solve(mass, np.moveaxis(forces, -1, 0))
+        return self.seconds(x[:, None], np.moveaxis(by, 0, -1))
+
     def mass(self, x: Scalars) -> Scalars:
         """M of the kinetic energy of the rates, rate^T M rate / 2, (n, n, ...)."""
         y, _, q = self._state(x, 0 * x)

@@ -28,6 +28,14 @@ from reference.multibody.algebra import (
 )
 from reference.multibody.tree import WORLD, Link, Tree
 
+INERTIAS = np.array([
+    np.outer(one, other) + (np.outer(other, one) if k > 2 else 0)
+    for k, (one, other) in enumerate(
+        (np.eye(3)[i], np.eye(3)[j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    )
+]).swapaxes(0, 1)  # fmt: skip
+"""The matrices of which an inertia is a sum, xx, yy, zz, xy, xz, yz, (3, 6, 3): rows first."""
+
 
 class Placement(NamedTuple):
     """A frame in another: its axes as columns, (3, 3, ...), and its origin, (3, ...)."""
@@ -125,19 +133,30 @@ class Recursion:
 
         Of bodies and gravity alone: no springs, dampers or armatures.
         """
-        placements, tree = self.placements(q), self.tree
-        batch = v.shape[1:]
-        still = self._field.array(np.zeros((3, *batch)))
-        up = still - _tall(self._gravity, batch)
-        motions: list[_Motion] = []
-        forces: list[tuple[Scalars, Scalars]] = []
-        for i, (link, one) in enumerate(zip(tree.links, self._links, strict=True)):
-            base = _Motion(still, still, up) if link.parent == WORLD else motions[link.parent]
-            there = tree.velocities[i]
-            own = None if a is None else a[there]
-            motions.append(_carried(base, placements[i], one, v[there], own))
-            forces.append(motions[i].asks(one))
+        placements = self.placements(q)
+        motions = self._motions(placements, v, a)
+        forces = [own.asks(one) for own, one in zip(motions, self._links, strict=True)]
         return self._handed_down(placements, forces)
+
+    def regressor(self, q: Scalars, v: Scalars, a: Scalars) -> Scalars:
+        """What `bias` is times, in which it is linear: (nv, 10 links, ...).
+
+        Of each link those are its mass, mass times center of mass (3), and inertia about its
+        origin, xx, yy, zz, xy, xz, yz (Atkeson, An and Hollerbach 1986, Int. J. Robotics Research
+        5(3)).
+        """
+        placements, tree = self.placements(q), self.tree
+        out = self._field.array(np.zeros((tree.nv, 10 * len(tree.links), *v.shape[1:])))
+        for i, motion in enumerate(self._motions(placements, v, a)):
+            force, moment = motion.asks_each(self._field)
+            at, columns = i, slice(10 * i, 10 * i + 10)
+            while True:
+                out[tree.velocities[at], columns] = self._felt(at, force, moment)
+                if (parent := tree.links[at].parent) == WORLD:
+                    break
+                force, moment = _carried_down(placements[at], force, moment)
+                at = parent
+        return out
 
     def lift(self, q: Scalars) -> Scalars:
         """What acts on the joints because gravity does not pull on what is lifted, (nv, ...)."""
@@ -147,6 +166,19 @@ class Recursion:
             force = turned_back(pose.rotation, up + 0 * pose.origin)
             forces.append((force, cross(_tall(self._field.array(link.lift), batch), force)))
         return self._handed_down(self.placements(q), forces)
+
+    def _motions(self, placements: list[Placement], v: Scalars, a: Scalars | None) -> list[_Motion]:
+        """How each link moves, seen from what falls with gravity."""
+        tree, batch = self.tree, v.shape[1:]
+        still = self._field.array(np.zeros((3, *batch)))
+        up = still - _tall(self._gravity, batch)
+        found: list[_Motion] = []
+        for i, (link, one) in enumerate(zip(tree.links, self._links, strict=True)):
+            base = _Motion(still, still, up) if link.parent == WORLD else found[link.parent]
+            there = tree.velocities[i]
+            own = None if a is None else a[there]
+            found.append(_carried(base, placements[i], one, v[there], own))
+        return found
 
     def _handed_down(
         self, placements: list[Placement], forces: list[tuple[Scalars, Scalars]]
@@ -266,8 +298,7 @@ class _Columns(NamedTuple):
 
     def carried(self, placed: Placement) -> _Columns:
         """The same at the frame in which the link's is placed."""
-        force, moment = (product(placed.rotation, part) for part in self[:2])
-        return _Columns(force, moment + cross(placed.origin[:, None], force), self.which)
+        return _Columns(*_carried_down(placed, self.force, self.moment), self.which)
 
 
 class _Motion(NamedTuple):
@@ -285,6 +316,18 @@ class _Motion(NamedTuple):
         spin = np.tensordot(one.inertia, w, 1)
         return force, np.tensordot(one.inertia, dw, 1) + cross(w, spin) + cross(center, force)
 
+    def asks_each(self, field: Field) -> tuple[Scalars, Scalars]:
+        """The same of each of the ten numbers in which it is linear, (3, 10, ...)."""
+        w, dw = self.angular[:, None], self.turning[:, None]
+        eye = field.array(np.eye(3)).reshape(3, 3, *(1,) * (self.linear.ndim - 1))
+        centers = cross(dw, eye) + cross(w, cross(w, eye))
+        still, point = 0 * centers, self.linear[:, None]
+        inertias = field.array(INERTIAS)
+        spun = np.tensordot(inertias, self.angular, 1)
+        moments = np.tensordot(inertias, self.turning, 1) + cross(w, spun)
+        force = np.concatenate([point, centers, still, still], axis=1)
+        return force, np.concatenate([0 * point, cross(eye, point), moments], axis=1)
+
 
 def _carried(
     base: _Motion, here: Placement, one: _Constants, v: Scalars, a: Scalars | None
@@ -300,6 +343,12 @@ def _carried(
         angular = angular + np.tensordot(one.turning, a, 1)
         linear = linear + np.tensordot(one.sliding, a, 1)
     return _Motion(carried + turning, angular, linear)
+
+
+def _carried_down(placed: Placement, force: Scalars, moment: Scalars) -> tuple[Scalars, Scalars]:
+    """Columns of forces and moments, (3, columns, ...), at the frame in which the link's is."""
+    force, moment = (product(placed.rotation, part) for part in (force, moment))
+    return force, moment + cross(placed.origin[:, None], force)
 
 
 def _constants(link: Link, field: Field) -> _Constants:

@@ -13,16 +13,19 @@ from harness.baseline.classify import Change, classify
 from harness.baseline.costs import GLOBAL
 from harness.baseline.file import SystemBaseline
 from harness.baseline.fingerprint import FolderFiles, ModelFiles
-from harness.records.baseline import AcceptedCase, Identified, Measurement
+from harness.baseline.movement import of_model
+from harness.records.baseline import AcceptedCase, Identified, Measurement, OnAccepted
 from harness.records.case import Case
 from harness.records.outcome import Outcome
 from harness.schedule.workers import Failure
 from tests.baseline.samples import (
+    ENDS,
     ENTRY,
     FILES,
     NUMERICS,
     SNAPSHOT,
     SYSTEM,
+    UNCERTAIN,
     baseline,
     case,
     entry,
@@ -54,6 +57,13 @@ def test_a_motion_that_moved_though_nothing_changed_is_told_as_unexplained() -> 
     assert change.messages == (
         "the model's motion moved by 1.0e-09 ± 8e-13 of its movement, in x near t = 0 s",
     )
+
+
+def test_of_states_that_no_motion_joins_the_state_is_told() -> None:
+    snapshot = msgspec.structs.replace(SNAPSHOT, t=(None,) * 3)
+    end = (ENDS[0], (ENDS[1][0] + 1e-9, ENDS[1][1]), ENDS[2])
+    now = OnAccepted(end=end, uncertainty=UNCERTAIN, equations=ENDS)
+    assert str(of_model(ENTRY, snapshot, now)).endswith("of its movement, in x near state 2")
 
 
 def test_a_motion_that_moved_with_the_engine_alone_is_the_engines() -> None:

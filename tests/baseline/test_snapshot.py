@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from harness.baseline.measure import comparable
 from harness.baseline.seal import snapshot_key
 from harness.baseline.snapshot import inputs_of, same_motion, segments_of, snapshot_of
 from harness.cases.prepare import prepare
@@ -32,7 +33,7 @@ def test_a_snapshot_gives_back_its_scenario_to_rounding() -> None:
     u = inputs_of(segments, every, 1)(times.ravel())
     assert np.max(np.abs(u - motion.inputs(times.ravel()))) < 1e-12
     # Segments of every span, the short one before the step of force included.
-    assert min(one.t) < 1 < max(one.t)
+    assert segments.t.min() < 1 < segments.t.max()
 
 
 def moved(one: Snapshot, share: float) -> Snapshot:
@@ -44,3 +45,13 @@ def moved(one: Snapshot, share: float) -> Snapshot:
 def test_snapshots_are_of_one_motion_to_rounding_alone() -> None:
     assert same_motion(SNAPSHOT, moved(SNAPSHOT, 1e-12))
     assert not same_motion(SNAPSHOT, moved(SNAPSHOT, 1e-6))
+
+
+def test_states_that_no_motion_joins_are_the_same_without_times() -> None:
+    timeless = msgspec.structs.replace(SNAPSHOT, t=(None,) * 3)
+    assert decoded(encoded(timeless).encode(), Snapshot) == timeless
+    assert same_motion(timeless, timeless)
+    assert not same_motion(timeless, SNAPSHOT)
+    assert not same_motion(timeless, moved(timeless, 1e-6))
+    assert comparable(timeless, timeless)
+    assert not comparable(timeless, SNAPSHOT)

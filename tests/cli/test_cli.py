@@ -143,7 +143,7 @@ def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
     assert "nowhere: no such folder; built-in systems are" in done.stderr
     assert "empty: neither it nor a folder in it has a system.py; the others go on" in done.stderr
     last = done.stderr.splitlines()[-1]
-    assert last == "crosscheck: not run, since nothing is there that it means: nowhere, empty"
+    assert last == "crosscheck: not run, as told at the beginning: nowhere, empty"
     assert "pendulum" in done.stdout
     assert "mass" in done.stdout
 

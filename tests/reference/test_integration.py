@@ -10,12 +10,11 @@ from sympy import sin
 import reference.integrate
 from reference import Scenario, System, t
 from reference.closed_form import solve_closed_form
+from reference.collocation import ReferenceError, collocate
 from reference.derive import Equations, derive
 from reference.integrate import (
     AGREEMENT,
-    ReferenceError,
     by_runge_kutta,
-    collocate,
     field_of,
     solve_numerically,
     trajectory,

@@ -12,7 +12,8 @@ import pytest
 import sympy as sp
 
 import reference.motion
-from reference.integrate import collocate, field_of
+from reference.collocation import collocate
+from reference.integrate import field_of
 from reference.linearize import linearize
 from reference.modes import modes, poles
 from reference.motion import NODES, Motion, chebyshev_nodes

@@ -1,4 +1,4 @@
-"""Segments from states at random: within the limits, and ending where more digits say."""
+"""Segments from chosen states: within the limits, and ending where more digits say."""
 
 from __future__ import annotations
 

@@ -106,7 +106,9 @@ def kuka(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("folders") / "kuka"
     said = from_model(DATA / "kuka_iiwa" / "model.urdf", folder)
     assert said.declares.startswith("bodies, and not energies: it has 7 joints")
-    assert [one.partition(":")[0] for one in said.remarks] == ["left out"]
+    idle, left_out = said.remarks
+    assert idle.startswith("not copied, since no inertia follows from it: 'link_0.obj', ")
+    assert left_out.startswith("left out: ")
     return folder
 
 
@@ -179,6 +181,20 @@ def test_meshes_that_have_no_say_are_left_where_they_are(tmp_path: Path) -> None
     file.write_text(ALL.replace(text, text + own))
     from_model(file, tmp_path / "made")
     assert not (tmp_path / "made" / "shapes").exists()
+
+
+def test_just_the_meshes_that_have_a_say_are_copied(tmp_path: Path) -> None:
+    file = written(tmp_path / "given")
+    shown = tmp_path / "given" / "shapes" / "shown.obj"
+    shown.write_text(SHAPE)
+    text = ALL.replace("<asset>", '<asset><mesh name="shown" file="shown.obj"/>')
+    arm = '<geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>'
+    own = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom type="mesh" mesh="shown"/>'
+    file.write_text(text.replace(arm, arm + own, 1))
+    said = from_model(file, tmp_path / "made")
+    copied = [path.name for path in (tmp_path / "made" / "shapes").iterdir()]
+    assert copied == ["tetrahedron.obj"]
+    assert "not copied, since no inertia follows from it: 'shown.obj'" in said.remarks
 
 
 def test_a_root_may_float(tmp_path: Path) -> None:

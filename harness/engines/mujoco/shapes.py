@@ -28,6 +28,15 @@ def without_idle_files(tree: Any) -> None:
         texture.width = texture.height = 1
 
 
+def files_of_shapes(tree: Any) -> tuple[str, ...]:
+    """Files that a specification is compiled of: meshes, height fields and skins, as it names them.
+
+    Each once.
+    """
+    shapes = (*tree.meshes, *tree.hfields, *tree.skins)
+    return tuple(dict.fromkeys(one.file for one in shapes if one.file))
+
+
 def _meshes_with_inertia(tree: Any) -> Iterator[str]:
     """Names of meshes from which the inertia of a body follows."""
     import mujoco

@@ -17,7 +17,7 @@ from harness.engines.compiled import (
 )
 from harness.engines.mujoco.mjcf import included, refusal, sources
 from harness.engines.mujoco.pulls import acts, couplings, powers, pulls
-from harness.engines.mujoco.shapes import without_idle_files
+from harness.engines.mujoco.shapes import files_of_shapes, without_idle_files
 from harness.engines.mujoco.smooth import besides, uncovered
 from harness.engines.mujoco.warnings import Warnings
 
@@ -37,6 +37,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         with Warnings().heard():
             tree = _spec(path, texts)
             without_idle_files(tree)
+            shapes = files_of_shapes(tree)
             m: Any = tree.compile()
     except Exception as error:
         raise refusal(error, path, found) from None
@@ -52,6 +53,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         besides=besides(m),
         uncovered=uncovered(m),
         actuators=tuple(_actuator(m, i) for i in range(m.nu)),
+        shapes=shapes,
     )
 
 

@@ -1,0 +1,71 @@
+"""A folder of bodies: a number of its model made wrong is caught and named, or has no say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.cases.multibody import PreparedTree, prepare_folder
+from harness.engines.registry import engines
+from harness.files.sidecar import read_sidecar
+from harness.mutation.mutate import mutate
+from harness.mutation.survey import MutationError
+from harness.mutation.text import mutation_lines
+from harness.mutation.trees import TreeFault, faults_of, mutated_tree
+from harness.records.mutation import FaultVerdict
+
+SYSTEM = """from physics_crosscheck import Joint, MultibodySystem, RigidBody
+
+arm = RigidBody(
+    name="arm", parent=None, position=(0.0, 0.0, 1.0), mass=2.0, center=(0.3, 0.0, 0.0),
+    inertia=(0.1, 0.2, 0.3, 0.0, 0.0, 0.0),
+    joints=(Joint(name="swing", kind="hinge", axis=(0.0, 1.0, 0.0), damping=0.1),),
+)
+system = MultibodySystem(
+    name="swing", title="an arm", source="a test", gravity=(0.0, 0.0, -9.81), bodies=(arm,)
+)
+"""
+MODEL = """<mujoco><option timestep="0.002"/><worldbody><body name="arm" pos="0 0 1">
+<joint name="swing" type="hinge" axis="0 1 0" damping="0.1"/>
+<inertial mass="2.0" pos="0.3 0 0" diaginertia="0.1 0.2 0.3"/></body></worldbody></mujoco>
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    if engines()["mujoco"].version() is None:
+        pytest.skip("mujoco is not installed")
+    (tmp_path / "system.py").write_text(SYSTEM)
+    (tmp_path / "m.xml").write_text(MODEL)
+    (tmp_path / "m.xml.toml").write_text('engines = ["mujoco"]\n\n[settings]\nsmooth = true\n')
+    return tmp_path
+
+
+def found(folder: Path) -> dict[tuple[str, str], TreeFault]:
+    """The faults by address and size."""
+    prepared = prepare_folder(folder)
+    assert isinstance(prepared, PreparedTree)
+    task = prepared.task(read_sidecar(folder / "m.xml.toml"), "mujoco", 1e-9)
+    return {(mutated_tree(replace(one, first_seen=float("inf"))).location, one.size): one
+            for one in faults_of(task)}  # fmt: skip
+
+
+def test_a_number_is_caught_and_named_or_has_no_say(folder: Path) -> None:
+    faults = found(folder)
+    named = mutated_tree(faults["joint[swing]@damping", "1e-3"])
+    assert (named.verdict, named.name) == (FaultVerdict.NAMED, "1e-3")
+    assert named.estimate_error is not None
+    assert named.estimate_error < 1e-3
+    assert named.first_caught is not None
+    assert named.first_caught < 1e-6
+    height = mutated_tree(faults["body[arm]@pos[2]", "5 %"])
+    assert (height.verdict, height.first_caught) == (FaultVerdict.UNSEEN, None)
+    assert any("first seen at" in line for line in mutation_lines([named, height]))
+
+
+def test_a_folder_that_is_not_sound_is_told(folder: Path) -> None:
+    (folder / "m.xml").write_text(MODEL.replace('mass="2.0"', 'mass="2.1"'))
+    with pytest.raises(MutationError, match=r"m\.xml: it does not agree with its equations"):
+        mutate([folder], lambda *_: None, workers=1)
