@@ -75,6 +75,7 @@ if TYPE_CHECKING:
         Input,
         Joint,
         Link,
+        Medium,
         MultibodySystem,
         Output,
         Pose,
@@ -92,17 +93,17 @@ _FROM = {
     "harness.api": ("Results", "check"),
     "reference": (
         "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
-        "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull",
-        "Quantity", "RigidBody", "Scenario", "System", "t",
+        "Input", "Joint", "Link", "Medium", "MultibodySystem", "Output", "Pose",
+        "PublishedEquation", "Pull", "Quantity", "RigidBody", "Scenario", "System", "t",
     ),
     "reference.kinematics": ("Frame", "ground", "rotation"),
 }  # fmt: skip
 
 __all__ = [
     "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
-    "Frame", "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation",
-    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "System", "check", "ground", "rotation",
-    "t",
+    "Frame", "Input", "Joint", "Link", "Medium", "MultibodySystem", "Output", "Pose",
+    "PublishedEquation", "Pull", "Quantity", "Results", "RigidBody", "Scenario", "System", "check",
+    "ground", "rotation", "t",
 ]  # fmt: skip
 
 

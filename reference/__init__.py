@@ -15,11 +15,12 @@ from reference.declaration import (
 from reference.pose import Pose
 from reference.sketch import Angle, Body, Link
 from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
+from reference.multibody.tree import Medium
 from reference.system import System
 from reference.trees import MultibodySystem
 
 __all__ = [
     "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
-    "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull",
-    "Quantity", "RigidBody", "Scenario", "System", "t",
+    "Input", "Joint", "Link", "Medium", "MultibodySystem", "Output", "Pose", "PublishedEquation",
+    "Pull", "Quantity", "RigidBody", "Scenario", "System", "t",
 ]  # fmt: skip

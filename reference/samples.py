@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from reference.bends import unbent
 from reference.equations import slopes_of
 from reference.integrate import AGREEMENT, Field, ReferenceError, by_runge_kutta, collocate
 from reference.numeric import Array
@@ -104,15 +105,34 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     rest = np.concatenate([q, none], axis=1)
     swing, settling = _rates(equations, rest, none)
     rate = min(max(swing, SLOWEST), LIVELIEST)
-    v = rng.uniform(-1, 1, (count, n)) * extent * rate
-    # Where a damper stops a joint sooner, to hold it against that would leave nothing but rounding.
-    wanted = rng.uniform(-1, 1, (count, n)) * extent * rate * np.maximum(rate, settling)
-    forces = equations.forces_for(q, v, wanted)
-    start = np.concatenate([q, v], axis=1)
+
+    def moving(q: Array) -> tuple[Array, Array]:
+        """Such states and forces, at positions."""
+        v = rng.uniform(-1, 1, q.shape) * extent * rate
+        # Where a damper stops a joint sooner, holding it against that would leave but rounding.
+        wanted = rng.uniform(-1, 1, q.shape) * extent * rate * np.maximum(rate, settling)
+        return np.concatenate([q, v], axis=1), equations.forces_for(q, v, wanted)
+
+    start, forces = moving(q)
+    if equations.bent:  # a drag grows with the velocity: where it leads, slower is as lively
+        lively = max(swing, LIVELIEST)
+        rate *= min(1.0, lively / _rates(equations, start, forces)[0])
+        settling = np.maximum(settling, lively)
+        start, forces = moving(q)
+    v = start[:, n:]
     spinning = float(np.max(np.abs(v[:, equations.turning]), initial=0.0))
     fastest = max(swing, _rates(equations, start, forces)[0], rate, spinning)
     coupled = bool(equations.system.tree.couplings)
     length = 2 * np.pi / fastest / (COUPLED_A_PERIOD if coupled else SEGMENTS_A_PERIOD)
+    if equations.bent:
+        start, forces, length = unbent(
+            equations,
+            lambda forces: _field(equations, forces),
+            lambda many: moving(rng.uniform(reach[:, 0], reach[:, 1], (many, n))),
+            count,
+            length,
+        )
+        q, v = start[:, :n], start[:, n:]
     field, times = _field(equations, forces), np.zeros(count)
     end, _ = collocate(field, times, start, length)
     checked = by_runge_kutta(field, times, start, length)

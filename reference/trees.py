@@ -16,7 +16,7 @@ from reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
 from reference.multibody.chart import coordinate_names
 from reference.multibody.charted import Charted
 from reference.multibody.coupled import Coupled
-from reference.multibody.tree import Tree, TreeError
+from reference.multibody.tree import Medium, Tree, TreeError
 from reference.numeric import Array
 
 MARGIN = 4.0
@@ -81,6 +81,7 @@ class MultibodySystem:
         bodies: each after the one that carries it.
         pulls: tendons and actuators.
         couplings: joints that follow others.
+        medium: in which the bodies move; None for none.
 
     Raises:
         DeclarationError: naming the body, joint or pull that does not fit.
@@ -93,6 +94,7 @@ class MultibodySystem:
     bodies: tuple[RigidBody, ...]
     pulls: tuple[Pull, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    medium: Medium | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -110,7 +112,7 @@ class MultibodySystem:
     @cached_property
     def assembled(self) -> Assembled:
         """The tree, and where each body is in it."""
-        return assembled(self.bodies, self.gravity, self.pulls, self.couplings)
+        return assembled(self.bodies, self.gravity, self.pulls, self.couplings, self.medium)
 
     @cached_property
     def tree_system(self) -> TreeSystem:
@@ -159,6 +161,15 @@ class TreeEquations(EquationsOfMotion):
     def forces_for(self, q: Array, v: Array, wanted: Array) -> Array:
         """Forces on the coordinates that make accelerations, all (..., n)."""
         return _last(self._doubles.forces_for(*map(_first, (q, v, wanted))))
+
+    @property
+    def bent(self) -> bool:
+        """Whether some of its forces are not smooth."""
+        return self._doubles.bent
+
+    def bends(self, q: Array, v: Array) -> Array:
+        """Quantities where whose signs change forces are not smooth, (..., m), of (..., n) each."""
+        return _last(self._doubles.bends(_first(q), _first(v)))
 
     def rounding(self, q: Array, v: Array, forces: Array) -> Array:
         """Bound of what rounding does to accelerations at such states (..., n): (n,)."""

@@ -15,9 +15,9 @@ ROOT = Path(__file__).parents[1]
 
 TOP = {
     "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
-    "Frame", "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation",
-    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "System", "check", "ground", "rotation",
-    "t",
+    "Frame", "Input", "Joint", "Link", "Medium", "MultibodySystem", "Output", "Pose",
+    "PublishedEquation", "Pull", "Quantity", "Results", "RigidBody", "Scenario", "System", "check",
+    "ground", "rotation", "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",

@@ -13,7 +13,7 @@ from reference.multibody.algebra import DOUBLES, about_axis
 from reference.multibody.chart import Chart, coordinate_names
 from reference.multibody.lump import Lump, Place
 from reference.multibody.recursion import Recursion
-from reference.multibody.tree import WORLD, Kind, Link, Tree
+from reference.multibody.tree import WORLD, Immersed, Kind, Link, Tree
 from reference.numeric import Array
 
 
@@ -135,8 +135,22 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
         for one in tree.couplings
         if not {tree.links[i].name for i in (one.follower, one.leader) if i is not None} & set(at)
     )
-    whole = Tree(links=tuple(links), gravity=tree.gravity, pulls=pulls, couplings=couplings)
+    whole = Tree(
+        links=tuple(links),
+        gravity=tree.gravity,
+        pulls=pulls,
+        couplings=couplings,
+        medium=tree.medium,
+        immersed=tuple(_carried(one, *now[one.link]) for one in tree.immersed
+                       if now[one.link][0] != WORLD),
+    )  # fmt: skip
     return whole, tuple(i for i, _ in now)
+
+
+def _carried(one: Immersed, link: int, frame: Place) -> Immersed:
+    """A box whose link's frame stands in another link."""
+    at = frame.of(Place(one.rotation, one.position))
+    return replace(one, link=link, position=at.origin, rotation=at.rotation)
 
 
 def _joined(carrier: Link, link: Link, place: Place) -> Link:

@@ -53,6 +53,7 @@ class CompiledBody:
         joints: between its parent and it.
         lift: share of its weight that is taken from it.
         ordinary: whether it is moved by forces alone, and weighs what it weighs.
+        dragged: whether a medium acts on it as on a box.
     """
 
     name: str
@@ -66,6 +67,7 @@ class CompiledBody:
     joints: tuple[CompiledJoint, ...]
     ordinary: bool
     lift: float = 0.0
+    dragged: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +135,20 @@ class CompiledCoupling:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CompiledMedium:
+    """A fluid in which the bodies move, each as the box of its mass and moments.
+
+    Attributes:
+        density, viscosity: kg/m^3, Pa s.
+        wind: m/s.
+    """
+
+    density: float
+    viscosity: float
+    wind: tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
 class CompiledTree:
     """All bodies but the ground, parents first, in the order of the file.
 
@@ -141,7 +157,7 @@ class CompiledTree:
         pulls: tendons and actuators.
         couplings: joints that follow others.
         controls: how many inputs the actuators have.
-        medium: whether wind, density or viscosity act on the bodies.
+        medium: in which the bodies move; None for none.
         name: of the model; empty for none.
         besides: what else the file has that the settings `smooth` and `couplings` leave out, each
             with its number.
@@ -151,7 +167,7 @@ class CompiledTree:
 
     bodies: tuple[CompiledBody, ...]
     gravity: tuple[float, float, float]
-    medium: bool
+    medium: CompiledMedium | None
     pulls: tuple[CompiledPull, ...] = ()
     couplings: tuple[CompiledCoupling, ...] = ()
     controls: int = 0

@@ -18,7 +18,7 @@ from reference.multibody.bodies import (
     RigidBody,
     Triple,
 )
-from reference.multibody.tree import Kind, Tree
+from reference.multibody.tree import Kind, Medium, Tree
 
 KINDS: Mapping[str, Kind] = {
     "hinge": "hinge", "slide": "slide", "ball": "ball", "free": "free"
@@ -67,11 +67,19 @@ def _told(found: CompiledTree, controls: Sequence[float]) -> Told:
         gravity=found.gravity,
         pulls=tuple(_pulls(found, bodies, controls)),
         couplings=tuple(_couplings(found, bodies)),
+        medium=_medium(found),
     )
 
 
+def _medium(found: CompiledTree) -> Medium | None:
+    one = found.medium
+    if one is None:
+        return None
+    return Medium(density=one.density, viscosity=one.viscosity, wind=one.wind)
+
+
 def _assembled(told: Told) -> Assembled:
-    return assembled(told.bodies, told.gravity, told.pulls, told.couplings)
+    return assembled(told.bodies, told.gravity, told.pulls, told.couplings, told.medium)
 
 
 def _part(body: RigidBody, within: int) -> Part:
@@ -113,6 +121,7 @@ def _body(
         inertia=(xx, yy, zz, 0.0, 0.0, 0.0),
         inertia_quaternion=_quaternion(body.principal),
         lift=body.lift,
+        dragged=body.dragged,
     )
 
 

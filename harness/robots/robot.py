@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
-from reference.multibody.tree import WORLD, Tree
+from reference.multibody.tree import WORLD, Medium, Tree
 from reference.numeric import Array
 
 
@@ -80,12 +80,14 @@ class Told:
         gravity: m/s^2.
         pulls: tendons and actuators.
         couplings: joints that follow others.
+        medium: in which the bodies move.
     """
 
     bodies: tuple[RigidBody, ...]
     gravity: Triple
     pulls: tuple[Pull, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    medium: Medium | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

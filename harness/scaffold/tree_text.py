@@ -25,6 +25,7 @@ _BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
     "inertia_rpy": ("rad", ("inertial/origin",)),
     "inertia_quaternion": ("w, x, y, z", ("inertial",)),
     "lift": ("share of its weight", ()),
+    "dragged": ("by the medium", ()),
 })  # fmt: skip
 """Fields of a body: their unit, and in which elements they stand."""
 
@@ -66,8 +67,9 @@ def tree_text(
             f"Every number is as {compiled} compiles the file: in SI units, with defaults, frames"
             " and shapes put in"
         )
-    more = [*(["Coupling"] if told.couplings else []), *(["Pull"] if told.pulls else [])]
-    used = sorted(["Joint", "MultibodySystem", "RigidBody", *more])
+    more = {"Coupling": told.couplings, "Medium": told.medium, "Pull": told.pulls}
+    named = [name for name, there in more.items() if there]
+    used = sorted(["Joint", "MultibodySystem", "RigidBody", *named])
     lines = [
         f'""{quoted(f"The physics of {name}, read from {shown} by `crosscheck new`.")}""',
         "",
@@ -102,6 +104,9 @@ def tree_text(
             *map(_coupling, told.couplings),
             "    ),",
         ]
+    if told.medium:
+        said = (f"{key}={_number(value)}" for key, value in _said(told.medium, ()))
+        lines += [f"    medium=Medium({', '.join(said)}),  # kg/m^3, Pa s, m/s"]
     return "\n".join([*lines, ")", ""])
 
 

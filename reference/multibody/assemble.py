@@ -10,7 +10,15 @@ import numpy as np
 from reference.multibody.algebra import DOUBLES, about_axis
 from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Triple, powers
 from reference.multibody.lump import HERE, NOTHING, Lump, Place
-from reference.multibody.tree import VELOCITIES, WORLD, Link, Tree, TreeError
+from reference.multibody.tree import (
+    VELOCITIES,
+    WORLD,
+    Immersed,
+    Link,
+    Medium,
+    Tree,
+    TreeError,
+)
 from reference.multibody.tree import Coupling as TreeCoupling
 from reference.multibody.tree import Pull as TreePull
 from reference.numeric import Array
@@ -39,6 +47,7 @@ def assembled(
     gravity: Triple,
     pulls: Sequence[Pull] = (),
     couplings: Sequence[Coupling] = (),
+    medium: Medium | None = None,
 ) -> Assembled:
     """Put bodies together, each after the one that carries it.
 
@@ -50,6 +59,7 @@ def assembled(
         gravity: m/s^2.
         pulls: forces along combinations of joints.
         couplings: joints that follow others.
+        medium: in which the bodies move.
 
     Raises:
         TreeError: naming the body, joint or pull that does not fit.
@@ -64,6 +74,8 @@ def assembled(
         gravity=np.array(gravity, dtype=float),
         pulls=own,
         couplings=tuple(map(builder.coupling, couplings)),
+        medium=medium,
+        immersed=() if medium is None else tuple(builder.immersed),
     )
     return Assembled(
         tree=tree,
@@ -81,6 +93,7 @@ class _Builder:
         self.bounds: list[tuple[float, float]] = []
         self.pulls: list[TreePull] = []
         self.cancelled: list[str] = []
+        self.immersed: list[Immersed] = []
         self._links: list[Link] = []
         self._lumps: list[Lump] = []
         self._lifts: list[Lump] = []
@@ -114,6 +127,11 @@ class _Builder:
         self._lumps[within] = self._lumps[within].with_(own)
         lifted = lump._replace(mass=lump.mass * body.lift, inertia=np.zeros((3, 3)))
         self._lifts[within] = self._lifts[within].with_(lifted.seen(place))
+        if body.dragged and (box := body.box) is not None:
+            at = place.of(box[0])
+            self.immersed.append(
+                Immersed(link=within, position=at.origin, rotation=at.rotation, size=box[1])
+            )
 
     def _joint(self, joint: Joint, within: int, place: Place) -> tuple[int, Place]:
         """Add a joint; its link, and where the body's frame is in it."""

@@ -25,6 +25,8 @@ Powers = float | tuple[float, ...]
 """A coefficient, or those of several powers: the first, the second, ..."""
 
 ZERO: Triple = (0.0, 0.0, 0.0)
+FLAT = 1e-15
+"""The least mass, kg, and second moment, kg m^2, that a box in a medium has."""
 KINDS = get_args(Kind)
 
 
@@ -121,6 +123,7 @@ class RigidBody:
         inertia: (ixx, iyy, izz, ixy, ixz, iyz) about the center of mass, kg m^2.
         inertia_rpy, inertia_quaternion: how the axes of `inertia` are turned in the body's frame.
         lift: share of its weight that does not pull on it.
+        dragged: whether a medium acts on it, as on the box of its mass and moments.
 
     Raises:
         TreeError: naming the body and what is wrong with it.
@@ -138,6 +141,7 @@ class RigidBody:
     inertia_rpy: Triple = ZERO
     inertia_quaternion: Quaternion | None = None
     lift: float = 0.0
+    dragged: bool = True
 
     def __post_init__(self) -> None:
         what = f"body {self.name!r}"
@@ -165,10 +169,30 @@ class RigidBody:
     @property
     def lump(self) -> Lump:
         """Its mass in its own frame."""
-        xx, yy, zz, xy, xz, yz = self.inertia
-        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
-        own = Lump(float(self.mass), np.zeros(3), tensor)
+        own = Lump(float(self.mass), np.zeros(3), self._tensor)
         return own.seen(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
+
+    @property
+    def box(self) -> tuple[Place, Array] | None:
+        """The box of the same mass and moments: its frame in the body's, and its edges, m, (3,).
+
+        Its axes are those of `inertia`, principal ones where that has products. A side on which
+        nothing stands apart, such as of a plate, is that of `FLAT`. None without mass.
+        """
+        if self.mass < FLAT:
+            return None
+        place = _place(self.center, self.inertia_rpy, self.inertia_quaternion)
+        moments = np.array(self.inertia[:3], dtype=float)
+        if any(self.inertia[3:]):
+            moments, axes = np.linalg.eigh(self._tensor)
+            place = Place(place.rotation @ axes, place.origin)
+        apart = np.array([moments[i - 2] + moments[i - 1] - moments[i] for i in range(3)])
+        return place, np.sqrt(np.maximum(FLAT, apart) / self.mass * 6)
+
+    @property
+    def _tensor(self) -> Array:
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -65,6 +65,22 @@ class Pulls:
             found = found + (self._damped(pull, rate) * rate * rate).reshape(v.shape[1:])
         return found
 
+    @property
+    def bent(self) -> bool:
+        """Whether there is a spring with play, or a damper with an even power."""
+        return any(_plays(pull) or _turns(pull) for pull in self._tree.pulls)
+
+    def bends(self, q: Scalars, v: Scalars) -> Scalars:
+        """Lengths beyond the ends of play, and the rates of dampers that turn, (m, ...)."""
+        found = [0 * v[:0]]
+        for pull in self._tree.pulls:
+            if _plays(pull):
+                length = self._along(pull, q, [here.start for here in self._tree.positions])
+                found += [length - self._number(end) for end in pull.rest]
+            if _turns(pull):
+                found.append(self._along(pull, v, [there.start for there in self._tree.velocities]))
+        return np.concatenate(found)
+
     def _along(self, pull: Pull, x: Scalars, starts: list[int]) -> Scalars:
         """The combination of positions or of velocities, (1, ...)."""
         found: Scalars = 0 * x[:1]
@@ -97,3 +113,13 @@ class Pulls:
     def _number(self, value: float) -> Scalars:
         """(1,): it broadcasts against every batch."""
         return self._field.array([value])
+
+
+def _plays(pull: Pull) -> bool:
+    """Whether its spring begins to pull somewhere."""
+    return bool(pull.stiffness) and pull.rest[0] != pull.rest[1]
+
+
+def _turns(pull: Pull) -> bool:
+    """Whether its damper has a power that is not smooth where it turns: w |w|, w |w|^3, ..."""
+    return any(pull.damping[1::2])

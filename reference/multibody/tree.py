@@ -138,6 +138,43 @@ class Coupling:
     offset: float = 0.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class Medium:
+    """A fluid in which the bodies move, at rest or in a wind.
+
+    It acts on each body as on the box that has the body's mass and moments (the "inertia model" of
+    the format MJCF, in its documentation under "Fluid forces"): along and about each axis of the
+    box by a drag that is quadratic in the velocity, and by the viscous resistance of a sphere of
+    the box's mean size.
+
+    Attributes:
+        density: kg/m^3.
+        viscosity: Pa s.
+        wind: velocity of the fluid, m/s.
+    """
+
+    density: float = 0.0
+    viscosity: float = 0.0
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Immersed:
+    """A box on which the medium acts.
+
+    Attributes:
+        link: index of the link in which it stands.
+        position: of its center, in the link's frame, m, (3,).
+        rotation: of its axes there, as columns, (3, 3).
+        size: its edges, m, (3,).
+    """
+
+    link: int
+    position: Array
+    rotation: Array
+    size: Array
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tree:
     """Links, each after the one that carries it.
@@ -147,12 +184,16 @@ class Tree:
         gravity: m/s^2, (3,).
         pulls: forces that act on several joints, or are no straight line.
         couplings: joints that follow others, each at most once.
+        medium: in which the bodies move; None for none.
+        immersed: on what of the bodies it acts.
     """
 
     links: tuple[Link, ...]
     gravity: Array
     pulls: tuple[Pull, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    medium: Medium | None = None
+    immersed: tuple[Immersed, ...] = ()
 
     def __post_init__(self) -> None:
         for i, link in enumerate(self.links):

@@ -231,12 +231,6 @@ def test_joints_with_dampers_follow_each_other(tmp_path: Path, joints: tuple[str
     assert prepare_robot(file).settings["couplings"] == [one]
 
 
-def test_so_does_a_medium(tmp_path: Path) -> None:
-    file = written(tmp_path, density=1.2)
-    assert outcome(file) == (Outcome.AGREES, "")
-    assert "a medium" in prepare_robot(file).left_out
-
-
 @pytest.mark.parametrize("given", [[1.0], "all", [1.0, "x", 2.0, 3.0, 4.0]])
 def test_controls_are_as_many_numbers_as_inputs(tmp_path: Path, given: object) -> None:
     file = written(tmp_path, PULLING)

@@ -30,7 +30,8 @@ DATA = Path(pybullet_data.getDataPath())
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 SHAPE = "v 0 0 0\nv .2 0 0\nv 0 .2 0\nv 0 0 .2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
-ALL = """<mujoco model="all"><include file="beside.xml"/><compiler meshdir="shapes"/>
+ALL = """<mujoco model="all"><option density="1.2" wind="1 2 0"/>
+<include file="beside.xml"/><compiler meshdir="shapes"/>
 <default><joint damping="0.1"/></default>
 <asset><mesh name="tetrahedron" file="tetrahedron.obj"/></asset>
 <worldbody>
@@ -72,7 +73,8 @@ def digits(tree: Tree) -> list[object]:
         [repr(np.asarray(getattr(link, field.name)).tolist()) for field in fields(Link)]
         for link in tree.links
     ]
-    return [links, repr(tree.pulls), repr(tree.couplings), repr(tree.gravity.tolist())]
+    return [links, repr(tree.pulls), repr(tree.couplings), repr(tree.gravity.tolist()),
+            repr(tree.medium), [one.size.tolist() for one in tree.immersed]]  # fmt: skip
 
 
 def bodies(folder: Path) -> MultibodySystem:

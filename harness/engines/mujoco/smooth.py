@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
 from harness.engines.mujoco.pulls import (
     joint_name,
     powers,
@@ -31,8 +32,6 @@ def switch_off(tree: Any, *, smooth: bool, actuated: bool) -> None:
         tree.option.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
     if smooth:
         without_idle_files(tree)
-        tree.option.density = tree.option.viscosity = 0.0
-        tree.option.wind = [0.0, 0.0, 0.0]
 
 
 def hold(m: Any, followers: Collection[str] | None) -> None:
@@ -62,6 +61,7 @@ def leave_out(m: Any) -> None:
         m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # 4.0.0 has a wrong sparse Hessian
     for name in ("actuator_forcelimited", "jnt_actfrclimited", "tendon_actfrclimited"):
         getattr(m, name)[:] = 0
+    without_ellipsoids(m)
     own = ("damping", "dampingpoly", "armature")
     force = ("gainprm", "biasprm", "gaintype", "biastype")  # of type 0 they are constants
     _zero(m, "actuator", (*force, *own), _bent_actuators(m))
@@ -127,7 +127,7 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
         "dry friction": np.count_nonzero(m.dof_frictionloss)
         + np.count_nonzero(m.tendon_frictionloss),
         "contact geometry": np.count_nonzero(touching),
-        "a medium": int(bool(m.opt.wind.any() or m.opt.density or m.opt.viscosity)),
+        "ellipsoids in a medium": np.count_nonzero(ellipsoids(m)) if medium(m) else 0,
     }
     return tuple((what, int(count)) for what, count in counts.items() if count)
 

@@ -15,6 +15,7 @@ from harness.engines.compiled import (
     CompiledTree,
     Numbers,
 )
+from harness.engines.mujoco.medium import boxed, medium
 from harness.engines.mujoco.mjcf import included, refusal, sources
 from harness.engines.mujoco.pulls import acts, couplings, powers, pulls
 from harness.engines.mujoco.shapes import without_idle_files
@@ -47,7 +48,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         controls=int(getattr(m, "nctrl", m.nu)),
         bodies=tuple(_body(m, i) for i in range(1, m.nbody)),
         gravity=(x, y, z),
-        medium=bool(m.opt.wind.any() or m.opt.density or m.opt.viscosity),
+        medium=medium(m),
         name=tree.modelname,
         besides=besides(m),
         uncovered=uncovered(m),
@@ -99,7 +100,8 @@ def _body(m: Any, i: int) -> CompiledBody:
         principal=_numbers(m.body_iquat[i]),
         moments=_numbers(m.body_inertia[i]),
         joints=tuple(_joint(m, j) for j in range(first, first + count)),
-        lift=float(m.body_gravcomp[i]),
+        lift=float(m.body_gravcomp[i]) if acts(m, "SPRING") or acts(m, "DAMPER") else 0.0,
+        dragged=boxed(m, i),
         ordinary=not (m.body_mocapid[i] >= 0 or m.body_gravcomp[i]),
     )
 
