@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from reference.multibody.algebra import DOUBLES, about_axis
-from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Triple, powers
+from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Site, Triple, powers
 from reference.multibody.lump import HERE, NOTHING, Lump, Place
 from reference.multibody.tree import (
     VELOCITIES,
     WORLD,
+    Bush,
     Immersed,
     Link,
     Medium,
@@ -21,6 +22,7 @@ from reference.multibody.tree import (
 )
 from reference.multibody.tree import Coupling as TreeCoupling
 from reference.multibody.tree import Pull as TreePull
+from reference.multibody.ways import JointForce, Mark, Way
 from reference.numeric import Array
 
 
@@ -68,13 +70,14 @@ def assembled(
     for body in bodies:
         builder.add(body)
     lower, upper = np.array(builder.bounds, dtype=float).reshape(-1, 2).T
-    own = (*builder.pulls, *(builder.pull(one) for one in pulls))
+    pulled = (*builder.pulls, *(builder.pull(one) for one in pulls))
     tree = Tree(
         links=tuple(builder.whole()),
         gravity=np.array(gravity, dtype=float),
-        pulls=own,
+        pulls=pulled,
         couplings=tuple(map(builder.coupling, couplings)),
         medium=medium,
+        bushes=tuple(builder.bushes),
         immersed=() if medium is None else tuple(builder.immersed),
     )
     return Assembled(
@@ -94,6 +97,7 @@ class _Builder:
         self.pulls: list[TreePull] = []
         self.cancelled: list[str] = []
         self.immersed: list[Immersed] = []
+        self.bushes: list[Bush] = []
         self._links: list[Link] = []
         self._lumps: list[Lump] = []
         self._lifts: list[Lump] = []
@@ -162,13 +166,15 @@ class _Builder:
                 center=np.zeros(3),
                 inertia=np.zeros((3, 3)),
                 armature=float(joint.armature),
-                damping=0.0 if joint.bent else _only(damping),
-                stiffness=0.0 if joint.bent else _only(stiffness),
+                damping=0.0 if joint.bent and joint.single else _only(damping),
+                stiffness=_only(stiffness) if joint.single and not joint.bent else 0.0,
                 rest=(float(joint.rest),),
             )
         )
         self._lumps.append(NOTHING)
         self._lifts.append(NOTHING)
+        if not joint.single and (powers(joint.stiffness) or len(damping) > 1):
+            self.bushes.append(_bush(joint, index))
         bounds = (joint.limits if joint.single else None) or (-np.inf, np.inf)
         self.bounds += [bounds] * VELOCITIES[joint.kind]
         return index, Place(np.eye(3), -anchor)
@@ -189,12 +195,29 @@ class _Builder:
         return TreePull(
             name=one.name,
             joints=tuple((self._index(name, what), float(share)) for name, share in one.joints),
+            along=self._along(one, what),
             constant=constant,
             stiffness=stiffness,
             damping=damping,
             rest=one.rest,
             armature=one.armature,
         )
+
+    def _along(self, one: Pull, what: str) -> Way | None:
+        if one.along is None:
+            return None
+        if isinstance(one.along, JointForce):
+            return one.along.at(lambda joint: self._index(joint, what))
+        return one.along.at(lambda site: self._marked(site, what))
+
+    def _marked(self, site: Site, what: str) -> Mark:
+        within, place = WORLD, HERE
+        if site.body is not None:
+            if site.body not in self.places:
+                raise TreeError(f"{what} names body {site.body!r}, which is none")
+            within, place = self.places[site.body]
+        place = place.of(site.place)
+        return Mark(link=within, position=place.origin, rotation=place.rotation)
 
     def coupling(self, one: Coupling) -> TreeCoupling:
         """By the links of the joints."""
@@ -214,3 +237,15 @@ class _Builder:
 
 def _only(values: tuple[float, ...]) -> float:
     return float(values[0]) if values else 0.0
+
+
+def _bush(joint: Joint, index: int) -> Bush:
+    turn = np.array(joint.rest_turn or (1.0, 0.0, 0.0, 0.0), dtype=float)
+    w, x, y, z = map(float, turn / np.linalg.norm(turn))
+    return Bush(
+        link=index,
+        stiffness=powers(joint.stiffness),
+        damping=powers(joint.damping)[1:],
+        place=joint.rest_place,
+        turn=(w, x, y, z),
+    )

@@ -17,6 +17,7 @@ import numpy as np
 from reference.multibody.algebra import from_quaternion, from_rpy
 from reference.multibody.lump import Lump, Place
 from reference.multibody.tree import Kind, TreeError
+from reference.multibody.ways import Cord, FrameForce, JointForce
 from reference.numeric import Array
 
 Triple = tuple[float, float, float]
@@ -46,6 +47,8 @@ class Joint:
             w, w |w|, w |w|^2, ...
         stiffness: N/m or N m/rad; of several, those of the powers of the stretch.
         rest: position at which the spring pulls nothing: rad or m.
+        rest_place, rest_turn: those of a free joint, m and (w, x, y, z); the latter of a ball joint
+            too, None where it is not turned.
         armature: added to the diagonal of the mass matrix: kg or kg m^2.
         limits: lowest and highest position, between which states are drawn; None where there are
             none.
@@ -64,6 +67,8 @@ class Joint:
     rest: float = 0.0
     armature: float = 0.0
     limits: tuple[float, float] | None = None
+    rest_place: Triple = ZERO
+    rest_turn: Quaternion | None = None
 
     def __post_init__(self) -> None:
         what = f"joint {self.name!r}"
@@ -80,13 +85,10 @@ class Joint:
             len(self.limits) == 2 and self.limits[0] <= self.limits[1]
         ):
             raise TreeError(f"limits of {what} are a lowest and a highest position")
-        if not self.single and powers(self.stiffness):
-            raise TreeError(f"{what} is a {self.kind} joint with a spring, which is not covered")
-        if not self.single and self.bent:
-            raise TreeError(
-                f"{what} is a {self.kind} joint with a damper that is no straight line, which is"
-                " not covered"
-            )
+        _check(what, "rest_place", self.rest_place, 3)
+        _check(what, "rest_turn", self.rest_turn or (1.0, 0.0, 0.0, 0.0), 4)
+        if self.rest_turn is not None and not any(self.rest_turn):
+            raise TreeError(f"rest_turn of {what} has no length")
 
     @property
     def single(self) -> bool:
@@ -196,8 +198,39 @@ class RigidBody:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Site:
+    """A frame on a body.
+
+    Attributes:
+        body: its name; None for the world.
+        position: of its origin in the body's frame, m.
+        quaternion: how it is turned there, (w, x, y, z); None where it is not.
+
+    Raises:
+        TreeError: naming what is wrong with it.
+    """
+
+    body: str | None
+    position: Triple = ZERO
+    quaternion: Quaternion | None = None
+
+    def __post_init__(self) -> None:
+        what = f"a site on {self.body!r}"
+        _check(what, "position", self.position, 3)
+        if self.quaternion is not None:
+            _check(what, "quaternion", self.quaternion, 4)
+            if not any(self.quaternion):
+                raise TreeError(f"the quaternion of {what} has no length")
+
+    @property
+    def place(self) -> Place:
+        """In the body's frame."""
+        return _place(self.position, ZERO, self.quaternion)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pull:
-    """A force F along a length s that is a combination of hinges' and slides' positions.
+    """A force F along a length s: a combination of hinges' and slides' positions, or another way.
 
     F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
     w = ds/dt and x is by how much s is outside `rest`; on each joint acts F times its coefficient.
@@ -205,6 +238,7 @@ class Pull:
     Attributes:
         name: of the tendon or actuator.
         joints: names of joints, each with its coefficient.
+        along: the other way; it has no armature.
         bias: (b0, b1, b2).
         gain: (g0, g1, g2).
         control: u, at which its input is held.
@@ -218,7 +252,8 @@ class Pull:
     """
 
     name: str
-    joints: tuple[tuple[str, float], ...]
+    joints: tuple[tuple[str, float], ...] = ()
+    along: Cord[Site] | FrameForce[Site] | JointForce[str] | None = None
     bias: Triple = ZERO
     gain: Triple = ZERO
     control: float = 0.0
@@ -236,6 +271,10 @@ class Pull:
         _check(what, "control and armature", (self.control, self.armature), 2)
         _check(what, "rest", self.rest, 2)
         _check(what, "joints", [share for _, share in self.joints])
+        if isinstance(self.along, Cord):
+            _check(what, "branches", [share for share, _ in self.along.branches])
+        elif self.along is not None:
+            _check(what, "gear", self.along.gear, 6 if len(self.along.gear) != 3 else 3)
 
 
 @dataclass(frozen=True, kw_only=True)

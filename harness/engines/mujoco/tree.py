@@ -17,7 +17,7 @@ from harness.engines.compiled import (
 )
 from harness.engines.mujoco.medium import boxed, medium
 from harness.engines.mujoco.mjcf import included, refusal, sources
-from harness.engines.mujoco.pulls import acts, couplings, powers, pulls
+from harness.engines.mujoco.pulls import acts, actuators, couplings, output, powers, pulls
 from harness.engines.mujoco.shapes import without_idle_files
 from harness.engines.mujoco.smooth import besides, uncovered
 from harness.engines.mujoco.warnings import Warnings
@@ -52,7 +52,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         name=tree.modelname,
         besides=besides(m),
         uncovered=uncovered(m),
-        actuators=tuple(_actuator(m, i) for i in range(m.nu)),
+        actuators=tuple(_actuator(m, i) for i in range(actuators(m))),
     )
 
 
@@ -69,7 +69,7 @@ def _actuator(m: Any, i: int) -> CompiledActuator:
         name=m.actuator(i).name,
         on=on,
         kind=f"{acts}, gain {gain}, bias {bias}",
-        gear=_numbers(m.actuator_gear[i]),
+        gear=_numbers(m.actuator_gear[output(m, i)]),
         law=(*_numbers(m.actuator_gainprm[i]), *_numbers(m.actuator_biasprm[i])),
     )
 
@@ -111,7 +111,7 @@ def _joint(m: Any, j: int) -> CompiledJoint:
 
     q, d = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
     kind = mujoco.mjtJoint(m.jnt_type[j]).name.removeprefix("mjJNT_").lower()
-    single = kind in ("hinge", "slide")
+    single, turn = kind in ("hinge", "slide"), q + 3 if kind == "free" else q
     return CompiledJoint(
         name=m.joint(j).name,
         kind=kind,
@@ -124,6 +124,8 @@ def _joint(m: Any, j: int) -> CompiledJoint:
         armature=float(m.dof_armature[d]),
         friction=float(m.dof_frictionloss[d]),
         limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1])) if m.jnt_limited[j] else None,
+        rest_place=_numbers(m.qpos_spring[q : q + 3]) if kind == "free" else (0.0, 0.0, 0.0),
+        rest_turn=(1.0, 0.0, 0.0, 0.0) if single else _numbers(m.qpos_spring[turn : turn + 4]),
     )
 
 
