@@ -51,7 +51,8 @@ ALL = """<mujoco model="all"><option density="1.2" wind="1 2 0"/>
 <spatial name="line" stiffness="3"><site site="at"/><site site="there"/></spatial></tendon>
 <actuator><position name="servo" joint="elbow" kp="5" kv="0.2"/>
 <motor tendon="rope" gear="2"/><motor site="at" refsite="there" gear="1 2 3 0 0 0"/>
-<motor joint="root" gear="1 2 3 4 5 6"/><intvelocity joint="slide" kp="2" actrange="-1 1"/></actuator>
+<motor joint="root" gear="1 2 3 4 5 6"/>
+<intvelocity joint="slide" kp="2" actrange="-1 1"/></actuator>
 <equality><joint joint1="rj1" joint2="rj0" polycoef="0.1 -0.5 0 0 0"/></equality></mujoco>
 """
 
@@ -76,7 +77,8 @@ def digits(tree: Tree) -> list[object]:
         for link in tree.links
     ]
     return [links, repr(tree.pulls), repr(tree.couplings), repr(tree.gravity.tolist()),
-            repr(tree.medium), repr(tree.bushes), [one.size.tolist() for one in tree.immersed]]  # fmt: skip
+            repr(tree.medium), repr(tree.bushes),
+            [one.size.tolist() for one in tree.immersed]]  # fmt: skip
 
 
 def bodies(folder: Path) -> MultibodySystem:
