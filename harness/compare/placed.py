@@ -132,9 +132,10 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
             one,
             follower=now[one.follower][0],
             leader=None if one.leader is None else now[one.leader][0],
+            others=tuple((now[link][0], share) for link, share in one.others),
         )
         for one in tree.couplings
-        if not {tree.links[i].name for i in (one.follower, one.leader) if i is not None} & set(at)
+        if not {tree.links[i].name for i in (one.follower, *dict(one.leaders))} & set(at)
     )
     whole = Tree(
         links=tuple(links),

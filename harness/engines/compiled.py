@@ -169,12 +169,14 @@ class CompiledCoupling:
     Attributes:
         follower, leader: indices of the joints among all; no leader where it stands at the offset.
         multiplier, offset: in the units of both.
+        others: further joints that it follows, each with its multiplier.
     """
 
     follower: int
     leader: int | None
     multiplier: float
     offset: float
+    others: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -208,6 +208,7 @@ def _couplings(found: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterator[C
             leader=None if one.leader is None else names[one.leader],
             multiplier=one.multiplier,
             offset=one.offset,
+            others=tuple((names[joint], share) for joint, share in one.others),
         )
 
 

@@ -227,6 +227,7 @@ class _Builder:
             leader=None if one.leader is None else self._index(one.leader, what),
             multiplier=one.multiplier,
             offset=one.offset,
+            others=tuple((self._index(name, what), share) for name, share in one.others),
         )
 
     def _index(self, joint: str, what: str) -> int:

@@ -281,10 +281,13 @@ class Pull:
 class Coupling:
     """A hinge or slide that follows another: its position is multiplier * the other's + offset.
 
+    It may follow several, whose positions add up, each times its multiplier.
+
     Attributes:
         follower, leader: names of the joints; no leader where it stands at the offset.
         multiplier: in the units of both.
         offset: rad or m.
+        others: further joints that it follows, each with its multiplier.
 
     Raises:
         TreeError: naming what is wrong with it.
@@ -294,10 +297,12 @@ class Coupling:
     leader: str | None
     multiplier: float = 1.0
     offset: float = 0.0
+    others: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         what = f"the coupling of {self.follower!r}"
         _check(what, "multiplier and offset", (self.multiplier, self.offset), 2)
+        _check(what, "others", [share for _, share in self.others])
 
 
 def powers(value: Powers) -> tuple[float, ...]:

@@ -158,12 +158,20 @@ class Coupling:
         leader: index of the other's, or None where it stands at the offset.
         multiplier: in units of both.
         offset: rad or m.
+        others: further links' indices, each with its multiplier: their positions are added.
     """
 
     follower: int
     leader: int | None
     multiplier: float = 1.0
     offset: float = 0.0
+    others: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def leaders(self) -> tuple[tuple[int, float], ...]:
+        """All links that it follows, each with its multiplier."""
+        first = () if self.leader is None else ((self.leader, self.multiplier),)
+        return (*first, *self.others)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,8 +240,7 @@ class Tree:
         for pull in self.pulls:
             self._check_pull(pull)
         for one in self.couplings:
-            ends = (one.follower,) if one.leader is None else (one.follower, one.leader)
-            for i in ends:
+            for i in (one.follower, *(leader for leader, _ in one.leaders)):
                 if self.links[i].kind not in ("hinge", "slide"):
                     raise TreeError(f"{self.links[i].name} is coupled, and no hinge and no slide")
 

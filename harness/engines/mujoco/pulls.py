@@ -1,4 +1,4 @@
-"""Tendons and actuators of a compiled model as forces along lengths; joints that follow others."""
+"""Tendons and actuators of a compiled model as forces along lengths."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.compiled import CompiledCoupling, CompiledPull, CompiledWay, Numbers
+from harness.engines.compiled import CompiledPull, CompiledWay, Numbers
 from harness.engines.mujoco.ways import Combination, of_actuator, of_tendon
 
 _SPRING, _DAMPER, _ACTUATION = "SPRING", "DAMPER", "ACTUATION"
@@ -110,45 +110,6 @@ def held_state(m: Any, i: int) -> int:
     if mujoco.mjtDyn(m.actuator_dyntype[i]) not in able or m.actuator_actnum[i] != 1:
         return -1
     return int(m.actuator_actadr[i])
-
-
-def couplings(m: Any) -> Iterator[CompiledCoupling]:
-    """Joints that equalities make follow others, or stand still, by a straight line."""
-    for i in straight_equalities(m):
-        one, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
-        offset, multiplier = float(m.eq_data[i][0]), float(m.eq_data[i][1])
-        offset += float(m.qpos0[m.jnt_qposadr[one]])
-        if other >= 0:
-            offset -= multiplier * float(m.qpos0[m.jnt_qposadr[other]])
-        yield CompiledCoupling(
-            follower=one,
-            leader=other if other >= 0 else None,
-            multiplier=multiplier if other >= 0 else 0.0,
-            offset=offset,
-        )
-
-
-def straight_equalities(m: Any) -> list[int]:
-    """Those that make a slide or hinge follow another by a straight line, or stand still.
-
-    They are active, and each the first for its joint; no leader follows one of its followers.
-    """
-    import mujoco
-
-    found, leaders = list[int](), dict[int, int]()
-    for i in range(m.neq) if acts(m, "EQUALITY") else ():
-        if m.eq_type[i] != mujoco.mjtEq.mjEQ_JOINT or not m.eq_active0[i]:
-            continue
-        one, at = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
-        if np.any(m.eq_data[i][2:5]) or one in leaders:
-            continue
-        leader = at
-        while at in leaders:
-            at = leaders[at]
-        if at != one:
-            found.append(i)
-            leaders[one] = leader
-    return found
 
 
 def joint_name(m: Any, i: int) -> str:

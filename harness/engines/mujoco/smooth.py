@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.engines.mujoco.equalities import straight_equalities
 from harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
 from harness.engines.mujoco.pulls import (
     actuators,
@@ -15,12 +16,14 @@ from harness.engines.mujoco.pulls import (
     joint_name,
     pulls_by_itself,
     spatial_tendon,
-    straight_equalities,
 )
 from harness.engines.mujoco.shapes import without_idle_files
 
 _SOLREF, _SOLIMP = [1e-6, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 """Of equalities as stiff as a step allows, settled after one."""
+
+_HEAVIER = 1e-2
+"""With it, limits of what tendons tie are known to 3e-12; without, to 2e-9."""
 
 
 def switch_off(tree: Any, *, smooth: bool, actuated: bool) -> None:
@@ -38,7 +41,9 @@ def hold(m: Any, followers: Collection[str] | None) -> None:
     """Let those equalities alone act that make these joints follow others; None: all."""
     if followers is not None:
         held = {
-            i for i in straight_equalities(m) if joint_name(m, int(m.eq_obj1id[i])) in followers
+            i
+            for i, one in straight_equalities(m).items()
+            if joint_name(m, one.follower) in followers
         }
         for i in set(range(m.neq)) - held:
             m.eq_active0[i] = 0
@@ -59,6 +64,8 @@ def leave_out(m: Any) -> None:
         # Dampers taken implicitly act after the solver, so that they would let go of equalities.
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
         m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # 4.0.0 has a wrong sparse Hessian
+        # By which the softness of an equality is scaled: of tendons it is far above what they feel.
+        m.tendon_invweight0[:] *= _HEAVIER
     for name in ("actuator_forcelimited", "jnt_actfrclimited", "tendon_actfrclimited"):
         getattr(m, name)[:] = 0
     without_ellipsoids(m)

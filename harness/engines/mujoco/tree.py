@@ -15,9 +15,10 @@ from harness.engines.compiled import (
     CompiledTree,
     Numbers,
 )
+from harness.engines.mujoco.equalities import couplings
 from harness.engines.mujoco.medium import boxed, medium
 from harness.engines.mujoco.mjcf import included, refusal, sources
-from harness.engines.mujoco.pulls import acts, actuators, couplings, output, powers, pulls
+from harness.engines.mujoco.pulls import acts, actuators, output, powers, pulls
 from harness.engines.mujoco.shapes import without_idle_files
 from harness.engines.mujoco.smooth import besides, uncovered
 from harness.engines.mujoco.warnings import Warnings
