@@ -106,6 +106,7 @@ class Robot:
         obstacles: all that is in the way of a tree.
         controls: at which its actuators are held, as many as it has inputs.
         told: of which the tree is assembled; None where there is no tree.
+        floats: whether the root link of a URDF moves freely, which the format does not say.
     """
 
     name: str
@@ -118,14 +119,7 @@ class Robot:
     obstacles: tuple[Obstacle, ...]
     controls: tuple[float, ...] = ()
     told: Told | None = None
-
-    @property
-    def floats(self) -> bool:
-        """Whether the root link of a URDF moves freely, which the format does not say."""
-        links = () if self.tree is None else self.tree.links
-        return self.file.suffix == ".urdf" and any(
-            link.kind == "free" and link.parent == WORLD for link in links
-        )
+    floats: bool = False
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

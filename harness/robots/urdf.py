@@ -75,6 +75,7 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
         left_out=left_out,
         obstacles=(),
         told=Told(bodies=bodies, gravity=gravity, couplings=held),
+        floats=floating,
     )
 
 
