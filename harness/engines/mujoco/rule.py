@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from harness.engines.mujoco.medium import medium
-from harness.engines.mujoco.pulls import acts, actuators, powers, spatial_tendon
+from harness.engines.mujoco.pulls import acts, actuators, powers
 from harness.engines.protocol import Array
 from harness.engines.step_rule import StepRule
 
@@ -69,16 +69,11 @@ def _drags(m: Any) -> bool:
 
 
 def _moves(m: Any) -> bool:
-    """Whether dampers may depend on where bodies are: of tendons in space, of motors on frames.
-
-    Between branches, such are dropped where the sparsity of M has no place for them.
-    """
+    """Whether motors act on frames, whose dampers may have no place in the sparsity of M."""
     import mujoco
 
     fixed = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_TENDON))
-    return any(spatial_tendon(m, i) for i in range(m.ntendon)) or any(
-        m.actuator_trntype[i] not in fixed for i in range(actuators(m))
-    )
+    return any(m.actuator_trntype[i] not in fixed for i in range(actuators(m)))
 
 
 def _dampers(m: Any) -> Array | None:
@@ -88,6 +83,7 @@ def _dampers(m: Any) -> Array | None:
     found = []
     for speed in (0.0, 1.0):
         data = mujoco.MjData(m)
+        mujoco.mj_integratePos(m, data.qpos, np.full(m.nv, 0.3), speed)
         data.qvel[:] = speed
         mujoco.mj_step(m, data)
         late = np.zeros((m.nv, m.nv))
