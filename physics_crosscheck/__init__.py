@@ -69,12 +69,16 @@ if TYPE_CHECKING:
         Body,
         Constant,
         Coordinate,
+        Cord,
         Coupling,
         DeclarationError,
         Equilibrium,
+        FrameForce,
         Input,
         Joint,
+        JointForce,
         Link,
+        Medium,
         MultibodySystem,
         Output,
         Pose,
@@ -83,6 +87,7 @@ if TYPE_CHECKING:
         Quantity,
         RigidBody,
         Scenario,
+        Site,
         System,
         t,
     )
@@ -91,18 +96,19 @@ if TYPE_CHECKING:
 _FROM = {
     "harness.api": ("Results", "check"),
     "reference": (
-        "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
-        "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull",
-        "Quantity", "RigidBody", "Scenario", "System", "t",
+        "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
+        "Equilibrium", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
+        "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "RigidBody",
+        "Scenario", "Site", "System", "t",
     ),
     "reference.kinematics": ("Frame", "ground", "rotation"),
 }  # fmt: skip
 
 __all__ = [
-    "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
-    "Frame", "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation",
-    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "System", "check", "ground", "rotation",
-    "t",
+    "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
+    "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
+    "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "Results",
+    "RigidBody", "Scenario", "Site", "System", "check", "ground", "rotation", "t",
 ]  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from reference.bends import unbent
 from reference.collocation import Field, ReferenceError, collocate
 from reference.excitation import telling
 from reference.integrate import AGREEMENT, by_runge_kutta
@@ -117,8 +118,7 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
             f"its fastest motion takes {1 / fastest:.0e} s, in which no position moves by more than"
             f" its last digits; joint {joint!r} settles fastest: has what it moves its inertia?"
         )
-    coupled = bool(equations.system.tree.couplings)
-    length = 2 * np.pi / fastest / (COUPLED_A_PERIOD if coupled else SEGMENTS_A_PERIOD)
+    length = min(_length(equations, fastest), many.longest)
     field, times = _field(equations, forces), np.zeros(count)
     names = [c.name for c in equations.system.coordinates]
     names += [f"{name}_dot" for name in names]
@@ -141,7 +141,8 @@ class Candidates(NamedTuple):
     """States to choose from: positions, velocities and accelerations, (P, n) each.
 
     And rates, rad/s: at which the mechanism swings at rest, that of the motions drawn, and how fast
-    each joint's own dampers stop it, (n,).
+    each joint's own dampers stop it, (n,); and how long segments are at most that pass no bend of a
+    force, seconds.
     """
 
     q: Array
@@ -150,10 +151,11 @@ class Candidates(NamedTuple):
     swing: float
     rate: float
     settling: Array
+    longest: float = np.inf
 
     def rows(self, equations: TreeEquations) -> Array:
         """What each says of the tree's numbers, by the largest accelerations, (P, n, p)."""
-        found = equations.slopes(self.q, self.v, self.a)
+        found = equations.slopes_by_number(self.q, self.v, self.a)
         found /= np.max(np.abs(self.a), axis=0)[:, None]
         return found
 
@@ -175,10 +177,52 @@ def candidates(
     _check_masses(equations, q)
     swing, settling = _rates(equations, np.concatenate([q, none], axis=1), none)
     rate = min(max(swing, SLOWEST), LIVELIEST)
-    v = rng.uniform(-1, 1, (many, n)) * extent * rate
-    # Where a damper stops a joint sooner, to hold it against that would leave nothing but rounding.
-    wanted = rng.uniform(-1, 1, (many, n)) * extent * rate * np.maximum(rate, settling)
-    return Candidates(q, v, wanted, swing, rate, settling)
+
+    def moving(q: Array, rate: float, settling: Array) -> tuple[Array, Array]:
+        """Velocities and accelerations there."""
+        v = rng.uniform(-1, 1, q.shape) * extent * rate
+        # Where a damper stops a joint sooner, holding it against that would leave but rounding.
+        return v, rng.uniform(-1, 1, q.shape) * extent * rate * np.maximum(rate, settling)
+
+    v, a = moving(q, rate, settling)
+    if not equations.bent:
+        return Candidates(q, v, a, swing, rate, settling)
+    # A drag grows with the velocity: where it leads, slower is as lively.
+    lively = max(swing, LIVELIEST)
+    rate *= min(1.0, lively / _fastest(equations, q, v, a))
+    settling = np.maximum(settling, lively)
+    v, a = moving(q, rate, settling)
+    fastest = max(swing, rate, _fastest(equations, q, v, a))
+
+    def drawn(number: int) -> tuple[Array, Array]:
+        at = rng.uniform(reach[:, 0], reach[:, 1], (number, n))
+        velocities, wanted = moving(at, rate, settling)
+        forces = equations.forces_for(at, velocities, wanted)
+        return np.concatenate([at, velocities], axis=1), forces
+
+    start, forces, longest = unbent(
+        equations,
+        lambda forces: _field(equations, forces),
+        drawn,
+        many,
+        _length(equations, fastest),
+    )
+    q, v = start[:, :n], start[:, n:]
+    a = equations.pushed_acceleration(q, v, forces)
+    return Candidates(q, v, a, swing, rate, settling, longest)
+
+
+def _fastest(equations: TreeEquations, q: Array, v: Array, a: Array) -> float:
+    """How fast motions are at some states that move so, rad/s."""
+    some = slice(LOOKED_AT)
+    forces = equations.forces_for(q[some], v[some], a[some])
+    return _rates(equations, np.concatenate([q[some], v[some]], axis=1), forces)[0]
+
+
+def _length(equations: TreeEquations, fastest: float) -> float:
+    """Of segments, seconds, by the rate of the fastest motion."""
+    coupled = bool(equations.system.tree.couplings)
+    return 2 * np.pi / fastest / (COUPLED_A_PERIOD if coupled else SEGMENTS_A_PERIOD)
 
 
 def ends_of(equations: TreeEquations, start: Array, forces: Array, length: float) -> Array:

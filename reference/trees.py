@@ -16,7 +16,7 @@ from reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
 from reference.multibody.chart import coordinate_names
 from reference.multibody.charted import Charted
 from reference.multibody.coupled import Coupled
-from reference.multibody.tree import Tree, TreeError
+from reference.multibody.tree import Medium, Tree, TreeError
 from reference.numeric import Array
 
 AT_ONCE = 2000
@@ -84,6 +84,7 @@ class MultibodySystem:
         bodies: each after the one that carries it.
         pulls: tendons and actuators.
         couplings: joints that follow others.
+        medium: in which the bodies move; None for none.
 
     Raises:
         DeclarationError: naming the body, joint or pull that does not fit.
@@ -96,6 +97,7 @@ class MultibodySystem:
     bodies: tuple[RigidBody, ...]
     pulls: tuple[Pull, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    medium: Medium | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -113,7 +115,7 @@ class MultibodySystem:
     @cached_property
     def assembled(self) -> Assembled:
         """The tree, and where each body is in it."""
-        return assembled(self.bodies, self.gravity, self.pulls, self.couplings)
+        return assembled(self.bodies, self.gravity, self.pulls, self.couplings, self.medium)
 
     @cached_property
     def tree_system(self) -> TreeSystem:
@@ -200,9 +202,18 @@ class TreeEquations(EquationsOfMotion):
         found: Array = np.moveaxis(self._doubles.inertia(_first(q)), -1, 0)
         return found
 
-    def slopes(self, q: Array, v: Array, a: Array) -> Array:
+    def slopes_by_number(self, q: Array, v: Array, a: Array) -> Array:
         """What numbers of the tree add to accelerations, (K, n, p), of states all (K, n)."""
         return np.moveaxis(self._doubles.slopes(*map(_first, (q, v, a))), -1, 0)
+
+    @property
+    def bent(self) -> bool:
+        """Whether some of its forces are not smooth."""
+        return self._doubles.bent
+
+    def bends(self, q: Array, v: Array) -> Array:
+        """Quantities where whose signs change forces are not smooth, (..., m), of (..., n) each."""
+        return _last(self._doubles.bends(_first(q), _first(v)))
 
     def rounding(self, q: Array, v: Array, forces: Array) -> Array:
         """Bound of what rounding does to accelerations at such states (..., n): (n,)."""

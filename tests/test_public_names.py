@@ -14,10 +14,10 @@ import physics_crosscheck.records
 ROOT = Path(__file__).parents[1]
 
 TOP = {
-    "Angle", "Body", "Constant", "Coordinate", "Coupling", "DeclarationError", "Equilibrium",
-    "Frame", "Input", "Joint", "Link", "MultibodySystem", "Output", "Pose", "PublishedEquation",
-    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "System", "check", "ground", "rotation",
-    "t",
+    "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
+    "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
+    "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "Results",
+    "RigidBody", "Scenario", "Site", "System", "check", "ground", "rotation", "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",
@@ -26,8 +26,10 @@ RECORDS = {
     "read_results",
 }  # fmt: skip
 ENGINE = {
-    "Array", "Check", "CompiledTree", "DefaultLeftOn", "Engine", "EngineError", "Force", "LeftOut",
-    "Model", "ModelSpec", "Remark", "Sample", "Spring", "StateForce", "conform", "conform_samples",
+    "Array", "Check", "CompiledTree", "DefaultLeftOn", "Engine", "EngineError", "Force",
+    "LeftOut",
+    "Model", "ModelSpec", "Remark", "Sample", "Spring", "StateForce", "conform",
+    "conform_samples",
 }  # fmt: skip
 
 

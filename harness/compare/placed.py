@@ -13,7 +13,8 @@ from reference.multibody.algebra import DOUBLES, about_axis
 from reference.multibody.chart import Chart, coordinate_names
 from reference.multibody.lump import Lump, Place
 from reference.multibody.recursion import Recursion
-from reference.multibody.tree import WORLD, Kind, Link, Tree
+from reference.multibody.tree import WORLD, Immersed, Kind, Link, Pull, Tree
+from reference.multibody.ways import JointForce, Mark
 from reference.numeric import Array
 
 
@@ -122,7 +123,7 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
         if within != WORLD:
             links[within] = _joined(links[within], link, place)
     pulls = tuple(
-        replace(pull, joints=tuple((now[i][0], share) for i, share in pull.joints))
+        _pulled(pull, now)
         for pull in tree.pulls
         if not any(tree.links[i].name in at for i, _ in pull.joints)
     )
@@ -131,12 +132,45 @@ def held(tree: Tree, at: Mapping[str, float]) -> tuple[Tree, tuple[int, ...]]:
             one,
             follower=now[one.follower][0],
             leader=None if one.leader is None else now[one.leader][0],
+            others=tuple((now[link][0], share) for link, share in one.others),
         )
         for one in tree.couplings
-        if not {tree.links[i].name for i in (one.follower, one.leader) if i is not None} & set(at)
+        if not {tree.links[i].name for i in (one.follower, *dict(one.leaders))} & set(at)
     )
-    whole = Tree(links=tuple(links), gravity=tree.gravity, pulls=pulls, couplings=couplings)
+    whole = Tree(
+        links=tuple(links),
+        gravity=tree.gravity,
+        pulls=pulls,
+        couplings=couplings,
+        medium=tree.medium,
+        bushes=tuple(replace(one, link=now[one.link][0]) for one in tree.bushes),
+        immersed=tuple(_carried(one, *now[one.link]) for one in tree.immersed
+                       if now[one.link][0] != WORLD),
+    )  # fmt: skip
     return whole, tuple(i for i, _ in now)
+
+
+def _pulled(pull: Pull, now: list[tuple[int, Place]]) -> Pull:
+    """A pull along what is on other links now."""
+    if pull.along is None:
+        return replace(pull, joints=tuple((now[i][0], share) for i, share in pull.joints))
+    if isinstance(pull.along, JointForce):
+        return replace(pull, along=pull.along.at(lambda link: now[link][0]))
+    return replace(pull, along=pull.along.at(lambda mark: _marked(mark, now)))
+
+
+def _marked(mark: Mark, now: list[tuple[int, Place]]) -> Mark:
+    if mark.link == WORLD:
+        return mark
+    link, frame = now[mark.link]
+    at = frame.of(Place(mark.rotation, mark.position))
+    return Mark(link=link, position=at.origin, rotation=at.rotation)
+
+
+def _carried(one: Immersed, link: int, frame: Place) -> Immersed:
+    """A box whose link's frame stands in another link."""
+    at = frame.of(Place(one.rotation, one.position))
+    return replace(one, link=link, position=at.origin, rotation=at.rotation)
 
 
 def _joined(carrier: Link, link: Link, place: Place) -> Link:

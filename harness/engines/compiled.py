@@ -24,6 +24,8 @@ class CompiledJoint:
         armature: inertia added to its own motion.
         friction: dry friction.
         limits: lower and upper, where it has them.
+        rest_place, rest_turn: where the spring of a ball or free joint is relaxed: metres, and a
+            quaternion.
     """
 
     name: str
@@ -37,6 +39,8 @@ class CompiledJoint:
     armature: float
     friction: float
     limits: tuple[float, float] | None
+    rest_place: Numbers = (0.0, 0.0, 0.0)
+    rest_turn: Numbers = (1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +57,7 @@ class CompiledBody:
         joints: between its parent and it.
         lift: share of its weight that is taken from it.
         ordinary: whether it is moved by forces alone, and weighs what it weighs.
+        dragged: whether a medium acts on it as on a box.
     """
 
     name: str
@@ -66,11 +71,49 @@ class CompiledBody:
     joints: tuple[CompiledJoint, ...]
     ordinary: bool
     lift: float = 0.0
+    dragged: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledMark:
+    """A frame on a body.
+
+    Attributes:
+        body: its index, counted from 1; 0 for the ground.
+        at, turn: metres and a unit quaternion, in the body's frame.
+    """
+
+    body: int
+    at: Numbers
+    turn: Numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledWay:
+    """A length that is no combination of hinges and slides: of one of these kinds.
+
+    Attributes:
+        branches: a cord of straight lines: shares, each with the frames that lines join.
+        frame: on which `gear` is a force and a moment, along its axes, or those of `against`, which
+            feels the opposite.
+        against: the other frame, where there is one.
+        joint: a ball or free one, by its index, on which `gear` is a moment, or a force and a
+            moment; -1 for none.
+        gear: force and moment by F.
+        in_parent: whether moments on a joint are along the axes of what carries it.
+    """
+
+    branches: tuple[tuple[float, tuple[CompiledMark, ...]], ...] = ()
+    frame: CompiledMark | None = None
+    against: CompiledMark | None = None
+    joint: int = -1
+    gear: Numbers = ()
+    in_parent: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompiledPull:
-    """A force along a length s that is a combination of hinges' and slides' positions.
+    """A force along a length s: of hinges' and slides' positions, or of another way.
 
     F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
     w = ds/dt and x is by how much s is outside `rest`; on each joint acts F times its coefficient.
@@ -78,8 +121,9 @@ class CompiledPull:
     Attributes:
         name: of the tendon or actuator.
         joints: coefficients by the index of the joint among all, in the bodies' order.
+        along: the other way.
         bias, gain: (b0, b1, b2) and (g0, g1, g2).
-        control: index of its input u; -1 for none.
+        control: index of its input u, or of the state that it holds; -1 for none.
         range: of its input, where it has one.
         stiffness, damping: (k_1, k_2, ...), (d_1, d_2, ...).
         rest: between which lengths springs pull nothing.
@@ -87,7 +131,8 @@ class CompiledPull:
     """
 
     name: str
-    joints: tuple[tuple[int, float], ...]
+    joints: tuple[tuple[int, float], ...] = ()
+    along: CompiledWay | None = None
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
     gain: tuple[float, float, float] = (0.0, 0.0, 0.0)
     control: int = -1
@@ -124,12 +169,28 @@ class CompiledCoupling:
     Attributes:
         follower, leader: indices of the joints among all; no leader where it stands at the offset.
         multiplier, offset: in the units of both.
+        others: further joints that it follows, each with its multiplier.
     """
 
     follower: int
     leader: int | None
     multiplier: float
     offset: float
+    others: tuple[tuple[int, float], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledMedium:
+    """A fluid in which the bodies move, each as the box of its mass and moments.
+
+    Attributes:
+        density, viscosity: kg/m^3, Pa s.
+        wind: m/s.
+    """
+
+    density: float
+    viscosity: float
+    wind: tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +202,7 @@ class CompiledTree:
         pulls: tendons and actuators.
         couplings: joints that follow others.
         controls: how many inputs the actuators have.
-        medium: whether wind, density or viscosity act on the bodies.
+        medium: in which the bodies move; None for none.
         name: of the model; empty for none.
         besides: what else the file has that the settings `smooth` and `couplings` leave out, each
             with its number.
@@ -153,7 +214,7 @@ class CompiledTree:
 
     bodies: tuple[CompiledBody, ...]
     gravity: tuple[float, float, float]
-    medium: bool
+    medium: CompiledMedium | None
     pulls: tuple[CompiledPull, ...] = ()
     couplings: tuple[CompiledCoupling, ...] = ()
     controls: int = 0

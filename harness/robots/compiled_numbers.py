@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from harness.engines.protocol import Engine, EngineError
 from harness.robots.compiled import tree_of
 from harness.robots.document import Document, DocumentError
 from harness.robots.numerals import NUDGE, Numeral, numerals, with_values
-from reference.multibody.tree import Link, Tree
+from reference.multibody.tree import Tree
 
 
 class CompiledNumbers:
@@ -109,16 +109,15 @@ def _moved(one: Numeral, share: float) -> float:
 
 def _same(one: Tree, other: Tree) -> bool:
     """Whether two trees are equal, to the last digit."""
-    if len(one.links) != len(other.links) or (one.pulls, one.couplings) != (
-        other.pulls,
-        other.couplings,
-    ):
-        return False
-    if not np.array_equal(one.gravity, other.gravity):
-        return False
-    pairs = zip(one.links, other.links, strict=True)
-    return all(_numbers(link) == _numbers(own) for link, own in pairs)
+    return _plain(one) == _plain(other)
 
 
-def _numbers(link: Link) -> list[object]:
-    return [np.asarray(getattr(link, field.name)).tolist() for field in fields(Link)]
+def _plain(value: object) -> object:
+    """What can be compared: all fields of what it is made of, and arrays as lists."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
+    if is_dataclass(value):
+        return tuple(_plain(getattr(value, field.name)) for field in fields(value))
+    return value

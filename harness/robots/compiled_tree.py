@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from harness.engines.compiled import CompiledBody, CompiledJoint, CompiledPull, CompiledTree
+from harness.engines.compiled import (
+    CompiledBody,
+    CompiledJoint,
+    CompiledMark,
+    CompiledPull,
+    CompiledTree,
+    CompiledWay,
+)
 from harness.robots.robot import LeftOut, Part, Robot, Told, home_of
 from reference.multibody.assemble import Assembled, assembled
 from reference.multibody.bodies import (
@@ -16,9 +24,11 @@ from reference.multibody.bodies import (
     Pull,
     Quaternion,
     RigidBody,
+    Site,
     Triple,
 )
-from reference.multibody.tree import Kind, Tree
+from reference.multibody.tree import Kind, Medium, Tree
+from reference.multibody.ways import Cord, FrameForce, JointForce
 
 KINDS: Mapping[str, Kind] = {
     "hinge": "hinge", "slide": "slide", "ball": "ball", "free": "free"
@@ -68,11 +78,19 @@ def _told(found: CompiledTree, controls: Sequence[float]) -> Told:
         gravity=found.gravity,
         pulls=tuple(_pulls(found, bodies, controls)),
         couplings=tuple(_couplings(found, bodies)),
+        medium=_medium(found),
     )
 
 
+def _medium(found: CompiledTree) -> Medium | None:
+    one = found.medium
+    if one is None:
+        return None
+    return Medium(density=one.density, viscosity=one.viscosity, wind=one.wind)
+
+
 def _assembled(told: Told) -> Assembled:
-    return assembled(told.bodies, told.gravity, told.pulls, told.couplings)
+    return assembled(told.bodies, told.gravity, told.pulls, told.couplings, told.medium)
 
 
 def _part(body: RigidBody, within: int) -> Part:
@@ -114,6 +132,7 @@ def _body(
         inertia=(xx, yy, zz, 0.0, 0.0, 0.0),
         inertia_quaternion=_quaternion(body.principal),
         lift=body.lift,
+        dragged=body.dragged,
     )
 
 
@@ -122,7 +141,14 @@ def _joint(joint: CompiledJoint, index: int) -> Joint:
     if kind not in ("hinge", "slide"):
         anchor = _triple(joint.at) if kind == "ball" else ZERO
         return Joint(
-            name=name, kind=kind, at=anchor, damping=_powers(joint.damping), armature=joint.armature
+            name=name,
+            kind=kind,
+            at=anchor,
+            damping=_powers(joint.damping),
+            stiffness=_powers(joint.stiffness),
+            armature=joint.armature,
+            rest_place=_triple(joint.rest_place),
+            rest_turn=_quaternion(joint.rest_turn),
         )
     return Joint(
         name=name,
@@ -152,8 +178,27 @@ def _pulls(
     found: CompiledTree, bodies: tuple[RigidBody, ...], controls: Sequence[float]
 ) -> Iterator[Pull]:
     names = [joint.name for body in bodies for joint in body.joints]
+    of = [None, *(body.name for body in bodies)]
     for one in found.pulls:
-        yield _pull(one, names, controls)
+        yield replace(_pull(one, names, controls), along=_along(one.along, names, of))
+
+
+def _along(
+    one: CompiledWay | None, joints: list[str], bodies: list[str | None]
+) -> Cord[Site] | FrameForce[Site] | JointForce[str] | None:
+    """A way by the names of what it is along."""
+    if one is None:
+        return None
+    if one.joint >= 0:
+        return JointForce(joint=joints[one.joint], gear=one.gear, in_parent=one.in_parent)
+
+    def site(mark: CompiledMark) -> Site:
+        turn = _quaternion(mark.turn)
+        return Site(body=bodies[mark.body], position=_triple(mark.at), quaternion=turn)
+
+    if one.frame is None:
+        return Cord(branches=one.branches).at(site)
+    return FrameForce(frame=one.frame, gear=one.gear, against=one.against).at(site)
 
 
 def _couplings(found: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterator[Coupling]:
@@ -164,6 +209,7 @@ def _couplings(found: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterator[C
             leader=None if one.leader is None else names[one.leader],
             multiplier=one.multiplier,
             offset=one.offset,
+            others=tuple((names[joint], share) for joint, share in one.others),
         )
 
 

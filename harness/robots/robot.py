@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
-from reference.multibody.tree import WORLD, Tree
+from reference.multibody.tree import WORLD, Medium, Tree
 from reference.numeric import Array
 
 
@@ -80,12 +80,14 @@ class Told:
         gravity: m/s^2.
         pulls: tendons and actuators.
         couplings: joints that follow others.
+        medium: in which the bodies move.
     """
 
     bodies: tuple[RigidBody, ...]
     gravity: Triple
     pulls: tuple[Pull, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    medium: Medium | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,6 +109,7 @@ class Robot:
         held: joints that stand still, since they move nothing that has inertia.
         shapes: files of meshes and the like without which the bodies can't be had, by the names
             that the file has for them.
+        floats: whether the root link of a URDF moves freely, which the format does not say.
     """
 
     name: str
@@ -121,14 +124,7 @@ class Robot:
     told: Told | None = None
     held: tuple[str, ...] = ()
     shapes: tuple[str, ...] = ()
-
-    @property
-    def floats(self) -> bool:
-        """Whether the root link of a URDF moves freely, which the format does not say."""
-        links = () if self.tree is None else self.tree.links
-        return self.file.suffix == ".urdf" and any(
-            link.kind == "free" and link.parent == WORLD for link in links
-        )
+    floats: bool = False
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

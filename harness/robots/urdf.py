@@ -88,6 +88,7 @@ def _read(document: Document, gravity: Triple, floating: bool) -> Robot:
         obstacles=(),
         told=Told(bodies=bodies, gravity=gravity, couplings=held),
         held=still,
+        floats=floating,
     )
 
 

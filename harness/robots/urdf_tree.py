@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from harness.robots.urdf_parts import ENDLESS, UrdfJoint, UrdfLink
-from reference.multibody.bodies import Joint, RigidBody
+from reference.multibody.bodies import ZERO, Joint, RigidBody
 
 Springs = Mapping[str, tuple[float, float]]
 """Stiffness and rest by the joint's name."""
@@ -61,11 +61,13 @@ def _bodies(
     waiting = list(reversed(below.get(root, [])))
     while waiting:
         joint = waiting.pop()
+        # What moves freely beside a root that stands still counts from the world, as engines do.
+        loose = joint.kind == "free" and joint.parent == root and not floating
         yield replace(
             links[joint.child].body,
             parent=joint.parent if carried or joint.parent != root else None,
-            position=joint.at,
-            rpy=joint.rpy,
+            position=ZERO if loose else joint.at,
+            rpy=ZERO if loose else joint.rpy,
             joints=_own(joint),
         )
         waiting += reversed(below.get(joint.child, []))

@@ -117,6 +117,7 @@ def _check_reading(made: Path, robot: Robot) -> None:
         gravity=system.gravity,
         pulls=system.pulls,
         couplings=system.couplings,
+        medium=system.medium,
     )
     if written != robot.told:
         raise NewError(f"{robot.file}: what was written of it is not what was read")

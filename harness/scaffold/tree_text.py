@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -14,6 +14,7 @@ from harness.robots.robot import Told
 from harness.scaffold.places import Key
 from harness.scaffold.text import comment, literal, plain, quoted
 from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
+from reference.multibody.ways import JointForce
 
 _BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
     "position": ("m", ()),
@@ -25,6 +26,7 @@ _BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
     "inertia_rpy": ("rad", ("inertial/origin",)),
     "inertia_quaternion": ("w, x, y, z", ("inertial",)),
     "lift": ("share of its weight", ()),
+    "dragged": ("by the medium", ()),
 })  # fmt: skip
 """Fields of a body: their unit, and in which elements they stand."""
 
@@ -66,8 +68,12 @@ def tree_text(
             f"Every number is as {compiled} compiles the file: in SI units, with defaults, frames"
             " and shapes put in"
         )
-    more = [*(["Coupling"] if told.couplings else []), *(["Pull"] if told.pulls else [])]
-    used = sorted(["Joint", "MultibodySystem", "RigidBody", *more])
+    more = {"Coupling": told.couplings, "Medium": told.medium, "Pull": told.pulls}
+    named = [name for name, there in more.items() if there]
+    ways = [pull.along for pull in told.pulls if pull.along is not None]
+    named += {type(one).__name__ for one in ways}
+    named += ["Site"] if any(not isinstance(one, JointForce) for one in ways) else []
+    used = sorted(["Joint", "MultibodySystem", "RigidBody", *named])
     lines = [
         f'""{quoted(f"The physics of {name}, read from {shown} by `crosscheck new`.")}""',
         "",
@@ -102,6 +108,9 @@ def tree_text(
             *map(_coupling, told.couplings),
             "    ),",
         ]
+    if told.medium:
+        said = (f"{key}={_number(value)}" for key, value in _said(told.medium, ()))
+        lines += [f"    medium=Medium({', '.join(said)}),  # kg/m^3, Pa s, m/s"]
     return "\n".join([*lines, ")", ""])
 
 
@@ -175,9 +184,7 @@ def _joint(joint: Joint, where: Mapping[Key, str]) -> Iterator[str]:
 def _pull(pull: Pull, where: Mapping[Key, str]) -> Iterator[str]:
     yield _opening(8, "Pull(", where.get(("pull", pull.name), ""))
     yield f"            name={quoted(pull.name)},"
-    shares = ", ".join(f"({quoted(name)}, {_number(share)})" for name, share in pull.joints)
-    yield f"            joints=({shares}{',' if len(pull.joints) == 1 else ''}),"
-    for key, value in _said(pull, ("name", "joints")):
+    for key, value in _said(pull, ("name",)):
         yield _field(12, key, value, "", "")
     yield "        ),"
 
@@ -211,7 +218,12 @@ def _field(indent: int, key: str, value: object, unit: str, place: str) -> str:
 
 
 def _number(value: object) -> str:
-    """A number, or a tuple of them, as Python reads it to the last digit."""
+    """A number, a name, or what is made of such, as Python reads it to the last digit."""
+    if isinstance(value, str):
+        return quoted(value)
+    if is_dataclass(value):
+        inner = ", ".join(f"{key}={_number(one)}" for key, one in _said(value, ()))
+        return f"{type(value).__name__}({inner})"
     if isinstance(value, tuple):
         inner = ", ".join(map(_number, value))
         return f"({inner}{',' if len(value) == 1 else ''})"

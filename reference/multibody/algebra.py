@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 Scalars = NDArray[Any]
 """Numbers, or what else can be added and multiplied."""
 
+VANISHING = 1e-300
+"""Beside any square of a number that is not."""
+
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
@@ -134,3 +137,23 @@ def quaternion_rate(q: Scalars, angular: Scalars) -> Scalars:
     w, x = q[0], q[1:]
     real = -(x * angular).sum(axis=0)
     return np.concatenate([real[None], w * angular + cross(x, angular)]) / 2
+
+
+def quaternion_product(one: Scalars, other: Scalars) -> Scalars:
+    """Turned by the other and then by the one, (4, ...) each, the real part first."""
+    w, x, v, y = one[:1], one[1:], other[:1], other[1:]
+    real = w * v - (x * y).sum(axis=0)
+    return np.concatenate([real, w * y + v * x + cross(x, y)])
+
+
+def rotation_vector(q: Scalars) -> Scalars:
+    """The angle, up to half a turn, times the axis, (3, ...), of a quaternion of any length.
+
+    Of any numbers that NumPy has the arc tangent of. Where the real part is zero it jumps.
+    """
+    w, x = q[0], q[1:]
+    # A square that vanishes stands for nothing: the quotient has a limit.
+    size = ((x * x).sum(axis=0) + VANISHING) ** 0.5
+    angle = 2 * np.arctan2(size, abs(w)) * w / abs(w)
+    found: Scalars = angle / size * x
+    return found

@@ -8,11 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from reference.multibody.algebra import DOUBLES, about_axis
-from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Triple, powers
+from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Site, Triple, powers
 from reference.multibody.lump import HERE, NOTHING, Lump, Place
-from reference.multibody.tree import VELOCITIES, WORLD, Link, Tree, TreeError
+from reference.multibody.tree import (
+    VELOCITIES,
+    WORLD,
+    Bush,
+    Immersed,
+    Link,
+    Medium,
+    Tree,
+    TreeError,
+)
 from reference.multibody.tree import Coupling as TreeCoupling
 from reference.multibody.tree import Pull as TreePull
+from reference.multibody.ways import JointForce, Mark, Way
 from reference.numeric import Array
 
 
@@ -39,6 +49,7 @@ def assembled(
     gravity: Triple,
     pulls: Sequence[Pull] = (),
     couplings: Sequence[Coupling] = (),
+    medium: Medium | None = None,
 ) -> Assembled:
     """Put bodies together, each after the one that carries it.
 
@@ -50,6 +61,7 @@ def assembled(
         gravity: m/s^2.
         pulls: forces along combinations of joints.
         couplings: joints that follow others.
+        medium: in which the bodies move.
 
     Raises:
         TreeError: naming the body, joint or pull that does not fit.
@@ -58,12 +70,15 @@ def assembled(
     for body in bodies:
         builder.add(body)
     lower, upper = np.array(builder.bounds, dtype=float).reshape(-1, 2).T
-    own = (*builder.pulls, *(builder.pull(one) for one in pulls))
+    pulled = (*builder.pulls, *(builder.pull(one) for one in pulls))
     tree = Tree(
         links=tuple(builder.whole()),
         gravity=np.array(gravity, dtype=float),
-        pulls=own,
+        pulls=pulled,
         couplings=tuple(map(builder.coupling, couplings)),
+        medium=medium,
+        bushes=tuple(builder.bushes),
+        immersed=() if medium is None else tuple(builder.immersed),
     )
     return Assembled(
         tree=tree,
@@ -81,6 +96,8 @@ class _Builder:
         self.bounds: list[tuple[float, float]] = []
         self.pulls: list[TreePull] = []
         self.cancelled: list[str] = []
+        self.immersed: list[Immersed] = []
+        self.bushes: list[Bush] = []
         self._links: list[Link] = []
         self._lumps: list[Lump] = []
         self._lifts: list[Lump] = []
@@ -114,6 +131,11 @@ class _Builder:
         self._lumps[within] = self._lumps[within].with_(own)
         lifted = lump._replace(mass=lump.mass * body.lift, inertia=np.zeros((3, 3)))
         self._lifts[within] = self._lifts[within].with_(lifted.seen(place))
+        if body.dragged and (box := body.box) is not None:
+            at = place.of(box[0])
+            self.immersed.append(
+                Immersed(link=within, position=at.origin, rotation=at.rotation, size=box[1])
+            )
 
     def _joint(self, joint: Joint, within: int, place: Place) -> tuple[int, Place]:
         """Add a joint; its link, and where the body's frame is in it."""
@@ -144,13 +166,15 @@ class _Builder:
                 center=np.zeros(3),
                 inertia=np.zeros((3, 3)),
                 armature=float(joint.armature),
-                damping=0.0 if joint.bent else _only(damping),
-                stiffness=0.0 if joint.bent else _only(stiffness),
+                damping=0.0 if joint.bent and joint.single else _only(damping),
+                stiffness=_only(stiffness) if joint.single and not joint.bent else 0.0,
                 rest=(float(joint.rest),),
             )
         )
         self._lumps.append(NOTHING)
         self._lifts.append(NOTHING)
+        if not joint.single and (powers(joint.stiffness) or len(damping) > 1):
+            self.bushes.append(_bush(joint, index))
         bounds = (joint.limits if joint.single else None) or (-np.inf, np.inf)
         self.bounds += [bounds] * VELOCITIES[joint.kind]
         return index, Place(np.eye(3), -anchor)
@@ -171,12 +195,29 @@ class _Builder:
         return TreePull(
             name=one.name,
             joints=tuple((self._index(name, what), float(share)) for name, share in one.joints),
+            along=self._along(one, what),
             constant=constant,
             stiffness=stiffness,
             damping=damping,
             rest=one.rest,
             armature=one.armature,
         )
+
+    def _along(self, one: Pull, what: str) -> Way | None:
+        if one.along is None:
+            return None
+        if isinstance(one.along, JointForce):
+            return one.along.at(lambda joint: self._index(joint, what))
+        return one.along.at(lambda site: self._marked(site, what))
+
+    def _marked(self, site: Site, what: str) -> Mark:
+        within, place = WORLD, HERE
+        if site.body is not None:
+            if site.body not in self.places:
+                raise TreeError(f"{what} names body {site.body!r}, which is none")
+            within, place = self.places[site.body]
+        place = place.of(site.place)
+        return Mark(link=within, position=place.origin, rotation=place.rotation)
 
     def coupling(self, one: Coupling) -> TreeCoupling:
         """By the links of the joints."""
@@ -186,6 +227,7 @@ class _Builder:
             leader=None if one.leader is None else self._index(one.leader, what),
             multiplier=one.multiplier,
             offset=one.offset,
+            others=tuple((self._index(name, what), share) for name, share in one.others),
         )
 
     def _index(self, joint: str, what: str) -> int:
@@ -196,3 +238,15 @@ class _Builder:
 
 def _only(values: tuple[float, ...]) -> float:
     return float(values[0]) if values else 0.0
+
+
+def _bush(joint: Joint, index: int) -> Bush:
+    turn = np.array(joint.rest_turn or (1.0, 0.0, 0.0, 0.0), dtype=float)
+    w, x, y, z = map(float, turn / np.linalg.norm(turn))
+    return Bush(
+        link=index,
+        stiffness=powers(joint.stiffness),
+        damping=powers(joint.damping)[1:],
+        place=joint.rest_place,
+        turn=(w, x, y, z),
+    )

@@ -17,6 +17,7 @@ import numpy as np
 from reference.multibody.algebra import from_quaternion, from_rpy
 from reference.multibody.lump import Lump, Place
 from reference.multibody.tree import Kind, TreeError
+from reference.multibody.ways import Cord, FrameForce, JointForce
 from reference.numeric import Array
 
 Triple = tuple[float, float, float]
@@ -25,6 +26,8 @@ Powers = float | tuple[float, ...]
 """A coefficient, or those of several powers: the first, the second, ..."""
 
 ZERO: Triple = (0.0, 0.0, 0.0)
+FLAT = 1e-15
+"""The least mass, kg, and second moment, kg m^2, that a box in a medium has."""
 KINDS = get_args(Kind)
 
 
@@ -44,6 +47,8 @@ class Joint:
             w, w |w|, w |w|^2, ...
         stiffness: N/m or N m/rad; of several, those of the powers of the stretch.
         rest: position at which the spring pulls nothing: rad or m.
+        rest_place, rest_turn: those of a free joint, m and (w, x, y, z); the latter of a ball joint
+            too, None where it is not turned.
         armature: added to the diagonal of the mass matrix: kg or kg m^2.
         limits: lowest and highest position, between which states are drawn; None where there are
             none.
@@ -62,6 +67,8 @@ class Joint:
     rest: float = 0.0
     armature: float = 0.0
     limits: tuple[float, float] | None = None
+    rest_place: Triple = ZERO
+    rest_turn: Quaternion | None = None
 
     def __post_init__(self) -> None:
         what = f"joint {self.name!r}"
@@ -78,13 +85,10 @@ class Joint:
             len(self.limits) == 2 and self.limits[0] <= self.limits[1]
         ):
             raise TreeError(f"limits of {what} are a lowest and a highest position")
-        if not self.single and powers(self.stiffness):
-            raise TreeError(f"{what} is a {self.kind} joint with a spring, which is not covered")
-        if not self.single and self.bent:
-            raise TreeError(
-                f"{what} is a {self.kind} joint with a damper that is no straight line, which is"
-                " not covered"
-            )
+        _check(what, "rest_place", self.rest_place, 3)
+        _check(what, "rest_turn", self.rest_turn or (1.0, 0.0, 0.0, 0.0), 4)
+        if self.rest_turn is not None and not any(self.rest_turn):
+            raise TreeError(f"rest_turn of {what} has no length")
 
     @property
     def single(self) -> bool:
@@ -121,6 +125,7 @@ class RigidBody:
         inertia: (ixx, iyy, izz, ixy, ixz, iyz) about the center of mass, kg m^2.
         inertia_rpy, inertia_quaternion: how the axes of `inertia` are turned in the body's frame.
         lift: share of its weight that does not pull on it.
+        dragged: whether a medium acts on it, as on the box of its mass and moments.
 
     Raises:
         TreeError: naming the body and what is wrong with it.
@@ -138,6 +143,7 @@ class RigidBody:
     inertia_rpy: Triple = ZERO
     inertia_quaternion: Quaternion | None = None
     lift: float = 0.0
+    dragged: bool = True
 
     def __post_init__(self) -> None:
         what = f"body {self.name!r}"
@@ -165,15 +171,66 @@ class RigidBody:
     @property
     def lump(self) -> Lump:
         """Its mass in its own frame."""
-        xx, yy, zz, xy, xz, yz = self.inertia
-        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
-        own = Lump(float(self.mass), np.zeros(3), tensor)
+        own = Lump(float(self.mass), np.zeros(3), self._tensor)
         return own.seen(_place(self.center, self.inertia_rpy, self.inertia_quaternion))
+
+    @property
+    def box(self) -> tuple[Place, Array] | None:
+        """The box of the same mass and moments: its frame in the body's, and its edges, m, (3,).
+
+        Its axes are those of `inertia`, principal ones where that has products. A side on which
+        nothing stands apart, such as of a plate, is that of `FLAT`. None without mass.
+        """
+        if self.mass < FLAT:
+            return None
+        place = _place(self.center, self.inertia_rpy, self.inertia_quaternion)
+        moments = np.array(self.inertia[:3], dtype=float)
+        if any(self.inertia[3:]):
+            moments, axes = np.linalg.eigh(self._tensor)
+            place = Place(place.rotation @ axes, place.origin)
+        apart = np.array([moments[i - 2] + moments[i - 1] - moments[i] for i in range(3)])
+        return place, np.sqrt(np.maximum(FLAT, apart) / self.mass * 6)
+
+    @property
+    def _tensor(self) -> Array:
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """A frame on a body.
+
+    Attributes:
+        body: its name; None for the world.
+        position: of its origin in the body's frame, m.
+        quaternion: how it is turned there, (w, x, y, z); None where it is not.
+
+    Raises:
+        TreeError: naming what is wrong with it.
+    """
+
+    body: str | None
+    position: Triple = ZERO
+    quaternion: Quaternion | None = None
+
+    def __post_init__(self) -> None:
+        what = f"a site on {self.body!r}"
+        _check(what, "position", self.position, 3)
+        if self.quaternion is not None:
+            _check(what, "quaternion", self.quaternion, 4)
+            if not any(self.quaternion):
+                raise TreeError(f"the quaternion of {what} has no length")
+
+    @property
+    def place(self) -> Place:
+        """In the body's frame."""
+        return _place(self.position, ZERO, self.quaternion)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pull:
-    """A force F along a length s that is a combination of hinges' and slides' positions.
+    """A force F along a length s: a combination of hinges' and slides' positions, or another way.
 
     F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
     w = ds/dt and x is by how much s is outside `rest`; on each joint acts F times its coefficient.
@@ -181,6 +238,7 @@ class Pull:
     Attributes:
         name: of the tendon or actuator.
         joints: names of joints, each with its coefficient.
+        along: the other way; it has no armature.
         bias: (b0, b1, b2).
         gain: (g0, g1, g2).
         control: u, at which its input is held.
@@ -194,7 +252,8 @@ class Pull:
     """
 
     name: str
-    joints: tuple[tuple[str, float], ...]
+    joints: tuple[tuple[str, float], ...] = ()
+    along: Cord[Site] | FrameForce[Site] | JointForce[str] | None = None
     bias: Triple = ZERO
     gain: Triple = ZERO
     control: float = 0.0
@@ -212,16 +271,23 @@ class Pull:
         _check(what, "control and armature", (self.control, self.armature), 2)
         _check(what, "rest", self.rest, 2)
         _check(what, "joints", [share for _, share in self.joints])
+        if isinstance(self.along, Cord):
+            _check(what, "branches", [share for share, _ in self.along.branches])
+        elif self.along is not None:
+            _check(what, "gear", self.along.gear, 6 if len(self.along.gear) != 3 else 3)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Coupling:
     """A hinge or slide that follows another: its position is multiplier * the other's + offset.
 
+    It may follow several, whose positions add up, each times its multiplier.
+
     Attributes:
         follower, leader: names of the joints; no leader where it stands at the offset.
         multiplier: in the units of both.
         offset: rad or m.
+        others: further joints that it follows, each with its multiplier.
 
     Raises:
         TreeError: naming what is wrong with it.
@@ -231,10 +297,12 @@ class Coupling:
     leader: str | None
     multiplier: float = 1.0
     offset: float = 0.0
+    others: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
         what = f"the coupling of {self.follower!r}"
         _check(what, "multiplier and offset", (self.multiplier, self.offset), 2)
+        _check(what, "others", [share for _, share in self.others])
 
 
 def powers(value: Powers) -> tuple[float, ...]:

@@ -103,7 +103,17 @@ class Charted:
         y, v, q = self._state(x, rate)
         energy = self._dynamics.kinetic(q, v) + self._dynamics.potential(q)
         supplied = (v * self._chart.forces(y, self._spread(forces))).sum(axis=0)
-        return np.stack([energy, supplied, self._dynamics.dissipated(v)])
+        return np.stack([energy, supplied, self._dynamics.dissipated(q, v)])
+
+    @property
+    def bent(self) -> bool:
+        """Whether some forces are not smooth."""
+        return self._dynamics.bent
+
+    def bends(self, x: Scalars, rate: Scalars) -> Scalars:
+        """Quantities where whose signs change they are not, (m, ...)."""
+        _, v, q = self._state(x, rate)
+        return self._dynamics.bends(q, v)
 
     def _state(self, x: Scalars, rate: Scalars) -> tuple[Scalars, Scalars, Scalars]:
         """All coordinates, and the tree's own velocities and positions."""

@@ -24,18 +24,20 @@ class Coupled:
         self.matrix[self.kept, range(len(self.kept))] = 1.0
         waiting = dict(rows)
         while waiting:
-            ready = [i for i, one in waiting.items() if _leader(tree, one) not in waiting]
+            ready = [
+                i for i, one in waiting.items() if not _leaders(tree, one).keys() & waiting.keys()
+            ]
             if not ready:
                 names = ", ".join(tree.links[one.follower].name for one in waiting.values())
                 raise TreeError(f"{names} follow each other in a circle")
             for i in ready:
-                self._follow(i, _leader(tree, waiting.pop(i)), rows[i])
+                self._follow(i, _leaders(tree, waiting.pop(i)), rows[i].offset)
 
-    def _follow(self, i: int, leader: int | None, one: Coupling) -> None:
-        self.offset[i] = one.offset
-        if leader is not None:
-            self.matrix[i] = one.multiplier * self.matrix[leader]
-            self.offset[i] += one.multiplier * self.offset[leader]
+    def _follow(self, i: int, leaders: dict[int, float], offset: float) -> None:
+        self.offset[i] = offset
+        for leader, multiplier in leaders.items():
+            self.matrix[i] += multiplier * self.matrix[leader]
+            self.offset[i] += multiplier * self.offset[leader]
 
     def positions(self, x: Scalars, field: Field = DOUBLES) -> Scalars:
         """y, (nv, ...), of x, (kept, ...)."""
@@ -61,5 +63,6 @@ class Coupled:
         return found
 
 
-def _leader(tree: Tree, one: Coupling) -> int | None:
-    return None if one.leader is None else tree.velocities[one.leader].start
+def _leaders(tree: Tree, one: Coupling) -> dict[int, float]:
+    """Multipliers, by the coordinates that are followed."""
+    return {tree.velocities[link].start: multiplier for link, multiplier in one.leaders}

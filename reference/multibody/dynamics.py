@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from reference.multibody.algebra import DOUBLES, Field, Scalars, cross, turned
+from reference.multibody.bushes import Bushes
+from reference.multibody.medium import Immersion
 from reference.multibody.pulls import Pulls
 from reference.multibody.recursion import Recursion
 from reference.multibody.tree import Tree, TreeError
@@ -22,11 +24,12 @@ class Dynamics:
 
     def __init__(self, tree: Tree, field: Field = DOUBLES) -> None:
         self.tree, self.recursion, self._field = tree, Recursion(tree, field), field
-        self._pulls = Pulls(tree, field)
+        self._pulls, self._bushes = Pulls(tree, self.recursion, field), Bushes(tree, field)
+        self._immersion = Immersion(tree, self.recursion, field)
         self._lifts = any(link.lifted for link in tree.links)
         for link in tree.links:
             if link.stiffness and link.kind not in ("hinge", "slide"):
-                raise TreeError(f"{link.name}: springs on a {link.kind} joint are not covered")
+                raise TreeError(f"{link.name}: a {link.kind} joint has bushes, not springs")
         widths = [there.stop - there.start for there in tree.velocities]
         self._damping, self._armature = (
             field.array(np.repeat(numbers, widths))
@@ -79,6 +82,10 @@ class Dynamics:
         left: Scalars = u - bodies - self._turned_armature(v) - self.springs(q) - damping
         if self._pulls:
             left = left + self._pulls.forces(q, v)
+        if self._bushes:
+            left = left + self._bushes.forces(q, v)
+        if self._immersion:
+            left = left + self._immersion.forces(q, v)
         return left + self.recursion.lift(q) if self._lifts else left
 
     def _along(self, numbers: Scalars, like: Scalars) -> Scalars:
@@ -97,6 +104,16 @@ class Dynamics:
                 linear = slice(there.start + 3, there.stop)
                 out[linear] = self._array(link.armature) * cross(own[:3], own[3:])
         return out
+
+    @property
+    def bent(self) -> bool:
+        """Whether some forces are not smooth."""
+        return self._pulls.bent or self._immersion.bent or bool(self._bushes)
+
+    def bends(self, q: Scalars, v: Scalars) -> Scalars:
+        """Quantities where whose signs change forces are not smooth, (m, ...)."""
+        own = self._bushes.bends(q, v)
+        return np.concatenate([self._pulls.bends(q, v), self._immersion.bends(q, v), *own])
 
     def acceleration(self, q: Scalars, v: Scalars, u: Scalars) -> Scalars:
         """a = M^-1 f, (nv, ...)."""
@@ -125,12 +142,18 @@ class Dynamics:
                 stretched = q[here] - self._array(link.rest[0])
                 found = found + self._array(link.stiffness) * stretched**2 / 2
         whole: Scalars = found[0]
-        return whole + self._pulls.stored(q) if self._pulls else whole
+        for one in (self._pulls, self._bushes):
+            whole = whole + one.stored(q) if one else whole
+        return whole
 
-    def dissipated(self, v: Scalars) -> Scalars:
-        """Power that dampers take, watts, (...)."""
+    def dissipated(self, q: Scalars, v: Scalars) -> Scalars:
+        """Power that dampers take, and the medium, watts, (...)."""
         found: Scalars = (self._damping.reshape(-1, *(1,) * (v.ndim - 1)) * v * v).sum(axis=0)
-        return found + self._pulls.dissipated(v) if self._pulls else found
+        for one in (self._pulls, self._bushes):
+            found = found + one.dissipated(q, v) if one else found
+        if self._immersion:
+            found = found - (v * self._immersion.forces(q, v)).sum(axis=0)
+        return found
 
     def _array(self, number: float) -> Scalars:
         """(1,): it broadcasts against every batch."""

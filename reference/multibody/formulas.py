@@ -53,8 +53,8 @@ def formulas(tree: Tree, q: tuple[sp.Symbol, ...], v: tuple[sp.Symbol, ...]) -> 
     other = next((one for one in tree.links if one.kind not in ("hinge", "slide")), None)
     if other is not None:
         return f"joint {other.name!r} is a {other.kind} joint"
-    if tree.pulls or tree.couplings:
-        return "of tendons, actuators and joints that follow others they are not written"
+    if tree.pulls or tree.couplings or tree.medium:
+        return "of tendons, actuators, joints that follow others and a medium they are not written"
     return _written(tree, q, v)
 
 

@@ -44,6 +44,17 @@ class Placement(NamedTuple):
     origin: Scalars
 
 
+class Moving(NamedTuple):
+    """Angular velocity of a link, and the velocity of its origin, (3, ...) each."""
+
+    angular: Scalars
+    linear: Scalars
+
+
+Acting = tuple[Scalars, Scalars]
+"""A force on a link, and its moment about the link's origin, (3, ...) each."""
+
+
 @dataclass(frozen=True)
 class _Constants:
     """A link's numbers, as those that are computed with; single ones are arrays (1,).
@@ -83,8 +94,12 @@ class Recursion:
 
     def poses(self, q: Scalars) -> list[Placement]:
         """Each link's frame in the world."""
+        return self.poses_of(self.placements(q))
+
+    def poses_of(self, placements: list[Placement]) -> list[Placement]:
+        """The same, of each link's frame in its parent's."""
         found: list[Placement] = []
-        for link, own in zip(self.tree.links, self.placements(q), strict=True):
+        for link, own in zip(self.tree.links, placements, strict=True):
             if link.parent == WORLD:
                 found.append(own)
                 continue
@@ -136,7 +151,7 @@ class Recursion:
         placements = self.placements(q)
         motions = self._motions(placements, v, a)
         forces = [own.asks(one) for own, one in zip(motions, self._links, strict=True)]
-        return self._handed_down(placements, forces)
+        return self.handed_down(placements, forces)
 
     def regressor(self, q: Scalars, v: Scalars, a: Scalars) -> Scalars:
         """What `bias` is times, in which it is linear: (nv, 10 links, ...).
@@ -160,12 +175,12 @@ class Recursion:
 
     def lift(self, q: Scalars) -> Scalars:
         """What acts on the joints because gravity does not pull on what is lifted, (nv, ...)."""
-        batch, forces = q.shape[1:], list[tuple[Scalars, Scalars]]()
+        batch, forces = q.shape[1:], list[Acting]()
         for link, pose in zip(self.tree.links, self.poses(q), strict=True):
             up = self._field.array([-link.lifted]) * _tall(self._gravity, batch)
             force = turned_back(pose.rotation, up + 0 * pose.origin)
             forces.append((force, cross(_tall(self._field.array(link.lift), batch), force)))
-        return self._handed_down(self.placements(q), forces)
+        return self.handed_down(self.placements(q), forces)
 
     def _motions(self, placements: list[Placement], v: Scalars, a: Scalars | None) -> list[_Motion]:
         """How each link moves, seen from what falls with gravity."""
@@ -180,10 +195,30 @@ class Recursion:
             found.append(_carried(base, placements[i], one, v[there], own))
         return found
 
-    def _handed_down(
-        self, placements: list[Placement], forces: list[tuple[Scalars, Scalars]]
-    ) -> Scalars:
-        """What forces, and moments about origins, on the links ask of the joints, (nv, ...)."""
+    def velocities(self, placements: list[Placement], v: Scalars) -> list[Moving]:
+        """Of each link, in its own frame, (3, ...) each."""
+        found: list[Moving] = []
+        still = self._field.array(np.zeros((3, *v.shape[1:])))
+        rows = zip(self.tree.links, self._links, placements, self.tree.velocities, strict=True)
+        for link, one, here, there in rows:
+            base = Moving(still, still) if link.parent == WORLD else found[link.parent]
+            linear = turned_back(here.rotation, base.linear + cross(base.angular, here.origin))
+            angular = turned_back(here.rotation, base.angular)
+            found.append(
+                Moving(
+                    angular + np.tensordot(one.turning, v[there], 1),
+                    linear + np.tensordot(one.sliding, v[there], 1),
+                )
+            )
+        return found
+
+    def handed_down(self, placements: list[Placement], forces: list[Acting]) -> Scalars:
+        """What forces, and moments about origins, on the links do on the joints, (nv, ...).
+
+        Args:
+            placements: each link's frame in its parent's.
+            forces: on each link, in its own frame, (3, ...) each; it is written over.
+        """
         tree = self.tree
         out: list[Scalars] = [forces[0][0]] * len(tree.links)
         for i in reversed(range(len(tree.links))):

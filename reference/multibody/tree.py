@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from reference.multibody.ways import JointForce, Way
 from reference.numeric import Array
 
 Kind = Literal["hinge", "slide", "ball", "free"]
@@ -100,11 +101,13 @@ class Pull:
     """A force F along a length s that is a combination of the positions of hinges and slides.
 
     F = constant - sum of k_i x^i - sum of d_i w |w|^(i - 1), i from 1, where w = ds/dt and x is by
-    how much s is outside `rest`; on each joint acts F times its coefficient.
+    how much s is outside `rest`; on each joint acts F times its coefficient. Or s is of another
+    way, of which no armature is told.
 
     Attributes:
         name: of the tendon or actuator.
         joints: coefficients by the index of the joint's link.
+        along: the other way; None where there are joints.
         constant: N, or N m where s is an angle.
         stiffness: k_1, k_2, ...; N/m^i or N m/rad^i.
         damping: d_1, d_2, ...
@@ -113,12 +116,37 @@ class Pull:
     """
 
     name: str
-    joints: tuple[tuple[int, float], ...]
+    joints: tuple[tuple[int, float], ...] = ()
+    along: Way | None = None
     constant: float = 0.0
     stiffness: tuple[float, ...] = ()
     damping: tuple[float, ...] = ()
     rest: tuple[float, float] = (0.0, 0.0)
     armature: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bush:
+    """A spring, and a damper of higher powers, of a ball or free joint.
+
+    On its rotation acts the moment -(k_1 + k_2 r + k_3 r^2 ...) x, where x is the rotation vector
+    from `turn` and r its size; on a free joint's place, the same force by how far that is from
+    `place`. A damper acts on each component of the velocity, that of places along the axes of what
+    carries the joint: -(d_2 |w| + d_3 |w|^2 ...) w.
+
+    Attributes:
+        link: index of the joint's.
+        stiffness: k_1, k_2, ...
+        damping: d_2, d_3, ...; the first is the link's.
+        place: m.
+        turn: a unit quaternion, its real part first.
+    """
+
+    link: int
+    stiffness: tuple[float, ...] = ()
+    damping: tuple[float, ...] = ()
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,12 +158,57 @@ class Coupling:
         leader: index of the other's, or None where it stands at the offset.
         multiplier: in units of both.
         offset: rad or m.
+        others: further links' indices, each with its multiplier: their positions are added.
     """
 
     follower: int
     leader: int | None
     multiplier: float = 1.0
     offset: float = 0.0
+    others: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def leaders(self) -> tuple[tuple[int, float], ...]:
+        """All links that it follows, each with its multiplier."""
+        first = () if self.leader is None else ((self.leader, self.multiplier),)
+        return (*first, *self.others)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Medium:
+    """A fluid in which the bodies move, at rest or in a wind.
+
+    It acts on each body as on the box that has the body's mass and moments (the "inertia model" of
+    the format MJCF, in its documentation under "Fluid forces"): along and about each axis of the
+    box by a drag that is quadratic in the velocity, and by the viscous resistance of a sphere of
+    the box's mean size.
+
+    Attributes:
+        density: kg/m^3.
+        viscosity: Pa s.
+        wind: velocity of the fluid, m/s.
+    """
+
+    density: float = 0.0
+    viscosity: float = 0.0
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Immersed:
+    """A box on which the medium acts.
+
+    Attributes:
+        link: index of the link in which it stands.
+        position: of its center, in the link's frame, m, (3,).
+        rotation: of its axes there, as columns, (3, 3).
+        size: its edges, m, (3,).
+    """
+
+    link: int
+    position: Array
+    rotation: Array
+    size: Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,26 +220,40 @@ class Tree:
         gravity: m/s^2, (3,).
         pulls: forces that act on several joints, or are no straight line.
         couplings: joints that follow others, each at most once.
+        medium: in which the bodies move; None for none.
+        immersed: on what of the bodies it acts.
+        bushes: springs of ball and free joints.
     """
 
     links: tuple[Link, ...]
     gravity: Array
     pulls: tuple[Pull, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    medium: Medium | None = None
+    immersed: tuple[Immersed, ...] = ()
+    bushes: tuple[Bush, ...] = ()
 
     def __post_init__(self) -> None:
         for i, link in enumerate(self.links):
             if not WORLD <= link.parent < i:
                 raise TreeError(f"{link.name}: the link that carries it does not come before it")
         for pull in self.pulls:
-            for i, _ in pull.joints:
-                if self.links[i].kind not in ("hinge", "slide"):
-                    raise TreeError(f"{pull.name}: {self.links[i].name} is no hinge and no slide")
+            self._check_pull(pull)
         for one in self.couplings:
-            ends = (one.follower,) if one.leader is None else (one.follower, one.leader)
-            for i in ends:
+            for i in (one.follower, *(leader for leader, _ in one.leaders)):
                 if self.links[i].kind not in ("hinge", "slide"):
                     raise TreeError(f"{self.links[i].name} is coupled, and no hinge and no slide")
+
+    def _check_pull(self, pull: Pull) -> None:
+        for i, _ in pull.joints:
+            if self.links[i].kind not in ("hinge", "slide"):
+                raise TreeError(f"{pull.name}: {self.links[i].name} is no hinge and no slide")
+        if pull.along is not None and (pull.joints or pull.armature):
+            raise TreeError(f"{pull.name}: its way is none of joints, and has no armature")
+        if isinstance(pull.along, JointForce):
+            joint, many = self.links[pull.along.joint], len(pull.along.gear)
+            if {"ball": 3, "free": 6}.get(joint.kind) != many:
+                raise TreeError(f"{pull.name}: {joint.name} does not take a gear of {many} numbers")
 
     @cached_property
     def positions(self) -> tuple[slice, ...]:

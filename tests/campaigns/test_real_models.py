@@ -32,8 +32,10 @@ FILES = {
 
 def ran(folder: Path) -> str:
     """The campaign on both folders."""
-    command = [sys.executable, "-m", "campaigns.real_models", str(folder / "one"),
-               str(folder / "two"), "--jobs", "1", "--kept", folder / "kept.jsonl"]  # fmt: skip
+    command: list[str] = [
+        sys.executable, "-m", "campaigns.real_models", str(folder / "one"), str(folder / "two"),
+        "--jobs", "1", "--kept", str(folder / "kept.jsonl"),
+    ]  # fmt: skip
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
     )

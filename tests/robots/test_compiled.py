@@ -149,20 +149,20 @@ PULLING = """
     <velocity tendon="idle" kv="4" gear="1.5"/>
     <general joint="shift" gaintype="affine" gainprm="5 2 1" biastype="affine" biasprm="1 -2 -3"
       damping="0.7" armature="0.25" gear="2"/>
-    <general joint="wave" dyntype="integrator" gainprm="50"/>
+    <muscle joint="wave" force="50" lengthrange="0.1 1"/>
   </actuator>
 """
 
 
 def test_so_do_tendons_and_actuators_whose_inputs_are_held(tmp_path: Path) -> None:
-    """Polynomials, armatures, gears, servos of joints and tendons; states are left out."""
+    """Polynomials, armatures, gears, servos of joints and tendons; muscles are left out."""
     file = written(tmp_path, PULLING, gravcomp=0.6)
     # A square of a velocity has a kink where it turns; its cube has none to speak of.
     cubic = 'class="soft"><joint damping="0.1 0 0.2"'
     file.write_text(file.read_text().replace('class="soft"><joint', cubic))
     assert outcome(file) == (Outcome.AGREES, "")
     prepared = prepare_robot(file)
-    assert "actuators with states, or not on joints" in prepared.left_out
+    assert "actuators of other laws or transmissions" in prepared.left_out
     assert "saturation of actuators (2)" in prepared.left_out
     controls = prepared.settings["controls"]
     assert isinstance(controls, list)
@@ -202,16 +202,9 @@ def test_what_a_file_switches_off_is_off(tmp_path: Path, flag: str) -> None:
 
 
 MORE = {
-    "actuators with states, or not on joints":
-        '<actuator><intvelocity joint="turn" kp="50" actrange="-1 1"/></actuator>',
+    "actuators of other laws or transmissions":
+        '<actuator><muscle joint="turn" force="20" lengthrange="0.1 1"/></actuator>',
     "equality constraints": '<equality><connect body1="last" anchor="0 0 0"/></equality>',
-    "springs of ball and free joints":
-        '<worldbody><body><joint name="f" type="free" stiffness="1"/><geom size="0.1"/></body>'
-        "</worldbody>",
-    "spatial tendons that pull":
-        '<worldbody><site name="s"/><body><joint type="ball"/><geom size="0.1"/>'
-        '<site name="t" pos="1 0 0"/></body></worldbody><tendon><spatial stiffness="3"><site '
-        'site="s"/><site site="t"/></spatial></tendon>',
 }  # fmt: skip
 
 
@@ -229,12 +222,6 @@ def test_joints_with_dampers_follow_each_other(tmp_path: Path, joints: tuple[str
     file = written(tmp_path, f'<equality><joint joint1="{one}" joint2="{other}"/></equality>')
     assert outcome(file) == (Outcome.AGREES, "")
     assert prepare_robot(file).settings["couplings"] == [one]
-
-
-def test_so_does_a_medium(tmp_path: Path) -> None:
-    file = written(tmp_path, density=1.2)
-    assert outcome(file) == (Outcome.AGREES, "")
-    assert "a medium" in prepare_robot(file).left_out
 
 
 @pytest.mark.parametrize("given", [[1.0], "all", [1.0, "x", 2.0, 3.0, 4.0]])

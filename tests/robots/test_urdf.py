@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from harness.cases.robot import prepare_robot, run_robot
+from harness.records.outcome import Outcome
 from reference.multibody.dynamics import Dynamics
 from tests.robots.files import BODY, inertial, joint, last, link, read, read_text, told, tree_of
 
@@ -132,6 +134,47 @@ def test_joints_that_move_more_ways(tmp_path: Path) -> None:
     assert told(robot) == {"damping of a floating joint": ("f",)}
     assert robot.home == pytest.approx([0] * 9)
     assert np.isinf(robot.limits).all()
+
+
+def test_what_floats_beside_a_root_that_stands_still_counts_from_the_world(tmp_path: Path) -> None:
+    """Wherever its `<origin>` is, as MuJoCo has it."""
+    place = '<origin xyz="0.3 0.2 0.5" rpy="0.3 0.2 0.1"/>'
+    lines = (link("root", ""), link("fly"), link("tail"))
+    joints = (
+        joint("loose", "root", "fly", place, "floating"),
+        joint("wag", "fly", "tail", f'{place}<axis xyz="0 1 0"/>'),
+    )
+    robot = read(tmp_path, *lines, *joints)
+    free, hinge = tree_of(robot).links
+    assert free.position == pytest.approx([0, 0, 0])
+    assert free.rotation == pytest.approx(np.eye(3))
+    assert hinge.position == pytest.approx([0.3, 0.2, 0.5])
+    assert not robot.floats
+    case = run_robot(prepare_robot(robot.file).task("mujoco", 1e-9))
+    assert (case.outcome, case.reason) == (Outcome.AGREES, "")
+    assert read(tmp_path, link("a"), link("b"), joint("j", "a", "b"), floating=True).floats
+
+
+OPTIONS = {
+    'balanceinertia="true"': False, 'boundmass="2.5"': False, 'boundinertia="0.2"': False,
+    'inertiafromgeom="true"': False, 'fusestatic="false"': True, 'discardvisual="false"': True,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_what_an_engine_is_asked_to_make_of_inertias_differs(tmp_path: Path, option: str) -> None:
+    """They are not the file's own numbers then; what changes none of them agrees."""
+    box = '<geometry><box size="0.1 0.2 0.3"/></geometry>'
+    shapes = f"<collision>{box}</collision><visual>{box}</visual></link>"
+    odd = 'ixx="0.05"' if "balance" in option else 'ixx="0.3"'
+    swung = link("a").replace("</link>", shapes).replace('ixx="0.3"', odd)
+    robot = read(
+        tmp_path, f"<mujoco><compiler {option}/></mujoco>", link("root", ""), swung,
+        joint("j", "root", "a", '<axis xyz="0.2 1 0.3"/>'),
+    )  # fmt: skip
+    case = run_robot(prepare_robot(robot.file).task("mujoco", 1e-9))
+    assert case.outcome is (Outcome.AGREES if OPTIONS[option] else Outcome.DIFFERS)
+    assert "<mujoco>" in told(robot)
 
 
 def test_springs_are_those_of_gazebo(tmp_path: Path) -> None:

@@ -30,14 +30,15 @@ DATA = Path(pybullet_data.getDataPath())
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 SHAPE = "v 0 0 0\nv .2 0 0\nv 0 .2 0\nv 0 0 .2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
-ALL = """<mujoco model="all"><include file="beside.xml"/><compiler meshdir="shapes"/>
+ALL = """<mujoco model="all"><option density="1.2" wind="1 2 0"/>
+<include file="beside.xml"/><compiler meshdir="shapes"/>
 <default><joint damping="0.1"/></default>
 <asset><mesh name="tetrahedron" file="tetrahedron.obj"/></asset>
-<worldbody>
+<worldbody><site name="there" pos="0 0 2"/>
 <body name="base" pos="0 0 1" gravcomp="0.5"><freejoint name="root"/>
 <geom type="mesh" mesh="tetrahedron" density="500"/>
 <body name="arm" pos="0.1 0 0" euler="10 20 30"><joint name="shoulder" type="ball"
- armature="0.01" pos="0.01 0.02 0"/>
+ armature="0.01" pos="0.01 0.02 0" stiffness="2 1 0"/><site name="at" pos="0.1 0 0" euler="1 2 3"/>
 <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>
 <body pos="0.3 0 0"><joint name="elbow" axis="0 1 1" stiffness="3 2 1" springref="10" ref="20"/>
 <joint name="slide" type="slide" axis="1 0 0" ref="0.1" range="-1 0.5"/>
@@ -46,9 +47,12 @@ ALL = """<mujoco model="all"><include file="beside.xml"/><compiler meshdir="shap
 <replicate count="2" offset="0 1 0"><body name="r"><joint name="rj" axis="1 0 0"/>
 <geom type="box" size=".1 .2 .1" pos="0 .2 0"/></body></replicate></worldbody>
 <tendon><fixed name="rope" stiffness="5" damping="0.3" springlength="0.1">
-<joint joint="elbow" coef="0.5"/><joint joint="slide" coef="-1"/></fixed></tendon>
+<joint joint="elbow" coef="0.5"/><joint joint="slide" coef="-1"/></fixed>
+<spatial name="line" stiffness="3"><site site="at"/><site site="there"/></spatial></tendon>
 <actuator><position name="servo" joint="elbow" kp="5" kv="0.2"/>
-<motor tendon="rope" gear="2"/></actuator>
+<motor tendon="rope" gear="2"/><motor site="at" refsite="there" gear="1 2 3 0 0 0"/>
+<motor joint="root" gear="1 2 3 4 5 6"/>
+<intvelocity joint="slide" kp="2" actrange="-1 1"/></actuator>
 <equality><joint joint1="rj1" joint2="rj0" polycoef="0.1 -0.5 0 0 0"/></equality></mujoco>
 """
 
@@ -72,7 +76,9 @@ def digits(tree: Tree) -> list[object]:
         [repr(np.asarray(getattr(link, field.name)).tolist()) for field in fields(Link)]
         for link in tree.links
     ]
-    return [links, repr(tree.pulls), repr(tree.couplings), repr(tree.gravity.tolist())]
+    return [links, repr(tree.pulls), repr(tree.couplings), repr(tree.gravity.tolist()),
+            repr(tree.medium), repr(tree.bushes),
+            [one.size.tolist() for one in tree.immersed]]  # fmt: skip
 
 
 def bodies(folder: Path) -> MultibodySystem:

@@ -188,11 +188,11 @@ class MujocoModel(Model):
         spec: ModelSpec,
         found: tuple[XmlSource, ...],
         warnings: Warnings,
-        controls: Array,
+        controls: tuple[Array, Array],
     ) -> None:
         import mujoco
 
-        self._controls = controls
+        self._controls, self._activations = controls
 
         self.model, self._spec, self._sources, self._warnings = model, spec, found, warnings
         self._states = States(model)
@@ -328,10 +328,11 @@ class MujocoModel(Model):
         # A rollout without controls keeps the forces that an earlier one left in its data.
         mujoco.mj_resetData(self.model, self._data)
         qpos, nq, nv = self._states.qpos(q), self.model.nq, self.model.nv
-        # The full physics state is (time, qpos, qvel) and the activations, which stay zero.
+        # The full physics state is (time, qpos, qvel), the activations and more, which is zero.
         size = mujoco.mj_stateSize(self.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         state = np.zeros((len(q), size))
         state[:, 1 : 1 + nq], state[:, 1 + nq : 1 + nq + nv] = qpos, self._states.qvel(q, v)
+        state[:, 1 + nq + nv : 1 + nq + nv + self.model.na] = self._activations
         held = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
         if self._controls.any():
             held |= int(mujoco.mjtState.mjSTATE_CTRL)
@@ -363,6 +364,7 @@ class MujocoModel(Model):
         for b in range(len(q)):
             mujoco.mj_resetData(self.model, data)
             data.qpos[:], data.qvel[:], data.ctrl[:] = qpos[b], qvel[b], self._controls
+            data.act[:] = self._activations
             held = force.inputs[b].tolist()
             for i in range(n):
                 data.qfrc_applied[:] = force.at(self._states.at(data.qpos, q[b]), held[i])

@@ -1,4 +1,4 @@
-"""Tendons and actuators of a compiled model as forces along combinations of joints."""
+"""Tendons and actuators of a compiled model as forces along lengths."""
 
 from __future__ import annotations
 
@@ -7,29 +7,45 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.compiled import CompiledCoupling, CompiledPull, Numbers
+from harness.engines.compiled import CompiledPull, CompiledWay, Numbers
+from harness.engines.mujoco.ways import Combination, of_actuator, of_tendon
 
 _SPRING, _DAMPER, _ACTUATION = "SPRING", "DAMPER", "ACTUATION"
 
 
 def pulls(m: Any) -> Iterator[CompiledPull]:
-    """All that are straight: those of fixed tendons that pull, and of actuators without a state.
+    """All that have a formula: those of tendons that pull, and of actuators.
 
     What a file's flags switch off pulls nothing.
     """
     for i in range(m.ntendon):
-        if straight_tendon(m, i) and pulls_by_itself(m, i):
-            yield CompiledPull(
-                name=m.tendon(i).name or f"tendon_{i}",
-                joints=_tendon(m, i),
+        if covered_tendon(m, i) and pulls_by_itself(m, i):
+            yield _pull(
+                m.tendon(i).name or f"tendon_{i}",
+                of_tendon(m, i),
                 stiffness=powers(m, "tendon_stiffness", i) if acts(m, _SPRING) else (),
                 damping=powers(m, "tendon_damping", i) if acts(m, _DAMPER) else (),
                 rest=_pair(m.tendon_lengthspring[i]),
-                armature=float(m.tendon_armature[i]),
+                armature=float(m.tendon_armature[i]) if not spatial_tendon(m, i) else 0.0,
             )
-    for i in range(m.nu):
-        if straight_actuator(m, i):
+    for i in range(actuators(m)):
+        if covered_actuator(m, i):
             yield from _actuator(m, i)
+
+
+def actuators(m: Any) -> int:
+    """How many there are; in MuJoCo 4 some have more inputs than one."""
+    return int(getattr(m, "nactuator", m.nu))
+
+
+def output(m: Any, i: int) -> int:
+    """An actuator's row among those that are one for each of its forces."""
+    return int(m.actuator_outadr[i]) if hasattr(m, "actuator_outadr") else i
+
+
+def control(m: Any, i: int) -> int:
+    """An actuator's first input."""
+    return int(m.actuator_ctrladr[i]) if hasattr(m, "actuator_ctrladr") else i
 
 
 def acts(m: Any, what: str) -> bool:
@@ -39,11 +55,16 @@ def acts(m: Any, what: str) -> bool:
     return not int(m.opt.disableflags) & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{what}"))
 
 
-def straight_tendon(m: Any, i: int) -> bool:
-    """Whether it is a combination of joints."""
+def covered_tendon(m: Any, i: int) -> bool:
+    """Whether it is a combination of joints, or of lines between sites."""
+    return of_tendon(m, i) is not None
+
+
+def spatial_tendon(m: Any, i: int) -> bool:
+    """Whether it goes through space."""
     import mujoco
 
-    return bool(m.wrap_type[m.tendon_adr[i]] == mujoco.mjtWrap.mjWRAP_JOINT)
+    return bool(m.wrap_type[m.tendon_adr[i]] != mujoco.mjtWrap.mjWRAP_JOINT)
 
 
 def pulls_by_itself(m: Any, i: int) -> bool:
@@ -52,71 +73,43 @@ def pulls_by_itself(m: Any, i: int) -> bool:
     return bool(any(own) or m.tendon_armature[i])
 
 
-def straight_actuator(m: Any, i: int) -> bool:
-    """Whether its force is affine in a joint's or tendon's position and velocity.
+def covered_actuator(m: Any, i: int) -> bool:
+    """Whether its force is affine in a length that has a formula, and that length's rate.
 
-    It has no state, no delay and one input, which its gain multiplies.
+    It has one input, which its gain multiplies, without a delay; or a state of its own, which is
+    held.
     """
     import mujoco
 
     gain, bias = mujoco.mjtGain(m.actuator_gaintype[i]), mujoco.mjtBias(m.actuator_biastype[i])
-    held = (
-        m.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_NONE
-        and gain in (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtGain.mjGAIN_AFFINE)
+    kept = mujoco.mjtDyn(m.actuator_dyntype[i]) == mujoco.mjtDyn.mjDYN_NONE or held_state(m, i) >= 0
+    affine = (
+        gain in (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtGain.mjGAIN_AFFINE)
         and bias in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
         and not (hasattr(m, "actuator_delay") and m.actuator_delay[i])
         and not (hasattr(m, "actuator_ctrlnum") and m.actuator_ctrlnum[i] != 1)
     )
-    if not held:
+    if not kept or not affine:
         return False
-    target = int(m.actuator_trnid[i][0])
-    match mujoco.mjtTrn(m.actuator_trntype[i]):
-        case mujoco.mjtTrn.mjTRN_JOINT | mujoco.mjtTrn.mjTRN_JOINTINPARENT:
-            return mujoco.mjtJoint(m.jnt_type[target]) in (
-                mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE,
-            )  # fmt: skip
-        case mujoco.mjtTrn.mjTRN_TENDON:
-            return straight_tendon(m, target)
-    return False
+    way = of_actuator(m, i, _gear(m, i))
+    # Of its own dampers and armature, those on balls and free joints have no formula here.
+    return way is not None and not (
+        isinstance(way, CompiledWay) and way.joint >= 0 and any(_own(m, i))
+    )
 
 
-def couplings(m: Any) -> Iterator[CompiledCoupling]:
-    """Joints that equalities make follow others, or stand still, by a straight line."""
-    for i in straight_equalities(m):
-        one, other = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
-        offset, multiplier = float(m.eq_data[i][0]), float(m.eq_data[i][1])
-        offset += float(m.qpos0[m.jnt_qposadr[one]])
-        if other >= 0:
-            offset -= multiplier * float(m.qpos0[m.jnt_qposadr[other]])
-        yield CompiledCoupling(
-            follower=one,
-            leader=other if other >= 0 else None,
-            multiplier=multiplier if other >= 0 else 0.0,
-            offset=offset,
-        )
-
-
-def straight_equalities(m: Any) -> list[int]:
-    """Those that make a slide or hinge follow another by a straight line, or stand still.
-
-    They are active, and each the first for its joint; no leader follows one of its followers.
-    """
+def held_state(m: Any, i: int) -> int:
+    """Index of an actuator's state, where a held input lets it stand; -1 for none."""
     import mujoco
 
-    found, leaders = list[int](), dict[int, int]()
-    for i in range(m.neq) if acts(m, "EQUALITY") else ():
-        if m.eq_type[i] != mujoco.mjtEq.mjEQ_JOINT or not m.eq_active0[i]:
-            continue
-        one, at = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
-        if np.any(m.eq_data[i][2:5]) or one in leaders:
-            continue
-        leader = at
-        while at in leaders:
-            at = leaders[at]
-        if at != one:
-            found.append(i)
-            leaders[one] = leader
-    return found
+    able = (
+        mujoco.mjtDyn.mjDYN_INTEGRATOR,
+        mujoco.mjtDyn.mjDYN_FILTER,
+        mujoco.mjtDyn.mjDYN_FILTEREXACT,
+    )
+    if mujoco.mjtDyn(m.actuator_dyntype[i]) not in able or m.actuator_actnum[i] != 1:
+        return -1
+    return int(m.actuator_actadr[i])
 
 
 def joint_name(m: Any, i: int) -> str:
@@ -128,38 +121,61 @@ def _actuator(m: Any, i: int) -> Iterator[CompiledPull]:
     """Its force; and its own damper and armature, which count from the motor's side (gear^2)."""
     import mujoco
 
-    target, gear = int(m.actuator_trnid[i][0]), float(m.actuator_gear[i][0])
-    tendon = m.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON
-    joints = _tendon(m, target) if tendon else ((target, 1.0),)
+    gear = _gear(m, i)
     name = m.actuator(i).name or f"actuator_{i}"
-    if acts(m, _ACTUATION):
+    if acts(m, _ACTUATION) and not _off(m, i):
         affine = m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE
         turning = m.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_AFFINE
         gain = [float(one) for one in m.actuator_gainprm[i][:3]]
-        limited = bool(m.actuator_ctrllimited[i])
-        yield CompiledPull(
-            name=name,
-            joints=tuple((j, gear * share) for j, share in joints),
+        yield _pull(
+            name,
+            of_actuator(m, i, gear),
             bias=_triple(m.actuator_biasprm[i]) if affine else (0.0, 0.0, 0.0),
             gain=(gain[0], gain[1], gain[2]) if turning else (gain[0], 0.0, 0.0),
-            control=int(m.actuator_ctrladr[i]) if hasattr(m, "actuator_ctrladr") else i,
-            range=_pair(m.actuator_ctrlrange[i]) if limited else None,
+            control=control(m, i),
+            range=_range(m, i),
         )
-    if hasattr(m, "actuator_armature"):
-        damping = tuple(gear**2 * d for d in powers(m, "actuator_damping", i))
-        armature = gear**2 * float(m.actuator_armature[i])
-        if any(damping) or armature:
-            yield CompiledPull(
-                name=name,
-                joints=joints,
-                damping=damping if acts(m, _DAMPER) else (),
-                armature=armature,
-            )
+    armature, *damping = _own(m, i)
+    way = of_actuator(m, i, (1.0, *gear[1:]))
+    on_frame = isinstance(way, CompiledWay) and way.frame is not None
+    if any(_own(m, i)) and not on_frame:
+        yield _pull(
+            name,
+            way,
+            damping=tuple(gear[0] ** 2 * d for d in damping) if acts(m, _DAMPER) else (),
+            armature=0.0 if isinstance(way, CompiledWay) else gear[0] ** 2 * armature,
+        )
 
 
-def _tendon(m: Any, i: int) -> tuple[tuple[int, float], ...]:
-    first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
-    return tuple((int(m.wrap_objid[k]), float(m.wrap_prm[k])) for k in range(first, first + count))
+def _pull(name: str, way: Combination | CompiledWay | None, **rest: Any) -> CompiledPull:
+    if isinstance(way, CompiledWay):
+        return CompiledPull(name=name, along=way, **rest)
+    return CompiledPull(name=name, joints=way or (), **rest)
+
+
+def _range(m: Any, i: int) -> tuple[float, float] | None:
+    """Within which its input is to be held, or its state; None for anywhere."""
+    if held_state(m, i) >= 0 and m.actuator_actlimited[i]:
+        return _pair(m.actuator_actrange[i])
+    at = control(m, i)
+    return _pair(m.actuator_ctrlrange[at]) if m.actuator_ctrllimited[at] else None
+
+
+def _off(m: Any, i: int) -> bool:
+    """Whether its group is switched off."""
+    group = int(m.actuator_group[i])
+    return 0 <= group <= 30 and bool(int(m.opt.disableactuator) >> group & 1)
+
+
+def _gear(m: Any, i: int) -> Numbers:
+    return tuple(map(float, m.actuator_gear[output(m, i)]))
+
+
+def _own(m: Any, i: int) -> Numbers:
+    """Its own armature and dampers, of MuJoCo 4."""
+    if not hasattr(m, "actuator_armature"):
+        return (0.0,)
+    return (float(m.actuator_armature[i]), *powers(m, "actuator_damping", i))
 
 
 def powers(m: Any, name: str, index: int) -> Numbers:

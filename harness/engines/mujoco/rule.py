@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.mujoco.pulls import acts, powers
+from harness.engines.mujoco.medium import medium
+from harness.engines.mujoco.pulls import acts, actuators, powers
 from harness.engines.protocol import Array
 from harness.engines.step_rule import StepRule
 
@@ -29,11 +30,11 @@ def step_rule(m: Any) -> StepRule | None:
     match kinds(m.opt.integrator):
         case kinds.mjINT_RK4:
             return StepRule(scheme="Runge-Kutta 4", besides=besides)
-        case kinds.mjINT_IMPLICIT if not _bent(m):
+        case kinds.mjINT_IMPLICIT if not (_bent(m) or _drags(m) or _moves(m)):
             return StepRule(scheme="semi-implicit Euler", by_velocity=True, besides=besides)
         case kinds.mjINT_EULER:
             late = _joint_dampers(m)
-        case kinds.mjINT_IMPLICITFAST:
+        case kinds.mjINT_IMPLICITFAST if not _moves(m):
             late = _dampers(m)
         case _:
             return None
@@ -57,6 +58,24 @@ def _bent(m: Any) -> bool:
     return any(any(powers(m, "dof_damping", i)[1:]) for i in range(m.nv))
 
 
+def _drags(m: Any) -> bool:
+    """Whether a force has no slope by a velocity that differences find: of a medium, or |w| w."""
+    tendons = (powers(m, "tendon_damping", i) for i in range(m.ntendon))
+    motors = (
+        powers(m, "actuator_damping", i)
+        for i in (range(actuators(m)) if hasattr(m, "actuator_damping") else ())
+    )
+    return medium(m) is not None or any(any(one[1:]) for one in (*tendons, *motors))
+
+
+def _moves(m: Any) -> bool:
+    """Whether motors act on frames, whose dampers may have no place in the sparsity of M."""
+    import mujoco
+
+    fixed = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_TENDON))
+    return any(m.actuator_trntype[i] not in fixed for i in range(actuators(m)))
+
+
 def _dampers(m: Any) -> Array | None:
     """What `implicitfast` takes at the end, (nv, nv), as MuJoCo has it; None: it is no constant."""
     import mujoco
@@ -64,6 +83,7 @@ def _dampers(m: Any) -> Array | None:
     found = []
     for speed in (0.0, 1.0):
         data = mujoco.MjData(m)
+        mujoco.mj_integratePos(m, data.qpos, np.full(m.nv, 0.3), speed)
         data.qvel[:] = speed
         mujoco.mj_step(m, data)
         late = np.zeros((m.nv, m.nv))

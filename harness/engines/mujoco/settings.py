@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.engines.mujoco.pulls import actuators, control, held_state
 from harness.engines.mujoco.smooth import switch_off
 from harness.engines.protocol import Array, EngineError, ModelSpec
 
@@ -56,12 +57,17 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
         raise EngineError(f"{spec.path}.toml: MuJoCo has no setting {names}")
 
 
-def held_controls(model: Any, spec: ModelSpec) -> Array:
-    """At which all controls are held; zero unless the settings say.
+def held_controls(model: Any, spec: ModelSpec) -> tuple[Array, Array]:
+    """At which all controls are held, and the states of actuators; zero unless the settings say.
+
+    Of an actuator with a state they say that: an integrator stands without an input, a filter
+    under an input that is as large.
 
     Raises:
         EngineError: where they are not as many numbers as there are controls.
     """
+    import mujoco
+
     count = int(getattr(model, "nctrl", model.nu))
     given = spec.settings.get("controls", [0.0] * count)
     numbers = isinstance(given, list) and all(type(one) in (int, float) for one in given)
@@ -69,4 +75,11 @@ def held_controls(model: Any, spec: ModelSpec) -> Array:
         raise EngineError(
             f"{spec.path}.toml: [settings] controls is {given!r}, where {count} numbers belong"
         )
-    return np.array(given, dtype=float)
+    inputs, states = np.array(given, dtype=float), np.zeros(model.na)
+    for i in range(actuators(model)):
+        if (state := held_state(model, i)) >= 0:
+            at = control(model, i)
+            states[state] = inputs[at]
+            if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_INTEGRATOR:
+                inputs[at] = 0.0
+    return inputs, states

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
 
+from harness.engines.mujoco.equalities import straight_equalities
+from harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
 from harness.engines.mujoco.pulls import (
+    actuators,
+    covered_actuator,
+    covered_tendon,
     joint_name,
-    powers,
     pulls_by_itself,
-    straight_actuator,
-    straight_equalities,
-    straight_tendon,
+    spatial_tendon,
 )
 from harness.engines.mujoco.shapes import without_idle_files
-from harness.engines.mujoco.state import BALL, FREE
 
 _SOLREF, _SOLIMP = [1e-6, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 """Of equalities as stiff as a step allows, settled after one."""
+
+_HEAVIER = 1e-2
+"""With it, limits of what tendons tie are known to 3e-12; without, to 2e-9."""
 
 
 def switch_off(tree: Any, *, smooth: bool, actuated: bool) -> None:
@@ -31,15 +35,15 @@ def switch_off(tree: Any, *, smooth: bool, actuated: bool) -> None:
         tree.option.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}"))
     if smooth:
         without_idle_files(tree)
-        tree.option.density = tree.option.viscosity = 0.0
-        tree.option.wind = [0.0, 0.0, 0.0]
 
 
 def hold(m: Any, followers: Collection[str] | None) -> None:
     """Let those equalities alone act that make these joints follow others; None: all."""
     if followers is not None:
         held = {
-            i for i in straight_equalities(m) if joint_name(m, int(m.eq_obj1id[i])) in followers
+            i
+            for i, one in straight_equalities(m).items()
+            if joint_name(m, one.follower) in followers
         }
         for i in set(range(m.neq)) - held:
             m.eq_active0[i] = 0
@@ -60,13 +64,23 @@ def leave_out(m: Any) -> None:
         # Dampers taken implicitly act after the solver, so that they would let go of equalities.
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
         m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # 4.0.0 has a wrong sparse Hessian
+        # By which the softness of an equality is scaled: of tendons it is far above what they feel.
+        m.tendon_invweight0[:] *= _HEAVIER
     for name in ("actuator_forcelimited", "jnt_actfrclimited", "tendon_actfrclimited"):
         getattr(m, name)[:] = 0
+    without_ellipsoids(m)
     own = ("damping", "dampingpoly", "armature")
-    force = ("gainprm", "biasprm", "gaintype", "biastype")  # of type 0 they are constants
+    force = (
+        "gainprm",
+        "biasprm",
+        "gaintype",
+        "biastype",
+        "dyntype",
+    )  # of type 0 they are constants
     _zero(m, "actuator", (*force, *own), _bent_actuators(m))
+    _zero(m, "tendon", ("armature",), _heavy_cords(m))
+    _zero(m, "actuator", ("armature",), _heavy_motors(m))
     _zero(m, "tendon", ("stiffness", "stiffnesspoly", *own), _bent_tendons(m))
-    _zero(m, "jnt", ("stiffness", "stiffnesspoly"), _sprung_balls(m))
 
 
 def _zero(m: Any, of: str, names: tuple[str, ...], rows: Iterable[int]) -> None:
@@ -78,18 +92,31 @@ def _zero(m: Any, of: str, names: tuple[str, ...], rows: Iterable[int]) -> None:
 
 
 def _bent_actuators(m: Any) -> list[int]:
-    return [i for i in range(m.nu) if not straight_actuator(m, i)]
+    return [i for i in range(actuators(m)) if not covered_actuator(m, i)]
 
 
 def _bent_tendons(m: Any) -> list[int]:
-    return [i for i in range(m.ntendon) if pulls_by_itself(m, i) and not straight_tendon(m, i)]
+    return [i for i in range(m.ntendon) if pulls_by_itself(m, i) and not covered_tendon(m, i)]
 
 
-def _sprung_balls(m: Any) -> Iterator[int]:
-    """Ball and free joints with springs."""
-    for i in range(m.njnt):
-        if int(m.jnt_type[i]) in (FREE, BALL) and any(powers(m, "jnt_stiffness", i)):
-            yield i
+def _heavy_cords(m: Any) -> list[int]:
+    """Tendons through space with an armature."""
+    return [i for i in range(m.ntendon) if spatial_tendon(m, i) and m.tendon_armature[i]]
+
+
+def _heavy_motors(m: Any) -> list[int]:
+    """Actuators with an armature on such tendons."""
+    import mujoco
+
+    if not hasattr(m, "actuator_armature"):
+        return []
+    on = int(mujoco.mjtTrn.mjTRN_TENDON)
+    return [
+        i
+        for i in range(actuators(m))
+        if m.actuator_armature[i] and m.actuator_trntype[i] == on
+        if spatial_tendon(m, int(m.actuator_trnid[i][0]))
+    ]
 
 
 def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
@@ -114,20 +141,20 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
     """What of a compiled model these settings leave out, with its number."""
     touching = (np.array(m.geom_contype) | np.array(m.geom_conaffinity)) != 0
     counts = {
-        "actuators with states, or not on joints": len(_bent_actuators(m)),
+        "actuators of other laws or transmissions": len(_bent_actuators(m)),
         "saturation of actuators": np.count_nonzero(
             np.array(m.actuator_ctrllimited) | np.array(m.actuator_forcelimited)
         )
         + np.count_nonzero(m.jnt_actfrclimited)
         + np.count_nonzero(m.tendon_actfrclimited),
-        "spatial tendons that pull": len(_bent_tendons(m)),
-        "springs of ball and free joints": len(list(_sprung_balls(m))),
+        "tendons around shapes that pull": len(_bent_tendons(m)),
+        "armatures along tendons in space": len(_heavy_cords(m)) + len(_heavy_motors(m)),
         "equality constraints": m.neq - len(straight_equalities(m)),
         "limits of position": np.count_nonzero(m.jnt_limited) + np.count_nonzero(m.tendon_limited),
         "dry friction": np.count_nonzero(m.dof_frictionloss)
         + np.count_nonzero(m.tendon_frictionloss),
         "contact geometry": np.count_nonzero(touching),
-        "a medium": int(bool(m.opt.wind.any() or m.opt.density or m.opt.viscosity)),
+        "ellipsoids in a medium": np.count_nonzero(ellipsoids(m)) if medium(m) else 0,
     }
     return tuple((what, int(count)) for what, count in counts.items() if count)
 

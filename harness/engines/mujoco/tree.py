@@ -15,8 +15,10 @@ from harness.engines.compiled import (
     CompiledTree,
     Numbers,
 )
+from harness.engines.mujoco.equalities import couplings
+from harness.engines.mujoco.medium import boxed, medium
 from harness.engines.mujoco.mjcf import included, refusal, sources
-from harness.engines.mujoco.pulls import acts, couplings, powers, pulls
+from harness.engines.mujoco.pulls import acts, actuators, output, powers, pulls
 from harness.engines.mujoco.shapes import files_of_shapes, without_idle_files
 from harness.engines.mujoco.smooth import besides, uncovered
 from harness.engines.mujoco.warnings import Warnings
@@ -48,11 +50,11 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         controls=int(getattr(m, "nctrl", m.nu)),
         bodies=tuple(_body(m, i) for i in range(1, m.nbody)),
         gravity=(x, y, z),
-        medium=bool(m.opt.wind.any() or m.opt.density or m.opt.viscosity),
+        medium=medium(m),
         name=tree.modelname,
         besides=besides(m),
         uncovered=uncovered(m),
-        actuators=tuple(_actuator(m, i) for i in range(m.nu)),
+        actuators=tuple(_actuator(m, i) for i in range(actuators(m))),
         shapes=shapes,
     )
 
@@ -70,7 +72,7 @@ def _actuator(m: Any, i: int) -> CompiledActuator:
         name=m.actuator(i).name,
         on=on,
         kind=f"{acts}, gain {gain}, bias {bias}",
-        gear=_numbers(m.actuator_gear[i]),
+        gear=_numbers(m.actuator_gear[output(m, i)]),
         law=(*_numbers(m.actuator_gainprm[i]), *_numbers(m.actuator_biasprm[i])),
     )
 
@@ -101,7 +103,8 @@ def _body(m: Any, i: int) -> CompiledBody:
         principal=_numbers(m.body_iquat[i]),
         moments=_numbers(m.body_inertia[i]),
         joints=tuple(_joint(m, j) for j in range(first, first + count)),
-        lift=float(m.body_gravcomp[i]),
+        lift=float(m.body_gravcomp[i]) if acts(m, "SPRING") or acts(m, "DAMPER") else 0.0,
+        dragged=boxed(m, i),
         ordinary=not (m.body_mocapid[i] >= 0 or m.body_gravcomp[i]),
     )
 
@@ -111,7 +114,7 @@ def _joint(m: Any, j: int) -> CompiledJoint:
 
     q, d = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
     kind = mujoco.mjtJoint(m.jnt_type[j]).name.removeprefix("mjJNT_").lower()
-    single = kind in ("hinge", "slide")
+    single, turn = kind in ("hinge", "slide"), q + 3 if kind == "free" else q
     return CompiledJoint(
         name=m.joint(j).name,
         kind=kind,
@@ -124,6 +127,8 @@ def _joint(m: Any, j: int) -> CompiledJoint:
         armature=float(m.dof_armature[d]),
         friction=float(m.dof_frictionloss[d]),
         limits=(float(m.jnt_range[j][0]), float(m.jnt_range[j][1])) if m.jnt_limited[j] else None,
+        rest_place=_numbers(m.qpos_spring[q : q + 3]) if kind == "free" else (0.0, 0.0, 0.0),
+        rest_turn=(1.0, 0.0, 0.0, 0.0) if single else _numbers(m.qpos_spring[turn : turn + 4]),
     )
 
 

@@ -53,8 +53,15 @@ def _spring_terms(value: float) -> Any:
 
 def changes(spec: ModelSpec) -> list[Change]:
     """What settings change in a URDF before it is loaded."""
-    found: list[Change] = [without_shapes] if is_on(spec, "smooth", otherwise=False) else []
+    found: list[Change] = [_without_idle_shapes] if is_on(spec, "smooth", otherwise=False) else []
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     if followers is not None:
         found.append(mimics_of(followers))
     return [*found, with_held(held)] if (held := held_joints(spec)) else found
+
+
+def _without_idle_shapes(robot: ET.Element) -> None:
+    """Leave shapes out, unless the file asks that inertias are made of them."""
+    made = (one.get("inertiafromgeom") for one in robot.iterfind("mujoco/compiler"))
+    if "true" not in made:
+        without_shapes(robot)

@@ -57,8 +57,7 @@ WRONG: list[tuple[Any, str]] = [
     (lambda: RigidBody(name="x", parent=None, position=(1, 2)), "3 finite numbers belong"),  # type: ignore[arg-type]
     (lambda: RigidBody(name="x", parent=None, rpy=(1, 0, 0), quaternion=(1, 0, 0, 0)), "one of"),
     (lambda: RigidBody(name="x", parent=None, quaternion=(0, 0, 0, 0)), "has no length"),
-    (lambda: Joint(name="x", kind="ball", stiffness=1.0), "a ball joint with a spring"),
-    (lambda: Joint(name="x", kind="ball", damping=(1.0, 2.0)), "no straight line"),
+    (lambda: Joint(name="x", kind="ball", rest_turn=(0.0, 0.0, 0.0, 0.0)), "rest_turn of joint"),
     (lambda: Joint(name="x", kind="hinge", limits=(1.0, 0.0)), "limits of joint 'x'"),
     (lambda: assembled([ROD, ROD], DOWN), "two bodies are called 'rod'"),
     (lambda: assembled([ROD], DOWN, [Pull(name="p", joints=(("z", 1),))]), "pull 'p' names joint"),

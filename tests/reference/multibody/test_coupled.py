@@ -78,6 +78,18 @@ def test_its_energy_is_that_of_the_whole() -> None:
     assert kinetic == pytest.approx(Dynamics(held).kinetic(chart.positions(y), v))
 
 
+def test_several_are_followed_at_once() -> None:
+    one = tree(("hinge", "slide", "hinge", "slide"), 5)
+    ends = (
+        Coupling(follower=1, leader=0, multiplier=2.0, others=((3, -0.5),), offset=0.1),
+        Coupling(follower=2, leader=1, multiplier=3.0, others=((0, 1.0),)),
+    )
+    coupled = Coupled(dataclasses.replace(one, couplings=ends))
+    y = coupled.positions(np.array([0.7, -0.4]))
+    followed = 2 * 0.7 + 0.5 * 0.4 + 0.1
+    assert y == pytest.approx([0.7, followed, 3 * followed + 0.7, -0.4])
+
+
 def test_a_circle_is_refused_by_its_names() -> None:
     one = tree(("hinge", "hinge"), 0)
     ends = (Coupling(follower=0, leader=1), Coupling(follower=1, leader=0))

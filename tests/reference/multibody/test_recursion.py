@@ -143,7 +143,7 @@ def test_so_they_are_with_pulls_and_lifted_parts(kinds: tuple[Kind, ...]) -> Non
         for s in (h, -h)
     ]
     lost = (ends[1] - ends[0]) / (2 * h)
-    assert lost == pytest.approx(dynamics.dissipated(v), rel=1e-6)
+    assert lost == pytest.approx(dynamics.dissipated(q, v), rel=1e-6)
     assert np.isfinite(energy)
 
 

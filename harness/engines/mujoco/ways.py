@@ -1,0 +1,64 @@
+"""What tendons and actuators of a compiled model pull along: joints, points, frames."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from harness.engines.compiled import CompiledMark, CompiledWay, Numbers
+
+Combination = tuple[tuple[int, float], ...]
+"""Coefficients by the index of a hinge or slide."""
+
+
+def of_tendon(m: Any, i: int, gear: float = 1.0) -> Combination | CompiledWay | None:
+    """A combination of joints, or lines between sites; None where it wraps around shapes."""
+    import mujoco
+
+    first, count = int(m.tendon_adr[i]), int(m.tendon_num[i])
+    rows = range(first, first + count)
+    kinds = {mujoco.mjtWrap(m.wrap_type[k]) for k in rows}
+    if kinds == {mujoco.mjtWrap.mjWRAP_JOINT}:
+        return tuple((int(m.wrap_objid[k]), gear * float(m.wrap_prm[k])) for k in rows)
+    if not kinds <= {mujoco.mjtWrap.mjWRAP_SITE, mujoco.mjtWrap.mjWRAP_PULLEY}:
+        return None
+    branches: list[tuple[float, list[CompiledMark]]] = [(gear, [])]
+    for k in rows:
+        if m.wrap_type[k] == mujoco.mjtWrap.mjWRAP_PULLEY:
+            branches.append((gear / float(m.wrap_prm[k]), []))
+        else:
+            branches[-1][1].append(mark(m, int(m.wrap_objid[k])))
+    return CompiledWay(
+        branches=tuple((share, tuple(row)) for share, row in branches if len(row) > 1)
+    )
+
+
+def of_actuator(m: Any, i: int, gear: Numbers) -> Combination | CompiledWay | None:
+    """Likewise; None for slider-cranks, bodies, and what later versions have."""
+    import mujoco
+
+    kind = mujoco.mjtTrn(m.actuator_trntype[i])
+    target, other = map(int, m.actuator_trnid[i])
+    if kind == mujoco.mjtTrn.mjTRN_TENDON:
+        return of_tendon(m, target, gear[0])
+    if kind == mujoco.mjtTrn.mjTRN_SITE:
+        against = mark(m, other) if other >= 0 else None
+        return CompiledWay(frame=mark(m, target), against=against, gear=gear)
+    inside = kind == mujoco.mjtTrn.mjTRN_JOINTINPARENT
+    if not inside and kind != mujoco.mjtTrn.mjTRN_JOINT:
+        return None
+    joint = mujoco.mjtJoint(m.jnt_type[target])
+    if joint in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+        return ((target, gear[0]),)
+    many = 3 if joint == mujoco.mjtJoint.mjJNT_BALL else 6
+    return CompiledWay(joint=target, gear=gear[:many], in_parent=inside)
+
+
+def mark(m: Any, site: int) -> CompiledMark:
+    """A site."""
+    return CompiledMark(
+        body=int(m.site_bodyid[site]),
+        at=tuple(map(float, np.ravel(m.site_pos[site]))),
+        turn=tuple(map(float, np.ravel(m.site_quat[site]))),
+    )

@@ -1,0 +1,207 @@
+"""Ways that forces act along, by the power of these alone; springs of balls by their energy."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+
+from reference.multibody.algebra import LONG_DOUBLES, quaternion_product, rotation_vector
+from reference.multibody.dynamics import Dynamics
+from reference.multibody.lines import Lines
+from reference.multibody.recursion import Recursion
+from reference.multibody.tree import WORLD, Bush, Pull, Tree, TreeError
+from reference.multibody.ways import Cord, FrameForce, JointForce, Mark, Way
+from reference.numeric import Array
+from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
+from tests.reference.multibody.trees import KINDS, state, tree
+
+TREE = tree(KINDS, 4)
+FREE, BALL = 3, 2
+RNG = np.random.default_rng(11)
+
+
+def mark(link: int) -> Mark:
+    turn = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
+    return Mark(link=link, position=RNG.normal(size=3), rotation=turn * np.linalg.det(turn))
+
+
+A, B, C, D = (mark(link) for link in (0, 2, WORLD, 3))
+GEAR = (0.3, -0.7, 0.5, 0.2, 0.9, -0.4)
+
+
+def placed(one: Mark, poses: Poses) -> tuple[Any, Any]:
+    turn, origin = casadi.DM(one.rotation), casadi.DM(one.position)
+    if one.link == WORLD:
+        return casadi.SX(turn), casadi.SX(origin)
+    link, at = poses[one.link]
+    return casadi.mtimes(link, turn), at + casadi.mtimes(link, origin)
+
+
+def above(link: int) -> set[int]:
+    return set() if link == WORLD else {link} | above(TREE.links[link].parent)
+
+
+def row_of(way: Way, q: Array) -> tuple[Array, Array]:
+    (line,) = Lines(TREE, Recursion(TREE)).at([way], q)
+    return line
+
+
+def test_a_cord_is_as_long_as_its_lines_and_pulls_so() -> None:
+    way = Cord(branches=((1.5, (A, B, C)), (-0.4, (D, A))))
+    q, v = state(TREE, seed=3)
+
+    def power(poses: Poses, rate: Rate) -> Any:
+        total: Any = 0
+        for share, row in way.branches:
+            points = [placed(one, poses)[1] for one in row]
+            for one, other in itertools.pairwise(points):
+                total += share * rate(casadi.norm_2(other - one), true=False)
+        return total
+
+    length, row = row_of(way, q)
+    assert row == pytest.approx(by_virtual_power(TREE, q, v, power), abs=1e-12)
+    poses = Recursion(TREE).poses(q)
+    points = [
+        one.position if one.link == WORLD
+        else poses[one.link].origin + poses[one.link].rotation @ one.position
+        for one in (A, B, C, D)
+    ]  # fmt: skip
+    a, b, c, d = points
+    wanted = 1.5 * (np.linalg.norm(b - a) + np.linalg.norm(c - b)) - 0.4 * np.linalg.norm(a - d)
+    assert length == pytest.approx([wanted])
+
+
+@pytest.mark.parametrize("frame", [A, D])
+def test_a_force_on_a_frame_is_along_its_axes(frame: Mark) -> None:
+    q, v = state(TREE, seed=4)
+
+    def power(poses: Poses, rate: Rate) -> Any:
+        turn, at = placed(frame, poses)
+        moved, spun = rate(at, true=False), spin(turn, rate(turn, true=False))
+        force, moment = casadi.DM(GEAR[:3]), casadi.DM(GEAR[3:])
+        return casadi.dot(casadi.mtimes(turn, force), moved) + casadi.dot(moment, spun)
+
+    length, row = row_of(FrameForce(frame=frame, gear=GEAR), q)
+    assert row == pytest.approx(by_virtual_power(TREE, q, v, power), abs=1e-12)
+    assert length == pytest.approx([0.0])
+
+
+@pytest.mark.parametrize(("frame", "against"), [(D, A), (B, D), (A, C), (C, B)])
+def test_between_frames_what_carries_both_feels_nothing(frame: Mark, against: Mark) -> None:
+    q, v = state(TREE, seed=6)
+
+    def power(poses: Poses, rate: Rate) -> Any:
+        (turn, at), (other, origin) = placed(frame, poses), placed(against, poses)
+        force, moment = (casadi.mtimes(other, casadi.DM(part)) for part in (GEAR[:3], GEAR[3:]))
+        spun = [casadi.mtimes(x, spin(x, rate(x, true=False))) for x in (turn, other)]
+        return casadi.dot(force, rate(at - origin, true=False)) + casadi.dot(
+            moment, spun[0] - spun[1]
+        )
+
+    wanted = by_virtual_power(TREE, q, v, power)
+    for link in above(frame.link) & above(against.link):
+        wanted[TREE.velocities[link]] = 0.0
+    length, row = row_of(FrameForce(frame=frame, gear=GEAR, against=against), q)
+    assert row == pytest.approx(wanted, abs=1e-12)
+    poses = Recursion(TREE).poses(q)
+    turns, points = [], []
+    for one in (frame, against):
+        turn = np.eye(3) if one.link == WORLD else poses[one.link].rotation
+        turns.append(turn @ one.rotation)
+        points.append(turn @ one.position + (0 if one.link == WORLD else poses[one.link].origin))
+    from scipy.spatial.transform import Rotation
+
+    apart = turns[1].T @ (points[0] - points[1])
+    vector = Rotation.from_matrix(turns[1].T @ turns[0]).as_rotvec()
+    assert length == pytest.approx([GEAR[:3] @ apart + GEAR[3:] @ vector])
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_moment_on_a_ball_and_a_force_on_a_free_joint(inside: bool) -> None:
+    q, v = state(TREE, seed=8)
+    for link, gear in ((BALL, GEAR[:3]), (FREE, GEAR)):
+
+        def power(poses: Poses, rate: Rate, link: int = link, gear: Any = gear) -> Any:
+            turn, at = poses[link]
+            above, origin = poses[TREE.links[link].parent] if TREE.links[link].parent >= 0 else (
+                casadi.SX.eye(3), casadi.SX.zeros(3))  # fmt: skip
+            carrier = casadi.mtimes(above, casadi.DM(TREE.links[link].rotation))
+            own = casadi.mtimes(carrier.T, turn)
+            spun = spin(own, rate(own, true=False))
+            moment: Any = casadi.DM(gear[-3:])
+            moment = casadi.mtimes(own.T, moment) if inside else moment
+            place = casadi.mtimes(above.T, at - origin)
+            along = casadi.mtimes(casadi.DM(TREE.links[link].rotation).T, rate(place, true=False))
+            force = casadi.dot(casadi.DM(gear[:3]), along) if len(gear) == 6 else 0
+            return casadi.dot(moment, spun) + force
+
+        _, row = row_of(JointForce(joint=link, gear=gear, in_parent=inside), q)
+        assert row == pytest.approx(by_virtual_power(TREE, q, v, power), abs=1e-12)
+
+
+def test_a_turn_and_its_rotation_vector() -> None:
+    axis = np.array([2.0, -1.0, 2.0]) / 3
+    for angle in (0.0, 1e-9, 0.5, 3.0, 3.3, 6.0):
+        turn = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+        near = angle if angle < np.pi else angle - 2 * np.pi
+        assert rotation_vector(3 * turn) == pytest.approx(near * axis, rel=1e-12, abs=1e-14)
+        twice = quaternion_product(turn, turn)
+        assert twice == pytest.approx([np.cos(angle), *(np.sin(angle) * axis)], abs=1e-14)
+
+
+def sprung() -> Tree:
+    bushes = (
+        Bush(link=FREE, stiffness=(3.0, 2.0, 1.0), damping=(0.4, 0.2), place=(0.3, -0.2, 0.5),
+             turn=(0.5, 0.5, -0.5, 0.5)),
+        Bush(link=BALL, stiffness=(5.0,), turn=(0.8, 0.0, 0.6, 0.0)),
+    )  # fmt: skip
+    pulls = (
+        Pull(name="rope", along=Cord(branches=((1.5, (A, B, C)),)), stiffness=(4.0, 1.0),
+             damping=(0.5, 0.3), rest=(0.2, 0.4)),
+        Pull(name="jet", along=FrameForce(frame=D, gear=GEAR, against=A), constant=2.0,
+             stiffness=(0.7,), damping=(0.3,)),
+        Pull(name="turn", along=JointForce(joint=BALL, gear=GEAR[:3]), stiffness=(0.5,)),
+    )  # fmt: skip
+    return dataclasses.replace(TREE, bushes=bushes, pulls=pulls)
+
+
+def test_what_energies_lose_is_what_dampers_take() -> None:
+    """And what drives without an energy gives."""
+    one = sprung()
+    q, v = state(one, seed=9)
+    dynamics = Dynamics(one)
+    rates, a, h = dynamics.recursion.rates(q, v), dynamics.acceleration(q, v, 0 * v), 1e-6
+    ends = [
+        dynamics.kinetic(q + s * rates, v + s * a) + dynamics.potential(q + s * rates)
+        for s in (h, -h)
+    ]
+    assert (ends[1] - ends[0]) / (2 * h) == pytest.approx(dynamics.dissipated(q, v), rel=1e-6)
+    long = Dynamics(one, LONG_DOUBLES).force(*map(LONG_DOUBLES.array, (q, v, 0 * v)))
+    assert dynamics.force(q, v, 0 * v) == pytest.approx(long.astype(float), rel=1e-11)
+
+
+def test_bends_are_told_wherever_forces_bend() -> None:
+    one = sprung()
+    q, v = state(one, seed=5, batch=(6,))
+    found = Dynamics(one).bends(q, v)
+    # Both ends of play and a rate; the angles of two motors; two angles, and six rates of a damper.
+    assert found.shape == (3 + 2 + 2 + 6, 6)
+    assert Dynamics(one).bent
+    assert not Dynamics(TREE).bent
+
+
+def test_ways_that_do_not_fit_are_refused_by_name() -> None:
+    for pull, says in (
+        (
+            Pull(name="p", along=JointForce(joint=BALL, gear=GEAR)),
+            "p: j2 does not take",
+        ),
+        (Pull(name="p", along=Cord(branches=()), armature=1.0), "p: its way"),
+    ):
+        with pytest.raises(TreeError, match=says):
+            dataclasses.replace(TREE, pulls=(pull,))

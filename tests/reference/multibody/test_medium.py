@@ -1,0 +1,153 @@
+"""Bodies in a medium: drags by the power that they take, told of positions alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+
+from reference.bends import unbent
+from reference.multibody.algebra import LONG_DOUBLES, from_quaternion
+from reference.multibody.assemble import assembled
+from reference.multibody.bodies import FLAT, Joint, RigidBody
+from reference.multibody.dynamics import Dynamics
+from reference.multibody.tree import Immersed, Medium, Tree
+from reference.numeric import Array
+from reference.samples import samples
+from reference.trees import TreeEquations, tree_system
+from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
+from tests.reference.multibody.trees import KINDS, state, tree
+
+WATER = Medium(density=12.0, viscosity=0.3, wind=(1.0, -2.0, 0.5))
+
+
+def immersed(medium: Medium) -> Tree:
+    """Every kind of joint; of two boxes on one link each has its own place."""
+    one, rng = tree(KINDS, 4), np.random.default_rng(8)
+    turns = [from_quaternion(turn) for turn in rng.normal(size=(4, 4))]
+    boxes = tuple(
+        Immersed(
+            link=link,
+            position=rng.normal(size=3),
+            rotation=turns[i],
+            size=rng.uniform(0.1, 0.6, 3),
+        )
+        for i, link in enumerate((0, 1, 1, 3))
+    )  # fmt: skip
+    return dataclasses.replace(one, medium=medium, immersed=boxes)
+
+
+def by_power(one: Tree, q: Array, v: Array) -> Array:
+    """The drags as they are documented: of half the edges, r."""
+    medium = one.medium
+    assert medium is not None
+
+    def power(poses: Poses, rate: Rate) -> Any:
+        total: Any = casadi.SX(0)
+        for box in one.immersed:
+            link, origin = poses[box.link]
+            turn = casadi.mtimes(link, casadi.DM(box.rotation))
+            center = origin + casadi.mtimes(link, casadi.DM(box.position))
+            wind = casadi.DM(np.array(medium.wind))
+            u = casadi.mtimes(turn.T, rate(center) - wind)
+            w = spin(turn, rate(turn))
+            r = box.size / 2
+            mean = r.sum() / 3
+            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                force = -2 * medium.density * r[j] * r[k] * casadi.fabs(u[i]) * u[i]
+                force -= 6 * np.pi * medium.viscosity * mean * u[i]
+                moment = (
+                    -medium.density / 2 * r[i] * (r[j] ** 4 + r[k] ** 4) * casadi.fabs(w[i]) * w[i]
+                )
+                moment -= 8 * np.pi * medium.viscosity * mean**3 * w[i]
+                along = casadi.mtimes(turn.T, rate(center, true=False))
+                total += force * along[i] + moment * spin(turn, rate(turn, true=False))[i]
+        return total
+
+    return by_virtual_power(one, q, v, power)
+
+
+@pytest.mark.parametrize("wind", [WATER.wind, (0.0, 0.0, 0.0)])
+def test_drags_are_those_of_the_power_that_they_take(wind: tuple[float, float, float]) -> None:
+    one = immersed(dataclasses.replace(WATER, wind=wind))
+    dry = dataclasses.replace(one, medium=None)
+    q, v = state(one, seed=3)
+    none = np.zeros(one.nv)
+    found = Dynamics(one).force(q, v, none) - Dynamics(dry).force(q, v, none)
+    wanted = by_power(one, q, v)
+    assert np.max(np.abs(found - wanted)) < 1e-12 * np.max(np.abs(wanted))
+    lost = Dynamics(one).dissipated(q, v) - Dynamics(dry).dissipated(q, v)
+    assert lost == pytest.approx(-wanted @ v)
+    assert lost > 0 or any(wind)
+    long = Dynamics(one, LONG_DOUBLES).force(*map(LONG_DOUBLES.array, (q, v, none)))
+    assert Dynamics(one).force(q, v, none) == pytest.approx(long.astype(float), rel=1e-12)
+
+
+def test_a_batch_is_each_of_its_states() -> None:
+    one = immersed(WATER)
+    q, v = state(one, seed=5, batch=(2, 3))
+    whole = Dynamics(one).force(q, v, 0 * v)
+    alone = Dynamics(one).force(q[:, 1, 2], v[:, 1, 2], 0 * v[:, 1, 2])
+    assert whole[:, 1, 2] == pytest.approx(alone)
+
+
+def test_a_box_has_the_mass_and_the_moments_of_its_body() -> None:
+    a, b, c, m = 0.2, 0.3, 0.5, 4.0
+    moments = (m / 12 * (b**2 + c**2), m / 12 * (a**2 + c**2), m / 12 * (a**2 + b**2))
+    body = RigidBody(name="b", parent=None, mass=m, inertia=(*moments, 0.0, 0.0, 0.0))
+    assert body.box is not None
+    # The format's sides are sqrt(6) of these moments by the mass: half of them is its r.
+    assert body.box[1] == pytest.approx([a, b, c])
+    turned = dataclasses.replace(body, inertia_rpy=(0.3, 0.2, -0.5))
+    tensor = turned.lump.inertia
+    whole = (*np.diag(tensor).tolist(), tensor[0, 1], tensor[0, 2], tensor[1, 2])
+    found = dataclasses.replace(body, inertia=whole).box
+    assert found is not None
+    place, size = found
+    assert sorted(size) == pytest.approx([a, b, c])
+    assert turned.box is not None
+    for axis, edge in zip(place.rotation.T, size, strict=True):
+        own = turned.box[0].rotation[:, int(np.argmin(np.abs(turned.box[1] - edge)))]
+        assert abs(axis @ own) == pytest.approx(1.0)
+    assert dataclasses.replace(body, mass=0.0).box is None
+    plate = dataclasses.replace(body, inertia=(1.0, 2.0, 3.0, 0.0, 0.0, 0.0)).box
+    assert plate is not None
+    assert plate[1][2] == pytest.approx(np.sqrt(FLAT * 6 / m))
+
+
+def test_what_is_welded_is_dragged_by_itself_and_what_stands_still_is_not() -> None:
+    moments = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+    still = RigidBody(name="still", parent=None, mass=1.0, inertia=moments)
+    arm = dataclasses.replace(still, name="arm", joints=(Joint(name="j", kind="hinge"),))
+    bodies = (
+        still, arm,
+        dataclasses.replace(still, name="tip", parent="arm", position=(0.0, 0.0, 1.0)),
+        dataclasses.replace(still, name="smooth", parent="arm", dragged=False),
+    )  # fmt: skip
+    found = assembled(bodies, (0.0, 0.0, 0.0), medium=WATER).tree.immersed
+    assert [one.position.tolist() for one in found] == [[0, 0, 0], [0, 0, 1]]
+    assert assembled(bodies, (0.0, 0.0, 0.0)).tree.immersed == ()
+
+
+def test_segments_pass_no_turn_of_a_drag() -> None:
+    """Which all of them would that were drawn anyhow: a drag is no polynomial there."""
+    one = immersed(WATER)
+    equations = TreeEquations(tree_system(name="n", title="t", source="s", tree=one))
+    n = one.nv
+    drawn = samples(equations, np.tile([-np.inf, np.inf], (n, 1)), np.zeros(n), 30, 1)
+    assert equations.bent
+    bends = [equations.bends(at[:, :n], at[:, n:]) for at in (drawn.start, drawn.end)]
+    assert bends[0].shape == (30, 6 * 4)
+    assert np.array_equal(bends[0] > 0, bends[1] > 0)
+    assert np.min(drawn.bound) >= 0
+
+
+def test_where_all_bend_there_is_no_segment() -> None:
+    one = immersed(WATER)
+    equations = TreeEquations(tree_system(name="n", title="t", source="s", tree=one))
+    n, far = one.nv, np.full((8, 2 * one.nv), np.nan)
+    with pytest.raises(RuntimeError, match="no segment is short enough"):
+        unbent(equations, lambda forces: lambda t, y: y, lambda k: (far, far[:, :n]), 2, 1.0)

@@ -1,0 +1,78 @@
+"""An MJCF that is prepared once, and numbers made wrong in it: caught, and named by their line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
+from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+from harness.engines.registry import readers
+from harness.records.outcome import Outcome
+from reference.multibody.tree import Tree
+from tests.diagnosis.test_robot import check_named
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A file, what its equations say, and how an engine is held against these."""
+
+    file: Path
+    prepared: PreparedRobot
+    task: RobotTask
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the equations do not have."""
+        return self.prepared.left_out
+
+    def outcome(self, **settings: object) -> tuple[Outcome, str]:
+        """What a run says, and why; with other settings too."""
+        task = replace(self.task, settings={**self.task.settings, **settings})
+        case = run_robot(task)
+        return case.outcome, case.reason
+
+    def differs(self, old: str, new: str) -> Outcome:
+        """What a run says of the file with another number."""
+        text = self._write(old, new)
+        try:
+            return run_robot(self.task).outcome
+        finally:
+            self.file.write_text(text)
+
+    def is_named(self, old: str, new: str, address: str, line: int) -> None:
+        """Hold what is said of a wrong number against what was done; both texts are numbers."""
+        words, others = old.split('"')[1].split(), new.split('"')[1].split()
+        (which,) = [i for i, (a, b) in enumerate(zip(words, others, strict=True)) if a != b]
+        text = self._write(old, new)
+        try:
+            assert run_robot(self.task).outcome is Outcome.DIFFERS
+            found = diagnose_robot(RobotDiagnosisTask(task=self.task, own=False))
+        finally:
+            self.file.write_text(text)
+        right, wrong = float(words[which]), float(others[which])
+        check_named(found, address, line, self.file.name, right, wrong)
+
+    def _write(self, old: str, new: str) -> str:
+        text = self.file.read_text()
+        assert text.count(old) == 1, old
+        self.file.write_text(text.replace(old, new))
+        return text
+
+
+def checked(folder: Path, text: str, engine: str = "") -> Checked:
+    """A file of that text."""
+    file = folder / "model.xml"
+    file.write_text(text)
+    prepared = prepare_robot(file)
+    name = engine or next(one.name for one in readers(".xml") if one.version())
+    return Checked(file, prepared, prepared.task(name, 1e-9))
+
+
+def tree_of(file: Path) -> Tree:
+    """Its tree."""
+    from harness.robots.compiled import read_compiled_robot
+
+    tree = read_compiled_robot(file).tree
+    assert tree is not None
+    return tree

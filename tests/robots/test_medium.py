@@ -1,0 +1,87 @@
+"""An MJCF's medium is in its equations: the drag of boxes; that of ellipsoids is left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from harness.records.outcome import Outcome
+from reference.multibody.chart import Chart
+from reference.multibody.medium import Immersion
+from reference.multibody.recursion import Recursion
+from tests.robots.planted import Checked, checked, tree_of
+
+EEL = """<mujoco model="eel">
+  <compiler angle="radian"/>
+  <option density="30" viscosity="0.2" wind="0.5 -0.3 0.2" integrator="RK4"/>
+  <worldbody>
+    <body name="head" pos="0 0 1" euler="0.1 0.2 0.3">
+      <joint name="swing" axis="0.3 1 0"/>
+      <geom type="box" size="0.1 0.02 0.2" pos="0.05 0 -0.2" euler="0.3 0 0.2" density="500"/>
+      <body pos="0.1 0 0">
+        <inertial pos="0.02 0 0.1" mass="0.4" diaginertia="0.002 0.001 0.0012"/></body>
+      <body name="tail" pos="0.05 0 -0.4">
+        <joint name="turn" type="ball" damping="0.01"/>
+        <inertial pos="0 0.02 -0.1" mass="0.7" fullinertia="0.004 0.005 0.006 0.001 0.0005 0.0002"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def eel(tmp_path_factory: pytest.TempPathFactory) -> Checked:
+    return checked(tmp_path_factory.mktemp("eel"), EEL)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicit", "RK4"])
+def test_bodies_in_a_wind_agree(eel: Checked, integrator: str) -> None:
+    """Welded ones as boxes of their own, and one whose axes follow from products."""
+    assert eel.outcome(integrator=integrator) == (Outcome.AGREES, "")
+    assert not [one for one in eel.left_out if "medium" in one]
+
+
+def test_forces_are_those_that_the_engine_tells(eel: Checked) -> None:
+    tree = tree_of(eel.file)
+    model = mujoco.MjModel.from_xml_path(str(eel.file))
+    data = mujoco.MjData(model)
+    rng = np.random.default_rng(3)
+    immersion = Immersion(tree, Recursion(tree))
+    for _ in range(5):
+        data.qpos[:] = Chart(tree).positions(rng.normal(size=(4, 1)))[:, 0]
+        data.qvel[:] = rng.normal(size=4)
+        mujoco.mj_forward(model, data)
+        own = immersion.forces(data.qpos.copy(), data.qvel.copy())
+        assert own == pytest.approx(data.qfrc_fluid, rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize(("old", "new", "address"), [
+    ('density="30"', 'density="30.00003"', "mujoco/option@density"),
+    ('viscosity="0.2"', 'viscosity="0.2000004"', "mujoco/option@viscosity"),
+    ('wind="0.5 -0.3 0.2"', 'wind="0.5 -0.3000006 0.2"', "mujoco/option@wind[1]"),
+])  # fmt: skip
+def test_a_millionth_in_it_is_named(eel: Checked, old: str, new: str, address: str) -> None:
+    eel.is_named(old, new, address, 3)
+
+
+def test_of_ellipsoids_it_is_left_out_and_told(tmp_path: Path) -> None:
+    """Their bodies are no boxes either."""
+    shaped = EEL.replace(' density="500"', ' density="500" fluidshape="ellipsoid"')
+    found = checked(tmp_path, shaped)
+    assert found.outcome() == (Outcome.AGREES, "")
+    assert "ellipsoids in a medium" in found.left_out
+    assert len(tree_of(found.file).immersed) == 2
+
+
+@pytest.mark.parametrize(("spring", "there"), [("enable", True), ("disable", False)])
+def test_flags_switch_it_off_together_alone(tmp_path: Path, spring: str, there: bool) -> None:
+    """And so they do gravity compensation."""
+    flags = f'<option><flag spring="{spring}" damper="disable"/></option><worldbody>'
+    text = EEL.replace("<worldbody>", flags).replace('"tail"', '"tail" gravcomp="0.5"')
+    found = checked(tmp_path, text)
+    assert found.outcome() == (Outcome.AGREES, "")
+    assert (tree_of(found.file).medium is not None) == there

@@ -1,0 +1,75 @@
+"""Equalities between tendons of joints: each makes a joint follow several others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.records.outcome import Outcome
+from tests.robots.planted import Checked, checked, tree_of
+
+TIED = """<mujoco model="tied">
+  <compiler angle="radian"/>
+  <option gravity="0 1 -9"/>
+  <default><joint damping="0.2"/></default>
+  <worldbody>
+    <body name="trunk" pos="0.1 0.2 0.3">
+      <joint name="yaw" axis="0.1 0.2 1" ref="0.3"/>
+      <inertial pos="0.1 0 0.2" mass="1.5" diaginertia="0.05 0.06 0.07"/>
+      <body pos="0 0.1 0.4" euler="0.5 0.3 0.1">
+        <joint name="lift" axis="0 1 0.2"/>
+        <inertial pos="0.1 0.05 0.2" mass="0.9" diaginertia="0.02 0.03 0.04"/>
+        <body pos="0 0 0.4">
+          <joint name="extend" type="slide" axis="0 0 1" ref="0.1"/>
+          <inertial pos="0 0.05 0.2" mass="0.8" diaginertia="0.02 0.03 0.02"/>
+          <body pos="0 0 0.2">
+            <joint name="nod" axis="1 0 0.1"/>
+            <inertial pos="0 0.05 0.1" mass="0.4" diaginertia="0.01 0.02 0.01"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>
+    <fixed name="one"><joint joint="yaw" coef="0.5"/><joint joint="lift" coef="-1.2"/></fixed>
+    <fixed name="two"><joint joint="extend" coef="2"/><joint joint="nod" coef="0.4"/></fixed>
+  </tendon>
+  <equality>
+    <tendon tendon1="one" tendon2="two" polycoef="0.1 0.7 0 0 0"/>
+  </equality>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def tied(tmp_path_factory: pytest.TempPathFactory) -> Checked:
+    return checked(tmp_path_factory.mktemp("tied"), TIED)
+
+
+def test_joints_follow_by_tendons(tied: Checked) -> None:
+    """Of each equality that joint which has the largest say, and neither follows yet nor leads."""
+    tree = tree_of(tied.file)
+    names = [link.name for link in tree.links]
+    found = {
+        names[one.follower]: {names[i]: share for i, share in one.leaders} for one in tree.couplings
+    }
+    assert found["extend"] == pytest.approx({"yaw": 0.5 / 1.4, "lift": -1.2 / 1.4, "nod": -0.2})
+    assert list(found) == ["extend"]
+    assert tied.outcome() == (Outcome.AGREES, "")
+    assert tied.left_out == ("how MuJoCo compiles the file",)
+
+
+def test_a_millionth_in_them_differs(tied: Checked) -> None:
+    for old, new in (
+        ('"0.1 0.7 0 0 0"', '"0.1 0.7000007 0 0 0"'), ('"0.1 0.7 0 0 0"', '"0.1000001 0.7 0 0 0"'),
+        ('coef="-1.2"', 'coef="-1.200002"'),
+    ):  # fmt: skip
+        assert tied.differs(old, new) is Outcome.DIFFERS, new
+
+
+def test_one_that_is_curved_is_left_out_and_told(tmp_path: Path) -> None:
+    text = TIED.replace("0.1 0.7 0 0 0", "0.1 0.7 0.2 0 0")
+    found = checked(tmp_path, text)
+    assert "equality constraints" in found.left_out
+    assert found.outcome() == (Outcome.AGREES, "")
