@@ -1,6 +1,6 @@
 """Each number of robots' files made wrong, one at a time: is it caught, and named?
 
-`python -m campaigns.planted robot.urdf robot.xml --jobs 2`: every number by 1e-6 and by 1 % of its
+`python -m campaigns.planted robot.urdf robot.xml`: every number by 1e-6 and by 1 % of its
 size; a changed copy runs in an engine, beside the equations of the file as it is. What no motion
 depends on, by the exact change of the ends, is told apart. Exit code 1 where less than 99 % of what
 can be seen is caught and named.
@@ -12,8 +12,8 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from campaigns.planted.fates import Fate, Ground, Planted, faults, table
@@ -24,24 +24,42 @@ SHARES = (1e-6, 1e-2)
 WANTED = 0.99
 
 
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A file and how it is run.
+
+    Attributes:
+        file: of the robot.
+        engine: that runs it.
+        floating: whether the root link of a URDF moves freely.
+        edited: as in `Ground.of`.
+    """
+
+    file: Path
+    engine: str
+    floating: bool
+    edited: bool
+
+
 @cache
-def _ground(file: Path, engine: str) -> Ground:
-    return Ground.of(file, engine)
+def _ground(robot: Robot) -> Ground:
+    return Ground.of(robot.file, robot.engine, floating=robot.floating, edited=robot.edited)
 
 
-def _some(file: Path, engine: str, index: int) -> list[Planted]:
-    return list(faults(_ground(file, engine), SHARES, [index]))
+def spread(count: int) -> list[int]:
+    """All indices below a count, so that any first few of them are spread evenly."""
+    bits = max(count - 1, 1).bit_length()
+    return sorted(range(count), key=lambda i: f"{i:0{bits}b}"[::-1])
 
 
-def planted(file: Path, engine: str, every: int, jobs: int) -> Iterator[Planted]:
-    """The faults of a file, of each `every`-th of its numbers."""
-    chosen = _ground(file, engine).numbers.saying[::every]
-    if jobs == 1:
-        yield from faults(_ground(file, engine), SHARES, chosen)
-        return
-    with ProcessPoolExecutor(jobs) as pool:
-        for found in pool.map(partial(_some, file, engine), chosen):
-            yield from found
+def planted(robot: Robot, seconds: float) -> Iterator[Planted]:
+    """The faults of a file's numbers, spread evenly, as many as processor time allows."""
+    began = time.process_time()
+    ground = _ground(robot)
+    for place in spread(len(ground.numbers.saying)):
+        yield from faults(ground, SHARES, [ground.numbers.saying[place]])
+        if time.process_time() - began > seconds:
+            return
 
 
 def main(given: Sequence[str] | None = None) -> int:
@@ -49,19 +67,30 @@ def main(given: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m campaigns.planted", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+")
     parser.add_argument("--engine", default="", help="the first that reads the file")
-    parser.add_argument("--every", type=int, default=1, help="of the numbers, the how-manieth")
-    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=float("inf"),
+        help="processor time for a file; numbers are spread evenly, and counted",
+    )
+    parser.add_argument("--floating", action="store_true", help="the root link of a URDF is free")
+    parser.add_argument(
+        "--edited", action="store_true", help="suspect the changed copy, and read it each time anew"
+    )
     options = parser.parse_args(given)
     everything: list[Planted] = []
     for file in options.files:
-        began = time.perf_counter()
+        began = time.process_time()
         engine = options.engine or readers(file.suffix)[0].name
-        found = list(planted(file, engine, options.every, options.jobs))
-        everything += found
-        for one in found:
+        robot = Robot(file=file, engine=engine, floating=options.floating, edited=options.edited)
+        found = []
+        for one in planted(robot, options.seconds):
+            found.append(one)
             if one.fate.seen and one.fate not in (Fate.NAMED, Fate.TIED):
-                print(one)
-        print(f"{file} [{engine}], {time.perf_counter() - began:.0f} s")
+                print(one, flush=True)
+        everything += found
+        of = f"{len(found) // len(SHARES)} of {len(_ground(robot).numbers.saying)} numbers"
+        print(f"{file} [{engine}]: {of}, {time.process_time() - began:.0f} s")
         print("\n".join(f"  {line}" for line in table(found)), flush=True)
     print("\n".join(table(everything)))
     seen = [one for one in everything if one.fate.seen]

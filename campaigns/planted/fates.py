@@ -14,10 +14,11 @@ import numpy as np
 
 from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
 from harness.diagnosis.fit import Fit
-from harness.diagnosis.robot_task import RobotDiagnosisTask, ranked
+from harness.diagnosis.robot_problem import RobotProblem
+from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked, some_of
 from harness.engines.protocol import EngineError
 from harness.records.case import Case
-from harness.records.outcome import FLOOR, Outcome
+from harness.records.outcome import Outcome
 from harness.robots.named import Numbers, robot_numbers
 from harness.robots.numerals import SMALL, Numeral
 from reference.flows import Flow
@@ -30,10 +31,6 @@ STATES = 32
 
 ROUNDING = 1e-13
 """A change of the ends by less, relative to their movement, is that of rounding."""
-
-CLEAR = 3.0
-"""A change that is larger than what is uncertain, or than the resolution, by so many times, shows
-at any luck."""
 
 RIGHT = 0.01
 """How near a fitted value must be to the right one, as a share of the fault, beside its error."""
@@ -89,17 +86,29 @@ class Ground:
         numbers: of it.
         flow: of its states.
         engine: that runs the changed copies.
+        known: what its numbers do to the states of a diagnosis; None where each diagnosis works
+            that out anew, of the changed copy.
     """
 
     prepared: PreparedRobot
     numbers: Numbers
     flow: Flow
     engine: str
+    known: RobotProblem | None
 
     @staticmethod
-    def of(file: Path, engine: str) -> Ground:
-        """Of a file."""
-        prepared = prepare_robot(file)
+    def of(file: Path, engine: str, *, floating: bool = False, edited: bool = False) -> Ground:
+        """Of a file.
+
+        Args:
+            file: of the robot.
+            engine: that runs the changed copies.
+            floating: whether the root link of a URDF moves freely.
+            edited: whether the changed copy is what is suspected; else that the engine takes the
+                file, as it is, otherwise than it says. The second works out once what each number
+                does.
+        """
+        prepared = prepare_robot(file, floating=floating)
         drawn = prepared.samples
         some = replace(
             drawn, start=drawn.start[:STATES], forces=drawn.forces[:STATES], end=drawn.end[:STATES]
@@ -107,9 +116,17 @@ class Ground:
         numbers = robot_numbers(file, prepared.settings)
         tree = numbers.tree({})
         assert tree is not None  # it was prepared
-        flow = Flow(tree, some.start, some.forces, some.length)
+        picked = some_of(some)
+        nothing = np.zeros_like(picked.end)
+        known = None if edited else problem_of(file, numbers, picked, nothing, own=True)
+        if known is not None:
+            known.slopes({})
         return Ground(
-            prepared=replace(prepared, samples=some), numbers=numbers, flow=flow, engine=engine
+            prepared=replace(prepared, samples=some),
+            numbers=numbers,
+            flow=Flow(tree, some.start, some.forces, some.length),
+            engine=engine,
+            known=known,
         )
 
     def effect(self, index: int, value: float) -> float:
@@ -145,7 +162,7 @@ def plant(ground: Ground, index: int, share: float) -> Planted:
         with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
             copy = copied(ground.prepared.file, ground.numbers.texts({index: value}), Path(folder))
             task = replace(ground.prepared.task(ground.engine, RESOLUTION), file=copy)
-            fate, said = _fate(task, one, value, effect)
+            fate, said = _fate(ground, task, one, value, effect)
     return Planted(
         file=one.file.name,
         line=one.line,
@@ -170,15 +187,21 @@ def copied(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Path:
     return folder / file.resolve().relative_to(top)
 
 
-def _fate(task: RobotTask, one: Numeral, value: float, effect: float) -> tuple[Fate, str]:
+def _fate(
+    ground: Ground, task: RobotTask, one: Numeral, value: float, effect: float
+) -> tuple[Fate, str]:
     try:
         case = run_robot(task)
     except EngineError as error:
         return Fate.REFUSED, str(error)
+    # What is larger shows, whichever way the engine's ends are uncertain.
+    if effect <= RESOLUTION + 2 * _uncertain(case):
+        return Fate.FAINT, ""
     if case.outcome is not Outcome.DIFFERS:
-        clear = effect > CLEAR * (_uncertain(case) + max(RESOLUTION, FLOOR))
-        return (Fate.MISSED if clear else Fate.FAINT), f"{case.outcome} {case.reason}"
-    ranking = ranked(RobotDiagnosisTask(task=task, own=False))
+        return Fate.MISSED, f"{case.outcome} {case.reason}"
+    edited = ground.known is None
+    ranking = ranked(RobotDiagnosisTask(task=task, own=not edited), known=ground.known)
+    aim = one.value if edited else value, abs(value - one.value)
     if not ranking.fits:
         return Fate.CAUGHT, "nothing fits"
     first = ranking.fits[0]
@@ -186,10 +209,10 @@ def _fate(task: RobotTask, one: Numeral, value: float, effect: float) -> tuple[F
     if not ranking.explained:
         return Fate.CAUGHT, f"unexplained; {said}"
     if _is(first, one):
-        return (Fate.NAMED if _right(first, one, value) else Fate.CAUGHT), said
+        return (Fate.NAMED if _right(first, *aim) else Fate.CAUGHT), said
     told = [fit for fit in ranking.fits if _is(fit, one)]
     tied = any(cause.subject == (one.address,) for cause in first.tied_with)
-    if tied and all(_right(fit, one, value) for fit in told[:1]):
+    if tied and all(_right(fit, *aim) for fit in told[:1]):
         return Fate.TIED, said
     return Fate.CAUGHT, said
 
@@ -198,10 +221,9 @@ def _is(fit: Fit, one: Numeral) -> bool:
     return len(fit.members) == 1 and fit.causes[0].subject == (one.address,)
 
 
-def _right(fit: Fit, one: Numeral, value: float) -> bool:
+def _right(fit: Fit, aim: float, fault: float) -> bool:
     """Whether a fitted value is the right one."""
-    off = abs(fit.estimates[0] - one.value)
-    return off <= RIGHT * abs(value - one.value) + 5 * fit.standard_errors[0]
+    return abs(fit.estimates[0] - aim) <= RIGHT * fault + 5 * fit.standard_errors[0]
 
 
 def _uncertain(case: Case) -> float:

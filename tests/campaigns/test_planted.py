@@ -39,5 +39,5 @@ def test_what_shows_is_named_and_what_does_not_is_told_apart(
     assert [one.fate for one in found] == [fate for fate in chosen.values() for _ in range(2)]
     assert file.read_text() == TEXT
     assert "of 4 that can be seen, 4 are caught and named, 100.0%" in table(found)
-    assert command.main([str(file), "--engine", "mujoco", "--every", "9"]) == 0
+    assert command.main([str(file), "--engine", "mujoco", "--seconds", "0"]) == 0
     assert "are caught and named" in capsys.readouterr().out
