@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from campaigns.planted.fates import Fate, Ground, Planted, faults, table
+from campaigns.planted.compared import compared
+from campaigns.planted.fates import Fate, Ground, Planted, plant, table
 from harness.engines.registry import readers
 
 SHARES = (1e-6, 1e-2)
@@ -33,17 +34,26 @@ class Robot:
         engine: that runs it.
         floating: whether the root link of a URDF moves freely.
         edited: as in `Ground.of`.
+        compare: whether the old file is compared to the new one; else the new one runs beside the
+            equations of the old.
     """
 
     file: Path
     engine: str
     floating: bool
     edited: bool
+    compare: bool
 
 
 @cache
 def _ground(robot: Robot) -> Ground:
-    return Ground.of(robot.file, robot.engine, floating=robot.floating, edited=robot.edited)
+    return Ground.of(
+        robot.file,
+        robot.engine,
+        floating=robot.floating,
+        edited=robot.edited,
+        known=not robot.compare,
+    )
 
 
 def spread(count: int) -> list[int]:
@@ -55,9 +65,10 @@ def spread(count: int) -> list[int]:
 def planted(robot: Robot, seconds: float) -> Iterator[Planted]:
     """The faults of a file's numbers, spread evenly, as many as processor time allows."""
     began = time.process_time()
-    ground = _ground(robot)
+    ground, one = _ground(robot), compared if robot.compare else plant
     for place in spread(len(ground.numbers.saying)):
-        yield from faults(ground, SHARES, [ground.numbers.saying[place]])
+        for share in SHARES:
+            yield one(ground, ground.numbers.saying[place], share)
         if time.process_time() - began > seconds:
             return
 
@@ -77,12 +88,21 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--edited", action="store_true", help="suspect the changed copy, and read it each time anew"
     )
+    parser.add_argument(
+        "--compare", action="store_true", help="compare the file to each changed copy"
+    )
     options = parser.parse_args(given)
     everything: list[Planted] = []
     for file in options.files:
         began = time.process_time()
         engine = options.engine or readers(file.suffix)[0].name
-        robot = Robot(file=file, engine=engine, floating=options.floating, edited=options.edited)
+        robot = Robot(
+            file=file,
+            engine=engine,
+            floating=options.floating,
+            edited=options.edited,
+            compare=options.compare,
+        )
         found = []
         for one in planted(robot, options.seconds):
             found.append(one)

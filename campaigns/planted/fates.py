@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -97,7 +97,14 @@ class Ground:
     known: RobotProblem | None
 
     @staticmethod
-    def of(file: Path, engine: str, *, floating: bool = False, edited: bool = False) -> Ground:
+    def of(
+        file: Path,
+        engine: str,
+        *,
+        floating: bool = False,
+        edited: bool = False,
+        known: bool = True,
+    ) -> Ground:
         """Of a file.
 
         Args:
@@ -107,6 +114,7 @@ class Ground:
             edited: whether the changed copy is what is suspected; else that the engine takes the
                 file, as it is, otherwise than it says. The second works out once what each number
                 does.
+            known: whether numbers are to be named by the equations.
         """
         prepared = prepare_robot(file, floating=floating)
         drawn = prepared.samples
@@ -118,15 +126,17 @@ class Ground:
         assert tree is not None  # it was prepared
         picked = some_of(some)
         nothing = np.zeros_like(picked.end)
-        known = None if edited else problem_of(file, numbers, picked, nothing, own=True)
-        if known is not None:
-            known.slopes({})
+        problem = (
+            problem_of(file, numbers, picked, nothing, own=True) if known and not edited else None
+        )
+        if problem is not None:
+            problem.slopes({})
         return Ground(
             prepared=replace(prepared, samples=some),
             numbers=numbers,
             flow=Flow(tree, some.start, some.forces, some.length),
             engine=engine,
-            known=known,
+            known=problem,
         )
 
     def effect(self, index: int, value: float) -> float:
@@ -143,19 +153,10 @@ class Ground:
         return float(np.max(moved / np.where(scale > 0, scale, scale.max())))
 
 
-def faults(
-    ground: Ground, shares: Sequence[float], chosen: Sequence[int] | None = None
-) -> Iterator[Planted]:
-    """Each number of a robot's file, or some by their index, wrong by shares of its size."""
-    for index in ground.numbers.saying if chosen is None else chosen:
-        for share in shares:
-            yield plant(ground, index, share)
-
-
 def plant(ground: Ground, index: int, share: float) -> Planted:
     """One fault, and what comes of it."""
     one = ground.numbers.numerals[index]
-    value = one.value + share * (abs(one.value) if abs(one.value) > SMALL else one.scale)
+    value = wrong(one, share)
     effect = ground.effect(index, value)
     fate, said = Fate.INVISIBLE, ""
     if effect > ROUNDING:
@@ -172,6 +173,11 @@ def plant(ground: Ground, index: int, share: float) -> Planted:
         effect=effect,
         said=said,
     )
+
+
+def wrong(one: Numeral, share: float) -> float:
+    """A number off by a share of its size, or of that of its neighbours where it is zero."""
+    return one.value + share * (abs(one.value) if abs(one.value) > SMALL else one.scale)
 
 
 def copied(file: Path, texts: Mapping[Path, bytes], folder: Path) -> Path:

@@ -70,10 +70,10 @@ class RobotProblem:
     apart: Array
     scale: Array
     way: int
-    _defects: dict[object, Array] = field(default_factory=dict, repr=False)
-    _flows: dict[object, Flow | None] = field(default_factory=dict, repr=False)
-    _last: dict[tuple[int, ...], Flow] = field(default_factory=dict, repr=False)
-    _rows: dict[int, Array] = field(default_factory=dict, repr=False)
+    _defects: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
+    _flows: dict[object, Flow | None] = field(default_factory=dict, init=False, repr=False)
+    _last: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
+    _rows: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -82,7 +82,9 @@ class RobotProblem:
 
     def beside(self, apart: Array) -> RobotProblem:
         """The same numbers and states with another discrepancy; slopes are worked out once."""
-        return replace(self, apart=apart, _defects={}, _flows={}, _last={})
+        other = replace(self, apart=apart)
+        other._rows.update(self._rows)
+        return other
 
     def defect(self, faults: Faults) -> Array:
         """Engine - reference once these faults are repaired, scaled and flat, (N,)."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from campaigns.planted import __main__ as command
-from campaigns.planted.fates import Fate, Ground, faults, table
+from campaigns.planted.fates import Fate, Ground, plant, table
 from tests.robots.files import joint, link
 
 TEXT = "\n".join(
@@ -35,7 +35,7 @@ def test_what_shows_is_named_and_what_does_not_is_told_apart(
         "link[two]/inertial/mass@value": Fate.NAMED,
         "joint[b]/dynamics@damping": Fate.NAMED,
     }
-    found = list(faults(ground, [1e-6, 1e-2], [where[address] for address in chosen]))
+    found = [plant(ground, where[address], by) for address in chosen for by in (1e-6, 1e-2)]
     assert [one.fate for one in found] == [fate for fate in chosen.values() for _ in range(2)]
     assert file.read_text() == TEXT
     assert "of 4 that can be seen, 4 are caught and named, 100.0%" in table(found)

@@ -17,7 +17,9 @@ from harness.diagnosis.robot_task import (
     STATES,
     RobotDiagnosisTask,
     diagnose_robot,
+    problem_of,
     robot_problem,
+    some_of,
 )
 from harness.diagnosis.task import explanation
 from harness.engines.registry import engines, readers
@@ -223,6 +225,21 @@ def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: P
         # The place of the first joint has no say: nothing but gravity tells one place from another.
         if hypothesis.id.subject[0].startswith("joint[pan]/origin@xyz"):
             assert not slopes[i].any()
+
+
+def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(ARM)
+    numbers = robot_numbers(file, {})
+    some = some_of(prepare_robot(file).samples)
+    nothing = np.zeros_like(some.end)
+    problem = problem_of(file, numbers, some, nothing, own=True)
+    slopes = problem.slopes({})
+    other = problem.beside(nothing + 1.0)
+    size = problem.hypotheses[3].size
+    assert np.array_equal(other.slopes({3: 1e-5 * size}), slopes)
+    assert not np.array_equal(other.slopes({3: 1e-2 * size}, [4]), slopes[[4]])
+    assert np.array_equal(other.defect({}), np.ones(nothing.size))
 
 
 def test_what_an_engine_does_on_its_own_is_named() -> None:
