@@ -12,6 +12,7 @@ from harness.cases.case_record import (
     full_run_record,
     linearization_record,
     series_record,
+    stepping_record,
     verdict_record,
 )
 from harness.cases.prepare import Equilibrium, Prepared
@@ -24,16 +25,21 @@ from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
 from harness.numerics.full_run import why_no_run
 from harness.numerics.linearization import LARGEST, linearize_engine
-from harness.numerics.segments import Batch, BlownUpError, extrapolate
+from harness.numerics.segments import Batch, BlownUpError, extrapolate, over
 from harness.numerics.step_study import study_step
+from harness.numerics.stepping import step_engine
 from harness.numerics.stops import stopped
 from harness.records.base import SourceLine
-from harness.records.case import Case, CaseId
+from harness.records.case import Case, CaseId, Stepping
 from harness.records.model import EngineLinearization
 from harness.records.outcome import FLOOR, Outcome
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
+from reference.stepping import SteppedEquations
 from reference.system import System
+
+STEPPED = 100
+"""States of a motion at most from which one step is taken."""
 
 
 class StepError(ValueError):
@@ -53,6 +59,7 @@ class CaseTask:
     scale: Array
     amplitude: Array
     power: NumericFunction
+    stepped: SteppedEquations | None
     components: tuple[str, ...]
     resolution: float
 
@@ -94,6 +101,7 @@ def case_task(
         scale=prepared.scales[scenario],
         amplitude=prepared.amplitude,
         power=prepared.power,
+        stepped=prepared.stepped,
         components=prepared.components,
         resolution=resolution,
     )
@@ -176,8 +184,22 @@ def run_case(task: CaseTask) -> Case:
             amplitude=amplitude,
             components=task.components,
         ),
+        stepping=_stepping(task, model, coordinates),
         seconds=time.perf_counter() - began,
     )
+
+
+def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepping | None:
+    """The engine's very next state, at states spread over the motion."""
+    if task.stepped is None:
+        return None
+    motion = task.motion
+    rows = np.unique(np.linspace(0, len(motion.t) - 1, STEPPED).astype(np.intp))
+    inputs = over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
+    found = step_engine(
+        model, coordinates, task.stepped, motion.start[rows], inputs, task.resolution
+    )
+    return None if found is None else stepping_record(found, task.components)
 
 
 def _told(reason: str, sidecar: Sidecar, model: Model) -> str:

@@ -8,6 +8,7 @@ from harness.cases.verdict import Verdict as Judgement
 from harness.numerics.linearization import EngineLinearization as Found
 from harness.numerics.segments import Extrapolated
 from harness.numerics.step_study import TARGETS, StepStudy
+from harness.numerics.stepping import Stepping as FoundStepping
 from harness.records.base import Number, Numbers, Rows, number, numbers, rows
 from harness.records.case import (
     CheckedStep,
@@ -17,6 +18,7 @@ from harness.records.case import (
     FullRun,
     Series,
     StepErrors,
+    Stepping,
     TargetStep,
     Verdict,
 )
@@ -46,6 +48,22 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
         steps=int(found.steps),
         map_residual=number(judged.map_residual),
         map_uncertainty=number(judged.map_uncertainty),
+    )
+
+
+def stepping_record(found: FoundStepping, components: tuple[str, ...]) -> Stepping:
+    """What one step says."""
+    judged = found.judgement
+    return Stepping(
+        rule=found.rule.name,
+        besides=found.rule.besides,
+        step=number(found.step),
+        outcome=judged.outcome,
+        discrepancy=number(judged.discrepancy),
+        uncertainty=number(judged.uncertainty),
+        component=components[judged.component],
+        digits=number(found.digits),
+        digits_later=number(found.later),
     )
 
 

@@ -10,11 +10,11 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.cases.followers import Followers
 from harness.cases.prepare import Prepared, derived
 from harness.cases.robot import (
     SCENARIO,
     STATES,
-    Followers,
     RobotTask,
     inertia_findings,
     told,
@@ -81,6 +81,7 @@ def case_of(
         engine=engine,
         names=tuple(c.name for c in system.tree_system.coordinates),
         followers=Followers.of(system.assembled.tree),
+        tree=system.assembled.tree,
         samples=drawn,
         settings=spec.settings,
         springs=spec.springs,

@@ -20,6 +20,7 @@ from reference.load import load_system, told_with_file
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 from reference.solve import solve
+from reference.stepping import SteppedEquations, stepped_equations
 from reference.system import System
 from reference.variants import Variants, variants
 
@@ -44,6 +45,7 @@ class Prepared:
         push: largest input over all scenarios, (inputs,).
         power: (energy, supplied, dissipated) of (q, v, u, (t,)).
         components: names of the state's components, positions then velocities.
+        stepped: the equations as integrators ask them; None where time stands in them.
         variants: the equations with every constant and some missing terms free.
         record: the system's entry in results.json.
         reads: files that `system.py` has read, by their places relative to the folder.
@@ -58,6 +60,7 @@ class Prepared:
     power: NumericFunction
     equilibria: tuple[Equilibrium, ...]
     components: tuple[str, ...]
+    stepped: SteppedEquations | None
     variants: Variants
     record: records.System
     reads: tuple[str, ...]
@@ -116,6 +119,7 @@ def derived(
         push=np.where(push > 0, push, 1.0),
         power=equations.numeric_power,
         equilibria=tuple(Equilibrium(e.equilibrium, e.position, e.arrays) for e in linear),
+        stepped=stepped_equations(equations),
         variants=variants(equations, amplitude),
         components=(*names, *(f"{name}_dot" for name in names)),
         record=msgspec.structs.replace(record, seconds=time.perf_counter() - began),

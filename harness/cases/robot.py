@@ -10,15 +10,17 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.cases.case_record import verdict_record
+from harness.cases.case_record import stepping_record, verdict_record
+from harness.cases.followers import Followers
 from harness.cases.system_record import quantities
 from harness.cases.verdict import filled, judge, with_residual
 from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
 from harness.engines.registry import engines
-from harness.numerics.coordinates import CoordinateMap, identity, linear
+from harness.numerics.coordinates import CoordinateMap, identity
 from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate, held
+from harness.numerics.stepping import step_engine
 from harness.records.base import SourceLine, number
-from harness.records.case import Case
+from harness.records.case import Case, Stepping
 from harness.records.finding import AuditFinding
 from harness.records.system import Scenario, System
 from harness.robots.inertias import impossible
@@ -26,11 +28,11 @@ from harness.robots.named import read_robot
 from harness.robots.robot import LeftOut, Robot, home_of
 from harness.robots.system import RobotError, robot_system
 from reference.integrate import ReferenceError
-from reference.multibody.chart import coordinate_names
 from reference.multibody.coupled import Coupled
 from reference.multibody.tree import WORLD, Tree
 from reference.numeric import Array
 from reference.samples import Samples, samples
+from reference.stepping import SteppedBodies
 from reference.trees import TreeEquations, TreeSystem
 
 SCENARIO = "states"
@@ -58,6 +60,7 @@ class PreparedRobot:
         file: the model file.
         names: of its coordinates.
         followers: what follows them.
+        tree: whose equations they are.
         samples: states, and where the equations take them.
         record: what is written of it.
         settings: with which engines run it.
@@ -68,6 +71,7 @@ class PreparedRobot:
     file: Path
     names: tuple[str, ...]
     followers: Followers
+    tree: Tree
     samples: Samples
     record: System
     settings: Mapping[str, object]
@@ -90,6 +94,7 @@ class PreparedRobot:
             engine=engine,
             names=self.names,
             followers=self.followers,
+            tree=self.tree,
             samples=self.samples,
             settings={**own, **self.settings},
             resolution=resolution,
@@ -117,6 +122,7 @@ def prepare_robot(file: Path, *, floating: bool = False) -> PreparedRobot:
         file=file,
         names=tuple(c.name for c in system.coordinates),
         followers=Followers.of(system.tree),
+        tree=system.tree,
         samples=drawn,
         record=tree_record(
             str(robot.file),
@@ -161,35 +167,6 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
         )
         for one in impossible(robot)
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Followers:
-    """How a tree's joints follow its coordinates: all of them are G q + c.
-
-    Attributes:
-        names: of all that an engine has, (nz,).
-        matrix: G, (nz, n).
-        offset: c, (nz,).
-    """
-
-    names: tuple[str, ...]
-    matrix: Array
-    offset: Array
-
-    @staticmethod
-    def of(tree: Tree) -> Followers:
-        """All coordinates of a tree's joints."""
-        coupled = Coupled(tree)
-        rows = (row for link in tree.links for row in coordinate_names(link.kind, link.name))
-        names = tuple(name for name, _ in rows)
-        return Followers(names=names, matrix=coupled.matrix, offset=coupled.offset)
-
-    def map(self, order: list[int], names: tuple[str, ...]) -> CoordinateMap:
-        """Between the coordinates, by their names, and an engine's, in their order."""
-        own = [self.names[i] for i in order]
-        kept = [own.index(name) for name in names]
-        return linear(self.matrix[order], self.offset[order], kept)
 
 
 def settings_of(robot: Robot) -> Mapping[str, object]:
@@ -250,6 +227,7 @@ class RobotTask:
         engine: that runs it.
         names: of the coordinates, in the samples' order.
         followers: what follows them.
+        tree: whose equations they are.
         samples: states, and where the equations take them.
         settings: with which the engine runs it.
         resolution: that is asked.
@@ -263,6 +241,7 @@ class RobotTask:
     engine: str
     names: tuple[str, ...]
     followers: Followers
+    tree: Tree
     samples: Samples
     settings: Mapping[str, object]
     resolution: float
@@ -275,6 +254,7 @@ class Followed:
 
     Attributes:
         model: as the engine has loaded it.
+        map: of the coordinates to its own.
         names: of the coordinates, in that order.
         samples: likewise.
         scale: what a defect is relative to, (2n,).
@@ -282,6 +262,7 @@ class Followed:
     """
 
     model: Model
+    map: CoordinateMap
     names: tuple[str, ...]
     samples: Samples
     scale: Array
@@ -318,7 +299,9 @@ def follow_robot(task: RobotTask, rungs: tuple[int, ...] = ()) -> Followed:
             found = extrapolate(model, coordinates, batch, resolution=task.resolution)
     except BlownUpError as error:
         raise BlownUpError(f"{task.file}: {error}") from None
-    return Followed(model=model, names=names, samples=drawn, scale=scale, found=found)
+    return Followed(
+        model=model, map=coordinates, names=names, samples=drawn, scale=scale, found=found
+    )
 
 
 def run_robot(task: RobotTask) -> Case:
@@ -346,8 +329,18 @@ def run_robot(task: RobotTask) -> Case:
         outcome=verdict.outcome,
         reason=verdict.reason,
         verdict=verdict_record(verdict, found, claimed),
+        stepping=_stepping(task, way, components),
         seconds=time.perf_counter() - began,
     )
+
+
+def _stepping(task: RobotTask, way: Followed, components: tuple[str, ...]) -> Stepping | None:
+    """The engine's very next state, at the starts of the segments."""
+    stepped = SteppedBodies(task.tree, [task.names.index(name) for name in way.names])
+    found = step_engine(
+        way.model, way.map, stepped, way.samples.start, way.samples.forces, task.resolution
+    )
+    return None if found is None else stepping_record(found, components)
 
 
 def load_robot(task: RobotTask) -> Model:

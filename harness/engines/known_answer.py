@@ -35,6 +35,7 @@ from harness.engines.protocol import (
     Sample,
     StateForce,
 )
+from harness.engines.step_rule import StepRule
 
 _SAMPLE = """
 names = ["x", "theta"]
@@ -107,6 +108,11 @@ class KnownModel(Model):
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """As the file claims; Heun's method has order 1 where an input is held while it varies."""
         return (1 if varying_input and self.integrator == "heun" else self._claims), 1
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """Of Euler's alone; two stages are no rule that the harness has."""
+        return StepRule(scheme="semi-implicit Euler") if self.integrator == "euler" else None
 
     @np.errstate(all="ignore")
     def rollout(

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from harness.engines.compiled import CompiledTree
 from harness.engines.mistake import DefaultLeftOn, LeftOut
 from harness.engines.remark import Remark
+from harness.engines.step_rule import StepRule
 
 Array = NDArray[np.float64]
 
@@ -166,6 +167,11 @@ class Model(ABC):
     def integrators(self) -> Mapping[str, Mapping[str, object]]:
         """Other ways to step this model, just as sound: name -> settings that choose it."""
         return {}
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """How its very next state follows from the forces, or None where that isn't known."""
+        return None
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -158,6 +158,31 @@ class FullRun(Record, frozen=True, kw_only=True):
     constraint_drift: Number
 
 
+class Stepping(Record, frozen=True, kw_only=True):
+    """An engine's very next state at the shipped step, against its own rule on the equations.
+
+    Attributes:
+        rule: how the engine steps, as it is documented.
+        besides: what else acts in a step and goes to nothing with it; empty: nothing known.
+        step: seconds.
+        outcome: AGREES or DIFFERS, or UNRESOLVED where rounding hides it.
+        discrepancy, uncertainty: of `component`, relative to how far it moves in a step at most.
+        component: the one that decides.
+        digits: the largest difference in last digits of the component's own size.
+        digits_later: the same ten steps later; None where that is not finite.
+    """
+
+    rule: str
+    besides: str
+    step: Number
+    outcome: Outcome
+    discrepancy: Number
+    uncertainty: Number
+    component: str
+    digits: Number
+    digits_later: Number
+
+
 class Convergence(Record, frozen=True, kw_only=True):
     """How the segments' ladder converged.
 
@@ -258,6 +283,7 @@ class Case(Record, frozen=True, kw_only=True):
         stdout: what a failed case printed.
         seconds: that it took, of wall-clock time.
         verdict, full_run, series: None where the case was not judged.
+        stepping: None too where no rule for the engine's step is known.
     """
 
     system: str
@@ -273,6 +299,7 @@ class Case(Record, frozen=True, kw_only=True):
     verdict: Verdict | None = None
     full_run: FullRun | None = None
     series: Series | None = None
+    stepping: Stepping | None = None
 
     @property
     def id(self) -> CaseId:

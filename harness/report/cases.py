@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from harness.records.case import Case, FullRun, Verdict
+from harness.records.case import Case, FullRun, Stepping, Verdict
 from harness.records.outcome import Outcome
 from harness.records.system import Scenario
 from harness.report.text import NOTHING, agreeing_digits, percent, quantity, sci, shown
@@ -86,6 +86,7 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
     facts = (
         ("Verdict", () if verdict is None else _verdict(verdict, digits_of(case))),
         ("At the shipped step", () if full_run is None else _at_shipped_step(full_run)),
+        ("One step", () if case.stepping is None else _one_step(case.stepping)),
         ("Other steps", () if full_run is None else tuple(_steps(full_run))),
         ("Run", tuple(_run(case, scenario))),
     )
@@ -194,6 +195,25 @@ def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
         ("segment at", quantity(verdict.time, "s")),
         ("order in h", f"{order} seen, {verdict.claimed_order} claimed"),
     )
+
+
+def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
+    """The engine's very next state."""
+    rows = [
+        ("engine's rule", stepping.rule),
+        ("its next state, by the equations", f"{stepping.outcome} ({stepping.component})"),
+        ("discrepancy", sci(stepping.discrepancy)),
+        ("uncertainty", sci(stepping.uncertainty)),
+        ("last digits, after 1 and 10 steps", _digits(stepping)),
+    ]
+    if stepping.besides:
+        rows.append(("acts besides", stepping.besides))
+    return tuple(rows)
+
+
+def _digits(stepping: Stepping) -> str:
+    told = (stepping.digits, stepping.digits_later)
+    return " and ".join(NOTHING if one is None else f"{one:.2g}" for one in told)
 
 
 def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:

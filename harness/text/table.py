@@ -18,6 +18,7 @@ from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 from harness.text.coverage import coverage_lines
 from harness.text.findings import audit_lines
 from harness.text.markup import escape
+from harness.text.stepping import stepping_lines
 
 STYLES: Mapping[str, str] = {
     Outcome.AGREES: "green", Outcome.ABSENT: "yellow", Outcome.UNRESOLVED: "magenta",
@@ -35,6 +36,7 @@ def print_results(console: Console, results: Results) -> None:
     _print_models(console, results.cases)
     differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
     _print_linear(console, [model for model in results.models if model.id not in differ])
+    _print_stepping(console, results.cases)
     amiss = [case for case in results.cases if case.outcome is not Outcome.AGREES]
     troubled = [case for case in amiss if not case.accepted]
     for case in sorted(troubled, key=_worst_first)[:MOST_TOLD]:
@@ -188,6 +190,15 @@ def _print_linear(console: Console, models: Iterable[Model]) -> None:
     if lost:
         told = ", ".join(dict.fromkeys(lost))
         console.print(f"\nLinearizations without a limit: {escape(told)}.", soft_wrap=True)
+
+
+def _print_stepping(console: Console, cases: Iterable[Case]) -> None:
+    """The engines' next states: how near they are to their rule's, and which are not."""
+    lines = stepping_lines(cases)
+    if lines:
+        console.print()
+    for line in lines:
+        console.print(escape(line), soft_wrap=True)
 
 
 def _print_case(console: Console, case: Case) -> None:

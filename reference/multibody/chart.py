@@ -28,6 +28,9 @@ from reference.multibody.tree import Kind, Tree
 
 AXES = ("x", "y", "z")
 
+SMALL = 1e-3
+"""Half an angle below which a series has more digits than a quotient."""
+
 
 def coordinate_names(kind: Kind, joint: str) -> tuple[tuple[str, str], ...]:
     """Names and units of a joint's coordinates, in the order of its velocities."""
@@ -127,6 +130,69 @@ class Chart:
         for joint in self._free:
             carried = cross(v[joint.turning], v[joint.moving])
             out[joint.moving] = turned(self._turn(y, joint), carried)
+        return out
+
+    def carried(self, y: Scalars, rate: Scalars) -> Scalars:
+        """What engines keep of rates: angular velocities in place of those of rotations."""
+        out = rate.copy()
+        for joint in self._joints:
+            out[joint.turning] = _unturned(y[joint.turning] / 4, rate[joint.turning])
+        return out
+
+    def carrying(self, y: Scalars, m: Scalars) -> Scalars:
+        """Rates of the coordinates, of what engines keep."""
+        out = m.copy()
+        for joint in self._joints:
+            out[joint.turning] = _rate(y[joint.turning] / 4, m[joint.turning])
+        return out
+
+    def steady(self, y: Scalars, m: Scalars) -> Scalars:
+        """The derivative of the tree's v where m stands still: the link's axes turn beneath it."""
+        v, out = self.own(y, m), 0 * m
+        for joint in self._free:
+            out[joint.moving] = -cross(v[joint.turning], v[joint.moving])
+        return out
+
+    def own(self, y: Scalars, m: Scalars) -> Scalars:
+        """The tree's v, of what engines keep."""
+        out = m.copy()
+        self._place(out, y, m, turned_back)
+        return out
+
+    def unturned(self, moved: Scalars, m: Scalars) -> Scalars:
+        """m as the rate of the moves whose exponentials turn bodies on, after moves (nv, ...).
+
+        The inverse of the exponential's differential (Iserles, Munthe-Kaas, Norsett and Zanna 2000,
+        Lie-group methods, Acta Numerica 9, section 2): w + T x w / 2 + k T x (T x w).
+        """
+        out = m.copy()
+        for joint in self._joints:
+            by, angular = moved[joint.turning], m[joint.turning]
+            half = np.sqrt((by * by).sum(axis=0)) / 2
+            near = half < SMALL
+            safe = np.where(near, 1.0, half)
+            share = np.where(
+                near, (1 + half**2 / 15) / 12, (1 - safe / np.tan(safe)) / (2 * safe) ** 2
+            )
+            twist = cross(by, angular)
+            out[joint.turning] = angular + twist / 2 + share * cross(by, twist)
+        return out
+
+    def turned_on(self, y: Scalars, m: Scalars, h: float) -> Scalars:
+        """Coordinates after m is held for h seconds: rotations go on about one axis."""
+        out = y + h * m
+        for joint in self._joints:
+            angular = m[joint.turning]
+            angle = h * np.sqrt((angular * angular).sum(axis=0))
+            # sin(a/2)/|w|, which is h/2 where nothing turns
+            share = h / 2 * np.sinc(angle / 2 / np.pi)
+            s = y[joint.turning] / 4
+            square = (s * s).sum(axis=0)
+            real, own = (1 - square) / (1 + square), 2 * s / (1 + square)
+            by = share * angular
+            turned_real = real * np.cos(angle / 2) - (own * by).sum(axis=0)
+            turned_own = real * by + np.cos(angle / 2) * own + cross(own, by)
+            out[joint.turning] = 4 * turned_own / (1 + turned_real)
         return out
 
     def forces(self, y: Scalars, given: Scalars) -> Scalars:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from harness.records.case import Case, CheckedStep, FullRun, TargetStep, Verdict
+from harness.records.case import Case, CheckedStep, FullRun, Stepping, TargetStep, Verdict
 from harness.records.finding import AuditFinding
 from harness.records.model import Model
 from harness.records.outcome import Outcome
@@ -29,6 +29,15 @@ def full_run(**fields: Any) -> FullRun:
         "energy_error": 0.01, "constraint_drift": 0.0,
     }  # fmt: skip
     return FullRun(**known | fields)
+
+
+def stepping(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Stepping:
+    known: dict[str, Any] = {
+        "rule": "semi-implicit Euler", "besides": "", "step": 0.002, "outcome": outcome,
+        "discrepancy": 3e-5, "uncertainty": 1e-11, "component": "x_dot", "digits": 1.4,
+        "digits_later": 3.0,
+    }  # fmt: skip
+    return Stepping(**known | fields)
 
 
 def case(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Case:

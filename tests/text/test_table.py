@@ -15,7 +15,7 @@ from harness.records.outcome import Outcome
 from harness.records.results import BaselineChange, BaselineChanges, Results
 from harness.text.causes import BEGIN_WITH_AUDIT
 from harness.text.table import MOST_TOLD, case_line, print_results, summary
-from tests.records.made import case, finding, full_run, model, results, verdict
+from tests.records.made import case, finding, full_run, model, results, stepping, verdict
 
 
 def printed(found: Results) -> str:
@@ -157,3 +157,18 @@ def test_a_step_that_can_not_be_told_has_a_star() -> None:
 )
 def test_a_log_has_a_line_for_each_case(known: Case, line: str) -> None:
     assert case_line(1, 2, known) == line
+
+
+def test_a_next_state_that_is_not_the_rules_is_told_beside_what_agrees() -> None:
+    soft = stepping(Outcome.DIFFERS, besides="equalities")
+    text = printed(
+        results(
+            case(stepping=stepping(Outcome.AGREES, discrepancy=2e-14)),
+            case(model="soft.xml", stepping=soft),
+            case(Outcome.DIFFERS, model="wrong.xml", reason="off", stepping=soft),
+        )
+    )
+    assert "in one case, are the equations' by the engines' own rules to 2.0e-14" in text
+    assert "The next state of disc/soft.xml [mujoco] is not that of semi-implicit Euler" in text
+    assert "3.0e-05 of its movement off, where 1.0e-11 is uncertain; besides act eq" in text
+    assert "next state of disc/wrong.xml" not in text, "its limit says so already"

@@ -18,6 +18,7 @@ from harness.engines.mistake import LeftOut
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
 from harness.engines.mujoco.poses import Poses
 from harness.engines.mujoco.remarks import model_remarks
+from harness.engines.mujoco.rule import step_rule
 from harness.engines.mujoco.settings import apply_settings, held_controls, is_on, rounded_frames
 from harness.engines.mujoco.smooth import hold, leave_out, without_joints
 from harness.engines.mujoco.state import States
@@ -38,6 +39,7 @@ from harness.engines.protocol import (
 )
 from harness.engines.remark import Remark
 from harness.engines.source import XmlSource, engine_errors
+from harness.engines.step_rule import StepRule
 from harness.engines.urdf import IDLE, SETTINGS, read_urdf, sample_urdf
 from harness.engines.urdf_copy import followers_of, rewritten
 
@@ -257,6 +259,12 @@ class MujocoModel(Model):
             yield from model_remarks(self.model, self._spec, self._sources, self._states.qpos(z), w)
         for warning in self._warnings:
             yield Remark(message=f"MuJoCo warns: {warning}", address="")
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """By its integrator."""
+        with self._warnings.heard():
+            return step_rule(self.model)
 
     @property
     def warnings(self) -> tuple[str, ...]:

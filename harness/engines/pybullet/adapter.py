@@ -39,6 +39,7 @@ from harness.engines.pybullet.settings import DEFAULTS, UNDONE, changes_of, chec
 from harness.engines.pybullet.stepper import Stepper
 from harness.engines.remark import Remark
 from harness.engines.source import engine_errors, folded
+from harness.engines.step_rule import StepRule
 from harness.engines.urdf import (
     IDLE,
     SETTINGS,
@@ -219,6 +220,11 @@ class PybulletModel(Model):
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 1 throughout."""
         return 1, 1
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """All forces at the start, dampers' too; a floating base steps about its centre of mass."""
+        return None if self._base else StepRule(scheme="semi-implicit Euler")
 
     @property
     def home(self) -> Array:

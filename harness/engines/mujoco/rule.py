@@ -1,0 +1,75 @@
+"""MuJoCo's integrators as rules for one step (Computation, Numerical integration, in its manual).
+
+Euler takes joint dampers at the step's end, unless the flag `eulerdamp` is off, and tendons' at its
+start; `implicitfast` takes those and actuators' dampers at the end, in the sparsity of M;
+`implicit` all that depends on velocity, Coriolis forces too. Where a damper is no constant, no rule
+is told for these. RK4 turns bodies by Munthe-Kaas's rule (seen in 4.0: velocities equal the
+classical rule's, rotations that one's to the last digit).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from harness.engines.mujoco.pulls import acts, powers
+from harness.engines.protocol import Array
+from harness.engines.step_rule import StepRule
+
+SOFT = "equalities, which are soft at any step"
+
+
+def step_rule(m: Any) -> StepRule | None:
+    """Of a compiled model."""
+    import mujoco
+
+    kinds = mujoco.mjtIntegrator
+    besides = SOFT if m.neq and acts(m, "EQUALITY") else ""
+    match kinds(m.opt.integrator):
+        case kinds.mjINT_RK4:
+            return StepRule(scheme="Runge-Kutta 4", besides=besides)
+        case kinds.mjINT_IMPLICIT if not _bent(m):
+            return StepRule(scheme="semi-implicit Euler", by_velocity=True, besides=besides)
+        case kinds.mjINT_EULER:
+            late = _joint_dampers(m)
+        case kinds.mjINT_IMPLICITFAST:
+            late = _dampers(m)
+        case _:
+            return None
+    if late is None:
+        return None
+    damping = late if late.any() else None
+    return StepRule(scheme="semi-implicit Euler", damping=damping, besides=besides)
+
+
+def _joint_dampers(m: Any) -> Array | None:
+    """What Euler takes at the end, (nv, nv); None where it is no constant."""
+    if not (acts(m, "DAMPER") and acts(m, "EULERDAMP")):
+        return np.zeros((m.nv, m.nv))
+    if _bent(m):
+        return None
+    return np.diag(np.array(m.dof_damping, dtype=float))
+
+
+def _bent(m: Any) -> bool:
+    """Whether a joint's damper is no constant."""
+    return any(any(powers(m, "dof_damping", i)[1:]) for i in range(m.nv))
+
+
+def _dampers(m: Any) -> Array | None:
+    """What `implicitfast` takes at the end, (nv, nv), as MuJoCo has it; None: it is no constant."""
+    import mujoco
+
+    found = []
+    for speed in (0.0, 1.0):
+        data = mujoco.MjData(m)
+        data.qvel[:] = speed
+        mujoco.mj_step(m, data)
+        late = np.zeros((m.nv, m.nv))
+        rows = np.repeat(np.arange(m.nv), m.D_rownnz)
+        late[rows, m.D_colind] = -np.array(data.qDeriv)
+        found.append(late)
+    size = np.max(np.abs(found[0]), initial=0.0)
+    still, moving = found
+    return still if np.allclose(still, moving, rtol=0, atol=1e-12 * size) else None

@@ -1,0 +1,198 @@
+"""Engines' next states against their own rules on the equations, at the step that models ship."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pybullet_data
+import pytest
+
+from harness.cases.case import CaseTask, case_task, load, run_case
+from harness.cases.prepare import Prepared, prepare
+from harness.cases.robot import PreparedRobot, load_robot, placed, prepare_robot
+from harness.engines.protocol import Array, Force
+from harness.engines.step_rule import StepRule
+from harness.files.folders import builtin
+from harness.files.model_files import model_files
+from harness.files.sidecar import Sidecar
+from harness.numerics.stepping import Stepping, step_engine
+from harness.records.case import Case
+from harness.records.outcome import Outcome
+from reference.stepping import SteppedBodies, SteppedEquations
+from tests.numerics.conftest import MakeBench, SymplecticEuler
+
+ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+DATA = Path(pybullet_data.getDataPath())
+INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
+
+
+@cache
+def prepared(name: str) -> Prepared:
+    return prepare(builtin() / name, described=False)
+
+
+@cache
+def robot_of(file: Path) -> PreparedRobot:
+    return prepare_robot(file)
+
+
+def sidecar(folder: str, model: str) -> Sidecar:
+    known = (one for one in model_files(builtin() / folder) if isinstance(one, Sidecar))
+    return next(one for one in known if one.model.name == model)
+
+
+def stepped(folder: str, model: Sidecar, engine: str, resolution: float = 1e-12) -> Stepping | None:
+    """One step from every segment of the first scenario."""
+    own = prepared(folder)
+    motion = next(iter(own.motions.values()))
+    loaded, coordinates = load(own.system, model, engine)
+    assert own.stepped is not None
+    inputs = motion.inputs(motion.t)
+    return step_engine(loaded, coordinates, own.stepped, motion.start, inputs, resolution)
+
+
+@pytest.mark.parametrize(("folder", "model", "engine"), [
+    ("mass_spring_damper", "mujoco.xml", "mujoco"),
+    ("mass_spring_damper", "robot.urdf", "pybullet"),
+    ("drum_pendulum", "mujoco.xml", "mujoco"),
+    ("drum_pendulum", "robot.urdf", "pybullet"),
+    ("drum_pendulum", "robot_folded.urdf", "mujoco"),
+])  # fmt: skip
+def test_the_next_state_is_the_equations_by_the_engines_own_rule(
+    folder: str, model: str, engine: str
+) -> None:
+    """PyBullet's gear among them: at 2 ms it holds the drum as a rolling one."""
+    found = stepped(folder, sidecar(folder, model), engine)
+    assert found is not None
+    assert found.judgement.outcome is Outcome.AGREES
+    assert found.judgement.largest_discrepancy < 1e-13
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_each_integrator_of_mujoco_has_its_rule(integrator: str) -> None:
+    own = sidecar("mass_spring_damper", "mujoco.xml")
+    found = stepped(
+        "mass_spring_damper",
+        replace(own, settings={**own.settings, "integrator": integrator}),
+        "mujoco",
+    )
+    assert found is not None
+    assert found.judgement.outcome is Outcome.AGREES
+    assert found.digits < 200  # of a slow velocity: most are within one
+
+
+def test_a_soft_equality_shows_at_the_step_that_its_limit_hides() -> None:
+    found = stepped("drum_pendulum", sidecar("drum_pendulum", "mujoco_rolling.xml"), "mujoco")
+    assert found is not None
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert 1e-5 < found.judgement.discrepancy < 1e-4
+    assert "soft" in found.rule.besides
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("47.0", "47.000000000047"), ("0.9", "0.9000000000009"), ("1.3", "1.3000000000013")],
+)
+def test_a_literal_off_by_a_part_in_ten_to_the_twelve_is_seen(
+    tmp_path: Path, old: str, new: str
+) -> None:
+    own = sidecar("mass_spring_damper", "mujoco.xml")
+    text = own.model.read_text()
+    assert text.count(f'="{old}"') == 1
+    (tmp_path / "mujoco.xml").write_text(text.replace(f'="{old}"', f'="{new}"'))
+    moved = replace(own, model=tmp_path / "mujoco.xml")
+    for model, seen in ((own, False), (moved, True)):
+        found = stepped("mass_spring_damper", model, "mujoco", resolution=2e-13)
+        assert found is not None
+        judged = found.judgement
+        assert (judged.outcome is Outcome.DIFFERS or judged.below_resolution) is seen
+
+
+@pytest.mark.parametrize(("file", "engine", "integrator"), [
+    (DATA / "kuka_iiwa" / "model.urdf", "pybullet", ""),
+    (DATA / "kuka_iiwa" / "model.urdf", "mujoco", "implicit"),
+    (ASSETS / "ant.xml", "mujoco", "Euler"),
+    (ASSETS / "ant.xml", "mujoco", "RK4"),
+    (ASSETS / "ant.xml", "mujoco", "implicit"),
+])  # fmt: skip
+def test_a_robots_next_state_is_the_equations(file: Path, engine: str, integrator: str) -> None:
+    """With a free base: MuJoCo's RK4 turns it by Munthe-Kaas's rule."""
+    robot = robot_of(file)
+    task = robot.task(engine, 1e-9)
+    if integrator:
+        task = replace(task, settings={**task.settings, "integrator": integrator})
+    model = load_robot(task)
+    drawn, coordinates, names = placed(task, model)
+    bodies = SteppedBodies(robot.tree, [task.names.index(name) for name in names])
+    found = step_engine(model, coordinates, bodies, drawn.start, drawn.forces, 1e-12)
+    assert found is not None
+    assert found.judgement.outcome is Outcome.AGREES
+    assert found.judgement.largest_discrepancy < 1e-12
+
+
+@dataclass
+class OneStepOff(SymplecticEuler):
+    """Sound as its step goes to zero, and another at the very step that it ships with."""
+
+    by: float = 1e-9
+
+    @property
+    def step_rule(self) -> StepRule:
+        return StepRule(scheme="semi-implicit Euler")
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        ends_q, ends_v = super().rollout(q, v, h, n, force, every)
+        return ends_q, ends_v + (self.by if h == self.step else 0.0)
+
+
+@pytest.mark.parametrize(("by", "outcome"), [(0.0, Outcome.AGREES), (1e-9, Outcome.DIFFERS)])
+def test_what_acts_at_the_shipped_step_alone_is_seen(
+    bench: MakeBench, by: float, outcome: Outcome
+) -> None:
+    own = bench(OneStepOff(by=by))
+    motion, equations = own.motion, SteppedEquations(own.equations)
+    inputs = motion.inputs(motion.t)
+    found = step_engine(own.model, own.coordinates, equations, motion.start, inputs, 1e-9)
+    assert found is not None
+    assert found.judgement.outcome is outcome
+
+
+def test_another_integrator_than_it_says_is_seen(bench: MakeBench) -> None:
+    class Explicit(OneStepOff):
+        @property
+        def step_rule(self) -> StepRule:
+            return StepRule(scheme="Runge-Kutta 4")
+
+    own = bench(Explicit(by=0.0))
+    motion, equations = own.motion, SteppedEquations(own.equations)
+    inputs = motion.inputs(motion.t)
+    found = step_engine(own.model, own.coordinates, equations, motion.start, inputs, 1e-9)
+    assert found is not None
+    assert found.judgement.outcome is Outcome.DIFFERS
+
+
+def test_no_rule_says_nothing(bench: MakeBench) -> None:
+    own = bench()
+    none = np.zeros((1, 1))
+    start = own.motion.start[:1]
+    stepped_equations = SteppedEquations(own.equations)
+    assert step_engine(own.model, own.coordinates, stepped_equations, start, none, 1e-9) is None
+
+
+def test_a_case_tells_its_next_state_beside_its_limit() -> None:
+    own = prepared("drum_pendulum")
+    model = sidecar("drum_pendulum", "mujoco_rolling.xml")
+    case: Case = run_case(_task(own, model))
+    assert case.outcome is Outcome.AGREES
+    assert case.stepping is not None
+    assert case.stepping.outcome is Outcome.DIFFERS
+
+
+def _task(own: Prepared, model: Sidecar) -> CaseTask:
+    return case_task(own, model, "mujoco", next(iter(own.motions)), 1e-9)

@@ -1,0 +1,87 @@
+"""Steps by rules on the equations, against motions and rules that are known otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from reference.multibody.charted import Charted
+from reference.multibody.tree import WORLD, Link, Tree
+from reference.numeric import Array
+from reference.stepping import Scheme, SteppedBodies, next_states
+
+RNG = np.random.default_rng(4)
+
+
+def free_body(*, damping: float = 0.0) -> Tree:
+    """One body, free to move, none of whose numbers is plain."""
+    link = Link(
+        name="body", parent=WORLD, kind="free", mass=1.7, damping=damping,
+        position=np.array([0.1, 0.2, 0.3]), rotation=np.eye(3), axis=np.array([1.0, 0, 0]),
+        center=np.array([0.1, -0.2, 0.05]),
+        inertia=np.array([[0.5, 0.02, 0.0], [0.02, 0.6, -0.03], [0.0, -0.03, 0.3]]),
+    )  # fmt: skip
+    return Tree(links=(link,), gravity=np.array([0.3, 0.0, -9.81]))
+
+
+def exactly(tree: Tree, states: Array, h: float) -> Array:
+    """By the tree's own coordinates, whose rates are velocities, and another integrator."""
+    charted, n = Charted(tree), states.shape[1] // 2
+
+    def rate(_: float, y: Array) -> Array:
+        return np.concatenate([y[n:], charted.acceleration(y[:n], y[n:], 0 * y[n:])])
+
+    return np.array([
+        solve_ivp(rate, (0, h), one, "DOP853", rtol=1e-13, atol=1e-15).y[:, -1] for one in states
+    ])  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("scheme", "by_velocity", "order"),
+    [
+        ("semi-implicit Euler", False, 2),
+        ("semi-implicit Euler", True, 2),
+        ("Runge-Kutta 4", False, 5),
+    ],
+)
+def test_a_step_of_a_turning_body_errs_by_its_order(
+    scheme: Scheme, by_velocity: bool, order: int
+) -> None:
+    """Rotations too: the classical mean of angular velocities would be of third order in a step."""
+    tree = free_body(damping=0.4)
+    states = RNG.uniform(-1, 1, (3, 12))
+    still = np.zeros((3, 1, 6))
+    stepped = SteppedBodies(tree, list(range(6)))
+
+    def error(h: float) -> float:
+        found = next_states(stepped, states, still, h, scheme=scheme, by_velocity=by_velocity)
+        return float(np.max(np.abs(found - exactly(tree, states, h))))
+
+    assert np.log2(error(0.02) / error(0.01)) == pytest.approx(order, abs=0.15)
+
+
+def test_velocities_come_back_as_rates() -> None:
+    stepped = SteppedBodies(free_body(), [3, 4, 5, 0, 1, 2])
+    q, rate = RNG.uniform(-1, 1, (2, 4, 6))
+    np.testing.assert_allclose(
+        stepped.rates(q, stepped.velocities(q, rate)), rate, rtol=0, atol=1e-15
+    )
+
+
+def test_dampers_at_the_end_of_a_step_are_those_of_a_linear_system() -> None:
+    """(M + h D) v' = M v of a slide; and so are all forces by velocity."""
+    slide = Link(
+        name="x", parent=WORLD, kind="slide", mass=2.0, damping=3.0, position=np.zeros(3),
+        rotation=np.eye(3), axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.eye(3),
+    )  # fmt: skip
+    stepped = SteppedBodies(Tree(links=(slide,), gravity=np.zeros(3)), [0])
+    state, still = np.array([[0.0, 1.0]]), np.zeros((1, 1, 1))
+    late = next_states(
+        stepped, state, still, 0.1, scheme="semi-implicit Euler", damping=np.array([[3.0]])
+    )
+    assert late[0, 1] == pytest.approx(2 / 2.3, abs=1e-15)
+    whole = next_states(stepped, state, still, 0.1, scheme="semi-implicit Euler", by_velocity=True)
+    np.testing.assert_allclose(whole, late, rtol=0, atol=1e-15)
+    now = next_states(stepped, state, still, 0.1, scheme="semi-implicit Euler")
+    assert now[0, 1] == pytest.approx(1 - 0.1 * 3 / 2, abs=1e-15)
