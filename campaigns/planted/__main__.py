@@ -36,6 +36,7 @@ class Robot:
         edited: as in `Ground.of`.
         compare: whether the old file is compared to the new one; else the new one runs beside the
             equations of the old.
+        switched: settings of the engine that are on.
     """
 
     file: Path
@@ -43,6 +44,7 @@ class Robot:
     floating: bool
     edited: bool
     compare: bool
+    switched: tuple[str, ...]
 
 
 @cache
@@ -53,6 +55,7 @@ def _ground(robot: Robot) -> Ground:
         floating=robot.floating,
         edited=robot.edited,
         known=not robot.compare,
+        settings=dict.fromkeys(robot.switched, True),
     )
 
 
@@ -64,8 +67,8 @@ def spread(count: int) -> list[int]:
 
 def planted(robot: Robot, seconds: float) -> Iterator[Planted]:
     """The faults of a file's numbers, spread evenly, as many as processor time allows."""
-    began = time.process_time()
     ground, one = _ground(robot), compared if robot.compare else plant
+    began = time.process_time()
     for place in spread(len(ground.numbers.saying)):
         for share in SHARES:
             yield one(ground, ground.numbers.saying[place], share)
@@ -91,6 +94,7 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--compare", action="store_true", help="compare the file to each changed copy"
     )
+    parser.add_argument("--set", action="append", default=[], help="a setting of the engine: on")
     options = parser.parse_args(given)
     everything: list[Planted] = []
     for file in options.files:
@@ -102,6 +106,7 @@ def main(given: Sequence[str] | None = None) -> int:
             floating=options.floating,
             edited=options.edited,
             compare=options.compare,
+            switched=tuple(options.set),
         )
         found = []
         for one in planted(robot, options.seconds):

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -104,6 +105,7 @@ class Ground:
         floating: bool = False,
         edited: bool = False,
         known: bool = True,
+        settings: Mapping[str, object] = MappingProxyType({}),
     ) -> Ground:
         """Of a file.
 
@@ -115,6 +117,7 @@ class Ground:
                 file, as it is, otherwise than it says. The second works out once what each number
                 does.
             known: whether numbers are to be named by the equations.
+            settings: of the engine, beside those of the robot.
         """
         prepared = prepare_robot(file, floating=floating)
         drawn = prepared.samples
@@ -132,7 +135,7 @@ class Ground:
         if problem is not None:
             problem.slopes({})
         return Ground(
-            prepared=replace(prepared, samples=some),
+            prepared=replace(prepared, samples=some, settings={**prepared.settings, **settings}),
             numbers=numbers,
             flow=Flow(tree, some.start, some.forces, some.length),
             engine=engine,

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from campaigns.planted import __main__ as command
+from campaigns.planted.compared import compared
 from campaigns.planted.fates import Fate, Ground, plant, table
 from tests.robots.files import joint, link
 
@@ -41,3 +42,22 @@ def test_what_shows_is_named_and_what_does_not_is_told_apart(
     assert "of 4 that can be seen, 4 are caught and named, 100.0%" in table(found)
     assert command.main([str(file), "--engine", "mujoco", "--seconds", "0"]) == 0
     assert "are caught and named" in capsys.readouterr().out
+
+
+def test_a_comparison_of_old_and_new_names_the_line(tmp_path: Path) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(TEXT)
+    ground = Ground.of(file, "mujoco", known=False)
+    (index,) = (
+        i
+        for i in ground.numbers.saying
+        if ground.numbers.numerals[i].address == "joint[b]/dynamics@damping"
+    )
+    found = compared(ground, index, 1e-2)
+    assert found.fate is Fate.NAMED
+    assert f"line {found.line} explains 100.00%" in found.said
+
+
+def test_numbers_are_spread_over_the_file_as_they_come() -> None:
+    assert command.spread(5) == [0, 4, 2, 1, 3]
+    assert sorted(command.spread(37)) == list(range(37))
