@@ -26,6 +26,9 @@ ITERATIONS = 60
 CONVERGED = 1e-15
 """Change of the stages, relative to the largest of their kind, with which their equations end."""
 
+HOPELESS, EVERY = 0.25, 5
+"""In so many iterations the change must shrink to this share: else 60 are not enough."""
+
 ACCEPTED = 1e-11
 """Where rounding goes on, a change of this is enough."""
 
@@ -66,8 +69,14 @@ class Flow:
         """
         _ = self._to_ends
         found = Flow.__new__(Flow)
-        found.__dict__ |= self.__dict__
+        found.__dict__ |= {k: v for k, v in self.__dict__.items() if k not in ("_left", "_inverse")}
         found._take(tree, self._corrected(Charted(tree)))
+        return found
+
+    def apart(self, other: Flow) -> Array:
+        """Where these segments end, beside those of another tree from the same states, (B, 2 n)."""
+        by = self._slopes - other._slopes
+        found: Array = self._length * np.einsum("s,xbs->bx", self._weights, by)
         return found
 
     def variation(self, changed: Tree) -> Array:
@@ -89,18 +98,25 @@ class Flow:
         Raises:
             ReferenceError: where it can't be solved.
         """
-        by = self._corrected(Charted(changed)) - self._slopes
-        found: Array = self._length * np.einsum("s,xbs->bx", self._weights, by)
-        return found
+        return self.at(changed).apart(self)
 
     def _take(self, tree: Tree, slopes: Scalars) -> None:
         """The tree, and the rates of its states at the stages, (2 n, B, STAGES)."""
         self.tree, self._own, self._slopes = tree, Charted(tree), slopes
         self._stages = self._staged(slopes)
-        self._left = self._residual(tree, self._stages)
-        mass = self._own.inertia(self._stages[: tree.freedoms])
+
+    @cached_property
+    def _left(self) -> Scalars:
+        """What rounding leaves of the tree's own forces."""
+        return self._residual(self.tree, self._stages)
+
+    @cached_property
+    def _inverse(self) -> Scalars:
+        """Of the mass matrix at the stages, (n, n, B, STAGES)."""
+        mass = self._own.inertia(self._stages[: self.tree.freedoms])
         mass = np.moveaxis(mass, (0, 1), (-2, -1))
-        self._inverse = np.moveaxis(np.linalg.inv(mass), (-2, -1), (0, 1))
+        found: Scalars = np.moveaxis(np.linalg.inv(mass), (-2, -1), (0, 1))
+        return found
 
     def _residual(self, tree: Tree, states: Scalars) -> Scalars:
         """What the accelerations that are known leave of a tree's forces, at states near theirs."""
@@ -136,8 +152,8 @@ class Flow:
         return np.moveaxis(step, (2, 0, 1), (0, 1, 2))
 
     def _solved(self, own: Charted, slopes: Scalars, step: _Step) -> Scalars:
-        last = np.inf
-        for _ in range(ITERATIONS):
+        last = before = np.inf
+        for count in range(1, ITERATIONS + 1):
             with np.errstate(all="ignore"):
                 try:
                     by = step(self._field(own, self._staged(slopes)) - slopes)
@@ -150,6 +166,10 @@ class Flow:
             slopes = slopes + by
             if change < CONVERGED or (change < ACCEPTED and change > last / 4):
                 return slopes
+            if count % EVERY == 0:
+                if change > HOPELESS * before:
+                    break
+                before = change
             last = change
         raise ReferenceError("the stage equations of the collocation do not converge")
 

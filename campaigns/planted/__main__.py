@@ -1,6 +1,6 @@
 """Each number of robots' files made wrong, one at a time: is it caught, and named?
 
-`python -m campaigns.planted robot.urdf robot.xml --jobs 2`: every number by 1e-6 and by 1 % of its
+`python -m campaigns.planted robot.urdf robot.xml`: every number by 1e-6 and by 1 % of its
 size; a changed copy runs in an engine, beside the equations of the file as it is. What no motion
 depends on, by the exact change of the ends, is told apart. Exit code 1 where less than 99 % of what
 can be seen is caught and named.
@@ -12,11 +12,12 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import cache, partial
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-from campaigns.planted.fates import Fate, Ground, Planted, faults, table
+from campaigns.planted.compared import compared
+from campaigns.planted.fates import Fate, Ground, Planted, plant, table
 from harness.engines.registry import readers
 
 SHARES = (1e-6, 1e-2)
@@ -24,24 +25,55 @@ SHARES = (1e-6, 1e-2)
 WANTED = 0.99
 
 
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A file and how it is run.
+
+    Attributes:
+        file: of the robot.
+        engine: that runs it.
+        floating: whether the root link of a URDF moves freely.
+        edited: as in `Ground.of`.
+        compare: whether the old file is compared to the new one; else the new one runs beside the
+            equations of the old.
+        switched: settings of the engine that are on.
+    """
+
+    file: Path
+    engine: str
+    floating: bool
+    edited: bool
+    compare: bool
+    switched: tuple[str, ...]
+
+
 @cache
-def _ground(file: Path, engine: str) -> Ground:
-    return Ground.of(file, engine)
+def _ground(robot: Robot) -> Ground:
+    return Ground.of(
+        robot.file,
+        robot.engine,
+        floating=robot.floating,
+        edited=robot.edited,
+        known=not robot.compare,
+        settings=dict.fromkeys(robot.switched, True),
+    )
 
 
-def _some(file: Path, engine: str, index: int) -> list[Planted]:
-    return list(faults(_ground(file, engine), SHARES, [index]))
+def spread(count: int) -> list[int]:
+    """All indices below a count, so that any first few of them are spread evenly."""
+    bits = max(count - 1, 1).bit_length()
+    return sorted(range(count), key=lambda i: f"{i:0{bits}b}"[::-1])
 
 
-def planted(file: Path, engine: str, every: int, jobs: int) -> Iterator[Planted]:
-    """The faults of a file, of each `every`-th of its numbers."""
-    chosen = _ground(file, engine).numbers.saying[::every]
-    if jobs == 1:
-        yield from faults(_ground(file, engine), SHARES, chosen)
-        return
-    with ProcessPoolExecutor(jobs) as pool:
-        for found in pool.map(partial(_some, file, engine), chosen):
-            yield from found
+def planted(robot: Robot, seconds: float) -> Iterator[Planted]:
+    """The faults of a file's numbers, spread evenly, as many as processor time allows."""
+    ground, one = _ground(robot), compared if robot.compare else plant
+    began = time.process_time()
+    for place in spread(len(ground.numbers.saying)):
+        for share in SHARES:
+            yield one(ground, ground.numbers.saying[place], share)
+        if time.process_time() - began > seconds:
+            return
 
 
 def main(given: Sequence[str] | None = None) -> int:
@@ -49,19 +81,41 @@ def main(given: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m campaigns.planted", description=__doc__)
     parser.add_argument("files", type=Path, nargs="+")
     parser.add_argument("--engine", default="", help="the first that reads the file")
-    parser.add_argument("--every", type=int, default=1, help="of the numbers, the how-manieth")
-    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=float("inf"),
+        help="processor time for a file; numbers are spread evenly, and counted",
+    )
+    parser.add_argument("--floating", action="store_true", help="the root link of a URDF is free")
+    parser.add_argument(
+        "--edited", action="store_true", help="suspect the changed copy, and read it each time anew"
+    )
+    parser.add_argument(
+        "--compare", action="store_true", help="compare the file to each changed copy"
+    )
+    parser.add_argument("--set", action="append", default=[], help="a setting of the engine: on")
     options = parser.parse_args(given)
     everything: list[Planted] = []
     for file in options.files:
-        began = time.perf_counter()
+        began = time.process_time()
         engine = options.engine or readers(file.suffix)[0].name
-        found = list(planted(file, engine, options.every, options.jobs))
-        everything += found
-        for one in found:
+        robot = Robot(
+            file=file,
+            engine=engine,
+            floating=options.floating,
+            edited=options.edited,
+            compare=options.compare,
+            switched=tuple(options.set),
+        )
+        found = []
+        for one in planted(robot, options.seconds):
+            found.append(one)
             if one.fate.seen and one.fate not in (Fate.NAMED, Fate.TIED):
-                print(one)
-        print(f"{file} [{engine}], {time.perf_counter() - began:.0f} s")
+                print(one, flush=True)
+        everything += found
+        of = f"{len(found) // len(SHARES)} of {len(_ground(robot).numbers.saying)} numbers"
+        print(f"{file} [{engine}]: {of}, {time.process_time() - began:.0f} s")
         print("\n".join(f"  {line}" for line in table(found)), flush=True)
     print("\n".join(table(everything)))
     seen = [one for one in everything if one.fate.seen]

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
 from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
 from harness.diagnosis.fit import Fit
-from harness.diagnosis.robot_task import RobotDiagnosisTask, ranked
+from harness.diagnosis.robot_problem import RobotProblem
+from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked, some_of
 from harness.engines.protocol import EngineError
 from harness.records.case import Case
-from harness.records.outcome import FLOOR, Outcome
+from harness.records.outcome import Outcome
 from harness.robots.copies import copied
 from harness.robots.named import Numbers, robot_numbers
 from harness.robots.numerals import SMALL, Numeral
@@ -30,10 +32,6 @@ STATES = 32
 
 ROUNDING = 1e-13
 """A change of the ends by less, relative to their movement, is that of rounding."""
-
-CLEAR = 3.0
-"""A change that is larger than what is uncertain, or than the resolution, by so many times, shows
-at any luck."""
 
 RIGHT = 0.01
 """How near a fitted value must be to the right one, as a share of the fault, beside its error."""
@@ -89,17 +87,39 @@ class Ground:
         numbers: of it.
         flow: of its states.
         engine: that runs the changed copies.
+        known: what its numbers do to the states of a diagnosis; None where each diagnosis works
+            that out anew, of the changed copy.
     """
 
     prepared: PreparedRobot
     numbers: Numbers
     flow: Flow
     engine: str
+    known: RobotProblem | None
 
     @staticmethod
-    def of(file: Path, engine: str) -> Ground:
-        """Of a file."""
-        prepared = prepare_robot(file)
+    def of(
+        file: Path,
+        engine: str,
+        *,
+        floating: bool = False,
+        edited: bool = False,
+        known: bool = True,
+        settings: Mapping[str, object] = MappingProxyType({}),
+    ) -> Ground:
+        """Of a file.
+
+        Args:
+            file: of the robot.
+            engine: that runs the changed copies.
+            floating: whether the root link of a URDF moves freely.
+            edited: whether the changed copy is what is suspected; else that the engine takes the
+                file, as it is, otherwise than it says. The second works out once what each number
+                does.
+            known: whether numbers are to be named by the equations.
+            settings: of the engine, beside those of the robot.
+        """
+        prepared = prepare_robot(file, floating=floating)
         drawn = prepared.samples
         some = replace(
             drawn, start=drawn.start[:STATES], forces=drawn.forces[:STATES], end=drawn.end[:STATES]
@@ -107,9 +127,19 @@ class Ground:
         numbers = robot_numbers(file, prepared.settings)
         tree = numbers.tree({})
         assert tree is not None  # it was prepared
-        flow = Flow(tree, some.start, some.forces, some.length)
+        picked = some_of(some)
+        nothing = np.zeros_like(picked.end)
+        problem = (
+            problem_of(file, numbers, picked, nothing, own=True) if known and not edited else None
+        )
+        if problem is not None:
+            problem.slopes({})
         return Ground(
-            prepared=replace(prepared, samples=some), numbers=numbers, flow=flow, engine=engine
+            prepared=replace(prepared, samples=some, settings={**prepared.settings, **settings}),
+            numbers=numbers,
+            flow=Flow(tree, some.start, some.forces, some.length),
+            engine=engine,
+            known=problem,
         )
 
     def effect(self, index: int, value: float) -> float:
@@ -126,26 +156,17 @@ class Ground:
         return float(np.max(moved / np.where(scale > 0, scale, scale.max())))
 
 
-def faults(
-    ground: Ground, shares: Sequence[float], chosen: Sequence[int] | None = None
-) -> Iterator[Planted]:
-    """Each number of a robot's file, or some by their index, wrong by shares of its size."""
-    for index in ground.numbers.saying if chosen is None else chosen:
-        for share in shares:
-            yield plant(ground, index, share)
-
-
 def plant(ground: Ground, index: int, share: float) -> Planted:
     """One fault, and what comes of it."""
     one = ground.numbers.numerals[index]
-    value = one.value + share * (abs(one.value) if abs(one.value) > SMALL else one.scale)
+    value = wrong(one, share)
     effect = ground.effect(index, value)
     fate, said = Fate.INVISIBLE, ""
     if effect > ROUNDING:
         with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
             copy = copied(ground.prepared.file, ground.numbers.texts({index: value}), Path(folder))
             task = replace(ground.prepared.task(ground.engine, RESOLUTION), file=copy)
-            fate, said = _fate(task, one, value, effect)
+            fate, said = _fate(ground, task, one, value, effect)
     return Planted(
         file=one.file.name,
         line=one.line,
@@ -157,15 +178,26 @@ def plant(ground: Ground, index: int, share: float) -> Planted:
     )
 
 
-def _fate(task: RobotTask, one: Numeral, value: float, effect: float) -> tuple[Fate, str]:
+def wrong(one: Numeral, share: float) -> float:
+    """A number off by a share of its size, or of that of its neighbours where it is zero."""
+    return one.value + share * (abs(one.value) if abs(one.value) > SMALL else one.scale)
+
+
+def _fate(
+    ground: Ground, task: RobotTask, one: Numeral, value: float, effect: float
+) -> tuple[Fate, str]:
     try:
         case = run_robot(task)
     except EngineError as error:
         return Fate.REFUSED, str(error)
+    # What is larger shows, whichever way the engine's ends are uncertain.
+    if effect <= RESOLUTION + 2 * _uncertain(case):
+        return Fate.FAINT, ""
     if case.outcome is not Outcome.DIFFERS:
-        clear = effect > CLEAR * (_uncertain(case) + max(RESOLUTION, FLOOR))
-        return (Fate.MISSED if clear else Fate.FAINT), f"{case.outcome} {case.reason}"
-    ranking = ranked(RobotDiagnosisTask(task=task, own=False))
+        return Fate.MISSED, f"{case.outcome} {case.reason}"
+    edited = ground.known is None
+    ranking = ranked(RobotDiagnosisTask(task=task, own=not edited), known=ground.known)
+    aim = one.value if edited else value, abs(value - one.value)
     if not ranking.fits:
         return Fate.CAUGHT, "nothing fits"
     first = ranking.fits[0]
@@ -173,10 +205,10 @@ def _fate(task: RobotTask, one: Numeral, value: float, effect: float) -> tuple[F
     if not ranking.explained:
         return Fate.CAUGHT, f"unexplained; {said}"
     if _is(first, one):
-        return (Fate.NAMED if _right(first, one, value) else Fate.CAUGHT), said
+        return (Fate.NAMED if _right(first, *aim) else Fate.CAUGHT), said
     told = [fit for fit in ranking.fits if _is(fit, one)]
     tied = any(cause.subject == (one.address,) for cause in first.tied_with)
-    if tied and all(_right(fit, one, value) for fit in told[:1]):
+    if tied and all(_right(fit, *aim) for fit in told[:1]):
         return Fate.TIED, said
     return Fate.CAUGHT, said
 
@@ -185,10 +217,9 @@ def _is(fit: Fit, one: Numeral) -> bool:
     return len(fit.members) == 1 and fit.causes[0].subject == (one.address,)
 
 
-def _right(fit: Fit, one: Numeral, value: float) -> bool:
+def _right(fit: Fit, aim: float, fault: float) -> bool:
     """Whether a fitted value is the right one."""
-    off = abs(fit.estimates[0] - one.value)
-    return off <= RIGHT * abs(value - one.value) + 5 * fit.standard_errors[0]
+    return abs(fit.estimates[0] - aim) <= RIGHT * fault + 5 * fit.standard_errors[0]
 
 
 def _uncertain(case: Case) -> float:

@@ -32,9 +32,17 @@ RESOLVED = 1e-3
 """Ends that are known no better than this share of the largest defect are left out of the fit,
 such as where friction turns: they would drown the others."""
 
+DOUBTFUL = 0.1
+"""What a cause may leave where the uncertainty is as large as the discrepancy. It is a bound: were
+the errors as large, every fit would leave as much, since they lie in no cause's direction."""
+
 SETTLED = 1e-6
 """A cause that leaves at most this share, or the uncertainty, is all there is; what leaves more may
 hide a second one."""
+
+APART = 10.0
+"""What leaves so many times more than the best is another cause, though the uncertainty, a bound,
+be larger: errors of that size the best would have left too."""
 
 UNSEEN, FELT = 1e-9, 1e-3
 """No motion depends on a number whose change by its own size does no more than this; on a switch
@@ -72,6 +80,8 @@ def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ra
     defect, slopes = whole.defect({}), whole.slopes({})
     hypotheses, floor = whole.hypotheses, whole.floor
     accepted, settled = max(NAMED, 2 * floor), max(SETTLED, 3 * floor)
+    certain = accepted < 1
+    accepted = accepted if certain else DOUBTFUL
     lengths = np.linalg.norm(slopes, axis=1)
     # A switch makes all of its change, however small: what an engine rounds may be all there is.
     small = min(UNSEEN, FELT * float(np.linalg.norm(defect)))
@@ -92,7 +102,7 @@ def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ra
         return Ranking((), False, floor)
     single = _ranked(whole, found, slopes, settled)
     best = min(fit.remaining for fit in single)
-    alone = accepted < 1 and best <= accepted
+    alone = best <= accepted
     if alone and best <= settled:
         return Ranking(tuple(single), True, floor)
     first = min(single, key=lambda fit: fit.remaining)
@@ -101,7 +111,7 @@ def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ra
         # A second, smaller fault may hide in what the first leaves.
         better = bool(double) and double[0].remaining < best / 100
         return Ranking((*double, *single) if better else tuple(single), True, floor)
-    if accepted < 1 and double and double[0].remaining <= accepted:
+    if certain and double and double[0].remaining <= accepted:
         return Ranking((*double, *single), True, floor)
     return Ranking((*single, *double[:1]), False, floor)
 
@@ -128,7 +138,8 @@ def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:
 
 def _ranked(problem: Resolved, found: list[Fit], slopes: Array, settled: float) -> list[Fit]:
     """Best first; causes that can't be told apart side by side, the most specific before."""
-    enough = max(settled, 3 * min(fit.remaining for fit in found))
+    best = min(fit.remaining for fit in found)
+    enough = max(SETTLED, 3 * best, min(settled, APART * best))
 
     def reading(fit: Fit) -> tuple[float, int, float]:
         level = enough if fit.remaining <= enough else fit.remaining

@@ -14,6 +14,9 @@ from reference.numeric import Array
 
 ITERATIONS = 8
 
+STALLED = 1e-3
+"""A fit ends with the step that takes off less than this share of what was left."""
+
 HALVED = 0.2
 """How far a step may be from half the last one for two of them to be taken: so goes the way to a
 number of which the slope vanishes where it is right."""
@@ -183,15 +186,26 @@ def refine(
         step, *_ = np.linalg.lstsq(jacobian, left, rcond=1e-12)
         double = np.linalg.norm(2 * step - last) < HALVED * np.linalg.norm(last)
         share, last = 2.0 if double else 1.0, step
+        before = float(np.linalg.norm(left))
         tried, left = _descended(residual, faults, left, step * scales, share)
+        stalled = np.linalg.norm(left) > (1 - STALLED) * before
         moved = np.max(np.abs(tried - faults) / scales)
         faults = tried
         small = np.linalg.norm(left) <= np.linalg.norm(problem.uncertainty)
-        if moved < 1e-12 or small or iterations == 1 or not free:
+        if moved < 1e-12 or stalled or small or iterations == 1 or not free:
             break
         # The slopes at the new place: the faults may be large.
         at = dict(zip(members, faults.tolist(), strict=True))
         jacobian[:, movable] = (problem.slopes(at, free) * scales[movable, None]).T
+    return _fit(problem, members, faults, jacobian, left)
+
+
+def _fit(
+    problem: Resolved, members: Sequence[int], faults: Array, jacobian: Array, left: Array
+) -> Fit:
+    """What is told of faults that leave so much, (n,); slopes in units of sizes, (n, m)."""
+    hypotheses = [problem.hypotheses[i] for i in members]
+    scales = np.array([hypothesis.size for hypothesis in hypotheses])
     variance = float(np.sum(left**2)) / max(len(left) - len(hypotheses), 1)
     variance += float(np.mean(problem.uncertainty**2))
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
@@ -207,6 +221,20 @@ def refine(
         standard_errors=tuple(float(error) for error in errors),
         remaining=problem.left(left),
     )
+
+
+def _linear(problem: Resolved, one: Try) -> Fit:
+    """The linear fit around no fault, tried on no model."""
+    members = list(one.start)
+    hypotheses = [problem.hypotheses[i] for i in members]
+    scales = np.array([hypothesis.size for hypothesis in hypotheses])
+    movable = np.array([not hypothesis.switch for hypothesis in hypotheses])
+    rows = one.slopes[members] * scales[:, None]
+    left = problem.defect({}) - rows[~movable].sum(axis=0)
+    jacobian = (rows * movable[:, None]).T
+    step, *_ = np.linalg.lstsq(jacobian, left, rcond=1e-12)
+    faults = np.where(movable, step * scales, 1.0)
+    return _fit(problem, members, faults, jacobian, left - jacobian @ step)
 
 
 def _descended(
@@ -245,8 +273,10 @@ def refine_each(problem: Resolved, tries: Sequence[Try], settled: float) -> list
     enough = np.inf
     found = []
     for one in sorted(tries, key=lambda one: one.left):
-        iterations = ITERATIONS if one.left <= enough else 1
-        fit = refine(problem, one.start, one.slopes, iterations)
+        if one.left > enough and not any(one.start.values()):
+            found.append(_linear(problem, one))
+            continue
+        fit = refine(problem, one.start, one.slopes, ITERATIONS if one.left <= enough else 1)
         if fit.remaining <= settled:
             enough = min(enough, max(BEHIND * one.left, FAR))
         found.append(fit)

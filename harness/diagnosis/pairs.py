@@ -30,6 +30,10 @@ FITTED = 4
 """Pairs that are fitted, of those that look best at the model as it is, and of those that look best
 once the best single fault is repaired."""
 
+HALF = 0.5
+"""A single fault that leaves more is none that bends what others show; of a pair that leaves more,
+it is not asked what could stand in for it."""
+
 SHORTLISTED = 40
 """Pairs of which it is worked out to all digits how good they look."""
 
@@ -49,18 +53,19 @@ def pairs(
         first: the best single fit.
         settled: share of the discrepancy that can't be told from nothing.
     """
-    after = problem.slopes(first.repair)
-    near = [i for i in seen if np.any(after[i])]
-    tries = {
-        frozenset(one.start): one
-        for one in (*_around_nothing(problem, slopes, seen), *_around(problem, first, after, near))
-    }
+    chosen, after, near = _around_nothing(problem, slopes, seen), slopes, list(seen)
+    if first.remaining <= HALF:
+        after = _slopes_at(problem, first, seen)
+        near = [i for i in seen if np.any(after[i])]
+        chosen += _around(problem, first, after, near)
+    tries = {frozenset(one.start): one for one in chosen}
     found = refine_each(problem, list(tries.values()), settled)
     if not found:
         return []
     best = min(found, key=lambda f: f.remaining)
-    if not set(first.members) <= set(best.members):
-        after = problem.slopes(best.repair)
+    if best.remaining <= HALF and not set(first.members) <= set(best.members):
+        after = _slopes_at(problem, best, seen)
+        near = [i for i in seen if np.any(after[i])]
     enough = max(settled, 3 * best.remaining)
 
     def reading(fit: Fit) -> tuple[float, int, float]:
@@ -68,12 +73,22 @@ def pairs(
         return level, sum(hypothesis.rank for hypothesis in fit.hypotheses), fit.remaining
 
     ranked = sorted(found, key=reading)
-    tied = dict.fromkeys(_stand_ins(problem.hypotheses, ranked[0], after, near))
+    told = best.remaining <= HALF
+    alike = _stand_ins(problem.hypotheses, ranked[0], after, near) if told else ()
+    tied = dict.fromkeys(alike)
     for other in ranked[1:]:
         if other.remaining <= enough:
             tied |= dict.fromkeys(other.causes)
     own = set(ranked[0].causes)
     return [replace(ranked[0], tied_with=tuple(t for t in tied if t not in own)), *ranked[1:]]
+
+
+def _slopes_at(problem: Resolved, fit: Fit, seen: Sequence[int]) -> Array:
+    """Of what has an effect, once a fit is repaired, (H, n); zero of the others."""
+    rows = problem.slopes(fit.repair, seen)
+    found = np.zeros((len(problem.hypotheses), rows.shape[1]))
+    found[list(seen)] = rows
+    return found
 
 
 def classes(

@@ -6,7 +6,7 @@ What an engine ignores has a slope so, and no engine is run again.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,9 @@ BEND = 1e-2
 FLAT, BENT = 1e-4, 30.0
 """A slope is none to speak of where a change by the number's size would make no more than this; a
 chord that is steeper by so many times says that it bends."""
+
+NEAR = 1e-4
+"""Faults by no more than this share of their sizes leave slopes as they are, to four digits."""
 
 Faults = Mapping[int, float]
 """Faults by index of the hypothesis; those not named are none."""
@@ -67,13 +70,21 @@ class RobotProblem:
     apart: Array
     scale: Array
     way: int
-    _defects: dict[object, Array] = field(default_factory=dict, repr=False)
-    _flows: dict[object, Flow | None] = field(default_factory=dict, repr=False)
+    _defects: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
+    _flows: dict[object, Flow | None] = field(default_factory=dict, init=False, repr=False)
+    _last: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
+    _rows: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What might be wrong."""
         return tuple(one.hypothesis for one in self.suspicions)
+
+    def beside(self, apart: Array) -> RobotProblem:
+        """The same numbers and states with another discrepancy; slopes are worked out once."""
+        other = replace(self, apart=apart)
+        other._rows.update(self._rows)
+        return other
 
     def defect(self, faults: Faults) -> Array:
         """Engine - reference once these faults are repaired, scaled and flat, (N,)."""
@@ -86,23 +97,32 @@ class RobotProblem:
     def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
         """How much of the defect a unit of each fault makes, near these faults, (len(of), N).
 
-        Far from no fault they are those of the trajectories there, and of the linear problem here.
+        Near to no fault they are those of none; far from it those of the trajectories there, and of
+        the linear problem here.
         """
         of = range(len(self.suspicions)) if of is None else of
+        if all(abs(by) <= NEAR * self.hypotheses[i].size for i, by in faults.items()):
+            return np.stack([self._row(index) for index in of])
         rows = np.zeros((len(of), self.apart.size))
-        values = self._values(faults)
-        flow = self._flow(values)
+        flow = self._flow(self._values(faults))
         if flow is None:
             return rows
         for row, index in enumerate(of):
-            one = self.suspicions[index]
-            if one.hypothesis.switch and faults:
+            if self.hypotheses[index].switch:
                 rows[row] = self._switched(flow, faults, index)
-            elif one.hypothesis.switch:
-                rows[row] = self.defect(faults) - self.defect({**faults, index: 1.0})
             else:
                 rows[row] = self._slope(flow, faults, index)
         return rows
+
+    def _row(self, index: int) -> Array:
+        """A slope at no fault; of a switch, all that it does."""
+        if index not in self._rows:
+            self._rows[index] = (
+                self.defect({}) - self.defect({index: 1.0})
+                if self.hypotheses[index].switch
+                else self._slope(self.flow, {}, index)
+            )
+        return self._rows[index]
 
     def _switched(self, flow: Flow, faults: Faults, index: int) -> Array:
         """What a switch does beside faults, at trajectories as they are: enough to rank pairs."""
@@ -146,13 +166,10 @@ class RobotProblem:
         found = self.apart.ravel()
         if not values:
             return found
-        tree = self._tree(values)
-        if tree is None:
+        flow = self._flow(values)
+        if flow is None:
             return np.full_like(found, REFUSED)
-        try:
-            by = self.flow.moved(tree) / self.scale
-        except ReferenceError:
-            return np.full_like(found, REFUSED)
+        by = flow.apart(self.flow) / self.scale
         left: Array = found - self.way * by.ravel()
         return left
 
@@ -173,10 +190,16 @@ class RobotProblem:
         if key not in self._flows:
             tree = self._tree(values)
             try:
-                self._flows[key] = None if tree is None else self.flow.at(tree)
+                self._flows[key] = None if tree is None else self._near(values).at(tree)
             except ReferenceError:
                 self._flows[key] = None
+            if (found := self._flows[key]) is not None:
+                self._last[tuple(values)] = found
         return self._flows[key]
+
+    def _near(self, values: Mapping[int, float]) -> Flow:
+        """Where the same numbers were last moved to, from where there is less to correct."""
+        return self._last.get(tuple(values), self.flow)
 
     def _tree(self, values: Mapping[int, float]) -> Tree | None:
         with np.errstate(all="ignore"):

@@ -119,9 +119,22 @@ def _own(cause: str) -> Cause:
     )
 
 
-def ranked(task: RobotDiagnosisTask, way: Followed | None = None) -> Ranking:
-    """All fits."""
-    problem, uncertainty = robot_problem(task, way)
+def ranked(
+    task: RobotDiagnosisTask, way: Followed | None = None, known: RobotProblem | None = None
+) -> Ranking:
+    """All fits.
+
+    Args:
+        task: the check.
+        way: the segments in the engine, where they have been run.
+        known: what the numbers do to them, where another discrepancy of the same equations has
+            asked for it.
+    """
+    if known is None:
+        problem, uncertainty = robot_problem(task, way)
+    else:
+        apart, uncertainty = _apart(way or _some_of(task.task), task.task.names)
+        problem = known.beside(apart)
     return diagnose(problem, uncertainty, FEW if problem.flow.tree.freedoms > MANY else FITTED)
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from campaigns.planted import __main__ as command
-from campaigns.planted.fates import Fate, Ground, faults, table
+from campaigns.planted.compared import compared
+from campaigns.planted.fates import Fate, Ground, plant, table
 from tests.robots.files import joint, link
 
 TEXT = "\n".join(
@@ -35,9 +36,28 @@ def test_what_shows_is_named_and_what_does_not_is_told_apart(
         "link[two]/inertial/mass@value": Fate.NAMED,
         "joint[b]/dynamics@damping": Fate.NAMED,
     }
-    found = list(faults(ground, [1e-6, 1e-2], [where[address] for address in chosen]))
+    found = [plant(ground, where[address], by) for address in chosen for by in (1e-6, 1e-2)]
     assert [one.fate for one in found] == [fate for fate in chosen.values() for _ in range(2)]
     assert file.read_text() == TEXT
     assert "of 4 that can be seen, 4 are caught and named, 100.0%" in table(found)
-    assert command.main([str(file), "--engine", "mujoco", "--every", "9"]) == 0
+    assert command.main([str(file), "--engine", "mujoco", "--seconds", "0"]) == 0
     assert "are caught and named" in capsys.readouterr().out
+
+
+def test_a_comparison_of_old_and_new_names_the_line(tmp_path: Path) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(TEXT)
+    ground = Ground.of(file, "mujoco", known=False)
+    (index,) = (
+        i
+        for i in ground.numbers.saying
+        if ground.numbers.numerals[i].address == "joint[b]/dynamics@damping"
+    )
+    found = compared(ground, index, 1e-2)
+    assert found.fate is Fate.NAMED
+    assert f"line {found.line} explains 100.00%" in found.said
+
+
+def test_numbers_are_spread_over_the_file_as_they_come() -> None:
+    assert command.spread(5) == [0, 4, 2, 1, 3]
+    assert sorted(command.spread(37)) == list(range(37))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -147,6 +147,45 @@ def test_what_nothing_explains_is_told_as_that() -> None:
     found = ask(noisy(1e-3 * SHAPES[5]), causes)
     assert not found.explained
     assert found.fits[0].remaining > 0.5
+
+
+def test_a_cause_is_named_where_the_bound_of_the_errors_is_as_large_as_what_it_does() -> None:
+    causes = [cause(i) for i in range(4)]
+    ranking = ask(noisy(1e-9 * SHAPES[2]), causes, noise=1e-9)
+    assert ranking.floor == pytest.approx(1.0, rel=0.1)
+    assert ranking.explained
+    assert names(ranking.fits[0]) == ["cause 2"]
+    assert not ranking.fits[0].tied_with
+    nothing = ask(noisy(np.zeros(N), 1e-9), causes, noise=1e-9)
+    assert not nothing.explained
+
+
+@dataclass(frozen=True)
+class Counted(MadeUp):
+    """One that counts the models that are tried."""
+
+    tried: list[int] = field(default_factory=list)
+
+    def defect(self, faults: Mapping[int, float]) -> Array:
+        if any(faults.values()):
+            self.tried.append(len(faults))
+        return super().defect(faults)
+
+    def slopes(self, faults: Mapping[int, float], of: Sequence[int] | None = None) -> Array:
+        return MadeUp(self.whole, self.causes).slopes(faults, of)
+
+
+def test_a_fit_that_gains_nothing_ends() -> None:
+    """Bent causes go on moving for as long as they are let."""
+    problem = Counted(0.1 * RNG.standard_normal(N), [cause(i, curve=0.5) for i in range(6)])
+    assert not diagnose(problem, np.full(N, 1e-10)).explained
+    assert len(problem.tried) < 60
+
+
+def test_what_falls_far_behind_a_cause_that_explains_all_is_tried_on_no_model() -> None:
+    problem = Counted(1e-3 * SHAPES[0], [cause(i) for i in range(6)])
+    assert diagnose(problem, np.full(N, 1e-10)).explained
+    assert len(problem.tried) <= 3
 
 
 def test_a_cause_without_any_effect_is_never_named() -> None:

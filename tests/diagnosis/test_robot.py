@@ -17,7 +17,9 @@ from harness.diagnosis.robot_task import (
     STATES,
     RobotDiagnosisTask,
     diagnose_robot,
+    problem_of,
     robot_problem,
+    some_of,
 )
 from harness.diagnosis.task import explanation
 from harness.engines.registry import engines, readers
@@ -225,6 +227,21 @@ def test_slopes_are_those_of_the_ends_and_what_says_nothing_has_none(tmp_path: P
             assert not slopes[i].any()
 
 
+def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(ARM)
+    numbers = robot_numbers(file, {})
+    some = some_of(prepare_robot(file).samples)
+    nothing = np.zeros_like(some.end)
+    problem = problem_of(file, numbers, some, nothing, own=True)
+    slopes = problem.slopes({})
+    other = problem.beside(nothing + 1.0)
+    size = problem.hypotheses[3].size
+    assert np.array_equal(other.slopes({3: 1e-5 * size}), slopes)
+    assert not np.array_equal(other.slopes({3: 1e-2 * size}, [4]), slopes[[4]])
+    assert np.array_equal(other.defect({}), np.ones(nothing.size))
+
+
 def test_what_an_engine_does_on_its_own_is_named() -> None:
     """PyBullet's principal axes of tensors with products: no number of the file is wrong."""
     file = Path(pybullet_data.getDataPath()) / "aliengo" / "aliengo.urdf"
@@ -237,3 +254,21 @@ def test_what_an_engine_does_on_its_own_is_named() -> None:
     assert cause.kind == "default"
     assert "principal axes of FR_hip" in str(cause)
     assert one.remaining < 1e-3
+
+
+NEARLY = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" pos="0 0 0.3"/>
+<inertial pos="{} 0 0" mass="1" diaginertia="0.01 0.012 0.01"/></body></worldbody></mujoco>"""
+
+
+def test_a_mass_that_mujoco_takes_to_be_at_its_bodys_origin_is_named(tmp_path: Path) -> None:
+    """`body_sameframe`: kinematics copies the body's frame where the inertial one is so near."""
+    file = tmp_path / "near.xml"
+    file.write_text(NEARLY.format("9e-7"))
+    task = prepare_robot(file).task("mujoco", 1e-9)
+    assert run_robot(task).outcome is Outcome.DIFFERS
+    (one,) = diagnose_robot(RobotDiagnosisTask(task=task)).explanations
+    assert "frames within 1e-6" in str(one.causes[0])
+    exact = replace(task, settings={**task.settings, "exact_frames": True})
+    assert run_robot(exact).outcome is Outcome.AGREES
+    file.write_text(NEARLY.format("1.1e-6"))
+    assert run_robot(prepare_robot(file).task("mujoco", 1e-9)).outcome is Outcome.AGREES

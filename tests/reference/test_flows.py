@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from reference.flows import Flow
+from reference.integrate import ReferenceError
+from reference.multibody.algebra import Scalars
 from reference.multibody.charted import Charted
 from reference.multibody.dynamics import Dynamics
 from reference.multibody.tree import Coupling, Kind, Tree
@@ -75,6 +77,23 @@ def test_a_changed_tree_moves_the_ends_as_two_solutions_differ(kinds: tuple[Kind
     assert np.allclose(flow.moved(other), apart, atol=1e-11)
     back = flow.at(other).moved(one)
     assert np.allclose(back, -apart, atol=1e-11)
+
+
+def test_a_tree_too_far_away_is_soon_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = mechanism(("hinge", "slide", "hinge"))
+    start, forces = given(one)
+    flow = Flow(one, start, forces, LENGTH)
+    far = replace(one.links[-1], mass=1e-3, inertia=1e-9 * np.eye(3), damping=30.0)
+    asked, own = [0], Charted.acceleration
+
+    def counted(self: Charted, x: Scalars, rate: Scalars, forces: Scalars) -> Scalars:
+        asked[0] += 1
+        return own(self, x, rate, forces)
+
+    monkeypatch.setattr(Charted, "acceleration", counted)
+    with pytest.raises(ReferenceError, match="do not converge"):
+        flow.at(replace(one, links=(*one.links[:-1], far)))
+    assert asked[0] <= 20
 
 
 @pytest.mark.parametrize("kinds", KINDS)

@@ -19,7 +19,7 @@ from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included,
 from harness.engines.mujoco.poses import Poses
 from harness.engines.mujoco.remarks import model_remarks
 from harness.engines.mujoco.rule import step_rule
-from harness.engines.mujoco.settings import apply_settings, held_controls, is_on
+from harness.engines.mujoco.settings import apply_settings, held_controls, is_on, rounded_frames
 from harness.engines.mujoco.smooth import hold, leave_out, without_joints
 from harness.engines.mujoco.state import States
 from harness.engines.mujoco.tree import compiled_tree
@@ -47,6 +47,7 @@ _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjIN
 
 
 _SOFT = "soft equality (solref, solimp)"
+_SAME = "inertial frames within 1e-6 of their bodies' frames are taken for these"
 _OWN: Mapping[str, object] = {"solref": [0.02, 1.0], "solimp": [0.9, 0.95, 0.001, 0.5, 2.0]}
 _STIFF: Mapping[str, object] = {"solref": [1e-6, 0.5], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2]}
 """Equalities as soft as MuJoCo makes them, and as stiff as a step allows, settled after one."""
@@ -123,6 +124,8 @@ class MujocoEngine(Engine):
             raise
         except Exception as error:
             raise refusal(error, spec.path, found) from None
+        if is_on(spec, "exact_frames", otherwise=False):
+            model.body_sameframe[:] = 0
         hold(model, followers_of(spec.settings, f"{spec.path}.toml"))
         if is_on(spec, "smooth", otherwise=False):
             leave_out(model)
@@ -240,8 +243,9 @@ class MujocoModel(Model):
 
     @property
     def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What stiffens equalities."""
-        return {_SOFT: dict(_STIFF)} if self.model.neq else {}
+        """What stiffens equalities, and has bodies' frames computed."""
+        found: dict[str, Mapping[str, object]] = {_SOFT: dict(_STIFF)} if self.model.neq else {}
+        return {**found, _SAME: {"exact_frames": True}} if rounded_frames(self.model) else found
 
     @property
     def integrators(self) -> dict[str, dict[str, object]]:

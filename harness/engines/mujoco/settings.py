@@ -34,7 +34,13 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
     actuated = is_on(spec, "actuators", otherwise=True)
     switch_off(tree, smooth=bool(settings.pop("smooth", False)), actuated=actuated)
     settings.pop("couplings", None)
-    for key in ("controls", "floating", "held", "actuators"):  # of a rollout; and done
+    for key in (
+        "controls",
+        "floating",
+        "held",
+        "actuators",
+        "exact_frames",
+    ):  # of a rollout; and done
         settings.pop(key, None)
     if "step" in settings:
         tree.option.timestep = settings.pop("step")
@@ -55,6 +61,22 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
     if settings:
         names = ", ".join(sorted(settings))
         raise EngineError(f"{spec.path}.toml: MuJoCo has no setting {names}")
+
+
+def rounded_frames(model: Any) -> bool:
+    """Whether a body's inertial frame is taken for the body's own, though it is another.
+
+    So it is where no position is 1e-6 m off and no component of the quaternion 1e-6 (`kFrameEps` in
+    user_model.cc): `body_sameframe` says so, and kinematics then copies the body's frame.
+    """
+    import mujoco
+
+    same = np.array(model.body_sameframe)
+    whole = same == mujoco.mjtSameFrame.mjSAMEFRAME_BODY
+    turned = np.any(np.array(model.body_iquat)[:, 1:], axis=1)
+    moved = np.any(model.body_ipos, axis=1)
+    rotation = whole | (same == mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT)
+    return bool(np.any(rotation & turned) or np.any(whole & moved))
 
 
 def held_controls(model: Any, spec: ModelSpec) -> tuple[Array, Array]:

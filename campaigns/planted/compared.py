@@ -1,0 +1,81 @@
+"""`crosscheck compare OLD NEW` of a robot's file and a copy of it with one number changed."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from campaigns.planted.fates import (
+    RESOLUTION,
+    ROUNDING,
+    Fate,
+    Ground,
+    Planted,
+    wrong,
+)
+from harness.compare.candidate import CompareError, candidate
+from harness.compare.compare import CompareOptions, Findings, compare
+from harness.compare.execute import FailureError
+from harness.compare.executor import at_once
+from harness.records.outcome import Outcome
+from harness.robots.copies import copied
+from harness.robots.numerals import Numeral
+
+MOST = 0.99
+"""Share of the discrepancy that the difference which is named must explain where it is resolved."""
+
+
+def compared(ground: Ground, index: int, share: float) -> Planted:
+    """One changed number, and what the comparison says of it."""
+    one = ground.numbers.numerals[index]
+    value = wrong(one, share)
+    effect = ground.effect(index, value)
+    fate, said = Fate.INVISIBLE, ""
+    if effect > ROUNDING:
+        with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+            old = ground.prepared.file
+            new = copied(old, ground.numbers.texts({index: value}), Path(folder))
+            fate, said = _fate(ground.engine, old, new, one)
+    return Planted(
+        file=one.file.name,
+        line=one.line,
+        address=one.address,
+        share=share,
+        fate=fate,
+        effect=effect,
+        said=said,
+    )
+
+
+def _fate(engine: str, old: Path, new: Path, one: Numeral) -> tuple[Fate, str]:
+    a, b = candidate("A", old, engine), candidate("B", new, engine)
+    try:
+        found = compare(CompareOptions(a=a, b=b, resolution=RESOLUTION), at_once)
+    except (FailureError, CompareError) as error:
+        return Fate.REFUSED, str(error)
+    judged = found.judgement
+    said = f"{judged.outcome} {judged.discrepancy:.1e}, {_told(found)}"
+    if judged.outcome is not Outcome.DIFFERS:
+        # What the comparison's own runs show of it: they are others than those of the equations.
+        small = judged.discrepancy <= RESOLUTION + 2 * judged.uncertainty
+        return (Fate.FAINT if small else Fate.MISSED), said
+    return (Fate.NAMED if _names(found, one) else Fate.CAUGHT), said
+
+
+def _names(found: Findings, one: Numeral) -> bool:
+    """Whether the line is that of the first difference, and that makes up the discrepancy."""
+    if not found.trials:
+        return False
+    first = found.trials[0]
+    resolved = found.judgement.discrepancy > 100 * found.judgement.uncertainty
+    lines = {edit.where_b.line for edit in first.edits}
+    return lines == {one.line} and (first.explained >= MOST or not resolved)
+
+
+def _told(found: Findings) -> str:
+    """The first difference of the files, and the first property."""
+    first = [
+        f"{one.edits[0].label} line {one.edits[0].where_b.line} explains {one.explained:.2%}"
+        for one in found.trials[:1]
+    ]
+    return "; ".join([*first, *(one.message for one in found.properties[:1])])
