@@ -32,8 +32,8 @@ FILES = {
 
 def ran(folder: Path) -> str:
     """The campaign on both folders."""
-    command = [sys.executable, "-m", "campaigns.real_models", folder / "one", folder / "two",
-               "--jobs", "1", "--kept", folder / "kept.jsonl"]  # fmt: skip
+    command = [sys.executable, "-m", "campaigns.real_models", f"{folder}/one", f"{folder}/two",
+               "--jobs", "1", "--kept", f"{folder}/kept.jsonl"]  # fmt: skip
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
     )
