@@ -32,10 +32,8 @@ FILES = {
 
 def ran(folder: Path) -> str:
     """The campaign on both folders."""
-    command: list[str] = [
-        sys.executable, "-m", "campaigns.real_models", str(folder / "one"), str(folder / "two"),
-        "--jobs", "1", "--kept", str(folder / "kept.jsonl"),
-    ]  # fmt: skip
+    command = [sys.executable, "-m", "campaigns.real_models", f"{folder}/one", f"{folder}/two",
+               "--jobs", "1", "--kept", f"{folder}/kept.jsonl"]  # fmt: skip
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2]
     )

@@ -43,7 +43,7 @@ def test_no_adapter_imports_the_reference_or_what_holds_a_system(path: Path) -> 
 
 SHARED = {
     "attitude", "protocol", "remark", "source", "mending", "mistake", "compiled", "urdf",
-    "urdf_check", "urdf_copy",
+    "step_rule", "urdf_check", "urdf_copy",
 }  # fmt: skip
 """Modules that adapters share; what else an adapter imports is of its own folder."""
 
