@@ -40,7 +40,7 @@ from reference.multibody.tree import WORLD
 TURNED = 1e-4
 """From so large a discrepancy on, joints that turn the other way are looked for."""
 
-FEW = 2
+FEW = 1
 """States at which terms are measured where the files' bodies are known; elsewhere as many as a
 straight line through the forces of all joints asks for, and more."""
 
