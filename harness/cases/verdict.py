@@ -15,6 +15,7 @@ from harness.numerics import judgement
 from harness.numerics.judgement import Judgement, Obstacle, obstacle
 from harness.numerics.ladder import EPSILON, Limit
 from harness.numerics.segments import Residual
+from harness.records.case import starts_at
 from harness.records.outcome import FLOOR, Outcome
 from reference.motion import Motion
 from reference.numeric import Array
@@ -137,12 +138,6 @@ def judge(
         map_uncertainty=float("nan"),
         reason=reason,
     )
-
-
-def starts_at(time: float | None, segment: int) -> str:
-    """Where a segment begins: a time, or which of the states that no motion joins."""
-    known = time is not None and np.isfinite(time)
-    return f"t = {time:.4g} s" if known else f"state {segment + 1}"
 
 
 def with_residual(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 
 from harness.records.base import Count, Number, Numbers, Record, Rows, one_length
@@ -83,6 +85,12 @@ class Verdict(Record, frozen=True, kw_only=True):
     steps: Count
     map_residual: Number = None
     map_uncertainty: Number = None
+
+
+def starts_at(time: float | None, segment: int) -> str:
+    """Where a segment begins: a time, or which of the states that no motion joins."""
+    known = time is not None and math.isfinite(time)
+    return f"t = {time:.4g} s" if known else f"state {segment + 1}"
 
 
 class ErrorDecomposition(Record, frozen=True, kw_only=True):
