@@ -155,6 +155,9 @@ def next_states(
         damping: D of (M + h D) a = f, (n, n), taken at the step's end; None: f is all at its start.
         by_velocity: D is -df/dm of all that there is instead.
         steps: how many.
+
+    Returns:
+        What is not finite where a motion blows up on the way.
     """
     n = states.shape[1] // 2
     q: Array = states[:, :n]
@@ -174,7 +177,10 @@ def _acceleration(stepped: Stepped, q: Array, m: Array, u: Array, late: Array | 
     mass = stepped.mass(q)
     left: Array = mass if late is None else mass + late
     columns = stepped.force(q, m, u)[:, :, None]
-    return np.linalg.solve(left, columns).astype(float)[:, :, 0]
+    try:
+        return np.linalg.solve(left, columns).astype(float)[:, :, 0]
+    except np.linalg.LinAlgError:  # a motion that has blown up has masses of any kind
+        return np.full_like(q, np.nan)
 
 
 def _by_velocity(stepped: Stepped, q: Array, m: Array, u: Array) -> Array:

@@ -76,13 +76,17 @@ def step_engine(
         resolution: that is asked of a difference, relative.
 
     Returns:
-        None where the engine tells no rule, or its coordinates don't step as the equations' do.
+        None where the engine tells no rule, its coordinates don't step as the equations' do, or
+        one step is more than numbers can hold.
     """
     rule = model.step_rule
     if rule is None or not is_linear(coordinates, states):
         return None
     run = _Steps(model, coordinates, states, inputs)
-    took, expected = run.engine(1), run.rule(rule, stepped, 1)
+    with np.errstate(all="ignore"):
+        took, expected = run.engine(1), run.rule(rule, stepped, 1)
+    if not np.isfinite(expected).all():
+        return None
     digit = run.digit(expected)
     # What is no number is as far off as can be.
     apart = np.nan_to_num(np.abs(took[: len(states)] - expected), nan=np.inf)

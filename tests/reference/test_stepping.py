@@ -85,3 +85,15 @@ def test_dampers_at_the_end_of_a_step_are_those_of_a_linear_system() -> None:
     np.testing.assert_allclose(whole, late, rtol=0, atol=1e-15)
     now = next_states(stepped, state, still, 0.1, scheme="semi-implicit Euler")
     assert now[0, 1] == pytest.approx(1 - 0.1 * 3 / 2, abs=1e-15)
+
+
+def test_a_motion_that_blows_up_raises_nothing() -> None:
+    """Its states are no numbers: at a coarse step that is not the model's fault alone."""
+    nothing = Link(
+        name="x", parent=WORLD, kind="slide", mass=0.0, position=np.zeros(3), rotation=np.eye(3),
+        axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.zeros((3, 3)),
+    )  # fmt: skip
+    stepped = SteppedBodies(Tree(links=(nothing,), gravity=np.zeros(3)), [0])
+    still = np.zeros((1, 2, 1))
+    found = next_states(stepped, np.ones((1, 2)), still, 0.1, scheme="semi-implicit Euler", steps=2)
+    assert not np.isfinite(found).any()
