@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 from campaigns.planted.fates import (
     RESOLUTION,
-    ROUNDING,
     Fate,
     Ground,
     Planted,
-    wrong,
+    planted,
 )
 from harness.compare.candidate import CompareError, candidate
 from harness.compare.compare import CompareOptions, Findings, compare
 from harness.compare.execute import FailureError
 from harness.compare.executor import at_once
 from harness.records.outcome import Outcome
-from harness.robots.copies import copied
 from harness.robots.numerals import Numeral
 
 MOST = 0.99
@@ -27,24 +24,8 @@ MOST = 0.99
 
 def compared(ground: Ground, index: int, share: float) -> Planted:
     """One changed number, and what the comparison says of it."""
-    one = ground.numbers.numerals[index]
-    value = wrong(one, share)
-    effect = ground.effect(index, value)
-    fate, said = Fate.INVISIBLE, ""
-    if effect > ROUNDING:
-        with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-            old = ground.prepared.file
-            new = copied(old, ground.numbers.texts({index: value}), Path(folder))
-            fate, said = _fate(ground.engine, old, new, one)
-    return Planted(
-        file=one.file.name,
-        line=one.line,
-        address=one.address,
-        share=share,
-        fate=fate,
-        effect=effect,
-        said=said,
-    )
+    old = ground.prepared.file
+    return planted(ground, index, share, lambda new, one, *_: _fate(ground.engine, old, new, one))
 
 
 def _fate(engine: str, old: Path, new: Path, one: Numeral) -> tuple[Fate, str]:

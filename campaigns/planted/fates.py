@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -158,6 +158,20 @@ class Ground:
 
 def plant(ground: Ground, index: int, share: float) -> Planted:
     """One fault, and what comes of it."""
+
+    def judged(copy: Path, one: Numeral, value: float, effect: float) -> tuple[Fate, str]:
+        task = replace(ground.prepared.task(ground.engine, RESOLUTION), file=copy)
+        return _fate(ground, task, one, value, effect)
+
+    return planted(ground, index, share, judged)
+
+
+Judged = Callable[[Path, Numeral, float, float], tuple[Fate, str]]
+"""What comes of a copy with one number at another value, and what is said: by the effect of it."""
+
+
+def planted(ground: Ground, index: int, share: float, judged: Judged) -> Planted:
+    """One number made wrong in a copy of the file, where that moves anything, and judged."""
     one = ground.numbers.numerals[index]
     value = wrong(one, share)
     effect = ground.effect(index, value)
@@ -165,8 +179,7 @@ def plant(ground: Ground, index: int, share: float) -> Planted:
     if effect > ROUNDING:
         with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
             copy = copied(ground.prepared.file, ground.numbers.texts({index: value}), Path(folder))
-            task = replace(ground.prepared.task(ground.engine, RESOLUTION), file=copy)
-            fate, said = _fate(ground, task, one, value, effect)
+            fate, said = judged(copy, one, value, effect)
     return Planted(
         file=one.file.name,
         line=one.line,

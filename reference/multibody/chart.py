@@ -93,20 +93,11 @@ class Chart:
 
     def velocities(self, y: Scalars, rate: Scalars) -> Scalars:
         """The tree's v."""
-        out = rate.copy()
-        for joint in self._joints:
-            s = y[joint.turning] / 4
-            out[joint.turning] = _unturned(s, rate[joint.turning])
-        self._place(out, y, rate, turned_back)
-        return out
+        return self.own(y, self.carried(y, rate))
 
     def rates(self, y: Scalars, v: Scalars) -> Scalars:
         """Rates of the coordinates, of the tree's v."""
-        out = v.copy()
-        for joint in self._joints:
-            out[joint.turning] = _rate(y[joint.turning] / 4, v[joint.turning])
-        self._place(out, y, v, turned)
-        return out
+        return self.given(y, self.carrying(y, v))
 
     def seconds(self, y: Scalars, v: Scalars, a: Scalars) -> Scalars:
         """Second derivatives of the coordinates, of the tree's v and its derivative."""
