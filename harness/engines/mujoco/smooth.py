@@ -19,8 +19,8 @@ from harness.engines.mujoco.pulls import (
 )
 from harness.engines.mujoco.shapes import without_idle_files
 
-_SOLREF, _SOLIMP = [1e-6, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
-"""Of equalities as stiff as a step allows, settled after one."""
+_SOLREF, _SOLIMP = [1e-12, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
+"""Of equalities as stiff as a step allows, settled after one: steps may be 1e-8 s and shorter."""
 
 _HEAVIER = 1e-2
 """With it, limits of what tendons tie are known to 3e-12; without, to 2e-9."""
