@@ -6,6 +6,7 @@ uncertainty is that of the extrapolation, its rounding and the reference.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -111,6 +112,7 @@ def judge(
     defect = np.abs(limit.value - motion.end) / scale
     # Never below what a double resolves: a component at rest at zero has no rounding at all.
     uncertainty = np.maximum((limit.uncertainty + motion.bound) / scale, EPSILON)
+    asked, resolution = resolution, judgement.resolvable(limit, scale, resolution)
     found = judgement.judge(defect, uncertainty, resolution, obstacle(limit))
     time, component = float(motion.t[found.segment]), names[found.component]
     place = starts_at(time, found.segment)
@@ -125,6 +127,8 @@ def judge(
         reason = _below(component, place, found, resolution)
     elif found.obstacle is not None:
         reason = _unresolved(found, limit, place, component, claimed, resolution)
+    elif found.largest_uncertainty > asked:
+        reason = _coarse(limit, found.largest_uncertainty, asked)
     return Verdict(
         outcome=found.outcome,
         discrepancy=found.discrepancy,
@@ -158,6 +162,7 @@ def with_residual(
     limit, scale = residual.limit, residual.scale
     defect = np.abs(limit.value) / scale
     uncertainty = np.maximum(limit.uncertainty / scale, EPSILON)
+    resolution = judgement.resolvable(limit, scale, resolution)
     found = judgement.judge(defect, uncertainty, resolution, None)
     component = (*names, *(f"{name}_dot" for name in names))[found.component]
     time, segment = float(motion.t[found.segment]), found.segment
@@ -198,6 +203,14 @@ def with_residual(
         component=component,
         time=time,
         reason=told,
+    )
+
+
+def _coarse(limit: Limit, known: float, asked: float) -> str:
+    """What is said of an engine whose numbers have too few digits for what was asked."""
+    return (
+        f"known to {known:.1e}: the engine's numbers have {1 - math.log2(limit.epsilon):.0f} binary"
+        f" digits, which allow no more, where {asked:.0e} was asked"
     )
 
 

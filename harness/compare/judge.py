@@ -81,6 +81,7 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
     uncertainty = np.maximum(uncertainty, 16 * EPSILON)
     source, target = ("A", "B") if match.source == "A" else ("B", "A")
     hindered = _obstacle_in_source(recorded)
+    resolution = judgement.resolvable(limit, recorded.scale, resolution)
     found = judgement.judge(defect, uncertainty, resolution, hindered or obstacle(limit))
     reason = ""
     if found.outcome is Outcome.DIFFERS:

@@ -9,7 +9,8 @@ only where a distribution says `known = "harness.engines.known_answer:KnownEngin
 tests does.
 
 A `.known` file is TOML: names, M, C, K and the weights W of M a = F - C v - K q - W sin q, the
-step, the method and the order it claims, and under [fault] what is to be wrong.
+step, the method and the order it claims, whether it computes in 32 `bits` instead of 64, and under
+[fault] what is to be wrong.
 """
 
 from __future__ import annotations
@@ -86,11 +87,10 @@ class KnownEngine(Engine):
             ) from None
 
     def samples(self) -> tuple[Sample, ...]:
-        """Both methods."""
-        return tuple(
-            Sample(file=f"{method}.known", text=_SAMPLE.format(method, order))
-            for method, order in (("euler", 1), ("heun", 2))
-        )
+        """Both methods, and numbers of 32 bits."""
+        euler, heun = _SAMPLE.format("euler", 1), _SAMPLE.format("heun", 2)
+        texts = {"euler.known": euler, "heun.known": heun, "single.known": f"{euler}bits = 32\n"}
+        return tuple(Sample(file=file, text=text) for file, text in texts.items())
 
 
 class KnownModel(Model):
@@ -100,7 +100,9 @@ class KnownModel(Model):
         self.coordinates = tuple(file["names"])
         self.step, self.integrator = float(file["step"]), str(file["method"])
         self._claims, self._fault = int(file["claims"]), _Fault(file.get("fault", {}))
-        parts = (np.array(file[name], dtype=float) for name in ("M", "C", "K", "W"))
+        self._number = np.dtype(f"float{int(file.get('bits', 64))}")
+        self.epsilon = float(np.finfo(self._number).eps)
+        parts = (np.array(file[name], dtype=self._number) for name in ("M", "C", "K", "W"))
         self._mass, self._damper, self._spring, self._weight = parts
         self._inverse = np.linalg.inv(self._mass)
         self._spring = self._spring * (1 + self._fault.number("off", 0.0))
@@ -120,7 +122,7 @@ class KnownModel(Model):
     ) -> tuple[Array, Array]:
         """All states at once, each step with the force held over it."""
         self._fault.misbehave()
-        q, v = q + self._fault.remembered, v.copy()
+        q, v = (a.astype(self._number) for a in (q + self._fault.remembered, v))
         qs: list[Array] = []
         vs: list[Array] = []
         for i in range(n):
@@ -136,7 +138,7 @@ class KnownModel(Model):
             if (i + 1) % every == 0:
                 qs.append(q)
                 vs.append(v)
-        return np.stack(qs, axis=1), np.stack(vs, axis=1)
+        return np.stack(qs, axis=1).astype(np.float64), np.stack(vs, axis=1).astype(np.float64)
 
     def _acceleration(self, q: Array, v: Array, force: Array) -> Array:
         pull = force - _times(self._damper, v) - _times(self._spring, q) - np.sin(q) * self._weight
@@ -148,8 +150,8 @@ class KnownModel(Model):
             return np.zeros_like(q)
         if isinstance(force, StateForce):
             rows = zip(q.tolist(), force.inputs[:, i].tolist(), strict=True)
-            return np.array([force.at(z, u) for z, u in rows], dtype=float)
-        return force[:, i]
+            return np.array([force.at(z, u) for z, u in rows], dtype=self._number)
+        return force[:, i].astype(self._number)
 
 
 def _times(matrix: Array, rows: Array) -> Array:

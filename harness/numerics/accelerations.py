@@ -133,7 +133,7 @@ class Accelerations:
         slope = self.coordinates.back_slope(z).reshape(len(z), n, -1)
         push = np.einsum("bnz,bn->bz", slope, forces) + self.coordinates.push(z, inputs)
         last = STEPS[-1]
-        starts = with_companions(z, w)
+        starts = with_companions(z, w, self.model.epsilon)
         held = None
         if push.any():
             held = np.repeat((push[starts.rows] * starts.gain[:, None])[:, None], last, axis=1)

@@ -19,7 +19,7 @@ from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.full_run import SampledRun, follow
 from harness.numerics.ladder import EPSILON, weights
-from harness.numerics.rounding import without_companions
+from harness.numerics.rounding import NEAR, without_companions
 from harness.numerics.segments import Batch, run_rung
 from reference.motion import Motion
 from reference.numeric import Array
@@ -57,6 +57,7 @@ class Sensitivity:
         local: largest error e over a segment, relative to the amplitude, at `step`.
         step: seconds.
         order: of the method.
+        epsilon: relative rounding of the engine's numbers.
     """
 
     t: Array
@@ -65,6 +66,7 @@ class Sensitivity:
     local: float
     step: float
     order: int
+    epsilon: float = EPSILON
 
     def horizon(self, h: float) -> float:
         """Time until which the error of a run with step h is to be expected small."""
@@ -75,7 +77,7 @@ class Sensitivity:
     def of_rounding(self, until: float) -> float:
         """What an epsilon of the amplitude in every segment has become by then, relative to it."""
         share = (self.begun * self.growth)[self.t <= until]
-        return float(np.max(share, initial=0.0)) * EPSILON
+        return float(np.max(share, initial=0.0)) * self.epsilon
 
 
 def sensitivity(
@@ -93,11 +95,12 @@ def sensitivity(
         order: that the engine claims.
         size: amplitudes, (2n,).
     """
-    _, states = follow(model, coordinates, motion, run.h, every=run.every, moved=NUDGE * size)
+    nudge = max(NUDGE, model.epsilon**NEAR)
+    _, states = follow(model, coordinates, motion, run.h, every=run.every, moved=nudge * size)
     count = min(len(states), len(run.states))
-    apart = np.max(np.abs(states[:count] - run.states[:count]) / size, axis=1) / NUDGE
+    apart = np.max(np.abs(states[:count] - run.states[:count]) / size, axis=1) / nudge
     apart = np.where(np.isfinite(apart), apart, np.inf)
-    least = np.minimum.accumulate(np.maximum(apart, EPSILON / NUDGE))
+    least = np.minimum.accumulate(np.maximum(apart, model.epsilon / nudge))
     batch = Batch.of(motion, size)
     starts = without_companions(*coordinates.to_engine(batch.states))
     ends, _ = run_rung(model, coordinates, batch, starts, 2)
@@ -109,6 +112,7 @@ def sensitivity(
         local=float(off) if math.isfinite(off) else math.inf,
         step=float(np.max(motion.lengths)) / 2,
         order=order,
+        epsilon=model.epsilon,
     )
 
 
@@ -172,12 +176,13 @@ def witness(
     residual, increment = _residual(runs[-3:], until, claimed, size)
     times = runs[0].t[runs[0].t <= until]
     known = motion.global_bound_at(times)[:, : len(size)] / size
-    left = increment + RESIDUAL + float(np.max(known, initial=0.0))
+    lost = max(run.rounding for run in runs)
+    left = increment + max(RESIDUAL, lost) + float(np.max(known, initial=0.0))
     if sensitive is not None:
         left += sensitive.of_rounding(until)
     nothing = sensitive is not None and not math.isfinite(order)
     low, high = claimed - SLACK, claimed + NEXT_ORDERS + SLACK
-    rounded = min(largest(runs[0], size), largest(runs[-1], size)) <= ROUNDING
+    rounded = min(largest(runs[0], size), largest(runs[-1], size)) <= max(ROUNDING, lost)
     settled = rounded or nothing or low <= order <= high
     expected, surprise, unsure = _foretold(runs[:3], min(first, ends[1]), claimed, size)
     return Witness(
@@ -269,8 +274,9 @@ def _foretold(
     by a known share of what the second is off. An error that the shipped step alone makes is of no
     order: neither moves.
     """
+    lost = max((run.rounding for run in runs), default=0.0)
     if len(runs) < 3 or not all(run.finite for run in runs):
-        return 0.0, 0.0, RESIDUAL
+        return 0.0, 0.0, max(RESIDUAL, lost)
     shipped, *finer = _together(runs, until, size)
     one = _powers(claimed, 1)
     two = _powers(claimed, 2)
@@ -287,7 +293,7 @@ def _foretold(
         share = max(share, abs(1 - by_two) / abs(by_two - by_one))
     moved = float(np.max(np.abs(better - rough)[kept]))
     off = float(np.max(np.abs(shipped - better)[kept]))
-    return float(np.max(np.abs(better)[kept])), off, float(share) * moved + RESIDUAL
+    return float(np.max(np.abs(better)[kept])), off, float(share) * moved + max(RESIDUAL, lost)
 
 
 def _powers(lead: int, count: int) -> list[Fraction]:

@@ -11,6 +11,7 @@ import numpy as np
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.energy import EnergyBalance, energy_balance
+from harness.numerics.ladder import EPSILON
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 
@@ -32,6 +33,7 @@ class SampledRun:
         t: sample times, (S,).
         states: (S, 2n).
         error: engine - reference, (S, 2n).
+        epsilon: relative rounding of the engine's numbers.
     """
 
     h: float
@@ -40,6 +42,12 @@ class SampledRun:
     t: Array
     states: Array
     error: Array
+    epsilon: float = EPSILON
+
+    @property
+    def rounding(self) -> float:
+        """What its steps may round away, relative: half a last digit each, at worst all alike."""
+        return self.epsilon * self.steps
 
     @property
     def finite(self) -> bool:
@@ -117,6 +125,7 @@ def full_run(
         t=run.t,
         states=run.states,
         error=run.error,
+        epsilon=run.epsilon,
         drift=coordinates.drift(zs),
         balance=energy_balance(run.t, run.states, motion, power),
         seconds=seconds,
@@ -184,5 +193,13 @@ def _rolled(
     t: Array = np.minimum(grid, motion.duration)
     zs, ws = np.concatenate([z, zs[0]]), np.concatenate([w, ws[0]])
     states = coordinates.follow(zs, ws, start)
-    run = SampledRun(h=h, steps=steps, every=every, t=t, states=states, error=states - motion.at(t))
+    run = SampledRun(
+        h=h,
+        steps=steps,
+        every=every,
+        t=t,
+        states=states,
+        error=states - motion.at(t),
+        epsilon=model.epsilon,
+    )
     return run, zs, seconds

@@ -15,9 +15,13 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.numerics.ladder import Limit
+from harness.numerics.ladder import EPSILON, Limit
 from harness.records.outcome import Outcome
 from reference.numeric import Array
+
+ROUNDED = 3.5
+"""Of its rounding, to which a limit is known at best: once, and 2.5 times what its estimates move
+(`harness.numerics.ladder.limits`), where rounding alone moves them."""
 
 
 class Obstacle(Enum):
@@ -61,6 +65,17 @@ def obstacle(limit: Limit) -> Obstacle | None:
     if not limit.converges:
         return Obstacle.DIVERGES
     return None if limit.order_confirmed else Obstacle.WRONG_ORDER
+
+
+def resolvable(limit: Limit, scale: Array, asked: float) -> float:
+    """The resolution that can be asked of an engine: what is asked, or what its numbers allow.
+
+    In doubles what is asked stands. Fewer digits are lost by rounding before they are asked for: a
+    limit is known to its rounding, and to what by chance its estimates move within that.
+    """
+    if limit.epsilon <= EPSILON:
+        return asked
+    return max(asked, ROUNDED * float(np.max(limit.rounding / scale)))
 
 
 def judge(

@@ -31,6 +31,9 @@ ENOUGH = 2e-3
 
 EPSILON = float(np.finfo(float).eps)
 
+MOST_REMOVED = 6
+"""Exponents removed at most by weights of least variance: more add rounding alone."""
+
 
 @lru_cache(maxsize=256)
 def exact_weights(rungs: tuple[int, ...], lead: int, increment: int) -> tuple[Fraction, ...]:
@@ -58,6 +61,40 @@ def weights(rungs: tuple[int, ...], exponents: tuple[int, int]) -> Array:
     return np.array([float(w) for w in exact_weights(rungs, *exponents)])
 
 
+@lru_cache(maxsize=256)
+def least_weights(rungs: tuple[int, ...], exponents: tuple[int, int], removed: int) -> Array:
+    """Weights (M,) that add up to 1, remove so many exponents, and amplify rounding least.
+
+    The rounding of a rung of n steps grows like sqrt(n), so that sum n_i w_i^2 is least: with
+    A w = e_1 for the rows n_i^-e, w = N^-1 A^T (A N^-1 A^T)^-1 e_1 (Gauss-Markov). Exact weights
+    over nine rungs remove eight exponents and add up to 59 in magnitude; these remove three and
+    add up to 3.2.
+    """
+    lead, increment = exponents
+    n = np.array(rungs, dtype=float)
+    powers = [0, *(lead + increment * i for i in range(removed))]
+    rows = np.stack([(rungs[0] / n) ** e for e in powers])
+    first = np.zeros(len(powers))
+    first[0] = 1.0
+    found: Array = (rows / n).T @ np.linalg.solve((rows / n) @ rows.T, first)
+    return found
+
+
+def estimates_of(
+    rungs: tuple[int, ...], exponents: tuple[int, int], epsilon: float
+) -> tuple[list[Array], int]:
+    """Weights (m,) of one estimate of the limit after the other, and the first that is judged.
+
+    In doubles each takes in a further rung and removes a further exponent. Coarser numbers would
+    lose their digits in such weights: all rungs are taken in from the first on.
+    """
+    count = len(rungs)
+    if epsilon <= EPSILON:
+        return [weights(rungs[:m], exponents) for m in range(1, count + 1)], FIRST_JUDGED - 1
+    removed = range(min(count, MOST_REMOVED + 1))
+    return [least_weights(rungs, exponents, k) for k in removed], min(3, len(removed) - 1)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Limit:
     """Extrapolated values of K segments with C components, with their uncertainty.
@@ -72,6 +109,8 @@ class Limit:
             they differ by rounding alone.
         order_confirmed: whether the order is the one that the engine claims.
         converges: whether the limits of any segment converge.
+        rounding: what of the uncertainty is rounding, (K, C); no step and no rung makes it less.
+        epsilon: relative rounding of the engine's numbers.
     """
 
     value: Array
@@ -81,6 +120,8 @@ class Limit:
     order: float
     order_confirmed: bool
     converges: bool
+    rounding: Array
+    epsilon: float
 
 
 def suffices(
@@ -105,6 +146,7 @@ def limits(
     rounding_scale: Array,
     observed_rounding: Sequence[Array] = (),
     rounded_alike: Array | float = 0.0,
+    epsilon: float = EPSILON,
 ) -> Limit:
     """Extrapolate raw values of the rungs and judge the result.
 
@@ -135,19 +177,18 @@ def limits(
             if not looked at.
         rounded_alike: what `harness.numerics.rounding` finds to be rounded alike on every rung,
             (C,): it is in no increment, and no weight makes it more.
+        epsilon: relative rounding of the engine's numbers.
     """
     stack = np.stack(values)
-    estimates = [
-        np.tensordot(weights(rungs[:m], exponents), stack[:m], axes=1)
-        for m in range(1, len(rungs) + 1)
-    ]
+    each, first = estimates_of(rungs, exponents, epsilon)
+    estimates = [np.tensordot(w, stack[: len(w)], axes=1) for w in each]
     steps = [np.abs(b - a) for a, b in pairwise(estimates)]
     increments = np.array([float(np.max(step / scale)) for step in steps])
     smooth = [_neighbourhood(step) for step in steps]
-    best: tuple[float, int, Array] | None = None
-    for m in range(FIRST_JUDGED, len(rungs) + 1):
-        here, before, earlier = smooth[m - 2], smooth[m - 3], smooth[m - 4]
-        floor = _rounding(rungs[:m], exponents, rounding_scale, observed_rounding)
+    best: tuple[float, int, Array, Array] | None = None
+    for m in range(first, len(each)):
+        here, before, earlier = smooth[m - 1], smooth[m - 2], smooth[m - 3]
+        floor = _rounding(rungs, each[m], rounding_scale, observed_rounding, epsilon)
         promised = np.maximum(here, before * _ratio(before, earlier))
         ratio = np.maximum(_ratio(here, before), _ratio(before, earlier))
         uncertainty = 2.5 * promised * np.sqrt(ratio) + floor
@@ -160,28 +201,32 @@ def limits(
         # Where a motion is not smooth, its segments alone have no limit: the others keep theirs.
         still = np.max(here / scale, axis=1)
         settled = (still < increments[0] / 10) | (still < 1e-12)
+        if epsilon > EPSILON:  # what moves by rounding alone from the first rung on has settled
+            settled |= still < 3 * np.max(floor / scale * np.ones_like(here), axis=1)
         uncertainty = np.where(settled[:, None], uncertainty, np.inf)
         worst = largest(uncertainty / scale)
         if best is None or worst < best[0]:
-            best = (worst, m, uncertainty)
+            best = (worst, m, uncertainty, floor + rounded_alike)
     assert best is not None, f"a limit needs {FIRST_JUDGED} rungs"
-    _, m, uncertainty = best
+    _, m, uncertainty, rounding = best
     known = np.isfinite(uncertainty).all(axis=1)
     converges = bool(known.any())
     order, confirmed = observed_order(
         (stack[:, known] if converges else stack) / scale,
         rungs,
         exponents[0],
-        float(np.max(rounding_scale / scale)),
+        float(np.max(rounding_scale / scale)) * (epsilon / EPSILON),
     )
     return Limit(
-        value=estimates[m - 1],
+        value=estimates[m],
         uncertainty=uncertainty,
-        rungs=rungs[:m],
+        rungs=rungs[: len(each[m])],
         increments=increments,
         order=order,
         order_confirmed=confirmed,
         converges=converges,
+        rounding=np.broadcast_to(rounding, uncertainty.shape),
+        epsilon=epsilon,
     )
 
 
@@ -230,15 +275,16 @@ def _ratio(here: Array, before: Array) -> Array:
 
 def _rounding(
     rungs: tuple[int, ...],
-    exponents: tuple[int, int],
+    weight: Array,
     rounding_scale: Array,
     observed: Sequence[Array],
+    epsilon: float,
 ) -> Array:
     """3 sum |w_i| times the rounding of each rung."""
-    each = [EPSILON * np.sqrt(n) * rounding_scale for n in rungs]
+    each = [epsilon * np.sqrt(n) * rounding_scale for n in rungs[: len(weight)]]
     if observed:
         each = [np.maximum(usual, own) for usual, own in zip(each, observed, strict=False)]
-    bound: Array = 3 * np.tensordot(np.abs(weights(rungs, exponents)), np.stack(each), axes=1)
+    bound: Array = 3 * np.tensordot(np.abs(weight), np.stack(each), axes=1)
     return bound
 
 

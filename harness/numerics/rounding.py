@@ -8,6 +8,9 @@ The last digit of a position is a force too, where a constraint is held by a spr
 equality, as stiff as the step allows, makes a velocity of it by dividing it by h, so that the
 finest rungs have the most. No rule that knows only the motion foresees that; other runs show it.
 
+An engine that computes in 32 bits holds every start to 24 binary digits and rounds every step to
+them: its own epsilon takes the place of the double's throughout.
+
 Each chosen start has a pair of companions, at the same distance on either side. What the three ends
 depend on smoothly drops out of their second difference, and leaves how differently they were
 rounded. Source: Hamming's difference table; More and Wild 2011, Estimating Computational Noise,
@@ -30,9 +33,9 @@ PAIRS = 24
 LEAST = 4
 """Pairs however few the starts are: of a few, all second differences may be small by chance."""
 
-DISTANCE = EPSILON ** (2 / 3)
-"""Relative distance of a companion, at most: far above a last digit, so that it is rounded
-otherwise (one digit away the same roundings come again), and its square far below."""
+NEAR = 2 / 3
+"""Relative distance of a companion, at most, as a power of epsilon: far above a last digit, so that
+it is rounded otherwise (one digit away the same roundings come again), and its square far below."""
 
 ALIKE = 16.0
 """Last digits that an engine rounds alike in every step of a segment, by those of its start.
@@ -65,6 +68,7 @@ class Starts:
         z, w: positions and velocities, each (K + 2P, nz).
         gain: what the inputs of each are multiplied by, (K + 2P,).
         pairs: P.
+        epsilon: relative rounding of the engine's numbers.
     """
 
     rows: NDArray[np.intp]
@@ -72,6 +76,7 @@ class Starts:
     w: Array
     gain: Array
     pairs: int
+    epsilon: float = EPSILON
 
     @property
     def count(self) -> int:
@@ -105,8 +110,23 @@ class Starts:
         known = np.isfinite(one) & np.isfinite(other)
         with np.errstate(invalid="ignore"):
             change = np.where(known, np.abs(one - other), 0.0)
-        largest: Array = ALIKE * EPSILON / (2 * DISTANCE) * np.max(change, axis=0)
+        distance = self.epsilon**NEAR
+        largest: Array = ALIKE * self.epsilon / (2 * distance) * np.max(change, axis=0)
         return largest
+
+
+def unheld(values: Array, epsilon: float) -> Array:
+    """What of values an engine of this epsilon does not hold: of 2^-23, past 24 binary digits.
+
+    It starts beside where it is told to, by this much, and ends beside by as much and no more: what
+    a short segment makes of it is `Starts.last_digits`.
+    """
+    if epsilon <= EPSILON:
+        return np.zeros_like(values)
+    mantissa, exponent = np.frexp(values)
+    digits = 2 / epsilon
+    lost: Array = values - np.ldexp(np.round(mantissa * digits) / digits, exponent)
+    return lost
 
 
 def without_companions(z: Array, w: Array) -> Starts:
@@ -114,7 +134,7 @@ def without_companions(z: Array, w: Array) -> Starts:
     return Starts(rows=np.arange(len(z)), z=z, w=w, gain=np.ones(len(z)), pairs=0)
 
 
-def with_companions(z: Array, w: Array) -> Starts:
+def with_companions(z: Array, w: Array, epsilon: float = EPSILON) -> Starts:
     """Starts (K, nz) and their companions: each number moved by a share of itself, by draw.
 
     The inputs are moved so too, all of a companion's by one share: a start at rest in zero has no
@@ -125,16 +145,18 @@ def with_companions(z: Array, w: Array) -> Starts:
     # An even spread, off the ends: a start at rest, or just at a stop, tells little of the others.
     rows = ((np.arange(pairs) + 0.5) * count / pairs).astype(np.intp)
     rng = np.random.default_rng(0)  # the same companions in every run
-    steps = [DISTANCE * rng.uniform(-1, 1, (pairs, a.shape[1])) * a[rows] for a in (z, w)]
+    distance = epsilon**NEAR
+    steps = [distance * rng.uniform(-1, 1, (pairs, a.shape[1])) * a[rows] for a in (z, w)]
     moved = [
         np.concatenate([a, a[rows] + step, a[rows] - step])
         for a, step in zip((z, w), steps, strict=True)
     ]
-    share = DISTANCE * rng.uniform(-1, 1, pairs)
+    share = distance * rng.uniform(-1, 1, pairs)
     return Starts(
         rows=np.concatenate([np.arange(count), rows, rows]),
         z=moved[0],
         w=moved[1],
         gain=np.concatenate([np.ones(count), 1 + share, 1 - share]),
         pairs=pairs,
+        epsilon=epsilon,
     )

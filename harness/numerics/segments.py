@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import EPSILON, FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
-from harness.numerics.rounding import Starts, with_companions, without_companions
+from harness.numerics.rounding import Starts, unheld, with_companions, without_companions
 from reference.motion import Motion, Span
 from reference.numeric import Array
 from reference.signal import Inputs
@@ -144,6 +144,8 @@ class Observable:
         scale: what counts as one, (C,); None: how far the values are from `origin`.
         origin: the values at the start, (K, C), which stand for those that are not finite; None:
             all values must be finite.
+        begun: of an engine of less digits than doubles have, the values that all its starts have,
+            (K + 2P, C), to which it adds what it rounds.
         where: tells where a start lies, by its segment and the rung, for a message.
     """
 
@@ -153,6 +155,7 @@ class Observable:
     rounding_scale: Array
     scale: Array | None
     origin: Array | None = None
+    begun: Array | None = None
     where: Callable[[int, int], str]
 
 
@@ -171,7 +174,7 @@ def extrapolate(
     Raises:
         BlownUpError: where the engine returns values that are not finite.
     """
-    starts = with_companions(*coordinates.to_engine(batch.states))
+    starts = with_companions(*coordinates.to_engine(batch.states), model.epsilon)
     left: list[Array] = []
     observable = _ends(model, coordinates, batch, starts, left)
     found = climb(observable, rungs, resolution)
@@ -226,8 +229,10 @@ def climb(
         previous = limit
         # Values that start at zero are rounded where they have moved to.
         size = np.maximum(o.rounding_scale, scale)
-        alike = o.starts.last_digits(found)
-        limit = limits(known, rungs[:count], o.exponents, scale, size, rounding, alike)
+        alike = o.starts.last_digits(found if o.begun is None else found - o.begun)
+        limit = limits(
+            known, rungs[:count], o.exponents, scale, size, rounding, alike, o.starts.epsilon
+        )
         if resolution is not None and suffices(limit, previous, count, scale, resolution):
             break
     assert limit is not None
@@ -266,6 +271,9 @@ def _ends(
         return f"from the segment{when}{of}, in {rung} steps of {length / rung:.3g} s"
 
     size = starts.count
+    begun = None
+    if starts.epsilon > EPSILON:
+        begun = coordinates.from_engine(starts.z, starts.w, batch.states[starts.rows])
     return Observable(
         at=at,
         starts=starts,
@@ -273,6 +281,7 @@ def _ends(
         rounding_scale=coordinates.rounding_scale(starts.z[:size], starts.w[:size]),
         scale=batch.scale,
         origin=batch.states if batch.partial else None,
+        begun=begun,
         where=where,
     )
 
@@ -295,9 +304,12 @@ def run_rung(
         inputs = batch.inputs(rows, rung) * starts.gain[chosen, None, None]
         force = coordinates.force(inputs)
         end_z, end_w = model.rollout(z, w, float(length) / rung, rung, force, rung)
-        ends[chosen] = coordinates.from_engine(end_z[:, 0], end_w[:, 0], near[rows])
+        end_z, end_w = (
+            end[:, 0] + unheld(a, starts.epsilon) for end, a in ((end_z, z), (end_w, w))
+        )
+        ends[chosen] = coordinates.from_engine(end_z, end_w, near[rows])
         if coordinates.redundant:
-            residual[chosen] = coordinates.residual(end_z[:, 0], end_w[:, 0], ends[chosen])
+            residual[chosen] = coordinates.residual(end_z, end_w, ends[chosen])
     return ends, residual
 
 
@@ -330,6 +342,7 @@ def _residual(
         np.maximum(rounding, scale),
         [starts.observed_rounding(one) for one in left],
         starts.last_digits(left[-1]),
+        starts.epsilon,
     )
     finest = np.max(np.abs(ends[-FINEST:]), axis=0)
     closer = finest < limit.uncertainty

@@ -16,8 +16,7 @@ from harness.engines.protocol import Array, Model
 from harness.engines.step_rule import StepRule
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.judgement import Judgement, judge
-from harness.numerics.ladder import EPSILON
-from harness.numerics.rounding import with_companions
+from harness.numerics.rounding import unheld, with_companions
 from harness.numerics.segments import movement
 from reference.stepping import Stepped, next_states
 
@@ -110,7 +109,7 @@ class _Steps:
     ) -> None:
         self._model, self._coordinates = model, coordinates
         self._states, self._inputs = states, inputs
-        self._starts = with_companions(*coordinates.to_engine(states))
+        self._starts = with_companions(*coordinates.to_engine(states), model.epsilon)
         n = coordinates.back.size
         slope = coordinates.forward_slope(states[:1, :n]).reshape(-1, n)
         self._slope = slope
@@ -122,7 +121,8 @@ class _Steps:
         held = self._inputs[starts.rows] * starts.gain[:, None]
         force = self._coordinates.force(np.repeat(held[:, None], steps, axis=1))
         z, w = model.rollout(starts.z, starts.w, model.step, steps, force, steps)
-        return self._coordinates.from_engine(z[:, 0], w[:, 0], self._states[starts.rows])
+        z, w = (end[:, 0] + unheld(a, starts.epsilon) for end, a in ((z, starts.z), (w, starts.w)))
+        return self._coordinates.from_engine(z, w, self._states[starts.rows])
 
     def rule(self, rule: StepRule, stepped: Stepped, steps: int) -> Array:
         """States after so many by the rule on the equations, (B, 2n)."""
@@ -167,5 +167,6 @@ class _Steps:
         if self._mixes:
             parts = [np.broadcast_to(p.max(axis=1, keepdims=True), p.shape) for p in parts]
         found = np.concatenate(parts, axis=1)
-        digit: Array = EPSILON * np.maximum(found, np.finfo(float).tiny / EPSILON)
+        epsilon = self._model.epsilon
+        digit: Array = epsilon * np.maximum(found, np.finfo(float).tiny / epsilon)
         return digit

@@ -48,7 +48,7 @@ def test_every_pairing_conforms(pairing: Pairing, mechanism: str, tmp_path: Path
 
 
 def test_checks_have_names_of_their_own_and_sentences() -> None:
-    (checks, _) = conform_samples(KnownEngine()).values()
+    (checks, *_) = conform_samples(KnownEngine()).values()
     assert len({check.name for check in checks}) == len(checks)
     for check in checks:
         assert str(check).startswith("passed  ")
@@ -308,7 +308,7 @@ def test_the_command_tells_each_check_of_an_engine(capsys: pytest.CaptureFixture
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "euler.known"
     assert lines[1].startswith("  passed  engine is described: ")
-    assert len(lines) == 2 * (1 + len(CHECKS))
+    assert len(lines) == 3 * (1 + len(CHECKS))
 
 
 def test_the_command_ends_with_one_where_a_check_fails(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from harness.numerics.judgement import Obstacle, judge, obstacle
-from harness.numerics.ladder import Limit
+from harness.numerics.ladder import EPSILON, Limit
 from harness.records.outcome import Outcome
 from reference.numeric import Array
 
@@ -84,6 +84,8 @@ def test_obstacles_are_told_in_the_order_in_which_they_take_away_meaning(
         order=1.0,
         order_confirmed=confirmed,
         converges=converges,
+        rounding=np.zeros((1, 2)),
+        epsilon=EPSILON,
     )
     assert obstacle(limit) is why
 

@@ -8,8 +8,8 @@ from harness.engines.protocol import Array, Force
 from harness.numerics.ladder import EPSILON, RUNGS
 from harness.numerics.rounding import (
     ALIKE,
-    DISTANCE,
     LEAST,
+    NEAR,
     PAIRS,
     Starts,
     with_companions,
@@ -36,7 +36,7 @@ def test_what_the_end_depends_on_smoothly_is_not_observed() -> None:
     found = starts()
     smooth = ends(found)
     moved = np.abs(smooth[-PAIRS:] - smooth[found.rows[-PAIRS:]])
-    assert np.min(np.max(moved, axis=0)) > 0.1 * DISTANCE
+    assert np.min(np.max(moved, axis=0)) > 0.1 * EPSILON**NEAR
     assert np.all(found.observed_rounding(smooth) < 100 * EPSILON)
 
 
@@ -78,7 +78,11 @@ def test_companions_are_as_far_on_either_side_and_leave_zeros_alone() -> None:
     assert np.all(found.gain[:100] == 1)
     assert np.all(one[:, 1] == 0)
     assert np.all(np.abs(one + other - 2 * middle) <= 2 * EPSILON * np.abs(middle))
-    assert 0.5 * DISTANCE < np.max(np.abs(one - middle)[:, 0] / middle[:, 0]) < 1.01 * DISTANCE
+    assert (
+        0.5 * EPSILON**NEAR
+        < np.max(np.abs(one - middle)[:, 0] / middle[:, 0])
+        < 1.01 * EPSILON**NEAR
+    )
 
 
 def test_companions_are_spread_over_the_motion_off_its_start() -> None:
