@@ -31,19 +31,22 @@ ENOUGH = 2e-3
 
 EPSILON = float(np.finfo(float).eps)
 
-MOST_REMOVED = 6
+MOST_REMOVED = 7
 """Exponents removed at most by weights of least variance: more add rounding alone."""
 
 
 @lru_cache(maxsize=256)
 def exact_weights(rungs: tuple[int, ...], lead: int, increment: int) -> tuple[Fraction, ...]:
-    """Weights w with sum w_i = 1 and sum w_i n_i^-e = 0 for the exponents lead, lead+increment, ...
+    """Weights w: sum w_i = 1, sum w_i n_i^-e = 0 for the exponents lead, lead + increment, ..."""
+    exponents = [0, *(lead + increment * i for i in range(len(rungs) - 1))]
+    return _solved(
+        [[Fraction(1, n**e) for n in rungs] + [Fraction(int(e == 0))] for e in exponents]
+    )
 
-    Solved by Gauss-Jordan elimination in rationals.
-    """
-    size = len(rungs)
-    exponents = [0, *(lead + increment * i for i in range(size - 1))]
-    rows = [[Fraction(1, n**e) for n in rungs] + [Fraction(int(e == 0))] for e in exponents]
+
+def _solved(rows: list[list[Fraction]]) -> tuple[Fraction, ...]:
+    """x of A x = b from the rows (A, b), by Gauss-Jordan elimination in rationals."""
+    size = len(rows)
     for column in range(size):
         pivot = next(r for r in range(column, size) if rows[r][column])
         rows[column], rows[pivot] = rows[pivot], rows[column]
@@ -71,25 +74,33 @@ def least_weights(rungs: tuple[int, ...], exponents: tuple[int, int], removed: i
     add up to 3.2.
     """
     lead, increment = exponents
-    n = np.array(rungs, dtype=float)
     powers = [0, *(lead + increment * i for i in range(removed))]
-    rows = np.stack([(rungs[0] / n) ** e for e in powers])
-    first = np.zeros(len(powers))
-    first[0] = 1.0
-    found: Array = (rows / n).T @ np.linalg.solve((rows / n) @ rows.T, first)
-    return found
+    normal = [
+        [sum((Fraction(1, n ** (a + b + 1)) for n in rungs), Fraction(0)) for b in powers]
+        + [Fraction(int(a == 0))]
+        for a in powers
+    ]
+    multipliers = _solved(normal)
+    return np.array(
+        [
+            float(
+                sum(m * Fraction(1, n ** (e + 1)) for m, e in zip(multipliers, powers, strict=True))
+            )
+            for n in rungs
+        ]
+    )
 
 
 def estimates_of(
-    rungs: tuple[int, ...], exponents: tuple[int, int], epsilon: float
+    rungs: tuple[int, ...], exponents: tuple[int, int], least: bool
 ) -> tuple[list[Array], int]:
     """Weights (m,) of one estimate of the limit after the other, and the first that is judged.
 
-    In doubles each takes in a further rung and removes a further exponent. Coarser numbers would
-    lose their digits in such weights: all rungs are taken in from the first on.
+    Each takes in a further rung and removes a further exponent, exactly. Or, where rounding is
+    what counts, all rungs are taken in from the first on, with the least variance.
     """
     count = len(rungs)
-    if epsilon <= EPSILON:
+    if not least:
         return [weights(rungs[:m], exponents) for m in range(1, count + 1)], FIRST_JUDGED - 1
     removed = range(min(count, MOST_REMOVED + 1))
     return [least_weights(rungs, exponents, k) for k in removed], min(3, len(removed) - 1)
@@ -147,6 +158,7 @@ def limits(
     observed_rounding: Sequence[Array] = (),
     rounded_alike: Array | float = 0.0,
     epsilon: float = EPSILON,
+    least: bool = False,
 ) -> Limit:
     """Extrapolate raw values of the rungs and judge the result.
 
@@ -178,9 +190,12 @@ def limits(
         rounded_alike: what `harness.numerics.rounding` finds to be rounded alike on every rung,
             (C,): it is in no increment, and no weight makes it more.
         epsilon: relative rounding of the engine's numbers.
+        least: whether weights are those of least variance, as they always are where numbers are
+            coarser than doubles.
     """
+    least = least or epsilon > EPSILON
     stack = np.stack(values)
-    each, first = estimates_of(rungs, exponents, epsilon)
+    each, first = estimates_of(rungs, exponents, least)
     estimates = [np.tensordot(w, stack[: len(w)], axes=1) for w in each]
     steps = [np.abs(b - a) for a, b in pairwise(estimates)]
     increments = np.array([float(np.max(step / scale)) for step in steps])
@@ -201,7 +216,7 @@ def limits(
         # Where a motion is not smooth, its segments alone have no limit: the others keep theirs.
         still = np.max(here / scale, axis=1)
         settled = (still < increments[0] / 10) | (still < 1e-12)
-        if epsilon > EPSILON:  # what moves by rounding alone from the first rung on has settled
+        if least:  # what moves by rounding alone from the first rung on has settled
             settled |= still < 3 * np.max(floor / scale * np.ones_like(here), axis=1)
         uncertainty = np.where(settled[:, None], uncertainty, np.inf)
         worst = largest(uncertainty / scale)

@@ -9,13 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import EPSILON, FIRST_JUDGED, RUNGS, Limit, limits, suffices, weights
+from harness.numerics.ladder import (
+    EPSILON,
+    FIRST_JUDGED,
+    RUNGS,
+    Limit,
+    largest,
+    limits,
+    suffices,
+    weights,
+)
 from harness.numerics.rounding import Starts, unheld, with_companions, without_companions
 from reference.motion import Motion, Span
 from reference.numeric import Array
@@ -230,12 +240,27 @@ def climb(
         # Values that start at zero are rounded where they have moved to.
         size = np.maximum(o.rounding_scale, scale)
         alike = o.starts.last_digits(found if o.begun is None else found - o.begun)
-        limit = limits(
-            known, rungs[:count], o.exponents, scale, size, rounding, alike, o.starts.epsilon
+        judged = partial(
+            limits,
+            known,
+            rungs[:count],
+            o.exponents,
+            scale,
+            size,
+            rounding,
+            alike,
+            o.starts.epsilon,
         )
+        limit = judged()
         if resolution is not None and suffices(limit, previous, count, scale, resolution):
             break
     assert limit is not None
+    assert scale is not None
+    if resolution is not None and largest(limit.uncertainty / scale) > resolution:
+        # Where rounding is in the way, other weights of the same rungs amplify it less.
+        other = judged(least=True)
+        if largest(other.uncertainty / scale) < largest(limit.uncertainty / scale):
+            limit = other
     limit.uncertainty[~alive] = np.inf
     used = rungs[: len(raw)]
     return Extrapolated(

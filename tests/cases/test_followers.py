@@ -110,3 +110,36 @@ def test_as_many_follow_as_there_are(tmp_path: Path) -> None:
         (i + 1, i) for i in range(40)
     ]
     assert dict(found.besides)["equality constraints"] == 1
+
+
+FINGERS = """<mujoco><worldbody>
+<body><joint name="left" type="slide" axis="1 0 0" {0}/>
+<inertial pos="0 0 0" mass="0.015" diaginertia="1e-4 2e-4 1.5e-4"/></body>
+<body><joint name="right" type="slide" axis="-1 0 0" {0}/>
+<inertial pos="0 0 0" mass="0.015" diaginertia="1e-4 2e-4 1.5e-4"/></body>
+</worldbody><equality><joint joint1="left" joint2="right"/></equality>
+<tendon><fixed name="split"><joint joint="left" coef="0.5"/>
+<joint joint="right" coef="0.5"/></fixed></tendon>
+<actuator><general tendon="split" biastype="affine" biasprm="0 -100 -10"/></actuator>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("joints", "asked", "known"),
+    [
+        # What a soft equality gives way by at the start is gone after a step only if it is stiff
+        # beside what the joints weigh, their armature included.
+        ('armature="0.1" damping="1" range="0 0.04"', 1e-9, 2e-10),
+        # It is as stiff as a step allows only if it could be stiffer, in steps of nanoseconds too.
+        ('damping="3000"', 1e-5, 1e-5),
+    ],
+)
+def test_fingers_are_held_from_the_first_step_on(
+    tmp_path: Path, joints: str, asked: float, known: float
+) -> None:
+    file = tmp_path / "fingers.xml"
+    file.write_text(FINGERS.format(joints))
+    case = run_robot(prepare_robot(file).task("mujoco", asked))
+    assert case.outcome is Outcome.AGREES, case.reason
+    assert case.verdict is not None
+    assert (case.verdict.uncertainty or 1) < known

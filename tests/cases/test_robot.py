@@ -254,13 +254,25 @@ def test_strict_fails_where_a_file_says_more_than_is_checked(tmp_path: Path) -> 
 
 SERVO = """<mujoco><worldbody><body pos="0 0 1"><joint name="stiff" axis="0 1 0" range="-60 60"/>
 <inertial pos="0 0 -0.1" mass="1e-4" diaginertia="1e-6 1e-6 1e-6"/></body></worldbody>
-<actuator><position joint="stiff" kp="2" kv="0.15"/></actuator></mujoco>"""
+<actuator><position joint="stiff" kp="2" kv="{}"/></actuator></mujoco>"""
+
+
+def test_one_that_settles_slower_is_resolved_by_weights_that_amplify_rounding_less(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "servo.xml"
+    file.write_text(SERVO.format(0.15))
+    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    assert case.outcome is Outcome.AGREES
+    assert case.verdict is not None
+    assert case.verdict.claimed_order == 1
+    assert (case.verdict.largest_uncertainty or 1) < 1e-9
 
 
 def test_a_servo_that_settles_in_microseconds_is_resolved_by_another_order(tmp_path: Path) -> None:
     """It moves by so little that last digits of its position, weighted for order 1, hide 1e-9."""
     file = tmp_path / "servo.xml"
-    file.write_text(SERVO)
+    file.write_text(SERVO.format(0.5))
     case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
     assert case.outcome is Outcome.AGREES
     assert case.reason.startswith("stepped by RK4, since by euler the limit of stiff is known to")
