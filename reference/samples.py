@@ -16,7 +16,7 @@ import numpy as np
 from reference.bends import unbent
 from reference.collocation import Field, ReferenceError, collocate
 from reference.excitation import telling
-from reference.integrate import AGREEMENT, by_runge_kutta
+from reference.integrate import by_runge_kutta
 from reference.numeric import Array
 from reference.trees import TreeEquations
 
@@ -50,6 +50,10 @@ QUICKEST = 1e9
 
 SINGULAR = 1e-13
 """Of a mass matrix with a diagonal of ones: a smaller eigenvalue is rounding."""
+
+APART = 1e-9
+"""Of the largest of a component's like: two solutions further apart are no reference. Nearer ones
+are in the bound, by what they are apart."""
 
 GROWTH = 2.0
 """By how much the equations may turn up an error within a segment: e^(2 pi / 20) is 1.37."""
@@ -126,7 +130,7 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     checked = by_runge_kutta(field, times, start, length, rounded=True)
     apart, size = np.max(np.abs(end - checked), axis=0), np.max(np.abs(end), axis=0)
     sizes = np.repeat([size[:n].max(), size[n:].max()], n)
-    if not np.all(apart <= AGREEMENT * sizes):  # so that nan is refused as well
+    if not np.all(apart <= APART * sizes):  # so that nan is refused as well
         worst = int(np.argmax(apart / sizes))
         raise ReferenceError(
             f"two solutions of {names[worst]} are {apart[worst]:.1e} apart over a segment"

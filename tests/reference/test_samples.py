@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
 
 from reference import Coordinate
 from reference.equations import slopes_of
-from reference.integrate import ReferenceError
+from reference.integrate import ReferenceError, by_runge_kutta
 from reference.multibody.algebra import LONG_DOUBLES, Scalars
 from reference.multibody.dynamics import Dynamics
 from reference.multibody.tree import Kind, Tree
 from reference.numeric import Array
-from reference.samples import FAR, REACH, Samples, samples, within
+from reference.samples import APART, FAR, REACH, Samples, samples, within
 from reference.trees import TreeEquations, TreeSystem
 from tests.reference.multibody.trees import tree
 
@@ -66,6 +67,24 @@ def test_ends_are_those_of_more_digits_within_their_bound(seed: int) -> None:
     assert np.all(found.bound < 1e-12 * movement)
     # And it is no bound that anything would be within.
     assert np.max(error / found.bound) > 1e-3
+
+
+@pytest.mark.parametrize("apart", [1e-11, 1e-6])
+def test_what_two_solutions_are_apart_is_in_the_bound_or_refuses_them(
+    monkeypatch: pytest.MonkeyPatch, apart: float
+) -> None:
+    one = equations(tree(KINDS, 0))
+
+    def beside(*given: Any, **options: Any) -> Array:
+        return by_runge_kutta(*given, **options) * (1 + apart)
+
+    monkeypatch.setattr("reference.samples.by_runge_kutta", beside)
+    if apart > APART:
+        with pytest.raises(ReferenceError, match=r"two solutions of \S+ are \S+e-0[567] apart"):
+            samples(one, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
+        return
+    found = samples(one, np.tile(OPEN, (4, 1)), np.zeros(4), 40, 0)
+    assert np.all(found.bound >= 0.9 * apart * np.max(np.abs(found.end), axis=0))
 
 
 def test_every_joint_moves_and_is_pushed_as_much_as_it_is_moved() -> None:
