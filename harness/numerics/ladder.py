@@ -31,8 +31,8 @@ ENOUGH = 2e-3
 
 EPSILON = float(np.finfo(float).eps)
 
-MOST_REMOVED = 7
-"""Exponents removed at most by weights of least variance: more add rounding alone."""
+SPARE = 1
+"""Rungs beyond the powers that weights of least variance remove: a fit shows what is left."""
 
 
 @lru_cache(maxsize=256)
@@ -91,6 +91,26 @@ def least_weights(rungs: tuple[int, ...], exponents: tuple[int, int], removed: i
     )
 
 
+def scatter(
+    stack: Array, rungs: tuple[int, ...], exponents: tuple[int, int], removed: int
+) -> Array:
+    """By how much rungs miss the powers that are removed, per sqrt(n): (K, C) from (M, K, C).
+
+    What is left of a least-squares fit shows rounding that companions don't, and powers beyond.
+    Each has as much at least as its component in the root mean square.
+    """
+    lead, increment = exponents
+    n = np.array(rungs, dtype=float)
+    powers = [0, *(lead + increment * i for i in range(removed))]
+    weight = np.sqrt(1 / n)
+    basis, _ = np.linalg.qr(np.stack([weight * (rungs[0] / n) ** e for e in powers], axis=1))
+    values = weight[:, None, None] * (stack - stack[-1])
+    left = values - np.tensordot(basis, np.tensordot(basis.T, values, axes=1), axes=1)
+    found = np.sqrt(np.sum(left**2, axis=0) / (len(rungs) - len(powers)))
+    usual = np.sqrt(np.mean(found**2, axis=0))
+    return np.maximum(_neighbourhood(found), usual)
+
+
 def estimates_of(
     rungs: tuple[int, ...], exponents: tuple[int, int], least: bool
 ) -> tuple[list[Array], int]:
@@ -102,7 +122,7 @@ def estimates_of(
     count = len(rungs)
     if not least:
         return [weights(rungs[:m], exponents) for m in range(1, count + 1)], FIRST_JUDGED - 1
-    removed = range(min(count, MOST_REMOVED + 1))
+    removed = range(max(2, count - SPARE))
     return [least_weights(rungs, exponents, k) for k in removed], min(3, len(removed) - 1)
 
 
@@ -204,6 +224,9 @@ def limits(
     for m in range(first, len(each)):
         here, before, earlier = smooth[m - 1], smooth[m - 2], smooth[m - 3]
         floor = _rounding(rungs, each[m], rounding_scale, observed_rounding, epsilon)
+        if least:
+            own = 3 * scatter(stack, rungs, exponents, m)
+            floor = np.maximum(floor, own * float(np.abs(each[m]) @ np.sqrt(rungs)))
         promised = np.maximum(here, before * _ratio(before, earlier))
         ratio = np.maximum(_ratio(here, before), _ratio(before, earlier))
         uncertainty = 2.5 * promised * np.sqrt(ratio) + floor
@@ -216,7 +239,7 @@ def limits(
         # Where a motion is not smooth, its segments alone have no limit: the others keep theirs.
         still = np.max(here / scale, axis=1)
         settled = (still < increments[0] / 10) | (still < 1e-12)
-        if least:  # what moves by rounding alone from the first rung on has settled
+        if epsilon > EPSILON:  # what moves by rounding alone from the first rung on has settled
             settled |= still < 3 * np.max(floor / scale * np.ones_like(here), axis=1)
         uncertainty = np.where(settled[:, None], uncertainty, np.inf)
         worst = largest(uncertainty / scale)

@@ -256,10 +256,12 @@ def climb(
             break
     assert limit is not None
     assert scale is not None
-    if resolution is not None and largest(limit.uncertainty / scale) > resolution:
-        # Where rounding is in the way, other weights of the same rungs amplify it less.
+    worst = largest(limit.uncertainty / scale)
+    if resolution is not None and worst > resolution and o.origin is None:
+        # Where rounding is in the way, other weights of the same rungs amplify it less. Where some
+        # motions are not smooth, what is in the way is something else.
         other = judged(least=True)
-        if largest(other.uncertainty / scale) < largest(limit.uncertainty / scale):
+        if np.isfinite(other.uncertainty).all() and largest(other.uncertainty / scale) < worst:
             limit = other
     limit.uncertainty[~alive] = np.inf
     used = rungs[: len(raw)]
