@@ -341,6 +341,18 @@ def run_robot(task: RobotTask) -> Case:
     )
 
 
+def judge_robot(task: RobotTask) -> Verdict:
+    """What becomes of every segment alone: nothing is stepped as the file ships.
+
+    Raises:
+        EngineError, BlownUpError: where the engine doesn't run it.
+    """
+    way, verdict = _judged(task)
+    if verdict.outcome is Outcome.UNRESOLVED:
+        return _otherwise(task, way, verdict)[1]
+    return verdict
+
+
 def _judged(task: RobotTask) -> tuple[Followed, Verdict]:
     """Every segment in the engine, and what follows from them."""
     way = follow_robot(task)

@@ -61,11 +61,13 @@ class Ranking:
         fits: best first; the tied ones follow each other.
         explained: whether the first leaves no more than `NAMED`, or than the uncertainty.
         floor: share of the discrepancy that the uncertainty makes.
+        undone: what the engine does on its own, undone where the fits were made.
     """
 
     fits: tuple[Fit, ...]
     explained: bool
     floor: float
+    undone: tuple[str, ...] = ()
 
 
 def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ranking:
