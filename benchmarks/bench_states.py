@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.cases.robot import SEED, settings_of
+from harness.cases.robot import SEED
+from harness.cases.robot_record import settings_of
 from harness.robots.named import read_robot, robot_numbers
 from harness.robots.numerals import NUDGE
 from harness.robots.robot import Robot, home_of

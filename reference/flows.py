@@ -2,7 +2,8 @@
 
 A segment is solved by Gauss collocation with a few stages. A changed tree leaves forces at them,
 which one recursion finds; what these do to the end is a linear problem whose matrix all changes
-share. So the slope of a number costs one recursion, and not a solution.
+share. So the slope of a number costs one recursion, and not a solution; that of a body's mass,
+center or moments not even that, since forces are linear in those of all bodies.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from reference.collocation import ReferenceError, gauss
 from reference.multibody.algebra import Scalars
 from reference.multibody.charted import Charted
+from reference.multibody.inertial import bodies_apart
 from reference.multibody.tree import Tree
 from reference.numeric import Array
 
@@ -85,7 +87,7 @@ class Flow:
         Raises:
             ReferenceError: where its forces are not finite.
         """
-        by = self._pushed(self._residual(changed, self._stages) - self._left)
+        by = self._pushed(self._forces_apart(changed))
         field = np.concatenate([np.zeros_like(by), by])
         if not np.isfinite(field).all():
             raise ReferenceError("the changed tree has no finite forces")
@@ -104,6 +106,21 @@ class Flow:
         """The tree, and the rates of its states at the stages, (2 n, B, STAGES)."""
         self.tree, self._own, self._slopes = tree, Charted(tree), slopes
         self._stages = self._staged(slopes)
+
+    def _forces_apart(self, changed: Tree) -> Scalars:
+        """What a changed tree leaves of the forces at the stages, beside this one."""
+        by = bodies_apart(changed, self.tree)
+        if by is None:
+            return self._residual(changed, self._stages) - self._left
+        moved = np.flatnonzero(by)
+        found: Scalars = -np.tensordot(self._bodies[:, moved], by[moved], ([1], [0]))
+        return found
+
+    @cached_property
+    def _bodies(self) -> Scalars:
+        """What the bodies' numbers ask of the forces: in these they are linear."""
+        n = self.tree.freedoms
+        return self._own.bodies(self._stages[:n], self._stages[n:], self._slopes[n:])
 
     @cached_property
     def _left(self) -> Scalars:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from campaigns.planted.compared import compared
 from campaigns.planted.fates import Fate, Ground, Planted, plant, table
+from campaigns.planted.record import Record
 from harness.engines.registry import readers
 
 SHARES = (1e-6, 1e-2)
@@ -46,6 +47,12 @@ class Robot:
     compare: bool
     switched: tuple[str, ...]
 
+    @property
+    def told(self) -> str:
+        """What is run, and how: one line."""
+        ways = [name for name in ("floating", "edited", "compare") if getattr(self, name)]
+        return " ".join([self.file.parent.name, self.file.name, self.engine, *ways, *self.switched])
+
 
 @cache
 def _ground(robot: Robot) -> Ground:
@@ -65,13 +72,19 @@ def spread(count: int) -> list[int]:
     return sorted(range(count), key=lambda i: f"{i:0{bits}b}"[::-1])
 
 
-def planted(robot: Robot, seconds: float) -> Iterator[Planted]:
+def planted(robot: Robot, seconds: float, record: Record) -> Iterator[Planted]:
     """The faults of a file's numbers, spread evenly, as many as processor time allows."""
-    ground, one = _ground(robot), compared if robot.compare else plant
+    ground, tried = _ground(robot), compared if robot.compare else plant
     began = time.process_time()
     for place in spread(len(ground.numbers.saying)):
+        index = ground.numbers.saying[place]
+        one = ground.numbers.numerals[index]
         for share in SHARES:
-            yield one(ground, ground.numbers.saying[place], share)
+            found = record.known(one.file.name, one.line, one.address, share)
+            if found is None:
+                found = tried(ground, index, share)
+                record.add(found)
+            yield found
         if time.process_time() - began > seconds:
             return
 
@@ -94,11 +107,13 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--compare", action="store_true", help="compare the file to each changed copy"
     )
+    parser.add_argument(
+        "--record", type=Path, help="a file of what has been tried, which is not tried again"
+    )
     parser.add_argument("--set", action="append", default=[], help="a setting of the engine: on")
     options = parser.parse_args(given)
     everything: list[Planted] = []
     for file in options.files:
-        began = time.process_time()
         engine = options.engine or readers(file.suffix)[0].name
         robot = Robot(
             file=file,
@@ -109,13 +124,13 @@ def main(given: Sequence[str] | None = None) -> int:
             switched=tuple(options.set),
         )
         found = []
-        for one in planted(robot, options.seconds):
+        for one in planted(robot, options.seconds, Record(options.record, robot.told)):
             found.append(one)
             if one.fate.seen and one.fate not in (Fate.NAMED, Fate.TIED):
                 print(one, flush=True)
         everything += found
         of = f"{len(found) // len(SHARES)} of {len(_ground(robot).numbers.saying)} numbers"
-        print(f"{file} [{engine}]: {of}, {time.process_time() - began:.0f} s")
+        print(f"{file} [{engine}]: {of}, {sum(one.seconds for one in found):.0f} s")
         print("\n".join(f"  {line}" for line in table(found)), flush=True)
     print("\n".join(table(everything)))
     seen = [one for one in everything if one.fate.seen]

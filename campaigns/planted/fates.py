@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,12 +13,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
+from harness.cases.robot import PreparedRobot, RobotTask, judge_robot, prepare_robot
 from harness.diagnosis.fit import Fit
 from harness.diagnosis.robot_problem import RobotProblem
-from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked, some_of
+from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked
 from harness.engines.protocol import EngineError
-from harness.records.case import Case
 from harness.records.outcome import Outcome
 from harness.robots.copies import copied
 from harness.robots.named import Numbers, robot_numbers
@@ -63,6 +63,7 @@ class Planted:
         share: of its size by which it is wrong.
         effect: largest change of an end, relative to its movement.
         said: what the first explanation is, with its remainder.
+        seconds: processor time that it took.
     """
 
     file: str
@@ -72,6 +73,7 @@ class Planted:
     fate: Fate
     effect: float
     said: str = ""
+    seconds: float = 0.0
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line} {self.address} off by {self.share:g}"
@@ -127,15 +129,13 @@ class Ground:
         numbers = robot_numbers(file, prepared.settings)
         tree = numbers.tree({})
         assert tree is not None  # it was prepared
-        picked = some_of(some)
-        nothing = np.zeros_like(picked.end)
-        problem = (
-            problem_of(file, numbers, picked, nothing, own=True) if known and not edited else None
-        )
+        prepared = replace(prepared, samples=some, settings={**prepared.settings, **settings})
+        task = prepared.task(engine, RESOLUTION)
+        problem = problem_of(task, numbers, own=True) if known and not edited else None
         if problem is not None:
             problem.slopes({})
         return Ground(
-            prepared=replace(prepared, samples=some, settings={**prepared.settings, **settings}),
+            prepared=prepared,
             numbers=numbers,
             flow=Flow(tree, some.start, some.forces, some.length),
             engine=engine,
@@ -147,7 +147,7 @@ class Ground:
         drawn = self.prepared.samples
         scale = np.max(np.abs(drawn.end - drawn.start), axis=0)
         tree = self.numbers.tree({index: value})
-        if tree is None:
+        if tree is None or tree.freedoms != self.flow.tree.freedoms:
             return np.inf
         try:
             moved = np.abs(self.flow.moved(tree)).max(axis=0)
@@ -172,6 +172,7 @@ Judged = Callable[[Path, Numeral, float, float], tuple[Fate, str]]
 
 def planted(ground: Ground, index: int, share: float, judged: Judged) -> Planted:
     """One number made wrong in a copy of the file, where that moves anything, and judged."""
+    began = time.process_time()
     one = ground.numbers.numerals[index]
     value = wrong(one, share)
     effect = ground.effect(index, value)
@@ -188,6 +189,7 @@ def planted(ground: Ground, index: int, share: float, judged: Judged) -> Planted
         fate=fate,
         effect=effect,
         said=said,
+        seconds=time.process_time() - began,
     )
 
 
@@ -200,14 +202,15 @@ def _fate(
     ground: Ground, task: RobotTask, one: Numeral, value: float, effect: float
 ) -> tuple[Fate, str]:
     try:
-        case = run_robot(task)
+        verdict = judge_robot(task)
     except EngineError as error:
         return Fate.REFUSED, str(error)
-    # What is larger shows, whichever way the engine's ends are uncertain.
-    if effect <= RESOLUTION + 2 * _uncertain(case):
+    # What is larger shows, whichever way the engine's ends are uncertain; so does what follows.
+    follows = verdict.map_residual > RESOLUTION + 2 * verdict.map_uncertainty
+    if effect <= RESOLUTION + 2 * verdict.largest_uncertainty and not follows:
         return Fate.FAINT, ""
-    if case.outcome is not Outcome.DIFFERS:
-        return Fate.MISSED, f"{case.outcome} {case.reason}"
+    if verdict.outcome is not Outcome.DIFFERS:
+        return Fate.MISSED, f"{verdict.outcome} {verdict.reason}"
     edited = ground.known is None
     ranking = ranked(RobotDiagnosisTask(task=task, own=not edited), known=ground.known)
     aim = one.value if edited else value, abs(value - one.value)
@@ -233,12 +236,6 @@ def _is(fit: Fit, one: Numeral) -> bool:
 def _right(fit: Fit, aim: float, fault: float) -> bool:
     """Whether a fitted value is the right one."""
     return abs(fit.estimates[0] - aim) <= RIGHT * fault + 5 * fit.standard_errors[0]
-
-
-def _uncertain(case: Case) -> float:
-    if case.verdict is None or case.verdict.largest_uncertainty is None:
-        return 0.0
-    return case.verdict.largest_uncertainty
 
 
 def table(found: Sequence[Planted]) -> list[str]:

@@ -12,15 +12,8 @@ from pathlib import Path
 
 from harness.cases.followers import Followers
 from harness.cases.prepare import Prepared, derived
-from harness.cases.robot import (
-    SCENARIO,
-    STATES,
-    RobotTask,
-    inertia_findings,
-    told,
-    tree_record,
-    tree_states,
-)
+from harness.cases.robot import SCENARIO, STATES, RobotTask, tree_states
+from harness.cases.robot_record import inertia_findings, told, tree_record
 from harness.files.reads import recorded
 from harness.files.sidecar import Sidecar
 from harness.records.case import CaseId

@@ -6,31 +6,28 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
 from harness.cases.case_record import stepping_record, verdict_record
 from harness.cases.followers import Followers
-from harness.cases.system_record import quantities
+from harness.cases.robot_record import inertia_findings, settings_of, told, tree_record
 from harness.cases.verdict import Verdict, filled, judge, with_residual
 from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
 from harness.engines.registry import engines
 from harness.numerics.coordinates import CoordinateMap, identity
 from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate, held
 from harness.numerics.stepping import step_engine
-from harness.records.base import SourceLine, number
 from harness.records.case import Case, Stepping
 from harness.records.finding import AuditFinding
 from harness.records.outcome import Outcome
-from harness.records.system import Scenario, System
-from harness.robots.inertias import impossible
+from harness.records.system import System
 from harness.robots.named import read_robot
-from harness.robots.robot import LeftOut, Robot, home_of
+from harness.robots.robot import home_of
 from harness.robots.system import RobotError, robot_system
 from reference.integrate import ReferenceError
 from reference.multibody.coupled import Coupled
-from reference.multibody.tree import WORLD, Tree
+from reference.multibody.tree import Tree
 from reference.numeric import Array
 from reference.samples import Samples, samples
 from reference.stepping import SteppedBodies
@@ -46,11 +43,6 @@ STATES = 40
 """Segments of a check: chosen ones, at which each number shows as at a hundred at random."""
 
 SEED = 1
-
-ALONE: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
-"""Settings of every engine: what the equations leave out is left out there too."""
-
-METHOD = "recursion along the tree; Gauss collocation of order 16, checked by DOP853"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,70 +144,6 @@ def tree_states(system: TreeSystem, limits: tuple[Array, Array], count: int) -> 
     kept = Coupled(system.tree).kept
     within, home = np.stack(limits, axis=1)[kept], home_of(system.tree, limits)[kept]
     return samples(TreeEquations(system), within, home, count, SEED)
-
-
-def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
-    """Inertias that no body can have; of what stands still, a note."""
-    still = {part.name for part in robot.parts if part.body == WORLD}
-    return tuple(
-        AuditFinding(
-            kind="inertia",
-            message=f"{one.sentence}; {one.remedy}",
-            where=SourceLine(file=str(one.file), line=one.line or None),
-            expected=None,
-            found=None,
-            severity="note" if one.link in still else "finding",
-        )
-        for one in impossible(robot)
-    )
-
-
-def settings_of(robot: Robot) -> Mapping[str, object]:
-    """With which every engine runs it."""
-    own: dict[str, object] = {"controls": list(robot.controls)} if robot.controls else {}
-    if robot.tree is not None and robot.tree.couplings:
-        own["couplings"] = [robot.tree.links[one.follower].name for one in robot.tree.couplings]
-    if robot.floats:
-        own["floating"] = True
-    if robot.held:
-        own["held"] = list(robot.held)
-    return {**ALONE, **own}
-
-
-def told(one: LeftOut) -> str:
-    """Such as: dry friction (7)."""
-    return one.what if one.count == 1 else f"{one.what} ({one.count})"
-
-
-def tree_record(
-    folder: str, system: TreeSystem, drawn: Samples, scenario: str, seconds: float
-) -> System:
-    """What is written of a tree: its joints, and the states at which it is checked."""
-    count = len(drawn.start)
-    return System(
-        name=system.name,
-        folder=folder,
-        title=system.title,
-        source=system.source,
-        kind="autonomous",
-        coordinates=quantities(system.coordinates),
-        constants=(),
-        inputs=(),
-        outputs=(),
-        scenarios=(
-            Scenario(
-                name=scenario,
-                description=f"{count} states, each under forces of its own",
-                duration=drawn.length,
-                inputs={},
-                segments=count,
-                method=METHOD,
-                bound=number(float(drawn.bound.max())),
-                global_bound=None,
-            ),
-        ),
-        seconds=seconds,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -339,6 +267,18 @@ def run_robot(task: RobotTask) -> Case:
         stepping=stepping,
         seconds=time.perf_counter() - began,
     )
+
+
+def judge_robot(task: RobotTask) -> Verdict:
+    """What becomes of every segment alone: nothing is stepped as the file ships.
+
+    Raises:
+        EngineError, BlownUpError: where the engine doesn't run it.
+    """
+    way, verdict = _judged(task)
+    if verdict.outcome is Outcome.UNRESOLVED:
+        return _otherwise(task, way, verdict)[1]
+    return verdict
 
 
 def _judged(task: RobotTask) -> tuple[Followed, Verdict]:

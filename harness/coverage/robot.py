@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from harness.cases.robot import RobotTask
-from harness.diagnosis.robot_task import problem_of, some_of
+from harness.diagnosis.robot_task import problem_of
 from harness.engines.registry import engines
 from harness.records.coverage import Coverage, Unseen
 from harness.robots.named import robot_numbers
@@ -32,8 +32,7 @@ def count_robot(task: RobotTask) -> Coverage:
         RobotError, ReferenceError: naming the file.
     """
     numbers = robot_numbers(task.file, task.settings)
-    some = some_of(task.samples)
-    problem = problem_of(task.file, numbers, some, np.zeros_like(some.start), own=False)
+    problem = problem_of(task, numbers, own=False)
     moved = np.max(np.abs(problem.slopes({})), axis=1, initial=0.0)
     sizes = [one.size for one in problem.hypotheses]
     felt = moved * SHARE * np.array(sizes) > task.resolution

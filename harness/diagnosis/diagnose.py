@@ -28,9 +28,14 @@ from reference.numeric import Array
 NAMED = 3e-3
 """A cause is named when it leaves at most this share of the discrepancy, or the uncertainty."""
 
-RESOLVED = 1e-3
+RESOLVED = (1e-3, 1e-2, 1e-1)
 """Ends that are known no better than this share of the largest defect are left out of the fit,
-such as where friction turns: they would drown the others."""
+such as where friction turns: they would drown the others. The first share is taken with which the
+discrepancy stands out at what is left: where all of it is small, it may be seen at no end that is
+known so well."""
+
+STANDS_OUT = 0.5
+"""Share of the discrepancy that the uncertainty is at most where it does."""
 
 DOUBTFUL = 0.1
 """What a cause may leave where the uncertainty is as large as the discrepancy. It is a bound: were
@@ -61,11 +66,13 @@ class Ranking:
         fits: best first; the tied ones follow each other.
         explained: whether the first leaves no more than `NAMED`, or than the uncertainty.
         floor: share of the discrepancy that the uncertainty makes.
+        undone: what the engine does on its own, undone where the fits were made.
     """
 
     fits: tuple[Fit, ...]
     explained: bool
     floor: float
+    undone: tuple[str, ...] = ()
 
 
 def diagnose(problem: Problem, uncertainty: Array, refined: int = REFINED) -> Ranking:
@@ -124,11 +131,20 @@ def _start(hypothesis: Hypothesis) -> float:
 def _resolved(problem: Problem, uncertainty: Array) -> Resolved:
     """Which ends are known well enough to tell causes: all, or those of smooth segments alone."""
     defect = problem.defect({})
-    kept = uncertainty <= RESOLVED * np.abs(defect).max()
-    enough = np.linalg.norm(uncertainty) <= RESOLVED * np.linalg.norm(defect)
-    if enough or not defect[kept].any():
-        kept = np.ones(len(defect), dtype=bool)
-    return Resolved(problem, kept, uncertainty[kept], float(np.linalg.norm(defect[kept])))
+    whole = np.ones(len(defect), dtype=bool)
+    chosen = whole
+    if _floor(defect, uncertainty, whole) > RESOLVED[0]:
+        kept = (uncertainty <= share * np.abs(defect).max() for share in RESOLVED)
+        stands_out = (one for one in kept if _floor(defect, uncertainty, one) <= STANDS_OUT)
+        chosen = next(stands_out, whole)
+    size = float(np.linalg.norm(defect[chosen]))
+    return Resolved(problem, chosen, uncertainty[chosen], size)
+
+
+def _floor(defect: Array, uncertainty: Array, kept: Array) -> float:
+    """Share of the discrepancy at some ends that the uncertainty makes there."""
+    size = np.linalg.norm(defect[kept])
+    return float(np.linalg.norm(uncertainty[kept]) / size) if size else np.inf
 
 
 def _alike(problem: Resolved, slopes: Array, i: int, j: int) -> bool:

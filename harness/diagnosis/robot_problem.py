@@ -13,6 +13,7 @@ import numpy as np
 
 from harness.diagnosis.fit import Hypothesis
 from harness.diagnosis.hypotheses.trial import REFUSED
+from harness.diagnosis.robot_followers import Following
 from harness.robots.named import Numbers
 from harness.robots.numerals import NUDGE
 from reference.flows import Flow
@@ -58,10 +59,12 @@ class RobotProblem:
         numbers: of the file that the engine runs.
         flow: where the equations of that file take some states.
         suspicions: H of them.
-        apart: engine - reference at the ends, scaled, (B, 2n).
-        scale: what a defect is relative to, (2n,).
+        apart: engine - reference at the ends, scaled, (B, 2n); then of the k joints that follow
+            others, (B, 2n + 2k).
+        scale: what a defect is relative to, (2n + 2k,).
         way: 1 where the reference is the file's own, so that a fault moves what the engine seems to
             take; -1 where it is another's, so that repairing the fault moves what the file says.
+        following: what joints that follow others are off; None where none does.
     """
 
     numbers: Numbers
@@ -70,6 +73,7 @@ class RobotProblem:
     apart: Array
     scale: Array
     way: int
+    following: Following | None = None
     _defects: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
     _flows: dict[object, Flow | None] = field(default_factory=dict, init=False, repr=False)
     _last: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
@@ -128,7 +132,7 @@ class RobotProblem:
         """What a switch does beside faults, at trajectories as they are: enough to rank pairs."""
         tree = self._tree(self._values({**faults, index: 1.0}))
         try:
-            by = None if tree is None else flow.variation(tree) / self.scale
+            by = None if tree is None else self._ends(tree, flow.variation(tree))
         except ReferenceError:
             by = None
         return np.zeros(self.apart.size) if by is None else self.way * by.ravel()
@@ -153,7 +157,7 @@ class RobotProblem:
             if tree is None:
                 continue
             try:
-                by = flow.variation(tree) / self.scale
+                by = self._ends(tree, flow.variation(tree))
             except ReferenceError:
                 continue
             if np.max(np.abs(by)) <= NOTHING:
@@ -169,9 +173,15 @@ class RobotProblem:
         flow = self._flow(values)
         if flow is None:
             return np.full_like(found, REFUSED)
-        by = flow.apart(self.flow) / self.scale
+        by = self._ends(flow.tree, flow.apart(self.flow))
         left: Array = found - self.way * by.ravel()
         return left
+
+    def _ends(self, tree: Tree, by: Array) -> Array:
+        """With a tree that moves ends so, how far they and what follows are moved, scaled."""
+        if self.following is None:
+            return by / self.scale
+        return np.concatenate([by, self.following.apart(tree, by)], axis=1) / self.scale
 
     def _values(self, faults: Faults) -> dict[int, float]:
         """The numbers with these faults repaired."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from harness.cases.robot import Followed, RobotTask, follow_robot, scale_of
+from harness.cases.robot import RobotTask
 from harness.diagnosis.diagnose import Ranking, diagnose
+from harness.diagnosis.fit import Fit
+from harness.diagnosis.robot_followers import FollowersRun, Following, run_followers, scaled
 from harness.diagnosis.robot_problem import RobotProblem
 from harness.diagnosis.robot_suspicions import suspicions
-from harness.diagnosis.samples import RUNGS_USED
 from harness.diagnosis.task import RECORDED, explanation
 from harness.numerics.ladder import EPSILON
 from harness.records.base import number
@@ -57,44 +57,50 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
         RobotError, EngineError, BlownUpError, ReferenceError: naming what could not be run.
     """
     began = time.perf_counter()
-    way = _some_of(task.task)
-    if found := _undone(task.task, way):
+    run = _some_of(task.task)
+    if found := _undone(task.task, run):
         return Diagnosis(
             explained=True,
             explanations=found,
             floor=number(0.0),
             seconds=time.perf_counter() - began,
         )
-    ranking = ranked(task, way)
+    ranking = ranked(task, run)
     return Diagnosis(
         explained=ranking.explained,
-        explanations=tuple(explanation(fit) for fit in ranking.fits[:RECORDED]),
+        explanations=tuple(_told(fit, ranking.undone) for fit in ranking.fits[:RECORDED]),
         floor=number(ranking.floor),
         failure="" if ranking.fits else "no number of the file has a say in what differs",
         seconds=time.perf_counter() - began,
     )
 
 
-def _some_of(check: RobotTask) -> Followed:
+def _told(fit: Fit, undone: Sequence[str]) -> Explanation:
+    """A fit, with what the engine does beside it."""
+    found = explanation(fit)
+    return Explanation(
+        causes=(*found.causes, *map(_own, undone)),
+        remaining=found.remaining,
+        tied_with=found.tied_with,
+    )
+
+
+def _some_of(check: RobotTask, *, again: bool = True) -> FollowersRun:
     """The segments that a diagnosis stands on, in the engine."""
-    return follow_robot(replace(check, samples=some_of(check.samples)), RUNGS_USED)
+    return run_followers(replace(check, samples=some_of(check.samples)), again=again)
 
 
-def _undone(check: RobotTask, way: Followed) -> tuple[Explanation, ...]:
+def _undone(check: RobotTask, run: FollowersRun) -> tuple[Explanation, ...]:
     """What the engine does on its own, if nothing is left of the discrepancy where it does not.
 
     Each alone, and all together where no single one is enough.
     """
-    apart, _ = _apart(way, check.names)
+    apart, _ = _apart(run, check)
     size = float(np.linalg.norm(apart))
-    remedies = way.model.remedies
-    alone: list[tuple[tuple[str, ...], Mapping[str, object]]]
-    alone = [((cause,), settings) for cause, settings in remedies.items()]
-    every = {key: value for settings in remedies.values() for key, value in settings.items()}
-    for tried in (alone, [(tuple(remedies), every)] if len(remedies) > 1 else []):
+    for tried in _remedies(run):
         found = []
         for causes, settings in tried:
-            left, uncertainty = _left(check, settings)
+            left, uncertainty = _apart(_some_of(_under(check, settings), again=False), check)
             if np.all(np.abs(left).ravel() <= uncertainty):
                 told = tuple(map(_own, causes))
                 found.append(Explanation(causes=told, remaining=float(np.linalg.norm(left)) / size))
@@ -103,9 +109,20 @@ def _undone(check: RobotTask, way: Followed) -> tuple[Explanation, ...]:
     return ()
 
 
-def _left(check: RobotTask, settings: Mapping[str, object]) -> tuple[Array, Array]:
-    """What is left of the discrepancy under further settings, and its uncertainty."""
-    return _apart(_some_of(replace(check, settings={**check.settings, **settings})), check.names)
+_Remedy = tuple[tuple[str, ...], Mapping[str, object]]
+"""What an engine does on its own, and the settings with which it does not."""
+
+
+def _remedies(run: FollowersRun) -> tuple[list[_Remedy], ...]:
+    """Each alone; then all together, where there are several."""
+    remedies = run.way.model.remedies
+    alone: list[_Remedy] = [((cause,), settings) for cause, settings in remedies.items()]
+    every = {key: value for settings in remedies.values() for key, value in settings.items()}
+    return (alone, [(tuple(remedies), every)]) if len(remedies) > 1 else (alone,)
+
+
+def _under(check: RobotTask, settings: Mapping[str, object]) -> RobotTask:
+    return replace(check, settings={**check.settings, **settings})
 
 
 def _own(cause: str) -> Cause:
@@ -120,41 +137,65 @@ def _own(cause: str) -> Cause:
 
 
 def ranked(
-    task: RobotDiagnosisTask, way: Followed | None = None, known: RobotProblem | None = None
+    task: RobotDiagnosisTask, run: FollowersRun | None = None, known: RobotProblem | None = None
 ) -> Ranking:
     """All fits.
 
+    Where no single number explains what is there, an engine may hide a part of what one does: what
+    it does on its own is then undone, and where one does now, that is told.
+
     Args:
         task: the check.
-        way: the segments in the engine, where they have been run.
+        run: the segments in the engine, where they have been run.
         known: what the numbers do to them, where another discrepancy of the same equations has
             asked for it.
     """
+    run = run or _some_of(task.task)
+    found, problem = _ranked(task, run, known)
+    if not found.fits or _single(found):
+        return found
+    for causes, settings in (one for tried in _remedies(run) for one in tried):
+        other = replace(task, task=_under(task.task, settings))
+        beside, _ = _ranked(other, _some_of(other.task), problem)
+        if _single(beside):
+            return replace(beside, undone=causes)
+    return found
+
+
+def _single(ranking: Ranking) -> bool:
+    """Whether one number explains what is there."""
+    return ranking.explained and len(ranking.fits[0].members) == 1
+
+
+def _ranked(
+    task: RobotDiagnosisTask, run: FollowersRun, known: RobotProblem | None
+) -> tuple[Ranking, RobotProblem]:
     if known is None:
-        problem, uncertainty = robot_problem(task, way)
+        problem, uncertainty = robot_problem(task, run)
     else:
-        apart, uncertainty = _apart(way or _some_of(task.task), task.task.names)
+        apart, uncertainty = _apart(run, task.task)
         problem = known.beside(apart)
-    return diagnose(problem, uncertainty, FEW if problem.flow.tree.freedoms > MANY else FITTED)
+    fits = FEW if problem.flow.tree.freedoms > MANY else FITTED
+    return diagnose(problem, uncertainty, fits), problem
 
 
 def robot_problem(
-    task: RobotDiagnosisTask, way: Followed | None = None
+    task: RobotDiagnosisTask, run: FollowersRun | None = None
 ) -> tuple[RobotProblem, Array]:
     """The discrepancy of a robot's file at some states, and its uncertainty, (N,).
 
     Args:
         task: the check.
-        way: these states in the engine, where they have been run.
+        run: these states in the engine, where they have been run.
 
     Raises:
         RobotError, EngineError, BlownUpError, ReferenceError: naming what could not be run.
     """
     check = task.task
-    some, way = some_of(check.samples), way or _some_of(check)
+    run = run or _some_of(check)
     numbers = robot_numbers(check.file, check.settings)
-    apart, uncertainty = _apart(way, check.names)
-    return problem_of(check.file, numbers, some, apart, own=task.own), uncertainty
+    apart, uncertainty = _apart(run, check)
+    return problem_of(check, numbers, apart, own=task.own), uncertainty
 
 
 def some_of(drawn: Samples) -> Samples:
@@ -166,40 +207,49 @@ def some_of(drawn: Samples) -> Samples:
 
 
 def problem_of(
-    file: Path, numbers: Numbers, some: Samples, apart: Array, *, own: bool
+    check: RobotTask, numbers: Numbers, apart: Array | None = None, *, own: bool
 ) -> RobotProblem:
     """What the numbers of a file do to a discrepancy.
 
     Args:
-        file: that the engine runs.
+        check: of the file that the engine runs.
         numbers: of it.
-        some: states.
-        apart: engine - reference at their ends, scaled, (B, 2n).
+        apart: engine - reference at the ends of what `some_of` picks, scaled, (B, 2n + 2k), k
+            joints following others; None: nothing.
         own: as in `RobotDiagnosisTask`.
 
     Raises:
         RobotError, ReferenceError: where it is no file of these states.
     """
+    some = some_of(check.samples)
     tree = numbers.tree({})
     if tree is None or tree.freedoms != some.forces.shape[1]:
-        raise RobotError(f"{file}: it makes another tree than that of the equations")
+        raise RobotError(f"{check.file}: it makes another tree than that of the equations")
+    following = Following.of(tree, some, check.tree)
+    scale = scaled(some, following)
     return RobotProblem(
         numbers=numbers,
         flow=Flow(tree, some.start, some.forces, some.length),
         suspicions=tuple(suspicions(numbers, own=own)),
-        apart=apart,
-        scale=scale_of(some),
+        apart=np.zeros((len(some.start), len(scale))) if apart is None else apart,
+        scale=scale,
         way=1 if own else -1,
+        following=following,
     )
 
 
-def _apart(way: Followed, names: Sequence[str]) -> tuple[Array, Array]:
-    """Engine - reference and its uncertainty, in the order of the equations."""
+def _apart(run: FollowersRun, check: RobotTask) -> tuple[Array, Array]:
+    """Engine - reference and its uncertainty, in the order of the equations; what follows last."""
+    way = run.way
     limit, samples = way.found.limit, way.samples
     apart = (limit.value - samples.end) / way.scale
     largest = np.max(np.abs(apart))
     known = np.where(np.isfinite(limit.uncertainty), limit.uncertainty / way.scale, largest)
     uncertainty = np.maximum(known + samples.bound / way.scale, EPSILON)
-    order = [way.names.index(name) for name in names]
+    order = [way.names.index(name) for name in check.names]
     both = [*order, *(len(order) + i for i in order)]
-    return apart[:, both], uncertainty[:, both].ravel()
+    off, beside = run.apart(replace(check, samples=some_of(check.samples)))
+    return (
+        np.concatenate([apart[:, both], off], axis=1),
+        np.concatenate([uncertainty[:, both], beside], axis=1).ravel(),
+    )

@@ -70,8 +70,7 @@ def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
         )
     known = max(case.verdict.largest_uncertainty or 0.0, task.resolution)
     numbers = robot_numbers(task.file, task.settings)
-    none = np.zeros_like(task.samples.start)
-    problem = problem_of(task.file, numbers, task.samples, none, own=False)
+    problem = problem_of(task, numbers, own=False)
     effects = np.max(np.abs(problem.slopes({})), axis=1, initial=0.0)
     return tuple(
         TreeFault(

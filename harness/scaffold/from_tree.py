@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from harness.cases.multibody import case_of, states_of
-from harness.cases.robot import run_robot, settings_of, told
+from harness.cases.robot import run_robot
+from harness.cases.robot_record import settings_of, told
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers
 from harness.files.brief import brief

@@ -66,7 +66,7 @@ def assembled(
     Raises:
         TreeError: naming the body, joint or pull that does not fit.
     """
-    builder = _Builder()
+    builder = _Builder(medium is not None)
     for body in bodies:
         builder.add(body)
     lower, upper = np.array(builder.bounds, dtype=float).reshape(-1, 2).T
@@ -78,7 +78,7 @@ def assembled(
         couplings=tuple(map(builder.coupling, couplings)),
         medium=medium,
         bushes=tuple(builder.bushes),
-        immersed=() if medium is None else tuple(builder.immersed),
+        immersed=tuple(builder.immersed),
     )
     return Assembled(
         tree=tree,
@@ -89,9 +89,10 @@ def assembled(
 
 
 class _Builder:
-    """Links so far."""
+    """Links so far; boxes on which a medium acts are told where there is one."""
 
-    def __init__(self) -> None:
+    def __init__(self, medium: bool) -> None:
+        self._medium = medium
         self.places: dict[str, tuple[int, Place]] = {}
         self.bounds: list[tuple[float, float]] = []
         self.pulls: list[TreePull] = []
@@ -129,9 +130,10 @@ class _Builder:
             self.cancelled.append(body.name)
             return
         self._lumps[within] = self._lumps[within].with_(own)
-        lifted = lump._replace(mass=lump.mass * body.lift, inertia=np.zeros((3, 3)))
-        self._lifts[within] = self._lifts[within].with_(lifted.seen(place))
-        if body.dragged and (box := body.box) is not None:
+        if body.lift:
+            lifted = lump._replace(mass=lump.mass * body.lift, inertia=np.zeros((3, 3)))
+            self._lifts[within] = self._lifts[within].with_(lifted.seen(place))
+        if self._medium and body.dragged and (box := body.box) is not None:
             at = place.of(box[0])
             self.immersed.append(
                 Immersed(link=within, position=at.origin, rotation=at.rotation, size=box[1])

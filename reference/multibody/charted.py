@@ -72,17 +72,27 @@ class Charted:
         Of p = 10 links + 4 nv: what each link's motion is linear in (`Recursion.regressor`), and
         along each velocity a damper, an armature, a spring and a force. States are (n, B).
         """
-        y, v, q = self._state(x, rate)
+        y, v, _ = self._state(x, rate)
         a = self._chart.accelerations(y, v, self._all(second))
-        bodies = self._dynamics.recursion.regressor(q, v, a)
         eye = np.eye(self._tree.nv)[:, :, None]
-        along = [eye * part for part in (v, a, y, np.ones_like(v))]
-        forces = np.concatenate([bodies, *along], axis=1)
+        along = np.concatenate([eye * part for part in (v, a, y, np.ones_like(v))], axis=1)
         if self._coupled is not None:
-            forces = self._coupled.forces(forces, self._field)
+            along = self._coupled.forces(along, self._field)
+        forces = np.concatenate([self.bodies(x, rate, second), along], axis=1)
         mass = np.moveaxis(self.inertia(x), -1, 0)
         by = np.linalg.solve(mass, np.moveaxis(forces, -1, 0))
         return self.seconds(x[:, None], np.moveaxis(by, 0, -1))
+
+    def bodies(self, x: Scalars, rate: Scalars, second: Scalars) -> Scalars:
+        """What second derivatives ask of the forces by each body's ten numbers: (n, 10 links, ...).
+
+        Those are the numbers of `Recursion.regressor`; the forces are of velocities that follow
+        none.
+        """
+        y, v, q = self._state(x, rate)
+        a = self._chart.accelerations(y, v, self._all(second))
+        found = self._dynamics.recursion.regressor(q, v, a)
+        return found if self._coupled is None else self._coupled.forces(found, self._field)
 
     def mass(self, x: Scalars) -> Scalars:
         """M of the kinetic energy of the rates, rate^T M rate / 2, (n, n, ...)."""

@@ -44,6 +44,22 @@ def test_what_shows_is_named_and_what_does_not_is_told_apart(
     assert "are caught and named" in capsys.readouterr().out
 
 
+def test_what_has_been_tried_is_not_tried_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, record = tmp_path / "r.urdf", tmp_path / "record.jsonl"
+    file.write_text(TEXT)
+    told = [str(file), "--engine", "mujoco", "--seconds", "0", "--record", str(record)]
+    assert command.main(told) == 0
+    first = capsys.readouterr().out
+    assert len(record.read_text().splitlines()) == 2
+    monkeypatch.setattr(command, "plant", None)
+    assert command.main(told) == 0
+    assert capsys.readouterr().out == first
+    with pytest.raises(TypeError):
+        command.main([*told, "--set", "exact_frames"])  # another run, of which nothing is known
+
+
 def test_a_comparison_of_old_and_new_names_the_line(tmp_path: Path) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(TEXT)

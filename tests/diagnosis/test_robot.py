@@ -231,9 +231,9 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     numbers = robot_numbers(file, {})
-    some = some_of(prepare_robot(file).samples)
-    nothing = np.zeros_like(some.end)
-    problem = problem_of(file, numbers, some, nothing, own=True)
+    task = prepare_robot(file).task(readers(".urdf")[0].name, 1e-9)
+    problem = problem_of(task, numbers, own=True)
+    nothing = np.zeros_like(some_of(task.samples).end)
     slopes = problem.slopes({})
     other = problem.beside(nothing + 1.0)
     size = problem.hypotheses[3].size
@@ -272,3 +272,28 @@ def test_a_mass_that_mujoco_takes_to_be_at_its_bodys_origin_is_named(tmp_path: P
     assert run_robot(exact).outcome is Outcome.AGREES
     file.write_text(NEARLY.format("1.1e-6"))
     assert run_robot(prepare_robot(file).task("mujoco", 1e-9)).outcome is Outcome.AGREES
+
+
+TURNED = """<mujoco><worldbody><body pos="0 0 1"><joint name="a" axis="0 1 0.2"/>
+<joint name="b" axis="1 0 0"/><geom type="capsule" size="0.05"
+fromto="0 {} 0 0.1 0 -0.3"/><body pos="0 0.01 -0.4"><joint name="c" axis="1 0.3 0"/>
+<geom type="capsule" size="0.05" fromto="{} 0 0 0 0 -0.3"/></body></body></worldbody></mujoco>"""
+
+
+def test_a_number_of_which_the_engine_sees_a_part_is_named_with_what_hides_the_rest(
+    tmp_path: Path,
+) -> None:
+    """A capsule turned by 3e-6 rad is shifted too; MuJoCo takes the turn for none."""
+    file = tmp_path / "turned.xml"
+    file.write_text(TURNED.format("0", "0"))
+    task = prepare_robot(file).task("mujoco", 1e-9)
+    file.write_text(TURNED.format("0", "5e-7"))
+    assert run_robot(task).outcome is Outcome.DIFFERS
+    found = diagnose_robot(RobotDiagnosisTask(task=task, own=False))
+    assert found.explained
+    number, hidden = found.explanations[0].causes
+    assert number.subject[0].endswith("@fromto[0]")
+    assert [one.line for one in number.where] == [4]
+    assert number.nominal == 5e-7
+    assert abs(number.estimate or 0.0) < 1e-9
+    assert "frames within 1e-6" in str(hidden)

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from reference import flows
 from reference.flows import Flow
 from reference.integrate import ReferenceError
 from reference.multibody.algebra import Scalars
 from reference.multibody.charted import Charted
 from reference.multibody.dynamics import Dynamics
-from reference.multibody.tree import Coupling, Kind, Tree
+from reference.multibody.inertial import bodies_apart
+from reference.multibody.tree import Coupling, Kind, Medium, Tree
 from reference.numeric import Array
 from tests.reference.multibody.trees import tree
 
@@ -105,6 +107,39 @@ def test_a_variation_is_the_slope_of_the_ends(kinds: tuple[Kind, ...]) -> None:
     found = flow.variation(changed(one, step)) / step
     assert np.allclose(found, both, atol=1e-4 * np.abs(both).max())
     assert np.abs(both).max() > 1e-4
+
+
+@pytest.mark.parametrize("kinds", KINDS)
+def test_forces_are_linear_in_the_numbers_of_bodies(
+    kinds: tuple[Kind, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a tree of other bodies takes no recursion, and its variation is that of one that does."""
+    one = mechanism(kinds)
+    flow = Flow(one, *given(one), LENGTH)
+    link, by = one.links[0], np.array([[0.2, 0.1, 0.0], [0.1, 0.3, 0.05], [0.0, 0.05, 0.4]])
+    body = replace(link, mass=1.3 * link.mass, center=link.center + 0.1, inertia=link.inertia + by)
+    other = replace(one, links=(body, *one.links[1:]))
+    with monkeypatch.context() as patched:
+        patched.setattr(flows, "bodies_apart", lambda *_: None)
+        wanted = flow.variation(other)
+    assert np.abs(wanted).max() > 1e-4
+    monkeypatch.setattr(flow, "_residual", None)
+    assert np.allclose(flow.variation(other), wanted, atol=1e-12)
+
+
+def test_what_differs_in_more_than_bodies_is_not_taken_for_it() -> None:
+    one = mechanism(("hinge", "slide", "hinge"))
+    body = replace(one.links[1], mass=2 * one.links[1].mass)
+    bodies = replace(one, links=(one.links[0], body, one.links[2]))
+    apart = bodies_apart(bodies, one)
+    assert apart is not None
+    assert np.flatnonzero(apart).min() >= 10
+    assert np.flatnonzero(apart).max() < 20
+    assert bodies_apart(changed(one, 0.1), one) is None
+    assert bodies_apart(replace(bodies, gravity=2 * one.gravity), one) is None
+    assert bodies_apart(replace(bodies, medium=Medium(density=1.0)), one) is None
+    lifted = replace(bodies, links=(replace(one.links[0], lifted=1.0), *one.links[1:]))
+    assert bodies_apart(lifted, one) is None
 
 
 def test_what_accelerations_leave_of_the_forces_is_that_of_the_mass_matrix() -> None:

@@ -1,0 +1,201 @@
+"""Joints that follow others in an engine otherwise than the equations have it.
+
+Where they are started as the equations have them, an engine pulls them to where it has them: an
+impulse, which is the effect of no number. But at the ends they follow as the engine has them; that
+tells how, and the segments are run again from there. What they are off at the ends is evidence
+beside the motions: an offset may move nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from harness.cases.followers import Followers
+from harness.cases.robot import Followed, RobotTask, follow_robot, scale_of
+from harness.cases.verdict import filled
+from harness.diagnosis.samples import RUNGS_USED
+from harness.numerics.ladder import EPSILON
+from reference.multibody.coupled import Coupled
+from reference.multibody.tree import Tree
+from reference.numeric import Array
+from reference.samples import Samples
+
+TRIES = 4
+"""Runs from where joints seem to follow: each is as much nearer as they are uncertain."""
+
+TOLD = 0.1
+"""Share of what joints are off that may be left: else they don't follow these leaders."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Following:
+    """What joints that follow others are off at the ends of segments; k of them.
+
+    Attributes:
+        coupled: how they follow in the equations.
+        rows: indices of those that follow, among all coordinates, (k,).
+        end: where the equations end, (B, 2n).
+        scale: how far each moves at most, places and rates, (2k,).
+    """
+
+    coupled: Coupled
+    rows: list[int]
+    end: Array
+    scale: Array
+
+    @staticmethod
+    def of(tree: Tree, some: Samples, like: Tree | None = None) -> Following | None:
+        """Of a tree's joints at some states; None where none follows.
+
+        Args:
+            tree: in which they follow.
+            some: states.
+            like: in whose motions they are measured; None: in its own.
+        """
+        if not tree.couplings:
+            return None
+        coupled = Coupled(tree)
+        rows, n = [i for i in range(tree.nv) if i not in coupled.kept], len(coupled.kept)
+        own = (coupled if like is None else Coupled(like)).matrix[rows]
+        moved = np.abs(np.concatenate([
+            (some.end - some.start)[:, half] @ own.T for half in (slice(0, n), slice(n, None))
+        ], axis=1))  # fmt: skip
+        return Following(
+            coupled=coupled, rows=rows, end=some.end, scale=filled(np.max(moved, axis=0))
+        )
+
+    def apart(self, tree: Tree, by: Array) -> Array:
+        """How much further they are with another tree that ends so much further, (B, 2k)."""
+        other = Coupled(tree)
+        if other.kept != self.coupled.kept:
+            return np.zeros((len(by), len(self.scale)))
+        return _between(
+            other.matrix[self.rows] - self.coupled.matrix[self.rows],
+            other.offset[self.rows] - self.coupled.offset[self.rows],
+            self.end + by,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FollowersRun:
+    """Segments in an engine.
+
+    Attributes:
+        way: where they end.
+        followers: how joints followed where they started.
+    """
+
+    way: Followed
+    followers: Followers
+
+    def apart(self, check: RobotTask) -> tuple[Array, Array]:
+        """Engine - reference of what follows, scaled, and its uncertainty, (B, 2k) each."""
+        following = Following.of(check.tree, check.samples)
+        found = self.way.found.residual
+        if following is None or found is None:
+            none = np.zeros((len(self.way.samples.start), 0))
+            return none, none
+        rows = following.rows
+        places = _places(check.followers, self.way, rows)
+        off = _between(
+            (self.followers.matrix - check.followers.matrix)[rows],
+            (self.followers.offset - check.followers.offset)[rows],
+            self.way.found.limit.value,
+        )
+        value = found.limit.value[:, places] + off
+        uncertainty = np.where(
+            np.isfinite(found.limit.uncertainty), found.limit.uncertainty, np.max(np.abs(value))
+        )
+        scale = following.scale
+        return value / scale, np.maximum(uncertainty[:, places] / scale, EPSILON)
+
+
+def run_followers(check: RobotTask, *, again: bool = True) -> FollowersRun:
+    """Run segments, from where joints follow as they seem to in the engine.
+
+    Args:
+        check: the segments.
+        again: whether to start again where they follow otherwise.
+
+    Raises:
+        EngineError, BlownUpError: naming the file.
+    """
+    found = FollowersRun(way=follow_robot(check, RUNGS_USED), followers=check.followers)
+    for _ in range(TRIES if again else 0):
+        seeming = _seeming(replace(check, followers=found.followers), found.way)
+        if seeming is None:
+            break
+        way = follow_robot(replace(check, followers=seeming), RUNGS_USED)
+        other = FollowersRun(way=way, followers=seeming)
+        if not _off(other.way) < _off(found.way) / 2:
+            break
+        found = other
+    return found
+
+
+def _between(matrix: Array, offset: Array, states: Array) -> Array:
+    """G x + c of places, and G x of rates, (B, 2k)."""
+    n = matrix.shape[1]
+    places = states[:, :n] @ matrix.T + offset
+    return np.concatenate([places, states[:, n:] @ matrix.T], axis=1)
+
+
+def _places(followers: Followers, way: Followed, rows: list[int]) -> list[int]:
+    """Of places, then rates, among the engine's."""
+    own = list(way.model.coordinates)
+    found = [own.index(followers.names[row]) for row in rows]
+    return [*found, *(len(own) + place for place in found)]
+
+
+def _off(way: Followed) -> float:
+    found = way.found.residual
+    return 0.0 if found is None else float(np.max(np.abs(found.limit.value) / found.scale))
+
+
+def _seeming(check: RobotTask, way: Followed) -> Followers | None:
+    """How joints seem to follow others in the engine; None where it is as here, or not told."""
+    found = way.found.residual
+    following = Following.of(check.tree, check.samples)
+    if found is None or following is None:
+        return None
+    known = np.maximum(found.limit.uncertainty, EPSILON * found.scale)
+    if not np.any(np.abs(found.limit.value) > known):
+        return None
+    matrix, offset = check.followers.matrix.copy(), check.followers.offset.copy()
+    for row in following.rows:
+        both = _places(check.followers, way, [row])
+        told = _law(matrix[row], way, found.limit.value[:, both], known[:, both])
+        if told is None:
+            return None
+        matrix[row] += told[0]
+        offset[row] += told[1]
+    return replace(check.followers, matrix=matrix, offset=offset)
+
+
+def _law(own: Array, way: Followed, off: Array, known: Array) -> tuple[Array, float] | None:
+    """What a joint's multipliers and offset are off, by its place and rate at the ends, (B, 2).
+
+    Some engines hold places, and some only rates. `known` is the uncertainty of those.
+    """
+    n, leaders = len(own), np.flatnonzero(own)
+    place, rate = off.T
+    ends, by = way.found.limit.value, np.zeros(len(own))
+    if len(leaders):
+        by[leaders] = np.linalg.lstsq(ends[:, n:][:, leaders], rate, rcond=None)[0]
+    left = np.linalg.norm(rate - ends[:, n:] @ by)
+    if left > max(TOLD * np.linalg.norm(rate), np.linalg.norm(known[:, 1])):
+        return None
+    held = place - ends[:, :n] @ by
+    loose = place - (ends - way.samples.start)[:, :n] @ by
+    shift = float(np.mean(held))
+    if np.linalg.norm(held - shift) <= np.linalg.norm(loose):
+        return by, shift
+    return by, 0.0
+
+
+def scaled(some: Samples, following: Following | None) -> Array:
+    """What a defect is relative to: of all coordinates, then of what follows, (2n + 2k,)."""
+    own = scale_of(some)
+    return own if following is None else np.concatenate([own, following.scale])

@@ -1,0 +1,90 @@
+"""Joints that follow others in an engine otherwise than in the equations: named by their line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.cases.robot import prepare_robot, run_robot
+from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+from harness.engines.registry import readers
+from harness.records.outcome import Outcome
+from harness.robots.copies import copied
+from harness.robots.named import robot_numbers
+from tests.robots.files import joint, link
+
+MJCF = """<mujoco><compiler angle="radian"/><worldbody>
+<body pos="0 0 1"><joint name="a" axis="0 1 0" damping="0.1"/>
+<inertial pos="0.1 0.02 -0.2" mass="1.5" diaginertia="0.02 0.03 0.015"/>
+<body pos="0 0 -0.5"><joint name="b" axis="0 1 0"/>
+<inertial pos="0.05 0 -0.2" mass="0.8" diaginertia="0.01 0.012 0.008"/>
+<body pos="0 0.1 -0.4"><joint name="c" axis="1 0 0"/>
+<inertial pos="0.02 0.03 -0.1" mass="0.5" diaginertia="0.004 0.005 0.003"/>
+</body></body></body></worldbody>
+<tendon><fixed name="t"><joint joint="c" coef="2"/><joint joint="b" coef="0.3"/></fixed></tendon>
+<equality>
+{}
+</equality></mujoco>
+"""
+
+JOINT = '<joint joint1="c" joint2="a" polycoef="0 0.7 0 0 0"/>'
+TENDON = '<tendon tendon1="t" polycoef="0.2 0 0 0 0"/>'
+
+URDF = "\n".join(
+    [
+        '<robot name="follows">',
+        link("base", ""),
+        joint("a", "base", "one", '<origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>'),
+        link("one"),
+        joint("b", "one", "two", '<origin xyz="0 0 -1"/><dynamics damping="0.5"/>'),
+        link("two"),
+        joint("c", "two", "three", '<axis xyz="0 1 0"/><mimic joint="a" multiplier="0.7"/>'),
+        link("three"),
+        "</robot>",
+    ]
+)
+
+
+def check_named(file: Path, engine: str, address: str, share: float) -> None:
+    """A number of a file off by so much of 1, in an engine that holds to the wrong one."""
+    prepared = prepare_robot(file)
+    numbers = robot_numbers(file, prepared.settings)
+    (index,) = (i for i, one in enumerate(numbers.numerals) if one.address == address)
+    one = numbers.numerals[index]
+    (file.parent / "wrong").mkdir()
+    copy = copied(file, numbers.texts({index: one.value + share}), file.parent / "wrong")
+    task = replace(prepared.task(engine, 1e-9), file=copy)
+    assert run_robot(task).outcome is Outcome.DIFFERS
+    found = diagnose_robot(RobotDiagnosisTask(task=task, own=False))
+    assert found.explained
+    (cause,) = found.explanations[0].causes
+    assert cause.subject == (address,)
+    assert [where.line for where in cause.where] == [one.line]
+    assert cause.estimate == pytest.approx(one.value, abs=1e-3 * share)
+
+
+@pytest.mark.parametrize("share", [1e-6, 1e-2])
+@pytest.mark.parametrize(
+    ("equality", "address"),
+    [
+        (JOINT, "mujoco/equality/joint@polycoef[0]"),
+        (JOINT, "mujoco/equality/joint@polycoef[1]"),
+        (TENDON, "mujoco/equality/tendon@polycoef[0]"),
+    ],
+)
+def test_a_wrong_number_of_an_equality_is_named(
+    tmp_path: Path, equality: str, address: str, share: float
+) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(MJCF.format(equality))
+    check_named(file, "mujoco", address, share)
+
+
+@pytest.mark.parametrize("share", [1e-6, 1e-2])
+@pytest.mark.parametrize("engine", [one.name for one in readers(".urdf") if one.version()])
+def test_a_wrong_multiplier_of_a_mimic_is_named(tmp_path: Path, engine: str, share: float) -> None:
+    file = tmp_path / "r.urdf"
+    file.write_text(URDF)
+    check_named(file, engine, "mimic[a]@multiplier", share)
