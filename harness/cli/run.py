@@ -14,6 +14,7 @@ from harness.cli import arguments
 from harness.cli.exit_codes import FAIL, SIGNALLED, exit_code
 from harness.cli.missing import tell_missing, with_missing
 from harness.files.folders import FolderError, NamedFolders, check_engines, named_folders
+from harness.files.model_files import absent_lines
 from harness.records.journal import Journal, journal
 from harness.records.results import Results
 from harness.records.write import encoded, write_whole
@@ -87,6 +88,8 @@ def main(options: argparse.Namespace) -> int:
             done.remove()
     _tell(results, options.out, robots)
     _tell_stopped(results, options.out, done)
+    for line in absent_lines(named.folders):
+        print(f"crosscheck: {line}", file=sys.stderr)
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
     code = with_missing(exit_code(results, options.require_engines), named)

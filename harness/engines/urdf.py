@@ -102,6 +102,7 @@ class UrdfReader:
         equal_bounds: whether a joint whose bounds are equal is held there, not free.
         no_friction: its title, if it reads over the friction of joints.
         long_axes: its title, if it takes axes of joints as they are, not for their direction alone.
+        no_stops: its title, if no limit of a position stops anything.
     """
 
     name: str
@@ -109,6 +110,7 @@ class UrdfReader:
     equal_bounds: bool = False
     no_friction: str = ""
     long_axes: str = ""
+    no_stops: str = ""
 
 
 def urdf_remarks(
@@ -167,6 +169,8 @@ def _bounds(
     reader: UrdfReader, joint: ET.Element, bounds: tuple[float, float], reached: tuple[float, float]
 ) -> Iterator[Remark]:
     (lower, upper), name = bounds, joint.get("name", "")
+    if reader.no_stops:
+        return
     why = _read_over(reader, joint.get("type") == "continuous", lower, upper)
     if why:
         yield Remark(
