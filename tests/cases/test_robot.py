@@ -12,13 +12,16 @@ import pytest
 
 from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
 from harness.engines.protocol import EngineError
-from harness.engines.registry import readers
+from harness.engines.registry import engines, standing
 from harness.records.outcome import Outcome
 from harness.records.read import read_results
 from harness.robots.system import RobotError
 
 DATA = Path(pybullet_data.getDataPath())
-ENGINES = [engine.name for engine in readers(".urdf") if engine.version() is not None]
+SUITE = (*(engine.name for engine in standing(".urdf")), "pinocchio")
+"""Engines that the project's own tests have installed."""
+
+ENGINES = [name for name in SUITE if engines()[name].version() is not None]
 ROBOTS = {
     "cartpole.urdf": 2,
     "pendulum5.urdf": 5,
@@ -250,6 +253,31 @@ def test_strict_fails_where_a_file_says_more_than_is_checked(tmp_path: Path) -> 
     bare = re.sub(r'type="(revolute|prismatic)"', r'type="continuous"', bare)
     (tmp_path / "arm.urdf").write_text(bare)
     assert crosscheck(tmp_path, *arguments, "--strict").returncode == 0
+
+
+UNLIMITED = """<robot name="unlimited"><link name="ground"/><link name="arm"><inertial>
+<origin xyz="0 0 -0.3"/><mass value="0.7"/><inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0"
+ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute"><parent link="ground"/>
+<child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+def test_what_one_engine_refuses_is_told_and_fails_where_no_other_judges_it_or_by_strict(
+    tmp_path: Path,
+) -> None:
+    """A revolute joint without `<limit>` is none for Pinocchio's parser."""
+    (tmp_path / "arm.urdf").write_text(UNLIMITED)
+    both = ("arm.urdf", "--engine", "mujoco", "--engine", "pinocchio")
+    done = crosscheck(tmp_path, *both)
+    assert done.returncode == 0, done.stderr
+    assert "2 cases: 1 AGREES, 1 FAILED; 1 refused by an engine" in done.stdout
+    assert "is of type REVOLUTE but it does not specify limits" in done.stdout
+    refused = read_results(tmp_path / "out" / "results.json").refusals
+    assert [case.engine for case in refused] == ["pinocchio"]
+    strict = crosscheck(tmp_path, *both, "--strict")
+    assert strict.returncode == 3
+    assert "--strict: unlimited/arm.urdf/states [pinocchio]: refused: " in strict.stderr
+    alone = crosscheck(tmp_path, "arm.urdf", "--engine", "pinocchio")
+    assert alone.returncode == 3
 
 
 SERVO = """<mujoco><worldbody><body pos="0 0 1"><joint name="stiff" axis="0 1 0" range="-60 60"/>
