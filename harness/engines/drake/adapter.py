@@ -6,10 +6,8 @@ geometry: nothing is seen, and nothing touches.
 
 from __future__ import annotations
 
-import logging
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
@@ -17,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
+from harness.engines.drake.reading import logged, refuse_balls
 from harness.engines.following import held_accelerations, leading
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
 from harness.engines.remark import Remark
@@ -35,9 +34,6 @@ from harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from harness.engines.urdf_sidecar import ROBOTS
 
 MIMICS = "Drake's leaving out of <mimic>"
-
-BALL = 0.4 * (3 / (4 * np.pi * 1000)) ** (2 / 3)
-"""Moments of the ball of 1 kg, as dense as water, that stands for what is no inertia, kg m^2."""
 
 SAP, TAMSI, CONTINUOUS = "sap", "tamsi", "continuous"
 
@@ -95,7 +91,7 @@ class DrakeModel(UrdfModel):
         for joint in joints:
             if joint.num_velocities() != 1:
                 raise EngineError(f"{spec.path}: joint {joint.name()!r} is no slide or hinge")
-        self._refuse_balls(plant)
+        refuse_balls(plant, self.declared.robot, spec.path)
         self._springs = self.name([joint.name() for joint in joints])
         self._damping = np.diag([j.default_damping_vector()[0] for j in joints])
         mimics = self.declared.mimics
@@ -118,7 +114,7 @@ class DrakeModel(UrdfModel):
         if h:
             plant.SetUseSampledOutputPorts(False)
         try:
-            with _logged(self._said):
+            with logged(self._said):
                 (index,) = Parser(plant).AddModelsFromString(self._text, "urdf")
                 if not self.floats:
                     root = plant.get_body(plant.GetBodyIndices(index)[0])
@@ -129,21 +125,6 @@ class DrakeModel(UrdfModel):
             told = folded(error).replace("<literal-string>.urdf", self.path.name)
             raise EngineError(f"{self.path}: Drake can't load it: {told}") from None
         return plant
-
-    def _refuse_balls(self, plant: Any) -> None:
-        """Of links that move, inertias for which Drake takes those of a ball of 1 kg."""
-        for link in self.declared.robot.findall("link"):
-            body = plant.GetBodyByName(link.get("name", ""))
-            inertia = link.find("inertial/inertia")
-            stated = 0.0 if inertia is None else float(inertia.get("ixx", "0"))
-            own = body.default_spatial_inertia()
-            moments = own.CalcRotationalInertia().get_moments() if own.get_mass() else np.zeros(3)
-            ball = bool(np.all(np.abs(moments - BALL) < 1e-6 * BALL))
-            if ball and abs(stated - BALL) > 1e-4 * BALL and not plant.IsAnchored(body):
-                raise EngineError(
-                    f"{self.path}: Drake takes a ball of 1 kg for the inertia of link"
-                    f" {body.name()!r}, which no body can have; give it one, or none"
-                )
 
     def _put(self, plant: Any) -> Plant:
         return Plant(plant, self.floats, self._springs)
@@ -231,21 +212,3 @@ class DrakeModel(UrdfModel):
                 origins[k, f] = pose.multiply(inward)
                 turns[k, f] = pose.rotation().matrix()
         return origins, turns
-
-
-@contextmanager
-def _logged(said: list[str]) -> Iterator[None]:
-    """What Drake logs meanwhile, a sentence each, in place of on stderr."""
-
-    class Kept(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            told = folded(record.getMessage())
-            said.append(told.removeprefix("<literal-string>.urdf:"))
-
-    logger, handler = logging.getLogger("drake"), Kept(logging.WARNING)
-    others, spread = list(logger.handlers), logger.propagate
-    logger.handlers, logger.propagate = [handler], False
-    try:
-        yield
-    finally:
-        logger.handlers, logger.propagate = others, spread

@@ -8,26 +8,25 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from harness.engines.attitude import angular_velocity, coordinates, matrix, quaternion, rate
 from harness.engines.bare import BARE, bare_cause, bare_links, weightless
 from harness.engines.captured import STDERR, STDOUT, captured
-from harness.engines.one_by_one import Stepper
+from harness.engines.dart.steps import WorldSteps
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
+from harness.engines.remark import Remark
 from harness.engines.source import folded
-from harness.engines.springs import SpringForces
 from harness.engines.step_rule import StepRule
 from harness.engines.urdf import UrdfReader
 from harness.engines.urdf_copy import changed, without_friction, without_shapes
-from harness.engines.urdf_engine import FREE, UrdfEngine, UrdfModel
+from harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from harness.engines.urdf_sidecar import ROBOTS
 
-SERVOS = "DART's servos for <mimic>, of which leaders feel nothing"
+SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,
@@ -88,7 +87,7 @@ class DartModel(UrdfModel):
                 joint.setUseCouplerConstraint(True)
         springs = self.name([joint.getName() for joint in joints])
         self._damping = np.diag([joint.getDampingCoefficient(0) for joint in joints])
-        self.stepper = _Steps(self._world, self._body, self.floats, springs)
+        self.stepper = WorldSteps(self._world, self._body, self.floats, springs)
 
     def _skeleton(self) -> Any:
         import dartpy as dart
@@ -123,12 +122,14 @@ class DartModel(UrdfModel):
     @property
     def remedies(self) -> dict[str, Mapping[str, object]]:
         """What DART does on its own and the settings let stand, with what undoes it."""
-        found: dict[str, Mapping[str, object]] = {}
-        if self._bare:
-            found[bare_cause(self._bare, "DART")] = BARE
-        if self.declared.mimics and not self.settings["couplers"]:
-            found[SERVOS] = {"couplers": True}
-        return found
+        return {bare_cause(self._bare, "DART"): BARE} if self._bare else {}
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What the URDF says in vain, and what joints that follow others are."""
+        yield from super().remarks(z, w)
+        for one in () if self.settings["couplers"] else self.declared.mimics:
+            told, address = SERVO.format(one.joint), f"robot/joint[{one.joint}]"
+            yield Remark(message=told, fault=True, address=address)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -162,74 +163,3 @@ class DartModel(UrdfModel):
         self._world.setTimeStep(h)
         with captured((STDOUT, STDERR), again=False):
             return super().rollout(q, v, h, n, force, every)
-
-
-class _Steps(Stepper):
-    """A skeleton in a world.
-
-    DART's coordinates of a free root are its rotation vector and its place; velocities are angular
-    and linear, along the world's axes, and forces likewise.
-    """
-
-    def __init__(self, world: Any, body: Any, floats: bool, springs: SpringForces) -> None:
-        self._world, self._body, self._floats, self._springs = world, body, floats, springs
-        self._near = np.array([1.0, 0.0, 0.0, 0.0])
-
-    def reset(self, q: Array, v: Array) -> None:
-        """Put it into a state; constraints of an earlier motion are forgotten."""
-        if self._floats:
-            self._near = quaternion(q[3:FREE])
-            spin = matrix(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
-            q = np.concatenate([_rotation_vector(self._near), q[:3], q[FREE:]])
-            v = np.concatenate([spin, v[:3], v[FREE:]])
-        self._body.resetCommands()
-        self._body.clearConstraintImpulses()
-        self._body.resetAccelerations()
-        self._body.setPositions(q)
-        self._body.setVelocities(v)
-
-    def position(self) -> Array:
-        """Where it is; of a rotation's two, those nearer to the last."""
-        q: Array = self._body.getPositions()
-        if not self._floats:
-            return q
-        turn = _quaternion(q[:3])
-        turned = coordinates(turn, self._near)
-        self._near = quaternion(turned)
-        return np.concatenate([q[3:FREE], turned, q[FREE:]])
-
-    def state(self) -> tuple[Array, Array]:
-        """Positions and velocities."""
-        z, v = self.position(), self._body.getVelocities()
-        if not self._floats:
-            return z, v
-        spin = matrix(self._near).T @ v[:3]
-        return z, np.concatenate([v[3:FREE], rate(z[3:FREE], spin), v[FREE:]])
-
-    def step(self, h: float, force: Array | None) -> None:
-        """By its world, whose step is h."""
-        if force is not None or not self._springs.empty:
-            self._body.setForces(self._pushes(force))
-        self._world.step()
-
-    def _pushes(self, force: Array | None) -> Array:
-        free = FREE if self._floats else 0
-        q, v = self._body.getPositions(), self._body.getVelocities()
-        pushes = np.zeros(len(v)) if force is None else force.copy()
-        if self._floats and force is not None:
-            turn = matrix(_quaternion(q[:3]))
-            pushes[:FREE] = np.concatenate([turn @ force[3:FREE], force[:3]])
-        if not self._springs.empty:
-            pushes[free:] += self._springs.at(q[free:], v[free:])
-        return pushes
-
-
-def _rotation_vector(turn: Array) -> Array:
-    size = np.linalg.norm(turn[1:])
-    angle = 2 * np.arctan2(size, turn[0])
-    return turn[1:] * (angle / size if size else 2.0)
-
-
-def _quaternion(vector: Array) -> Array:
-    angle = np.linalg.norm(vector)
-    return np.concatenate([[np.cos(angle / 2)], np.sinc(angle / 2 / np.pi) / 2 * vector])

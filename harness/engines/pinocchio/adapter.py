@@ -8,20 +8,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
 from harness.engines.attitude import matrix
-from harness.engines.captured import STDERR, STDOUT, captured
 from harness.engines.following import held_accelerations, leading
 from harness.engines.mistake import DefaultLeftOn
+from harness.engines.pinocchio.reading import built, frames
 from harness.engines.protocol import Array, EngineError, Model, ModelSpec
 from harness.engines.remark import Remark
 from harness.engines.runge_kutta import RungeKutta, to_state
-from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
 from harness.engines.urdf import UrdfReader
 from harness.engines.urdf_copy import rewritten, without_shapes
@@ -79,7 +76,7 @@ class PinocchioModel(UrdfModel):
     def __init__(self, spec: ModelSpec) -> None:
         super().__init__(spec, "Pinocchio", READER, DEFAULTS, (without_shapes,))
         with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
-            self._model = _built(path, spec.path, self.root if self.floats else "")
+            self._model = built(path, spec.path, self.root if self.floats else "")
         self._model.gravity.linear = np.array(self.gravity)
         self._data, self._q = self._model.createData(), np.empty(self._model.nq)
         first = 2 if self.floats else 1
@@ -167,27 +164,13 @@ class PinocchioModel(UrdfModel):
     @property
     def places(self) -> tuple[str, ...]:
         """Links; and centres of mass of those with which no other moves as one."""
-        return tuple(self._frames())
-
-    def _frames(self) -> dict[str, tuple[int, Array]]:
-        """The frame of each place, and where in it."""
-        import pinocchio as pin
-
-        body = pin.FrameType.BODY
-        bodies = [(i, one) for i, one in enumerate(self._model.frames) if one.type == body]
-        carriers = [one.parentJoint for _, one in bodies]
-        found = {f"link:{one.name}": (i, np.zeros(3)) for i, one in bodies}
-        for i, one in bodies:
-            if one.parentJoint and carriers.count(one.parentJoint) == 1:
-                inertia = self._model.inertias[one.parentJoint]
-                found[f"centre:{one.name}"] = i, one.placement.actInv(inertia.lever)
-        return found
+        return tuple(frames(self._model))
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """By its forward kinematics."""
         import pinocchio as pin
 
-        known, found = self._frames(), []
+        known, found = frames(self._model), []
         for row in z:
             x = to_state(row, 0 * row)[0] if self.floats else row
             pin.framesForwardKinematics(self._model, self._data, self._configuration(x))
@@ -196,21 +179,3 @@ class PinocchioModel(UrdfModel):
         origins, turns = ([[pair[k] for pair in row] for row in found] for k in (0, 1))
         shape = len(z), len(places)
         return np.array(origins).reshape(*shape, 3), np.array(turns).reshape(*shape, 3, 3)
-
-
-def _built(path: Path, file: Path, root: str) -> Any:
-    """The model of a URDF, its root fixed or on a joint of that name.
-
-    Raises:
-        EngineError: with what Pinocchio's parser prints.
-    """
-    import pinocchio as pin
-
-    try:
-        with captured((STDOUT, STDERR), again=False) as said:
-            if root:
-                return pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer(), root)
-            return pin.buildModelFromUrdf(str(path))
-    except ValueError as error:
-        told = folded(" ".join(said)) or folded(error)
-        raise EngineError(f"{file}: Pinocchio can't load it: {told}") from None
