@@ -90,6 +90,14 @@ def test_an_absent_engine_that_is_asked_for_is_refused_with_what_installs_it() -
 
 
 @pytest.mark.usefixtures("absent")
+def test_the_list_of_engines_tells_what_installs_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["engines"]) == 0
+    told = capsys.readouterr().out
+    assert "pinocchio  not installed " in told
+    assert "pip install 'physics-crosscheck[pinocchio]'\n" in told
+
+
+@pytest.mark.usefixtures("absent")
 def test_a_gate_leaves_what_was_accepted_of_it(tmp_path: Path) -> None:
     assert not GateOptions(baseline=tmp_path).includes("pinocchio")
     assert GateOptions(baseline=tmp_path).includes("mujoco")
