@@ -220,11 +220,16 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         )
 
 
-def base_name(robot: ET.Element) -> str:
-    """What the free joint of a floating root is called: as the root link, unless a joint is."""
+def root_link(robot: ET.Element) -> str:
+    """The name of the link that hangs from no other."""
     children = {child.get("link") for child in robot.findall("joint/child")}
     links = [link.get("name", "") for link in robot.findall("link")]
-    name = next((link for link in links if link not in children), "")
+    return next((link for link in links if link not in children), "")
+
+
+def base_name(robot: ET.Element) -> str:
+    """What the free joint of a floating root is called: as the root link, unless a joint is."""
+    name = root_link(robot)
     joints = {joint.get("name") for joint in robot.findall("joint")}
     while name in joints:
         name += "_free"

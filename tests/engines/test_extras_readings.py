@@ -205,6 +205,20 @@ def test_products_of_inertia_lose_no_digits(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", EXTRAS)
+@pytest.mark.parametrize("root", ["g", "world"])
+def test_the_root_is_what_hangs_from_nothing_wherever_it_stands(
+    name: str, root: str, tmp_path: Path
+) -> None:
+    ground = f'<link name="g">{BODY}</link>'
+    text = urdf(body=BELOW)
+    assert ground in text
+    text = text.replace(ground, "").replace("</robot>", f"{ground}</robot>")
+    model = load(name, text.replace('"g"', f'"{root}"'), tmp_path)
+    assert model.coordinates == ("j",)
+    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 1.01, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
 def test_frames_are_where_the_file_puts_them(name: str, tmp_path: Path) -> None:
     model = load(name, urdf(body=BELOW), tmp_path)
     assert {"link:g", "link:a", "centre:a"} <= set(model.places)

@@ -22,7 +22,7 @@ from harness.engines.remark import Remark
 from harness.engines.runge_kutta import RungeKutta, to_state
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
-from harness.engines.urdf import UrdfReader
+from harness.engines.urdf import UrdfReader, root_link
 from harness.engines.urdf_copy import (
     changed,
     mimics_of,
@@ -115,10 +115,11 @@ class DrakeModel(UrdfModel):
             plant.SetUseSampledOutputPorts(False)
         try:
             with logged(self._said):
-                (index,) = Parser(plant).AddModelsFromString(self._text, "urdf")
-                if not self.floats:
-                    root = plant.get_body(plant.GetBodyIndices(index)[0])
-                    plant.WeldFrames(plant.world_frame(), root.body_frame())
+                Parser(plant).AddModelsFromString(self._text, "urdf")
+                root = plant.GetFrameByName(root_link(self.declared.robot))
+                # A link of the name `world` is the world itself.
+                if not self.floats and root.name() != plant.world_frame().name():
+                    plant.WeldFrames(plant.world_frame(), root)
                 plant.mutable_gravity_field().set_gravity_vector(self.gravity)
                 plant.Finalize()
         except RuntimeError as error:
