@@ -182,6 +182,37 @@ def test_what_the_parser_prints_is_the_reason_of_a_refusal(name: str, tmp_path: 
         load(name, urdf(kind="revolute"), tmp_path)
 
 
+def test_a_revolute_joint_without_limits_is_free_in_drake(tmp_path: Path) -> None:
+    model = load("drake", urdf(kind="revolute"), tmp_path)
+    assert moved(model, 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "taken"),
+    [
+        ("pinocchio", False),
+        ("drake", True),
+        ("dart", False),
+    ],
+)
+def test_dynamics_that_state_nothing_are_taken_by_drake_alone(
+    name: str, taken: bool, tmp_path: Path
+) -> None:
+    if taken:
+        load(name, urdf("<dynamics/>"), tmp_path)
+    else:
+        with pytest.raises(EngineError, match="no damping and no friction"):
+            load(name, urdf("<dynamics/>"), tmp_path)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_bodies_of_one_robot_do_not_touch(name: str, tmp_path: Path) -> None:
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    text = urdf(body=BODY + ball).replace(f'name="g">{BODY}', f'name="g">{BODY}{ball}')
+    assert text.count(ball) == 2
+    assert moved(load(name, text, tmp_path), 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-12)
+
+
 @pytest.mark.parametrize("name", EXTRAS)
 def test_step_and_gravity_must_be_stated(name: str, tmp_path: Path) -> None:
     need(name)
