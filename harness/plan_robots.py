@@ -16,7 +16,7 @@ from harness.collected import Collected, Jobs
 from harness.coverage.robot import count_robot
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.protocol import Engine
-from harness.engines.registry import readers
+from harness.engines.registry import readers, runners
 from harness.plan import Options, text_of
 from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage
@@ -47,7 +47,7 @@ class RobotPlan:
         self._found.systems.append(prepared.record)
         wanted = [
             engine
-            for engine in readers(file.suffix)
+            for engine in (readers if self._options.engines else runners)(file.suffix)
             if not self._options.engines or engine.name in self._options.engines
         ]
         ids = [_id(prepared, engine) for engine in wanted]

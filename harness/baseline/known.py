@@ -20,7 +20,7 @@ from harness.baseline.file import SystemBaseline
 from harness.baseline.fingerprint import FolderFiles, folder_files
 from harness.baseline.stale import match, stale
 from harness.baseline.store import read_baseline
-from harness.engines.registry import engines
+from harness.engines.registry import absent_extras, engines
 from harness.records.baseline import AcceptedCase, Measurement, Snapshot
 from harness.records.case import Case, CaseId
 from harness.records.outcome import Outcome
@@ -45,6 +45,7 @@ class Accepted:
         versions: of the engines.
         resolution: of the run.
         engines: those that run; none: all.
+        absent: those of extras that are not installed.
         snapshots: of the cases that a run is to measure: known differences, and those that
             something changed of.
     """
@@ -56,6 +57,11 @@ class Accepted:
     resolution: float
     engines: tuple[str, ...]
     snapshots: Mapping[CaseId, Snapshot] = field(repr=False)
+    absent: frozenset[str] = frozenset()
+
+    def meant(self, engine: str) -> bool:
+        """Whether a run is of an engine's cases: of an extra that isn't there it is not."""
+        return engine not in self.absent and (not self.engines or engine in self.engines)
 
     @property
     def known_differences(self) -> frozenset[CaseId]:
@@ -94,6 +100,7 @@ def accepted(
         versions=versions,
         resolution=resolution,
         engines=only,
+        absent=frozenset(absent_extras()),
         snapshots=snapshots,
     )
 
@@ -175,8 +182,7 @@ def _missing(cases: Sequence[Case], found: Accepted) -> Iterator[CaseId]:
     barred = {one for case in cases for one in _stands_for(case, found)}
     for _, one in found.folders.values():
         for case in one.cases if one is not None else ():
-            meant = not found.engines or case.engine in found.engines
-            if meant and case not in seen and case not in barred:
+            if found.meant(case.engine) and case not in seen and case not in barred:
                 yield case
 
 
@@ -193,8 +199,7 @@ def _stands_for(case: Case, found: Accepted) -> tuple[CaseId, ...]:
     return tuple(
         accepted
         for accepted in one.cases
-        if (whole or accepted.model == case.model)
-        and (not found.engines or accepted.engine in found.engines)
+        if (whole or accepted.model == case.model) and found.meant(accepted.engine)
     )
 
 

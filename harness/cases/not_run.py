@@ -40,7 +40,8 @@ def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle |
 def absent(engine: Engine) -> Hurdle | None:
     """That an engine is not installed; None where it is."""
     if engine.version() is None:
-        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed")
+        way = f"; pip install 'physics-crosscheck[{engine.extra}]'" if engine.extra else ""
+        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed{way}")
     return None
 
 

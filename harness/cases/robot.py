@@ -25,6 +25,7 @@ from harness.records.system import System
 from harness.robots.named import read_robot
 from harness.robots.robot import home_of
 from harness.robots.system import RobotError, robot_system
+from harness.schedule.failure import Failure
 from reference.integrate import ReferenceError
 from reference.multibody.coupled import Coupled
 from reference.multibody.tree import Tree
@@ -43,6 +44,10 @@ STATES = 40
 """Segments of a check: chosen ones, at which each number shows as at a hundred at random."""
 
 SEED = 1
+
+
+class RefusedError(EngineError):
+    """An engine would not load a robot's file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,11 +252,18 @@ def run_robot(task: RobotTask) -> Case:
     microseconds, a position moves by so little that its last digits, times the weights that an
     order of 1 asks for, hide the resolution; an order of 4 asks for a tenth of them.
 
+    A file given alone that the engine refuses is such a case: others may have a verdict on it.
+
     Raises:
         EngineError, BlownUpError: the case is FAILED with that message.
     """
     began = time.perf_counter()
-    way, verdict = _judged(task)
+    try:
+        way, verdict = _judged(task)
+    except RefusedError as error:
+        if task.folder != str(task.file):
+            raise
+        return _refused(task, Failure(str(error), ""))
     stepping = _stepping(task, way)  # as the file itself has the engine step
     if verdict.outcome is Outcome.UNRESOLVED:
         way, verdict = _otherwise(task, way, verdict)
@@ -279,6 +291,19 @@ def judge_robot(task: RobotTask) -> Verdict:
     if verdict.outcome is Outcome.UNRESOLVED:
         return _otherwise(task, way, verdict)[1]
     return verdict
+
+
+def _refused(task: RobotTask, failure: Failure) -> Case:
+    return Case(
+        system=task.robot,
+        model=task.file.name,
+        scenario=task.scenario,
+        engine=task.engine,
+        folder=task.folder,
+        outcome=Outcome.FAILED,
+        reason=failure.about(task.file),
+        refused=True,
+    )
 
 
 def _judged(task: RobotTask) -> tuple[Followed, Verdict]:
@@ -315,10 +340,13 @@ def load_robot(task: RobotTask) -> Model:
     """The file as its engine loads it.
 
     Raises:
-        EngineError: naming file, place and remedy.
+        RefusedError: naming file, place and remedy.
     """
     spec = ModelSpec(path=task.file, settings=task.settings, springs=task.springs)
-    return engines()[task.engine].load(spec)
+    try:
+        return engines()[task.engine].load(spec)
+    except EngineError as error:
+        raise RefusedError(str(error)) from error
 
 
 def placed(task: RobotTask, model: Model) -> tuple[Samples, CoordinateMap, tuple[str, ...]]:

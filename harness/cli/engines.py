@@ -7,7 +7,7 @@ import sys
 
 from harness.cli.exit_codes import AGREE, DIFFER, USAGE
 from harness.engines.protocol import Engine
-from harness.engines.registry import engines
+from harness.engines.registry import engines, missing
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -35,6 +35,8 @@ def main(options: argparse.Namespace) -> int:
     for name, engine in sorted(known.items()):
         version = engine.version()
         print(f"{name:<10} {version or 'not installed':<14} reads {', '.join(engine.formats)}")
+        if version is None:
+            print(f"{'':<11}{missing(engine).partition('; ')[2]}")
         for capability in engine.capabilities:
             print(f"{'':<11}- {capability}")
     return AGREE

@@ -17,12 +17,15 @@ SIGNALLED = 128
 def exit_code(results: Results, require_engines: bool) -> int:
     """The exit code of results; nothing run at all is a failure, a known difference none.
 
-    An audit, a linearization or a diagnosis that could not be done is one too.
+    An audit, a linearization or a diagnosis that could not be done is one too. What an engine
+    refuses of robots' files is none where another engine has a verdict.
     """
     # Imported here: a help text needs no records.
     from harness.records.outcome import Outcome
 
-    outcomes = {case.outcome for case in results.cases if not case.accepted}
+    refused = {(case.folder, case.id) for case in results.refusals}
+    counting = [case for case in results.cases if (case.folder, case.id) not in refused]
+    outcomes = {case.outcome for case in counting if not case.accepted}
     if Outcome.FAILED in outcomes or not results.cases or results.untested:
         return FAIL
     if any(model.failures for model in results.models):

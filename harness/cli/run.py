@@ -14,6 +14,7 @@ from harness.cli import arguments
 from harness.cli.exit_codes import FAIL, SIGNALLED, exit_code
 from harness.cli.missing import tell_missing, with_missing
 from harness.files.folders import FolderError, NamedFolders, check_engines, named_folders
+from harness.files.model_files import absent_lines
 from harness.records.journal import Journal, journal
 from harness.records.results import Results
 from harness.records.write import encoded, write_whole
@@ -21,7 +22,7 @@ from harness.report import write_report
 from harness.robots.named import NamedRobots, robot_files
 from harness.run import Interruption, Options, run
 from harness.schedule.stop import asking
-from harness.text.coverage import left_out
+from harness.text.coverage import left_out, refused
 from harness.text.github import case_notes, commands
 from harness.text.progress import Progress
 from harness.text.table import print_results
@@ -53,7 +54,8 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--strict",
         action="store_true",
-        help="exit 3 where a robot's file says what the check leaves out: limits, contacts, ...",
+        help="exit 3 where a robot's file says what the check leaves out: limits, contacts, ...;"
+        " or where one engine refuses it, whatever the others say",
     )
     command.add_argument(
         "--floating",
@@ -87,10 +89,12 @@ def main(options: argparse.Namespace) -> int:
             done.remove()
     _tell(results, options.out, robots)
     _tell_stopped(results, options.out, done)
+    for line in absent_lines(named.folders):
+        print(f"crosscheck: {line}", file=sys.stderr)
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
     code = with_missing(exit_code(results, options.require_engines), named)
-    if options.strict and (left := left_out(results.models)):
+    if options.strict and (left := [*left_out(results.models), *refused(results)]):
         print("\n".join(f"crosscheck: --strict: {line}" for line in left), file=sys.stderr)
         code = FAIL
     return SIGNALLED + stop.number if stop.asked else code

@@ -56,6 +56,20 @@ def angular_velocity(p: Array, rates: Array) -> Array:
     return found / (1 + square) ** 2
 
 
+def product(one: Array, other: Array) -> Array:
+    """Of two quaternions (4,): turned by the other first."""
+    w, x, v, y = one[0], one[1:], other[0], other[1:]
+    return np.concatenate([[w * v - x @ y], w * y + v * x + np.cross(x, y)])
+
+
+def matrix(q: Array) -> Array:
+    """The rotation of a quaternion of any length, (3, 3)."""
+    w, x = q[0], q[1:]
+    skew = np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
+    found: Array = (w * w - x @ x) * np.eye(3) + 2 * np.outer(x, x) + 2 * w * skew
+    return found / (q @ q)
+
+
 def _dot(one: Array, other: Array) -> Array:
     found: Array = np.sum(one * other, axis=-1, keepdims=True)
     return found

@@ -207,6 +207,8 @@ class Engine(ABC):
         name: short name, as in sidecars and results.
         title: as it is written in sentences.
         formats: endings of the files it reads, such as ".urdf".
+        extra: by which extra of this package its engine is installed, and not by that of the
+            standing ones; where it isn't there, sidecars that name it run without it.
         written_like: for a format of its own, the ending of one that it is written like: ".xml",
             ".py" or ".toml". Its numbers have addresses then, for bindings and for causes.
         capabilities: what it can do, one short phrase each, for `crosscheck engines`.
@@ -230,6 +232,7 @@ class Engine(ABC):
     name: str
     title: str
     formats: tuple[str, ...]
+    extra: str = ""
     written_like: Mapping[str, str] = MappingProxyType({})
     capabilities: tuple[str, ...] = ()
     preferred: tuple[str, ...] = ()

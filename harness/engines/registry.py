@@ -5,10 +5,15 @@ from __future__ import annotations
 import warnings
 from importlib.metadata import entry_points
 
+from harness.engines.dart import DartEngine
+from harness.engines.drake import DrakeEngine
 from harness.engines.mujoco import MujocoEngine
+from harness.engines.pinocchio import PinocchioEngine
 from harness.engines.protocol import Engine
 from harness.engines.pybullet import PybulletEngine
 from harness.engines.pymunk import PymunkEngine
+
+BUILT_IN = (MujocoEngine, PybulletEngine, PymunkEngine, PinocchioEngine, DrakeEngine, DartEngine)
 
 
 def engines() -> dict[str, Engine]:
@@ -16,9 +21,7 @@ def engines() -> dict[str, Engine]:
 
     One that can't be loaded is left out with a warning: the others still run.
     """
-    known: dict[str, Engine] = {
-        engine.name: engine for engine in (MujocoEngine(), PybulletEngine(), PymunkEngine())
-    }
+    known: dict[str, Engine] = {kind.name: kind() for kind in BUILT_IN}
     for point in entry_points(group="crosscheck.engines"):
         try:
             engine: Engine = point.load()()
@@ -33,6 +36,35 @@ def engines() -> dict[str, Engine]:
             continue
         known.setdefault(engine.name, engine)
     return known
+
+
+def missing(engine: Engine) -> str:
+    """What installs an engine that is not there."""
+    extra = engine.extra or "engines"
+    return f"{engine.name}: not installed; pip install 'physics-crosscheck[{extra}]'"
+
+
+def absent_extras() -> dict[str, str]:
+    """Engines of extras that are not installed, each with what installs it.
+
+    What names them beside others runs without them: nobody need install them all.
+    """
+    return {
+        name: missing(engine)
+        for name, engine in engines().items()
+        if engine.extra and engine.version() is None
+    }
+
+
+def runners(suffix: str) -> tuple[Engine, ...]:
+    """The readers of a format that a file alone is run in: the standing ones, and extras there."""
+    absent = absent_extras()
+    return tuple(engine for engine in readers(suffix) if engine.name not in absent)
+
+
+def standing(suffix: str) -> tuple[Engine, ...]:
+    """The readers of a format that everybody installs, for a new sidecar."""
+    return tuple(engine for engine in readers(suffix) if not engine.extra)
 
 
 def readers(suffix: str) -> tuple[Engine, ...]:

@@ -102,6 +102,7 @@ class UrdfReader:
         equal_bounds: whether a joint whose bounds are equal is held there, not free.
         no_friction: its title, if it reads over the friction of joints.
         long_axes: its title, if it takes axes of joints as they are, not for their direction alone.
+        no_stops: its title, if no limit of a position stops anything.
     """
 
     name: str
@@ -109,6 +110,7 @@ class UrdfReader:
     equal_bounds: bool = False
     no_friction: str = ""
     long_axes: str = ""
+    no_stops: str = ""
 
 
 def urdf_remarks(
@@ -167,6 +169,8 @@ def _bounds(
     reader: UrdfReader, joint: ET.Element, bounds: tuple[float, float], reached: tuple[float, float]
 ) -> Iterator[Remark]:
     (lower, upper), name = bounds, joint.get("name", "")
+    if reader.no_stops:
+        return
     why = _read_over(reader, joint.get("type") == "continuous", lower, upper)
     if why:
         yield Remark(
@@ -216,11 +220,16 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         )
 
 
-def base_name(robot: ET.Element) -> str:
-    """What the free joint of a floating root is called: as the root link, unless a joint is."""
+def root_link(robot: ET.Element) -> str:
+    """The name of the link that hangs from no other."""
     children = {child.get("link") for child in robot.findall("joint/child")}
     links = [link.get("name", "") for link in robot.findall("link")]
-    name = next((link for link in links if link not in children), "")
+    return next((link for link in links if link not in children), "")
+
+
+def base_name(robot: ET.Element) -> str:
+    """What the free joint of a floating root is called: as the root link, unless a joint is."""
+    name = root_link(robot)
     joints = {joint.get("name") for joint in robot.findall("joint")}
     while name in joints:
         name += "_free"

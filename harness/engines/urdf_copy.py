@@ -24,9 +24,7 @@ def rewritten(robot: ET.Element | None, path: Path, changes: Sequence[Change]) -
     if robot is None or not changes:
         yield path
         return
-    robot = copy.deepcopy(robot)
-    for change in changes:
-        change(robot)
+    robot = changed(robot, changes)
     for element in robot.iter():
         name = element.get("filename", "")
         if name and "://" not in name and (path.parent / name).is_file():
@@ -35,6 +33,14 @@ def rewritten(robot: ET.Element | None, path: Path, changes: Sequence[Change]) -
         file = Path(folder) / path.name
         file.write_text(ET.tostring(robot, encoding="unicode"), encoding="utf-8")
         yield file
+
+
+def changed(robot: ET.Element, changes: Sequence[Change]) -> ET.Element:
+    """A copy of a `<robot>` with changes."""
+    robot = copy.deepcopy(robot)
+    for change in changes:
+        change(robot)
+    return robot
 
 
 def without_shapes(robot: ET.Element) -> None:
@@ -56,6 +62,26 @@ def without_limits(robot: ET.Element) -> None:
                 limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
             limit.set("lower", "1")
             limit.set("upper", "-1")
+
+
+def without_bounds(robot: ET.Element) -> None:
+    """No limits of positions at all."""
+    for limit in robot.findall("joint/limit"):
+        for key in ("lower", "upper"):
+            limit.attrib.pop(key, None)
+
+
+def without_friction(robot: ET.Element) -> None:
+    """No dry friction of joints."""
+    for dynamics in robot.findall("joint/dynamics"):
+        dynamics.set("friction", "0")
+
+
+def without_crossed_bounds(robot: ET.Element) -> None:
+    """No limits whose lower is above their upper, which most engines take for none."""
+    for limit in robot.findall("joint/limit"):
+        if float(limit.get("lower", "-inf")) > float(limit.get("upper", "inf")):
+            del limit.attrib["lower"], limit.attrib["upper"]
 
 
 def with_held(names: Sequence[str]) -> Change:

@@ -109,14 +109,16 @@ def _declares(folder: Path) -> bool:
 
 
 def check_engines(names: Sequence[str]) -> None:
-    """Refuse engines that nobody knows.
+    """Refuse engines that nobody knows, and those of extras that aren't installed.
 
     Raises:
         FolderError: naming those that are known.
     """
     # Imported here: the adapters bring numpy, which no help text needs.
-    from harness.engines.registry import engines
+    from harness.engines.registry import absent_extras, engines
 
     for name in names:
         if name not in (known := engines()):
             raise FolderError(f"no engine {name!r} is known; known are {', '.join(sorted(known))}")
+        if name in (absent := absent_extras()):
+            raise FolderError(absent[name])

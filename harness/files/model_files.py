@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from harness.engines.protocol import Engine
-from harness.engines.registry import engines, model_formats, readers
+from harness.engines.registry import absent_extras, engines, model_formats, standing
 from harness.files.locations import line_of
 from harness.files.parts import included
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
@@ -58,13 +59,24 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
                 continue
             reason = (
                 f"{path}: this model file has no sidecar; write {path.name}.toml with at least"
-                f" engines = {json.dumps([e.name for e in readers(path.suffix)])}"
+                f" engines = {json.dumps([e.name for e in standing(path.suffix)])}"
                 " (or the engines meant)"
             )
             yield UnreadModel(model=path.name, reason=reason)
     if not described:
         reason = f"{folder}: it has no model file with a sidecar, so nothing was run"
         yield UnreadModel(model="-", reason=reason)
+
+
+def absent_lines(folders: Iterable[Path]) -> list[str]:
+    """What is to be told of engines of extras that sidecars name and that aren't installed."""
+    files = [one for folder in folders for one in model_files(folder)]
+    named = Counter(name for one in files if isinstance(one, Sidecar) for name in one.absent)
+    ways = absent_extras() if named else {}
+    return [
+        f"{ways[name]} ({count} model file{'s' * (count != 1)} would run in it too)"
+        for name, count in sorted(named.items())
+    ]
 
 
 def _renamed(path: Path, why: str) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 from harness.engines.protocol import ModelSpec, Spring
+from harness.engines.registry import absent_extras
 from harness.files.brief import brief
 from harness.files.parts import PartError, check_parts
 from harness.files.reading import MOST_SIDECAR, TomlError, read_regular, toml_document
@@ -28,6 +29,8 @@ class Sidecar:
     Attributes:
         model: path of the model file.
         engines: names of the engines that run it.
+        absent: those that it names too, of extras that are not installed: it is run without them,
+            unless nothing else runs it.
         settings: step, gravity, integrator and the like, for every engine of the file.
         engine_settings: the same for one engine, `[settings.<engine>]`.
         coordinates: engine coordinate -> expression of the system's coordinates and constants;
@@ -42,6 +45,7 @@ class Sidecar:
 
     model: Path
     engines: tuple[str, ...]
+    absent: tuple[str, ...] = ()
     settings: Mapping[str, object]
     engine_settings: Mapping[str, Mapping[str, object]]
     coordinates: Mapping[str, str]
@@ -96,9 +100,11 @@ def read_sidecar(path: Path) -> Sidecar:
     springs = data.get("spring", [])
     if not isinstance(springs, list):
         raise SidecarError(f"{path}: springs are tables in an array: [[spring]]")
+    absent = _absent(engines)
     return Sidecar(
         model=model,
-        engines=tuple(engines),
+        engines=tuple(name for name in engines if name not in absent),
+        absent=tuple(absent),
         settings=shared,
         engine_settings=own,
         coordinates=_expressions(data, "coordinates", path),
@@ -107,6 +113,13 @@ def read_sidecar(path: Path) -> Sidecar:
         bindings=_expressions(data, "bindings", path),
         frames=_table(data, "frames", path),
     )
+
+
+def _absent(engines: list[str]) -> list[str]:
+    """Engines of extras that aren't there, beside others that may be."""
+    missing = absent_extras()
+    absent = [name for name in engines if name in missing]
+    return absent if len(absent) < len(engines) else []
 
 
 def _document(path: Path) -> dict[str, Any]:

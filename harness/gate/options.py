@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from harness.engines.registry import absent_extras
 from harness.schedule.limits import Limits
 
 
@@ -32,5 +33,6 @@ class GateOptions:
     parents: tuple[Path, ...] | None = None
 
     def includes(self, engine: str) -> bool:
-        """Whether an engine's cases are looked at."""
-        return not self.engines or engine in self.engines
+        """Whether an engine's cases are looked at: those of extras that aren't there are left."""
+        wanted = not self.engines or engine in self.engines
+        return wanted and engine not in absent_extras()

@@ -10,6 +10,7 @@ import pytest
 
 from harness.baseline.store import BaselineError
 from harness.cli import arguments
+from harness.files.model_files import absent_lines
 from harness.pytest_plugin.collect import SystemFile
 from harness.pytest_plugin.keys import RUNNER
 from harness.pytest_plugin.paths import DECLARATION, meant, to_collect
@@ -69,3 +70,5 @@ class CrosscheckSession:
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Tell how the cases came out, what was accepted, and what was not run."""
         summarize(terminalreporter)
+        for line in absent_lines(sorted(self._folders)):
+            terminalreporter.write_line(f"crosscheck: {line}")

@@ -99,6 +99,12 @@ class Results(Record, frozen=True, kw_only=True):
             return ""
         return nothing_tested(case.engine for case in self.cases)
 
+    @property
+    def refusals(self) -> tuple[Case, ...]:
+        """Robots' files alone that an engine would not load, of those that another has judged."""
+        judged = {(case.folder, case.scenario) for case in self.cases if case.verdict is not None}
+        return tuple(c for c in self.cases if c.refused and (c.folder, c.scenario) in judged)
+
     def model_of(self, case: Case) -> Model | None:
         """The record of a case's model in its engine; None where it was not run at all."""
         return next((model for model in self.models if model.key == case.key), None)

@@ -9,7 +9,7 @@ from pathlib import Path
 import sympy as sp
 
 from harness.audit.plan import audits
-from harness.engines.registry import readers
+from harness.engines.registry import standing
 from harness.scaffold.assets import neighbours
 from harness.scaffold.constants import Ledger, Row
 from harness.scaffold.folder import NewError
@@ -91,7 +91,7 @@ class Energies:
         suffix = self._model.suffix
         return sidecar_text(
             self._model.name,
-            [engine for engine in readers(suffix) if engine.name not in self._left_out],
+            [engine for engine in standing(suffix) if engine.name not in self._left_out],
             self._mechanism,
             self._ledger,
             self._left_out,
@@ -121,7 +121,7 @@ def format_settings(suffix: str) -> list[str]:
     """Lines of a sidecar's settings, for a format that states none."""
     if suffix != ".urdf":
         return []
-    taken = [f"{e.title} would take {e.unstated}" for e in readers(suffix) if e.unstated]
+    taken = [f"{e.title} would take {e.unstated}" for e in standing(suffix) if e.unstated]
     first, *others = [*taken, ""]
     rest = "".join(f", {words.replace(' would take', '')}" for words in others if words)
     return [
@@ -165,7 +165,7 @@ def _checked(made: Path, target: Path, suffix: str, left_out: dict[str, str]) ->
     Raises:
         NewError: where no installed engine agrees with what was read.
     """
-    installed = tuple(e.name for e in readers(suffix) if e.version() is not None)
+    installed = tuple(e.name for e in standing(suffix) if e.version() is not None)
     if not installed:
         return ["no engine that runs it is installed: what was read is not checked"]
     against: list[str] = []

@@ -9,7 +9,7 @@ from harness.cases.multibody import case_of, states_of
 from harness.cases.robot import run_robot
 from harness.cases.robot_record import settings_of, told
 from harness.engines.protocol import Engine
-from harness.engines.registry import readers
+from harness.engines.registry import standing
 from harness.files.brief import brief
 from harness.files.sidecar import read_sidecar
 from harness.records.outcome import Outcome
@@ -54,9 +54,9 @@ def from_tree(robot: Robot, data: bytes, target: Path, settings: list[str]) -> t
     assert told_ is not None  # it has a tree
     parts = included(model)
     where = places([model, *(model.parent / name for name in parts)])
-    compiled = next((e.title for e in readers(model.suffix) if model.suffix in e.compiles), "")
+    compiled = next((e.title for e in standing(model.suffix) if model.suffix in e.compiles), "")
     text = tree_text(target.name, summary(robot), model.name, told_, where, compiled)
-    beside, able = f"{model.name}.toml", readers(model.suffix)
+    beside, able = f"{model.name}.toml", standing(model.suffix)
     files = {model.name: data, **parts, "system.py": text.encode()}
     files |= {beside: _sidecar(robot, able, {}, settings)}
     remarks: list[str] = []
@@ -130,7 +130,7 @@ def _run(made: Path, robot: Robot, target: Path) -> tuple[dict[str, str], list[s
     Raises:
         NewError: where the bodies can't be solved.
     """
-    able = [one for one in readers(robot.file.suffix) if one.version() is not None]
+    able = [one for one in standing(robot.file.suffix) if one.version() is not None]
     if not able:
         return {}, ["no engine that runs it is installed: what was read is not checked"]
     system = load_declaration(made)

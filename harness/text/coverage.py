@@ -8,6 +8,7 @@ from harness.records.coverage import Coverage, Unseen
 from harness.records.finding import BEYOND
 from harness.records.model import Model
 from harness.records.poses import Poses
+from harness.records.results import Results
 
 
 def coverage_lines(models: Iterable[Model]) -> list[str]:
@@ -28,6 +29,11 @@ def left_out(models: Iterable[Model]) -> list[str]:
     }
     said = "it says more than is checked; left out"
     return [f"{file}: {said}: {what}" for file, what in told.items()]
+
+
+def refused(results: Results) -> list[str]:
+    """A line for each engine that would not load a robot's file, where others judge it."""
+    return [f"{case.id}: refused: {case.reason}" for case in results.refusals]
 
 
 def coverage_line(model: Model, *, examples: bool = False) -> str:

@@ -79,6 +79,8 @@ def _unfinished(results: Results) -> str:
     """What a summary says of what was not done: a failed audit finds nothing, which is no pass."""
     failed = Counter(what for model in results.models for what, _ in model.failures)
     parts = [f"{number} FAILED as {what}" for what, number in failed.items()]
+    if refused := len(results.refusals):
+        parts.append(f"{refused} refused by an engine, which is a failure under --strict alone")
     if results.untested:
         parts.append(results.untested)
     if results.stopped:

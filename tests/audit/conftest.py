@@ -8,6 +8,7 @@ import pytest
 from harness.files.sidecar import read_sidecar
 from harness.records.finding import AuditFinding
 from tests.audit.models import MODELS, Look, audit, prepared
+from tests.standing import standing_only
 
 
 @pytest.fixture
@@ -19,6 +20,7 @@ def look(tmp_path: Path) -> Look:
     ) -> tuple[AuditFinding, ...]:
         for file in (name, f"{name}.toml"):
             shutil.copy(MODELS / system / file, tmp_path / file)
+        standing_only(tmp_path)
         for old, new in changes:
             files = [tmp_path / name, tmp_path / f"{name}.toml"]
             path = next(f for f in files if old in f.read_text())

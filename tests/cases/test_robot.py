@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pybullet_data
@@ -12,13 +13,16 @@ import pytest
 
 from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
 from harness.engines.protocol import EngineError
-from harness.engines.registry import readers
+from harness.engines.registry import engines, runners, standing
 from harness.records.outcome import Outcome
 from harness.records.read import read_results
 from harness.robots.system import RobotError
 
 DATA = Path(pybullet_data.getDataPath())
-ENGINES = [engine.name for engine in readers(".urdf") if engine.version() is not None]
+SUITE = (*(engine.name for engine in standing(".urdf")), "pinocchio")
+"""Engines that the project's own tests have installed."""
+
+ENGINES = [name for name in SUITE if engines()[name].version() is not None]
 ROBOTS = {
     "cartpole.urdf": 2,
     "pendulum5.urdf": 5,
@@ -70,11 +74,22 @@ def test_a_number_off_by_a_millionth_differs(
 def test_what_an_engine_drops_differs_and_the_link_is_named() -> None:
     """MuJoCo drops the moments of links without mass that it welds to others, PyBullet does not."""
     panda = prepare_robot(DATA / "franka_panda" / "panda.urdf")
-    outcomes = {name: run_robot(panda.task(name, 1e-9)).outcome for name in ENGINES}
+    both = ("mujoco", "pybullet")
+    outcomes = {name: run_robot(panda.task(name, 1e-9)).outcome for name in both}
     assert outcomes == {"mujoco": Outcome.DIFFERS, "pybullet": Outcome.AGREES}
     told = [one.message for one in panda.findings if one.severity == "finding"]
     assert [one for one in told if "'panda_link8' has moments" in one and "no mass" in one]
     assert panda.settings["couplings"] == ["panda_finger_joint2"]
+
+
+def test_a_finger_that_should_follow_the_other_is_let_go_by_pinocchio_until_it_is_held() -> None:
+    task = prepare_robot(DATA / "franka_panda" / "panda.urdf").task("pinocchio", 1e-9)
+    let_go = run_robot(task)
+    assert let_go.outcome is Outcome.DIFFERS
+    assert let_go.verdict is not None
+    assert (let_go.verdict.largest_discrepancy or 0) > 0.1
+    held = run_robot(replace(task, settings={**task.settings, "hold_mimics": True}))
+    assert held.outcome is Outcome.AGREES, held.reason
 
 
 def test_all_that_is_in_the_way_is_told_at_once() -> None:
@@ -111,7 +126,8 @@ def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
     assert "left out: limits of position (7)" in done.stdout
     results = read_results(tmp_path / "out" / "results.json")
     assert [(c.model, c.engine, c.outcome) for c in results.cases] == [
-        ("arm.urdf", name, "AGREES") for name in sorted(ENGINES)
+        ("arm.urdf", engine.name, "AGREES")
+        for engine in sorted(runners(".urdf"), key=lambda one: one.name)
     ]
     assert (tmp_path / "out" / "index.html").is_file()
 
@@ -189,7 +205,8 @@ def test_a_base_whose_center_is_off_its_origin_and_turned(tmp_path: Path, engine
 
 def test_from_the_command_line_a_root_floats_where_it_is_said(tmp_path: Path) -> None:
     (tmp_path / "adrift.urdf").write_text(ADRIFT)
-    done = crosscheck(tmp_path, "adrift.urdf", "--floating")
+    chosen = [word for name in ENGINES for word in ("--engine", name)]
+    done = crosscheck(tmp_path, "adrift.urdf", "--floating", *chosen)
     assert done.returncode == 0, done.stdout + done.stderr
     results = read_results(tmp_path / "out" / "results.json")
     assert {case.scenario for case in results.cases} == {"floating states"}
@@ -250,6 +267,31 @@ def test_strict_fails_where_a_file_says_more_than_is_checked(tmp_path: Path) -> 
     bare = re.sub(r'type="(revolute|prismatic)"', r'type="continuous"', bare)
     (tmp_path / "arm.urdf").write_text(bare)
     assert crosscheck(tmp_path, *arguments, "--strict").returncode == 0
+
+
+UNLIMITED = """<robot name="unlimited"><link name="ground"/><link name="arm"><inertial>
+<origin xyz="0 0 -0.3"/><mass value="0.7"/><inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0"
+ixz="0" iyz="0"/></inertial></link><joint name="j" type="revolute"><parent link="ground"/>
+<child link="arm"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+def test_what_one_engine_refuses_is_told_and_fails_where_no_other_judges_it_or_by_strict(
+    tmp_path: Path,
+) -> None:
+    """A revolute joint without `<limit>` is none for Pinocchio's parser."""
+    (tmp_path / "arm.urdf").write_text(UNLIMITED)
+    both = ("arm.urdf", "--engine", "mujoco", "--engine", "pinocchio")
+    done = crosscheck(tmp_path, *both)
+    assert done.returncode == 0, done.stderr
+    assert "2 cases: 1 AGREES, 1 FAILED; 1 refused by an engine" in done.stdout
+    assert "is of type REVOLUTE but it does not specify limits" in done.stdout
+    refused = read_results(tmp_path / "out" / "results.json").refusals
+    assert [case.engine for case in refused] == ["pinocchio"]
+    strict = crosscheck(tmp_path, *both, "--strict")
+    assert strict.returncode == 3
+    assert "--strict: unlimited/arm.urdf/states [pinocchio]: refused: " in strict.stderr
+    alone = crosscheck(tmp_path, "arm.urdf", "--engine", "pinocchio")
+    assert alone.returncode == 3
 
 
 SERVO = """<mujoco><worldbody><body pos="0 0 1"><joint name="stiff" axis="0 1 0" range="-60 60"/>

@@ -29,6 +29,7 @@ from harness.records.schema import schema
 from harness.text.status import Decision, TestStatus, status_of
 from harness.text.table import print_results, summary
 from tests.records.made import case, finding, model, results
+from tests.standing import standing_only
 
 ROOT = Path(__file__).parents[2]
 
@@ -51,6 +52,7 @@ def crosscheck(
 def folder(tmp_path: Path) -> Path:
     """A copy of a built-in folder, with a user's name for it."""
     shutil.copytree(builtin() / "mass_spring_damper", tmp_path / "my mass")
+    standing_only(tmp_path / "my mass")
     return tmp_path / "my mass"
 
 
@@ -114,7 +116,7 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (["run", "nowhere"], "nowhere: no such folder; built-in systems are anchored_pair"),
-    (["run", "--engine", "havok"], "no engine 'havok' is known; known are mujoco"),
+    (["run", "--engine", "havok"], "no engine 'havok' is known; known are dart, drake, mujoco"),
     (["run", "--resolution", "0"], "is not between"),
     (["run", "--jobs", "0"], "no positive number"),
     (["report", "nothing.json"], "nothing.json: can't be read"),

@@ -9,6 +9,7 @@ from harness.compare.compare import CompareOptions, Findings, compare
 from harness.compare.executor import at_once
 from harness.compare.match import declared
 from harness.files.folders import builtin
+from tests.standing import standing_only
 
 
 def compared(
@@ -44,6 +45,7 @@ def changed(folder: Path, path: Path, *replacements: tuple[str, str]) -> Path:
     sidecar = path.with_name(f"{path.name}.toml")
     for file in filter(Path.is_file, (path, sidecar)):
         shutil.copy(file, folder)
+    standing_only(folder)
     for old, new in replacements:
         found = [
             f

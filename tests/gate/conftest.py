@@ -14,6 +14,7 @@ from harness.gate.accept import Accepted, accept
 from harness.gate.gate import gate
 from harness.gate.options import GateOptions
 from harness.gate.result import GateResult
+from tests.standing import standing_only
 
 SYSTEM = "mass_spring_damper"
 
@@ -62,6 +63,7 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
     shutil.copytree(
         builtin() / SYSTEM, repository.folder, ignore=shutil.ignore_patterns("__pycache__")
     )
+    standing_only(repository.folder)
     repository.accept("first baseline")
     return repository
 

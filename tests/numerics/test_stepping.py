@@ -23,6 +23,7 @@ from harness.numerics.stepping import Stepping, step_engine
 from harness.records.case import Case
 from harness.records.outcome import Outcome
 from reference.stepping import SteppedBodies, SteppedEquations
+from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
@@ -72,6 +73,25 @@ def test_the_next_state_is_the_equations_by_the_engines_own_rule(
     assert found.judgement.largest_discrepancy < 1e-13
 
 
+@pytest.mark.parametrize(("folder", "engine", "settings"), [
+    ("mass_spring_damper", "pinocchio", {}), ("mass_spring_damper", "dart", {}),
+    ("mass_spring_damper", "drake", {}), ("mass_spring_damper", "drake", {"stepping": "tamsi"}),
+    ("mass_spring_damper", "drake", {"stepping": "continuous"}),
+    ("drum_pendulum", "pinocchio", {"hold_mimics": True}),
+    ("drum_pendulum", "drake", {"stepping": "continuous", "hold_mimics": True}),
+])  # fmt: skip
+def test_engines_of_extras_step_by_their_own_rules(
+    folder: str, engine: str, settings: dict[str, object]
+) -> None:
+    """Dampers at the step's end in DART and by SAP, at its start by TAMSI, at each stage of RK4."""
+    need(engine)
+    own = sidecar(folder, "robot.urdf")
+    found = stepped(folder, replace(own, engine_settings={engine: settings}), engine)
+    assert found is not None
+    assert found.judgement.outcome is Outcome.AGREES
+    assert found.judgement.largest_discrepancy < 1e-13
+
+
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_each_integrator_of_mujoco_has_its_rule(integrator: str) -> None:
     own = sidecar("mass_spring_damper", "mujoco.xml")
@@ -115,6 +135,7 @@ def test_a_literal_off_by_a_part_in_ten_to_the_twelve_is_seen(
 @pytest.mark.parametrize(("file", "engine", "integrator"), [
     (DATA / "kuka_iiwa" / "model.urdf", "pybullet", ""),
     (DATA / "kuka_iiwa" / "model.urdf", "mujoco", "implicit"),
+    (DATA / "kuka_iiwa" / "model.urdf", "pinocchio", ""),
     (ASSETS / "ant.xml", "mujoco", "Euler"),
     (ASSETS / "ant.xml", "mujoco", "RK4"),
     (ASSETS / "ant.xml", "mujoco", "implicit"),

@@ -20,6 +20,7 @@ from harness.records.schema import schema
 from harness.records.write import encoded
 from harness.text.failure import diagnosis_lines
 from harness.text.findings import audit_lines
+from tests.standing import standing_only
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,6 +30,7 @@ def folder(tmp_path: Path) -> Path:
     """A model with a wrong stiffness beside a sound one."""
     folder = tmp_path / "mine"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
+    standing_only(folder)
     path = folder / "mujoco.xml"
     path.write_text(path.read_text().replace('stiffness="47.0"', 'stiffness="47.000047"'))
     return folder

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from harness.engines.bare import BARE, bare_cause, bare_links
 from harness.engines.mistake import DefaultLeftOn
 from harness.engines.protocol import (
     Array,
@@ -24,7 +25,6 @@ from harness.engines.protocol import (
     within,
 )
 from harness.engines.pybullet.ball import Ball
-from harness.engines.pybullet.bare import BARE, bare_cause, bare_links
 from harness.engines.pybullet.base import Base
 from harness.engines.pybullet.inertias import (
     EXACT,
@@ -37,7 +37,7 @@ from harness.engines.pybullet.inertias import (
 from harness.engines.pybullet.poses import link_places
 from harness.engines.pybullet.printed import printed
 from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
-from harness.engines.pybullet.settings import DEFAULTS, UNDONE, changes_of, check_settings
+from harness.engines.pybullet.settings import DEFAULTS, UNDONE, changes_of
 from harness.engines.pybullet.stepper import Stepper
 from harness.engines.remark import Remark
 from harness.engines.source import engine_errors, folded
@@ -53,6 +53,7 @@ from harness.engines.urdf import (
     sample_urdf,
 )
 from harness.engines.urdf_copy import followers_of, rewritten
+from harness.engines.urdf_sidecar import check_settings
 
 _client: int | None = None
 _loaded: object = None
@@ -102,7 +103,7 @@ class PybulletEngine(Engine):
     def load(self, spec: ModelSpec) -> PybulletModel:
         """Load a URDF into this process's physics server."""
         robot = read_urdf(spec.path)
-        check_settings(spec, self.unstated)
+        check_settings(spec, self.title, self.unstated, DEFAULTS)
         held = held_joints(spec)
         springs = [
             Spring({joint: 1.0}, stiffness, 0.0, rest)
@@ -200,7 +201,7 @@ class PybulletModel(Model):
             CAUSES[key]: {key: UNDONE[key]} for key in self._left_on()
         }
         if self._bare:
-            found[bare_cause(self._bare)] = BARE
+            found[bare_cause(self._bare, "PyBullet")] = BARE
         return {**found, axes_cause(self._lost): EXACT} if self._lost else found
 
     def _left_on(self) -> list[str]:

@@ -14,12 +14,13 @@ import numpy as np
 from harness.engines.attitude import (
     angular_velocity,
     coordinates,
+    matrix,
     quaternion,
     rate,
     rotation_names,
 )
 from harness.engines.protocol import Array
-from harness.engines.pybullet.base import matrix, real_first
+from harness.engines.pybullet.base import real_first
 
 COUNT = 3
 """Coordinates: of the rotation of its link in the joint's frame."""

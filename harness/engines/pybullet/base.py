@@ -13,7 +13,9 @@ import numpy as np
 from harness.engines.attitude import (
     angular_velocity,
     coordinates,
+    matrix,
     place_names,
+    product,
     quaternion,
     rate,
     rotation_names,
@@ -51,7 +53,7 @@ class Base:
         turn = matrix(self._near)
         center = turn @ self._center
         spin = turn @ angular_velocity(z[3:], w[3:])
-        inertial = _product(self._near, self._turned)
+        inertial = product(self._near, self._turned)
         p.resetBasePositionAndOrientation(self._body, z[:3] + center, [*inertial[1:], inertial[0]])
         p.resetBaseVelocity(self._body, w[:3] + np.cross(spin, center), spin)
 
@@ -86,23 +88,10 @@ class Base:
 
         center, inertial = p.getBasePositionAndOrientation(self._body)
         back = self._turned * [1, -1, -1, -1]
-        own = _product(real_first(inertial), back)
+        own = product(real_first(inertial), back)
         return np.array(center) - matrix(own) @ self._center, own
 
 
 def real_first(q: Sequence[float]) -> Array:
     """A quaternion (x, y, z, w) as (w, x, y, z)."""
     return np.array([q[3], *q[:3]])
-
-
-def _product(one: Array, other: Array) -> Array:
-    w, x, v, y = one[0], one[1:], other[0], other[1:]
-    return np.concatenate([[w * v - x @ y], w * y + v * x + np.cross(x, y)])
-
-
-def matrix(q: Array) -> Array:
-    """The rotation of a quaternion, (3, 3)."""
-    w, x = q[0], q[1:]
-    skew = np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
-    found: Array = (w * w - x @ x) * np.eye(3) + 2 * np.outer(x, x) + 2 * w * skew
-    return found / (q @ q)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
-import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+from harness.engines.captured import captured
 
 _PLACE = re.compile(r"b3(Warning|Error|Printf)\[[^\]]*\]:\s*")
 
@@ -19,19 +18,12 @@ def printed() -> Iterator[list[str]]:
     It is printed again afterwards, for those who read it there.
     """
     said: list[str] = []
-    sys.stdout.flush()
-    kept = os.dup(1)
-    with tempfile.TemporaryFile() as file:
-        os.dup2(file.fileno(), 1)
-        try:
+    texts: list[str] = []
+    try:
+        with captured() as texts:
             yield said
-        finally:
-            os.dup2(kept, 1)
-            os.close(kept)
-            file.seek(0)
-            text = file.read()
-            os.write(1, text)
-            said += _errors(text.decode("utf-8", errors="replace"))
+    finally:
+        said += _errors("".join(texts))
 
 
 def _errors(text: str) -> list[str]:

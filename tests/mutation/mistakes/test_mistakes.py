@@ -34,6 +34,7 @@ from tests.mutation.mistakes.mistakes import (
     Edits,
     Mistake,
 )
+from tests.standing import standing_only
 
 Edited = Callable[[Mistake, Edits], Sidecar]
 
@@ -76,6 +77,7 @@ def edited(tmp_path: Path) -> Edited:
     def make(mistake: Mistake, edits: Edits) -> Sidecar:
         folder = tmp_path / f"copy{len(list(tmp_path.iterdir()))}"
         shutil.copytree(builtin() / mistake.system, folder)
+        standing_only(folder)
         for name, old, new in edits:
             text = (folder / name).read_text(encoding="utf-8")
             assert old in text

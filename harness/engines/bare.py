@@ -1,7 +1,8 @@
-"""Links of a URDF without `<inertial>`: PyBullet gives each 1 kg and 1 kg m^2, welded ones too.
+"""Links of a URDF without `<inertial>`: PyBullet and DART give each 1 kg and 1 kg m^2, welded too.
 
-`BulletURDFImporter::getMassAndInertia2` says so on stderr, and no more. A root that is fixed to the
-world does not feel it, and one that floats has to have a mass: the root is left as it is.
+`BulletURDFImporter::getMassAndInertia2` says so on stderr, and no more; in DART it is an option
+(`DartLoader::Options::mDefaultInertia`). A root that is fixed to the world does not feel it, and
+one that floats has to have a mass: the root is left as it is.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ def weightless(robot: ET.Element) -> None:
             ET.SubElement(inertial, "inertia", moments)
 
 
-def bare_cause(names: Sequence[str]) -> str:
+def bare_cause(names: Sequence[str], title: str) -> str:
     """What a diagnosis calls it."""
     told = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
     count = "a link" if len(names) == 1 else f"{len(names)} links"
-    return f"PyBullet's own 1 kg and 1 kg m^2 of {count} without <inertial> ({told})"
+    return f"{title}'s own 1 kg and 1 kg m^2 of {count} without <inertial> ({told})"

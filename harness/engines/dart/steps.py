@@ -1,0 +1,84 @@
+"""A skeleton of DART's in a world, its coordinates as the harness has them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from harness.engines.attitude import angular_velocity, coordinates, matrix, quaternion, rate
+from harness.engines.one_by_one import Stepper
+from harness.engines.protocol import Array
+from harness.engines.springs import SpringForces
+from harness.engines.urdf_engine import FREE
+
+
+class WorldSteps(Stepper):
+    """A skeleton in a world.
+
+    DART's coordinates of a free root are its rotation vector and its place; velocities are angular
+    and linear, along the world's axes, and forces likewise.
+    """
+
+    def __init__(self, world: Any, body: Any, floats: bool, springs: SpringForces) -> None:
+        self._world, self._body, self._floats, self._springs = world, body, floats, springs
+        self._near = np.array([1.0, 0.0, 0.0, 0.0])
+
+    def reset(self, q: Array, v: Array) -> None:
+        """Put it into a state; constraints of an earlier motion are forgotten."""
+        if self._floats:
+            self._near = quaternion(q[3:FREE])
+            spin = matrix(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
+            q = np.concatenate([_rotation_vector(self._near), q[:3], q[FREE:]])
+            v = np.concatenate([spin, v[:3], v[FREE:]])
+        self._body.resetCommands()
+        self._body.clearConstraintImpulses()
+        self._body.resetAccelerations()
+        self._body.setPositions(q)
+        self._body.setVelocities(v)
+
+    def position(self) -> Array:
+        """Where it is; of a rotation's two, those nearer to the last."""
+        q: Array = self._body.getPositions()
+        if not self._floats:
+            return q
+        turn = _quaternion(q[:3])
+        turned = coordinates(turn, self._near)
+        self._near = quaternion(turned)
+        return np.concatenate([q[3:FREE], turned, q[FREE:]])
+
+    def state(self) -> tuple[Array, Array]:
+        """Positions and velocities."""
+        z, v = self.position(), self._body.getVelocities()
+        if not self._floats:
+            return z, v
+        spin = matrix(self._near).T @ v[:3]
+        return z, np.concatenate([v[3:FREE], rate(z[3:FREE], spin), v[FREE:]])
+
+    def step(self, h: float, force: Array | None) -> None:
+        """By its world, whose step is h."""
+        if force is not None or not self._springs.empty:
+            self._body.setForces(self._pushes(force))
+        self._world.step()
+
+    def _pushes(self, force: Array | None) -> Array:
+        free = FREE if self._floats else 0
+        q, v = self._body.getPositions(), self._body.getVelocities()
+        pushes = np.zeros(len(v)) if force is None else force.copy()
+        if self._floats and force is not None:
+            turn = matrix(_quaternion(q[:3]))
+            pushes[:FREE] = np.concatenate([turn @ force[3:FREE], force[:3]])
+        if not self._springs.empty:
+            pushes[free:] += self._springs.at(q[free:], v[free:])
+        return pushes
+
+
+def _rotation_vector(turn: Array) -> Array:
+    size = np.linalg.norm(turn[1:])
+    angle = 2 * np.arctan2(size, turn[0])
+    return turn[1:] * (angle / size if size else 2.0)
+
+
+def _quaternion(vector: Array) -> Array:
+    angle = np.linalg.norm(vector)
+    return np.concatenate([[np.cos(angle / 2)], np.sinc(angle / 2 / np.pi) / 2 * vector])

@@ -1,0 +1,155 @@
+"""A plant of Drake's in one state, its coordinates as the harness has them.
+
+Drake's of a free root are its quaternion, real part first, and its place; velocities are angular
+and linear, along the world's axes, and forces likewise.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from harness.engines.attitude import coordinates, matrix, rate
+from harness.engines.one_by_one import Stepper
+from harness.engines.protocol import Array
+from harness.engines.runge_kutta import to_state
+from harness.engines.springs import SpringForces
+from harness.engines.urdf_engine import FREE
+
+QUATERNION = 4
+
+
+def moving_joints(plant: Any) -> list[Any]:
+    """Of a finalized plant, in the order of their velocities."""
+    found = [plant.get_joint(i) for i in plant.GetJointIndices()]
+    return sorted((j for j in found if j.num_velocities()), key=lambda j: int(j.velocity_start()))
+
+
+class Plant:
+    """A finalized plant with a context.
+
+    Args:
+        plant: of slides and hinges, after a root that may float.
+        floats: whether it does.
+        springs: along slides and hinges.
+    """
+
+    def __init__(self, plant: Any, floats: bool, springs: SpringForces) -> None:
+        self._plant, self._floats, self._springs = plant, floats, springs
+        self.context = plant.CreateDefaultContext()
+        joints = moving_joints(plant)[1 if floats else 0 :]
+        self._q = np.array([joint.position_start() for joint in joints], dtype=int)
+        self._v = np.array([joint.velocity_start() for joint in joints], dtype=int)
+        if floats:
+            root = moving_joints(plant)[0]
+            self._root_q, self._root_v = root.position_start(), root.velocity_start()
+        self._own_q, self._own_v = np.zeros(plant.num_positions()), np.zeros(plant.num_velocities())
+        self._port = plant.get_applied_generalized_force_input_port()
+
+    def put(self, x: Array, m: Array) -> None:
+        """Put it into a state: positions and velocities as `RungeKutta` has them."""
+        joints, speeds = (x[7:], m[FREE:]) if self._floats else (x, m)
+        self._own_q[self._q], self._own_v[self._v] = joints, speeds
+        if self._floats:
+            turn = x[3:7] / np.linalg.norm(x[3:7])
+            self._own_q[self._root_q :][:7] = np.concatenate([turn, x[:3]])
+            spin = matrix(turn) @ m[3:FREE]
+            self._own_v[self._root_v :][:FREE] = np.concatenate([spin, m[:3]])
+        self._plant.SetPositions(self.context, self._own_q)
+        self._plant.SetVelocities(self.context, self._own_v)
+
+    def state(self) -> tuple[Array, Array]:
+        """Positions and velocities of now."""
+        q, v = self._plant.GetPositions(self.context), self._plant.GetVelocities(self.context)
+        if not self._floats:
+            return q[self._q], v[self._v]
+        turn, place = np.split(q[self._root_q :][:7], [QUATERNION])
+        spin, linear = np.split(v[self._root_v :][:FREE], 2)
+        x = np.concatenate([place, turn, q[self._q]])
+        return x, np.concatenate([linear, matrix(turn).T @ spin, v[self._v]])
+
+    def push(self, x: Array, m: Array, f: Array) -> None:
+        """Let forces act, and the springs'."""
+        own = np.zeros_like(self._own_v)
+        own[self._v] = f[FREE:] if self._floats else f
+        if not self._springs.empty:
+            at, rates = (x[7:], m[FREE:]) if self._floats else (x, m)
+            own[self._v] += self._springs.at(at, rates)
+        if self._floats:
+            moment = matrix(x[3:7]) @ f[3:FREE]
+            own[self._root_v :][:FREE] = np.concatenate([moment, f[:3]])
+        self._port.FixValue(self.context, own)
+
+    def accelerations(self, x: Array, m: Array, f: Array) -> Array:
+        """Of a continuous plant, as `RungeKutta` has them."""
+        self.put(x, m)
+        self.push(x, m, f)
+        rates = self._plant.EvalTimeDerivatives(self.context).CopyToVector()
+        a = rates[self._plant.num_positions() :]
+        if not self._floats:
+            return a[self._v]  # type: ignore[no-any-return]  # pydrake's are Any here
+        spin, linear = np.split(a[self._root_v :][:FREE], 2)
+        return np.concatenate([linear, matrix(x[3:7]).T @ spin, a[self._v]])
+
+    def mass(self, x: Array) -> Array:
+        """The mass matrix where it was put, for velocities as `RungeKutta` has them."""
+        n = len(self._v) + (FREE if self._floats else 0)
+        turned = np.zeros((len(self._own_v), n))
+        turned[self._v, np.arange(n - len(self._v), n)] = 1.0
+        if self._floats:
+            root = turned[self._root_v :]
+            root[:3, 3:FREE], root[3:FREE, :3] = matrix(x[3:7]), np.eye(3)
+        found: Array = turned.T @ self._plant.CalcMassMatrix(self.context) @ turned
+        return found
+
+    def update(self) -> None:
+        """A step of a discrete plant."""
+        self.context.SetDiscreteState(self._plant.EvalUniquePeriodicDiscreteUpdate(self.context))
+
+
+class DiscreteSteps(Stepper):
+    """A discrete plant, which goes on by its own step.
+
+    Args:
+        plant: in a context.
+        floats: whether its first coordinates are those of a free root.
+        pulled: whether springs act.
+    """
+
+    def __init__(self, plant: Plant, floats: bool, pulled: bool) -> None:
+        self._plant, self._floats, self._pulled = plant, floats, pulled
+        self._lost = self._pushed = False
+
+    def reset(self, q: Array, v: Array) -> None:
+        """Put it into a state, under no force."""
+        x, m = to_state(q, v) if self._floats else (q, v)
+        self._lost = False
+        self._plant.put(x, m)
+        self._plant.push(x, m, np.zeros_like(m))
+
+    def position(self) -> Array:
+        """Where it is."""
+        return self.state()[0]
+
+    def state(self) -> tuple[Array, Array]:
+        """Positions and velocities; no numbers, once Drake has refused to go on."""
+        x, m = self._plant.state()
+        if self._lost:
+            m = np.full_like(m, np.nan)
+        if not self._floats:
+            return x, m
+        turned = coordinates(x[3:7], x[3:7])
+        z = np.concatenate([x[:3], turned, x[7:]])
+        return z, np.concatenate([m[:3], rate(turned, m[3:FREE]), m[FREE:]])
+
+    def step(self, h: float, force: Array | None) -> None:
+        """By an update of the plant."""
+        if force is not None or self._pulled or self._pushed:
+            x, m = self._plant.state()
+            self._plant.push(x, m, np.zeros_like(m) if force is None else force)
+            self._pushed = force is not None
+        try:
+            self._plant.update()
+        except RuntimeError:  # of a motion that has blown up
+            self._lost = True

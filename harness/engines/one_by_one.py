@@ -1,0 +1,58 @@
+"""Rollouts of engines that have one state at a time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from harness.engines.protocol import Array, Force, StateForce
+
+
+class Stepper(ABC):
+    """A model in one state, which goes on by steps; positions and velocities are (nz,) each."""
+
+    @abstractmethod
+    def reset(self, q: Array, v: Array) -> None:
+        """Put it into a state."""
+
+    @abstractmethod
+    def position(self) -> Array:
+        """Where it is."""
+
+    @abstractmethod
+    def state(self) -> tuple[Array, Array]:
+        """Positions and velocities."""
+
+    @abstractmethod
+    def step(self, h: float, force: Array | None) -> None:
+        """Go on by h seconds, under forces on its coordinates that are held."""
+
+
+@np.errstate(all="ignore")  # a motion that blows up is returned as it is
+def rollout(
+    stepper: Stepper, q: Array, v: Array, h: float, n: int, force: Force, every: int
+) -> tuple[Array, Array]:
+    """As `Model.rollout`; once a motion is no number, the rest of it is none either."""
+    out_q = np.full((len(q), n // every, q.shape[1]), np.nan)
+    out_v = np.full_like(out_q, np.nan)
+    for b in range(len(q)):
+        if not (np.isfinite(q[b]).all() and np.isfinite(v[b]).all()):
+            continue
+        stepper.reset(q[b], v[b])
+        for i in range(n):
+            stepper.step(h, held(stepper, force, b, i))
+            if (i + 1) % every == 0:
+                row = i // every
+                out_q[b, row], out_v[b, row] = stepper.state()
+                if not (np.isfinite(out_q[b, row]).all() and np.isfinite(out_v[b, row]).all()):
+                    break
+    return out_q, out_v
+
+
+def held(stepper: Stepper, force: Force, b: int, i: int) -> Array | None:
+    """What acts on state b over step i, (nz,)."""
+    if isinstance(force, StateForce):
+        at, u = stepper.position().tolist(), force.inputs[b, i].tolist()
+        return np.array(force.at(at, u), dtype=float)
+    return None if force is None else force[b, i]

@@ -1,0 +1,48 @@
+"""A URDF as Pinocchio reads it: its model, and where its links are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harness.engines.captured import STDERR, STDOUT, captured
+from harness.engines.protocol import Array, EngineError
+from harness.engines.source import folded
+
+
+def built(path: Path, file: Path, root: str) -> Any:
+    """The model of a URDF, its root fixed or on a joint of that name.
+
+    Raises:
+        EngineError: with what Pinocchio's parser prints.
+    """
+    import pinocchio as pin
+
+    try:
+        with captured((STDOUT, STDERR), again=False) as said:
+            if root:
+                return pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer(), root)
+            return pin.buildModelFromUrdf(str(path))
+    except ValueError as error:
+        told = folded(" ".join(said)) or folded(error)
+        raise EngineError(f"{file}: Pinocchio can't load it: {told}") from None
+
+
+def frames(model: Any) -> dict[str, tuple[int, Array]]:
+    """The frame of each place, and where in it.
+
+    Of centres of mass those of links with which no other moves as one: others are lumped.
+    """
+    import pinocchio as pin
+
+    body = pin.FrameType.BODY
+    bodies = [(i, one) for i, one in enumerate(model.frames) if one.type == body]
+    carriers = [one.parentJoint for _, one in bodies]
+    found = {f"link:{one.name}": (i, np.zeros(3)) for i, one in bodies}
+    for i, one in bodies:
+        if one.parentJoint and carriers.count(one.parentJoint) == 1:
+            inertia = model.inertias[one.parentJoint]
+            found[f"centre:{one.name}"] = i, one.placement.actInv(inertia.lever)
+    return found

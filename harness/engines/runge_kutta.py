@@ -1,0 +1,107 @@
+"""The classical rule of order four on an engine's accelerations, and of Munthe-Kaas on a free root.
+
+Munthe-Kaas (1999), Appl. Numer. Math. 29, 115-127: what is summed are moves from the step's start.
+The rotation of a root is a quaternion here, its velocity along the world's axes at its origin, and
+angular about its own axes (`harness.engines.attitude` has the coordinates that the harness sees).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from harness.engines.attitude import (
+    angular_velocity,
+    coordinates,
+    product,
+    quaternion,
+    rate,
+)
+from harness.engines.one_by_one import Stepper
+from harness.engines.protocol import Array
+
+Accelerations = Callable[[Array, Array, Array], Array]
+"""dm/dt of positions x, velocities m and forces; of a free root x begins with its place and its
+quaternion, real part first, m and forces with three numbers each along the world's axes and three
+about its own."""
+
+
+WEIGHTS = np.array([1, 2, 2, 1]) / 6
+"""Of the four stages."""
+
+
+class RungeKutta(Stepper):
+    """A model whose engine tells accelerations.
+
+    Args:
+        accelerations: of the engine.
+        floats: whether the first six coordinates are those of a free root.
+    """
+
+    def __init__(self, accelerations: Accelerations, floats: bool) -> None:
+        self._accelerations, self._floats = accelerations, floats
+        self._x = self._m = np.zeros(0)
+
+    def reset(self, q: Array, v: Array) -> None:
+        """Put it into a state."""
+        self._x, self._m = to_state(q, v) if self._floats else (q, v)
+
+    def position(self) -> Array:
+        """Its coordinates; of a rotation's two, those that go on from the start."""
+        if not self._floats:
+            return self._x
+        x = self._x
+        return np.concatenate([x[:3], coordinates(x[3:7], x[3:7]), x[7:]])
+
+    def state(self) -> tuple[Array, Array]:
+        """Positions and velocities."""
+        z = self.position()
+        return (z, rates(z, self._m)) if self._floats else (z, self._m)
+
+    def step(self, h: float, force: Array | None) -> None:
+        """By four accelerations."""
+        x, m, n = self._x, self._m, len(self._m)
+        f = np.zeros(n) if force is None else force
+        speeds, gains = np.empty((4, n)), np.empty((4, n))
+        speeds[0], gains[0] = m, self._accelerations(x, m, f)
+        for stage, share in enumerate((0.5 * h, 0.5 * h, h), start=1):
+            moved = share * speeds[stage - 1]
+            now = m + share * gains[stage - 1]
+            speeds[stage] = unturned(moved, now) if self._floats else now
+            gains[stage] = self._accelerations(self._advanced(x, moved), now, f)
+        self._x = self._advanced(x, h * (WEIGHTS @ speeds))
+        self._m = m + h * (WEIGHTS @ gains)
+
+    def _advanced(self, x: Array, moved: Array) -> Array:
+        return advanced(x, moved) if self._floats else x + moved
+
+
+def to_state(q: Array, v: Array) -> tuple[Array, Array]:
+    """Positions x and velocities m of coordinates and their rates."""
+    x = np.concatenate([q[:3], quaternion(q[3:6]), q[6:]])
+    return x, np.concatenate([v[:3], angular_velocity(q[3:6], v[3:6]), v[6:]])
+
+
+def rates(z: Array, m: Array) -> Array:
+    """Of coordinates z, by velocities m."""
+    return np.concatenate([m[:3], rate(z[3:6], m[3:6]), m[6:]])
+
+
+def advanced(x: Array, moved: Array) -> Array:
+    """Positions after a move: the root turns on about one of its axes."""
+    angle = np.linalg.norm(moved[3:6])
+    turn = np.concatenate([[np.cos(angle / 2)], np.sinc(angle / 2 / np.pi) / 2 * moved[3:6]])
+    return np.concatenate([x[:3] + moved[:3], product(x[3:7], turn), x[7:] + moved[6:]])
+
+
+def unturned(moved: Array, m: Array) -> Array:
+    """Velocities m as the rate of the move: the inverse of the exponential's differential."""
+    by, spin = moved[3:6], m[3:6]
+    square = float(by @ by)
+    half = np.sqrt(square) / 2
+    # 1/12 + square/720 is the series, whose next term is below the last digit there.
+    share = 1 / 12 + square / 720 if square < 1e-4 else (1 - half / np.tan(half)) / square
+    once = np.cross(by, spin)
+    turned = spin + once / 2 + share * np.cross(by, once)
+    return np.concatenate([m[:3], turned, m[6:]])

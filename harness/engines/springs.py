@@ -1,0 +1,53 @@
+"""Springs and dampers on linear combinations of joints, as forces by state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from harness.engines.protocol import Array, EngineError, Spring
+
+
+class SpringForces:
+    """Of the springs of a sidecar and of joints, along all joints.
+
+    Args:
+        springs: those declared.
+        joints: names of the joints, in the engine's order: n of them.
+        place: the file, for messages.
+        damping: of each joint, (n,), where the engine itself leaves it out.
+
+    Attributes:
+        empty: whether nothing pulls.
+
+    Raises:
+        EngineError: where a spring names what is no moving joint.
+    """
+
+    def __init__(
+        self,
+        springs: Sequence[Spring],
+        joints: Sequence[str],
+        place: object,
+        damping: Array | None = None,
+    ) -> None:
+        along = np.zeros((len(springs), len(joints)))
+        for row, spring in zip(along, springs, strict=True):
+            for name, share in spring.joints.items():
+                if name not in joints:
+                    raise EngineError(f"{place}: a spring names {name!r}, which is no moving joint")
+                row[joints.index(name)] += share
+        k = np.array([one.stiffness for one in springs], dtype=float)
+        c = np.array([one.damping for one in springs], dtype=float)
+        rest = np.array([one.rest for one in springs], dtype=float)
+        own = np.zeros(len(joints)) if damping is None else damping
+        self._stiffness = along.T @ (k[:, None] * along)
+        self._damping = along.T @ (c[:, None] * along) + np.diag(own)
+        self._at_zero = along.T @ (k * rest)
+        self.empty = not springs and not own.any()
+
+    def at(self, q: Array, v: Array) -> Array:
+        """Forces along joints at positions and velocities, (n,) each."""
+        force: Array = self._at_zero - self._stiffness @ q - self._damping @ v
+        return force

@@ -1,0 +1,167 @@
+"""What adapters of engines that take a URDF, and have one state at a time, have in common."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from harness.engines.attitude import place_names, rotation_names
+from harness.engines.one_by_one import Stepper, rollout
+from harness.engines.protocol import (
+    Array,
+    Engine,
+    EngineError,
+    Force,
+    Model,
+    ModelSpec,
+    Sample,
+    within,
+)
+from harness.engines.remark import Remark
+from harness.engines.source import engine_errors
+from harness.engines.springs import SpringForces
+from harness.engines.urdf import (
+    IDLE,
+    SETTINGS,
+    UrdfReader,
+    base_name,
+    sample_urdf,
+    urdf_remarks,
+)
+from harness.engines.urdf_copy import Change
+from harness.engines.urdf_sidecar import check_settings, declared_urdf
+
+FREE = 6
+"""Coordinates of a root that floats; they come first."""
+
+
+class UrdfEngine(Engine):
+    """An engine for URDFs.
+
+    Attributes:
+        package: what is imported.
+        distribution: what is installed.
+        defaults: of its settings.
+        words: which of those that are words may be.
+    """
+
+    formats = (".urdf",)
+    takes_springs = (".urdf",)
+    switches = frozenset({"smooth", "couplings", "held"})
+    idle = IDLE
+    package: str
+    distribution: str
+    defaults: Mapping[str, float | bool | str]
+    words: Mapping[str, Sequence[str]] = MappingProxyType({})
+
+    def version(self) -> str | None:
+        """Version of the installed package, or None."""
+        if importlib.util.find_spec(self.package) is None:
+            return None
+        try:
+            return importlib.metadata.version(self.distribution)
+        except importlib.metadata.PackageNotFoundError:  # from elsewhere, as ROS has it
+            return "unknown"
+
+    def load(self, spec: ModelSpec) -> Model:
+        """Load a URDF."""
+        check_settings(spec, self.title, self.unstated, self.defaults, self.words)
+        with engine_errors(spec.path, self.title):
+            return self.loaded(spec)
+
+    @abstractmethod
+    def loaded(self, spec: ModelSpec) -> Model:
+        """The model of a file whose settings are in order."""
+
+    def settings_for(self, suffix: str) -> Mapping[str, object]:
+        """Step and gravity."""
+        return SETTINGS
+
+    def samples(self) -> tuple[Sample, ...]:
+        """A URDF."""
+        return (sample_urdf(),)
+
+
+class UrdfModel(Model):
+    """A URDF in an engine; a subclass loads it, and makes the `stepper`.
+
+    Args:
+        spec: the file.
+        title: of the engine.
+        reader: how the engine reads URDFs.
+        defaults: of the engine's settings.
+        further: what is changed in the file besides.
+    """
+
+    stepper: Stepper
+
+    def __init__(
+        self,
+        spec: ModelSpec,
+        title: str,
+        reader: UrdfReader,
+        defaults: Mapping[str, float | bool | str],
+        further: Sequence[Change],
+    ) -> None:
+        self.path, self.title, self._reader = spec.path, title, reader
+        self.settings = {**defaults, **spec.settings}
+        self.declared = declared_urdf(spec, further)
+        self.floats = bool(self.settings["floating"])
+        self.root = base_name(self.declared.robot)
+        self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked
+        self.gravity = tuple(map(float, spec.settings["gravity"]))  # type: ignore[call-overload]
+
+    def name(self, joints: Sequence[str], damping: Array | None = None) -> SpringForces:
+        """Take the names of slides and hinges, in the engine's order.
+
+        Args:
+            joints: their names.
+            damping: of each, where springs are to take it along.
+
+        Returns:
+            The springs' forces along them.
+        """
+        free = (*place_names(self.root), *rotation_names(self.root)) if self.floats else ()
+        self.coordinates = (*free, *joints)
+        if not self.coordinates:
+            raise EngineError(f"{self.path}: it has no moving joint")
+        return SpringForces(self.declared.springs, tuple(joints), self.path, damping)
+
+    @property
+    def stated_limits(self) -> Array:
+        """Between which the file says that positions are, (nz, 2); infinite where it doesn't."""
+        found = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
+        for joint in self.declared.robot.findall("joint"):
+            limit, name = joint.find("limit"), joint.get("name", "")
+            bounds = _bounds(limit) if limit is not None else None
+            if bounds and name in self.coordinates and joint.get("type") != "continuous":
+                found[self.coordinates.index(name)] = bounds
+        return found
+
+    @property
+    def reach(self) -> Array:
+        """Within the limits that the file states, whether or not anything holds joints there."""
+        return within(super().reach, self.stated_limits)
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What the URDF says in vain."""
+        yield from urdf_remarks(self._reader, self.path, self.coordinates, z, w)
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """Step by step, state by state."""
+        with engine_errors(self.path, self.title):
+            return rollout(self.stepper, q, v, h, n, force, every)
+
+
+def _bounds(limit: ET.Element) -> tuple[float, float] | None:
+    """Those that a file states and that leave something between them."""
+    lower, upper = (float(limit.get(key, "nan")) for key in ("lower", "upper"))
+    return (lower, upper) if lower < upper else None

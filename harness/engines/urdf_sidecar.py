@@ -1,0 +1,120 @@
+"""A URDF with what its sidecar adds, for the engines that take it as a whole."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from harness.engines.protocol import EngineError, ModelSpec, Spring, held_joints
+from harness.engines.urdf import Mimic, joint_springs, mimics, read_urdf
+from harness.engines.urdf_copy import Change, followers_of, mimics_of, with_held, without_shapes
+
+REQUIRED = ("step", "gravity")
+"""What no URDF says, and a sidecar must."""
+
+ROBOTS: Mapping[str, bool] = MappingProxyType({"smooth": False, "floating": False})
+"""Whether contacts and limits are left out, and whether the root link moves freely."""
+
+HELD = "held"
+"""Names of joints that stand still."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclaredUrdf:
+    """What a file and its sidecar declare.
+
+    Attributes:
+        robot: the file.
+        springs: of joints, in Gazebo's convention, and of the sidecar; none of what is held.
+        mimics: joints that follow others, of those that the setting `couplings` lets.
+        changes: what settings change in the file before an engine loads it.
+    """
+
+    robot: ET.Element
+    springs: tuple[Spring, ...]
+    mimics: tuple[Mimic, ...]
+    changes: tuple[Change, ...]
+
+
+def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUrdf:
+    """Read a URDF and what is declared beside it; `further` changes are the engine's own.
+
+    Raises:
+        EngineError: naming file, line and setting.
+    """
+    robot = read_urdf(spec.path)
+    held = held_joints(spec)
+    followers = followers_of(spec.settings, f"{spec.path}.toml")
+    springs = [
+        Spring({joint: 1.0}, stiffness, 0.0, rest)
+        for joint, (stiffness, rest) in joint_springs(robot, spec.path).items()
+        if joint not in held
+    ]
+    changes = [*further]
+    if spec.settings.get("smooth", False):
+        changes.append(without_shapes)
+    if followers is not None:
+        changes.append(mimics_of(followers))
+    if held:
+        changes.append(with_held(held))
+    return DeclaredUrdf(
+        robot=robot,
+        springs=(*springs, *spec.springs),
+        mimics=tuple(
+            one for one in mimics(robot, spec.path) if followers is None or one.joint in followers
+        ),
+        changes=tuple(changes),
+    )
+
+
+def check_settings(
+    spec: ModelSpec,
+    title: str,
+    unstated: str,
+    defaults: Mapping[str, float | bool | str],
+    choices: Mapping[str, Sequence[str]] = MappingProxyType({}),
+) -> None:
+    """Refuse settings that are unknown, of another type, or missing.
+
+    Args:
+        spec: the file with its settings.
+        title: of the engine.
+        unstated: what it takes for a step and gravity that nothing states.
+        defaults: of its own settings, whose types count.
+        choices: of those that are words.
+
+    Raises:
+        EngineError: naming the sidecar and the setting.
+    """
+    held_joints(spec)
+    followers_of(spec.settings, f"{spec.path}.toml")
+    unknown = set(spec.settings) - {*REQUIRED, *defaults, "couplings", HELD}
+    if unknown:
+        raise EngineError(f"{spec.path}.toml: {title} has no setting {', '.join(sorted(unknown))}")
+    for key, default in defaults.items():
+        value = spec.settings.get(key, default)
+        if not _fits(value, default, choices.get(key, ())):
+            wanted = _wanted(default, choices.get(key, ()))
+            raise EngineError(f"{spec.path}.toml: [settings] {key} is {value!r}, where {wanted}")
+    for key in REQUIRED:
+        if key not in spec.settings:
+            raise EngineError(
+                f"{spec.path}.toml: [settings] must state {key}: a URDF has none, and"
+                f" {title}'s own are {unstated}"
+            )
+
+
+def _fits(value: object, default: float | bool | str, choices: Sequence[str]) -> bool:
+    if isinstance(default, str):
+        return value in choices
+    if isinstance(default, bool) or isinstance(value, bool):
+        return isinstance(value, bool) and isinstance(default, bool)
+    return isinstance(value, (int, float))
+
+
+def _wanted(default: float | bool | str, choices: Sequence[str]) -> str:
+    if isinstance(default, str):
+        return f"one of {', '.join(choices)} belongs"
+    return "true or false belongs" if isinstance(default, bool) else "a number belongs"

@@ -1,0 +1,35 @@
+"""Engines of extras: what is run where they are installed, and skipped in plain sight elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from harness.engines.protocol import Model, ModelSpec
+from harness.engines.registry import engines, missing
+
+EXTRAS = ("pinocchio", "drake", "dart")
+H = 1e-4
+
+
+def need(name: str) -> None:
+    """Skip a test whose engine is not there."""
+    if engines()[name].version() is None:
+        pytest.skip(missing(engines()[name]))
+
+
+def load(
+    name: str,
+    text: str,
+    folder: Path,
+    gravity: float = 0.0,
+    settings: Mapping[str, object] | None = None,
+) -> Model:
+    """A URDF of this text."""
+    need(name)
+    path = folder / f"{name}.urdf"
+    path.write_text(text)
+    given = {"step": H, "gravity": [0.0, 0.0, -gravity], **(settings or {})}
+    return engines()[name].load(ModelSpec(path, settings=given))

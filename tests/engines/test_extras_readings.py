@@ -1,0 +1,258 @@
+"""What engines of extras make of one URDF, as `docs/engines.md` tabulates it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines.conformance import CHECKS, conform_samples
+from harness.engines.protocol import EngineError, ModelSpec
+from harness.engines.registry import engines
+from tests.engines.extras import EXTRAS, H, load, need
+from tests.engines.test_readings import BELOW, BODY, limit, moved, urdf
+
+MIMIC = (
+    f'<link name="b">{BODY}</link><joint name="k" type="continuous"><parent link="g"/>'
+    '<child link="b"/><axis xyz="0 1 0"/><mimic joint="j" multiplier="2"/></joint>'
+)
+WELDED = (
+    '<link name="tip">{}</link><joint name="w" type="fixed"><parent link="a"/><child link="tip"/>'
+    '<origin xyz="1 0 0"/></joint>'
+)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_adapters_keep_the_protocol(name: str) -> None:
+    need(name)
+    (checks,) = conform_samples(engines()[name]).values()
+    assert len(checks) == len(CHECKS)
+    assert [str(check) for check in checks if not check.passed] == []
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_damping_is_applied(name: str, tmp_path: Path) -> None:
+    model = load(name, urdf('<dynamics damping="0.3"/>'), tmp_path)
+    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(np.exp(-0.3), rel=2e-3)
+
+
+def test_pinocchio_itself_leaves_damping_out_and_its_remedy_brings_it(tmp_path: Path) -> None:
+    text = urdf('<dynamics damping="0.3"/>')
+    model = load("pinocchio", text, tmp_path, settings={"damping": False})
+    assert moved(model, 0.0, 1.0, 0.01)[1] == 1.0
+    (undone,) = model.remedies.values()
+    again = load("pinocchio", text, tmp_path, settings=undone)
+    assert moved(again, 0.0, 1.0, 0.01)[1] < 0.75
+
+
+@pytest.mark.parametrize(("name", "left"), [("pinocchio", 1.0), ("drake", 1.0), ("dart", 0.8)])
+def test_friction_is_applied_by_dart_unless_all_is_to_be_smooth(
+    name: str, left: float, tmp_path: Path
+) -> None:
+    text = urdf('<dynamics friction="0.2"/>')
+    model = load(name, text, tmp_path)
+    assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(left, abs=1e-6)
+    smooth = load(name, text, tmp_path, settings={"smooth": True})
+    assert moved(smooth, 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("name", "stopped"), [
+    ("pinocchio", False), ("drake", True), ("dart", False),
+])  # fmt: skip
+def test_limits_stop_a_joint_in_drakes_discrete_plants_alone(
+    name: str, stopped: bool, tmp_path: Path
+) -> None:
+    model = load(name, limit(-0.5, 0.5), tmp_path)
+    q, v = moved(model, 0.495, 1.0, 0.1)
+    assert (v < 0.5) is stopped
+    assert np.isfinite(model.limits).all() == stopped
+    if not stopped:
+        assert q == pytest.approx(0.595)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_crossed_limits_are_none(name: str, tmp_path: Path) -> None:
+    assert moved(load(name, limit(1, -1), tmp_path), 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_springs_of_gazebo_pull(name: str, tmp_path: Path) -> None:
+    spring = '<gazebo reference="j"><springStiffness>50</springStiffness></gazebo>'
+    q, _ = moved(load(name, urdf(beside=spring), tmp_path), 0.1, 0.0, 0.01)
+    assert q == pytest.approx(0.1 * np.cos(np.sqrt(5000) * 0.01), rel=5e-3)
+
+
+@pytest.mark.parametrize(("name", "settings", "off", "led"), [
+    ("pinocchio", {}, 0.41, 1.0), ("pinocchio", {"hold_mimics": True}, 1e-13, 0.2),
+    ("drake", {}, 1e-6, 0.2), ("drake", {"stepping": "tamsi"}, 0.41, 1.0),
+    ("drake", {"stepping": "continuous"}, 0.41, 1.0),
+    ("drake", {"stepping": "continuous", "hold_mimics": True}, 1e-13, 0.2),
+    ("dart", {}, 1e-2, 1.0),
+])  # fmt: skip
+def test_a_mimic_is_left_out_held_or_a_servo(
+    name: str, settings: dict[str, object], off: float, led: float, tmp_path: Path
+) -> None:
+    model = load(name, urdf(beside=MIMIC), tmp_path, settings=settings)
+    at = [model.coordinates.index(one) for one in ("j", "k")]
+    push = np.zeros((1, 1000, 2))
+    push[:, :, at[0]] = 0.004
+    still = np.zeros((1, 2))
+    z, _ = model.rollout(still, still, 1e-3, 1000, push, 1000)
+    leader, follower = z[0, 0, at]
+    # 0.01 kg m^2 alone, or with that of the follower times the square of its ratio.
+    assert leader == pytest.approx(led * 0.004 / 0.01 / 2, rel=5e-3)
+    assert abs(follower - 2 * leader) <= off
+    told = any("servo" in remark.message for remark in model.remarks(still, still))
+    assert (told or bool(model.remedies)) is (led == 1.0)
+    assert told is (name == "dart")
+
+
+@pytest.mark.parametrize(("ratio", "holds"), [(0.5, True), (1.0, True), (2.0, False)])
+def test_a_coupler_of_dart_holds_what_is_slower_than_its_leader_and_blows_up_on_what_is_faster(
+    ratio: float, holds: bool, tmp_path: Path
+) -> None:
+    text = urdf(beside=MIMIC.replace('"2"', f'"{ratio}"'))
+    model = load("dart", text, tmp_path, settings={"couplers": True})
+    push = np.ones((1, 500, 2)) * [0.004, 0.0]
+    z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), H, 500, push, 500)
+    wanted = 0.004 / (0.01 * (1 + ratio**2)) * 0.05**2 / 2
+    right = z[0, 0] == pytest.approx([wanted, ratio * wanted], rel=0.01)
+    assert right is holds
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_a_mimic_that_is_not_meant_is_left_out(name: str, tmp_path: Path) -> None:
+    model = load(name, urdf(beside=MIMIC), tmp_path, settings={"couplings": False})
+    push = np.ones((1, 10, 2)) * [0.0, 0.01]
+    z, _ = model.rollout(np.zeros((1, 2)), np.zeros((1, 2)), 1e-3, 10, push, 10)
+    assert np.count_nonzero(z) == 1
+    assert model.remedies == {}
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_a_long_axis_is_made_a_unit_vector(name: str, tmp_path: Path) -> None:
+    _, once = moved(load(name, urdf(body=BELOW), tmp_path, 9.81), 0.5, 0.0, 0.01)
+    _, twice = moved(load(name, urdf(body=BELOW, axis="0 2 0"), tmp_path, 9.81), 0.5, 0.0, 0.01)
+    assert twice == pytest.approx(once, rel=1e-12)
+
+
+@pytest.mark.parametrize(("name", "felt"), [
+    ("pinocchio", 0.01), ("drake", 0.01), ("dart", 0.01 + 1 + 1),
+])  # fmt: skip
+def test_a_welded_link_without_inertia_is_a_kilogram_in_dart_unless_told(
+    name: str, felt: float, tmp_path: Path
+) -> None:
+    model = load(name, urdf(beside=WELDED.format("")), tmp_path)
+    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / felt, rel=1e-6)
+    for undone in model.remedies.values():
+        told = load(name, urdf(beside=WELDED.format("")), tmp_path, settings=undone)
+        assert moved(told, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 0.01)
+        assert told.remedies == {}
+
+
+@pytest.mark.parametrize(("name", "refused"), [
+    ("pinocchio", False), ("drake", True), ("dart", False),
+])  # fmt: skip
+@pytest.mark.parametrize("body", [
+    BODY.replace('ixx="0.01"', 'ixx="0.1"'),
+    '<inertial><mass value="0"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    "</inertial>",
+], ids=["no triangle", "moments without mass"])  # fmt: skip
+def test_an_inertia_for_which_drake_takes_a_ball_is_refused(
+    name: str, refused: bool, body: str, tmp_path: Path
+) -> None:
+    text = urdf(beside=WELDED.format(body))
+    if refused:
+        with pytest.raises(EngineError, match="a ball of 1 kg for the inertia of link 'tip'"):
+            load(name, text, tmp_path)
+    else:
+        load(name, text, tmp_path)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_what_is_no_slide_or_hinge_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match=f"{name}.urdf: joint '[aj]' is no slide or hinge"):
+        load(name, urdf(kind="floating"), tmp_path)
+
+
+@pytest.mark.parametrize("name", ["pinocchio", "dart"])
+def test_what_the_parser_prints_is_the_reason_of_a_refusal(name: str, tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match="is of type REVOLUTE but it does not specify limits"):
+        load(name, urdf(kind="revolute"), tmp_path)
+
+
+def test_a_revolute_joint_without_limits_is_free_in_drake(tmp_path: Path) -> None:
+    model = load("drake", urdf(kind="revolute"), tmp_path)
+    assert moved(model, 2.0, 1.0, 0.1)[0] == pytest.approx(2.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "taken"),
+    [
+        ("pinocchio", False),
+        ("drake", True),
+        ("dart", False),
+    ],
+)
+def test_dynamics_that_state_nothing_are_taken_by_drake_alone(
+    name: str, taken: bool, tmp_path: Path
+) -> None:
+    if taken:
+        load(name, urdf("<dynamics/>"), tmp_path)
+    else:
+        with pytest.raises(EngineError, match="no damping and no friction"):
+            load(name, urdf("<dynamics/>"), tmp_path)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_bodies_of_one_robot_do_not_touch(name: str, tmp_path: Path) -> None:
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    text = urdf(body=BODY + ball).replace(f'name="g">{BODY}', f'name="g">{BODY}{ball}')
+    assert text.count(ball) == 2
+    assert moved(load(name, text, tmp_path), 0.0, 1.0, 0.01)[1] == pytest.approx(1.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_step_and_gravity_must_be_stated(name: str, tmp_path: Path) -> None:
+    need(name)
+    path = tmp_path / "bare.urdf"
+    path.write_text(urdf())
+    with pytest.raises(EngineError, match="must state step"):
+        engines()[name].load(ModelSpec(path))
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_products_of_inertia_lose_no_digits(name: str, tmp_path: Path) -> None:
+    tensor = np.array([[0.07, 0.011, -0.007], [0.011, 0.06, 0.005], [-0.007, 0.005, 0.08]])
+    axis = np.array([0.6, -0.48, 0.64])
+    keys = {f"i{'xyz'[i]}{'xyz'[j]}": float(tensor[i, j]) for i in range(3) for j in range(i, 3)}
+    words = " ".join(f'{key}="{value!r}"' for key, value in keys.items())
+    body = f'<inertial><mass value="1"/><inertia {words}/></inertial>'
+    model = load(name, urdf(body=body, axis=" ".join(map(str, axis))), tmp_path)
+    still = np.zeros((1, 1))
+    _, w = model.rollout(still, still, 1e-3, 1, np.ones((1, 1, 1)), 1)
+    assert float(w[0, 0, 0]) / 1e-3 * float(axis @ tensor @ axis) == pytest.approx(1, abs=1e-13)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+@pytest.mark.parametrize("root", ["g", "world"])
+def test_the_root_is_what_hangs_from_nothing_wherever_it_stands(
+    name: str, root: str, tmp_path: Path
+) -> None:
+    ground = f'<link name="g">{BODY}</link>'
+    text = urdf(body=BELOW)
+    assert ground in text
+    text = text.replace(ground, "").replace("</robot>", f"{ground}</robot>")
+    model = load(name, text.replace('"g"', f'"{root}"'), tmp_path)
+    assert model.coordinates == ("j",)
+    assert moved(model, 0.0, 0.0, H, push=1.0)[1] / H == pytest.approx(1 / 1.01, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", EXTRAS)
+def test_frames_are_where_the_file_puts_them(name: str, tmp_path: Path) -> None:
+    model = load(name, urdf(body=BELOW), tmp_path)
+    assert {"link:g", "link:a", "centre:a"} <= set(model.places)
+    origins, turns = model.poses(["link:a", "centre:a"], np.array([[0.5]]))
+    np.testing.assert_allclose(origins[0], [[0, 0, 0], [-np.sin(0.5), 0, -np.cos(0.5)]], atol=1e-15)
+    np.testing.assert_allclose(turns[0, 0] @ [0, 0, -1], origins[0, 1], atol=1e-15)

@@ -1,0 +1,189 @@
+"""What adapters without a stepper of their own, or with one state at a time, share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines.attitude import angular_velocity, matrix, quaternion
+from harness.engines.captured import STDERR, STDOUT, captured
+from harness.engines.following import held_accelerations, leading
+from harness.engines.one_by_one import rollout
+from harness.engines.protocol import Array, EngineError, ModelSpec, Spring, StateForce
+from harness.engines.runge_kutta import RungeKutta, advanced, to_state, unturned
+from harness.engines.springs import SpringForces
+from harness.engines.urdf import Mimic
+from harness.engines.urdf_sidecar import check_settings, declared_urdf
+
+
+def test_runge_kutta_is_the_classical_rule() -> None:
+    """Of x'' = -x from (1, 0), the Taylor series to the fourth power."""
+    stepper = RungeKutta(lambda x, m, f: f - x, floats=False)
+    stepper.reset(np.array([1.0]), np.array([0.0]))
+    stepper.step(0.1, None)
+    q, v = stepper.state()
+    assert q[0] == pytest.approx(1 - 0.1**2 / 2 + 0.1**4 / 24, abs=1e-16)
+    assert v[0] == pytest.approx(-0.1 + 0.1**3 / 6, abs=1e-16)
+
+
+INERTIA = np.array([0.3, 0.5, 0.9])
+
+
+def tumbling(x: Array, m: Array, f: Array) -> Array:
+    """Euler's equations of a body on no joint, its origin at its centre of mass."""
+    spin = m[3:6]
+    turn = (f[3:6] - np.cross(spin, INERTIA * spin)) / INERTIA
+    return np.concatenate([f[:3] / 2.0, turn])
+
+
+def tumbled(n: int, span: float = 0.8) -> tuple[Array, Array]:
+    z = np.array([0.1, -0.2, 0.3, 0.4, -0.9, 1.1])
+    m = np.array([1.0, 0.0, -2.0, 0.7, 2.0, -1.3])
+    stepper = RungeKutta(tumbling, floats=True)
+    x, _ = to_state(z, np.zeros(6))
+    stepper.reset(z, np.zeros(6))
+    stepper._x, stepper._m = x, m
+    for _ in range(n):
+        stepper.step(span / n, None)
+    return stepper._x, stepper._m
+
+
+def test_a_body_that_tumbles_is_turned_with_order_four() -> None:
+    ends = [tumbled(n) for n in (8, 16, 32)]
+    fine, _ = tumbled(512)
+    errors = [float(np.abs(x - fine).max()) for x, _ in ends]
+    orders = np.log2(errors[:-1]) - np.log2(errors[1:])
+    assert orders == pytest.approx([4, 4], abs=0.3)
+
+
+def test_a_body_that_tumbles_keeps_its_angular_momentum_in_the_world() -> None:
+    x, m = tumbled(400)
+    start, spin = quaternion(np.array([0.4, -0.9, 1.1])), np.array([0.7, 2.0, -1.3])
+    np.testing.assert_allclose(
+        matrix(x[3:7]) @ (INERTIA * m[3:6]), matrix(start) @ (INERTIA * spin), atol=1e-10
+    )
+
+
+@pytest.mark.parametrize("angle", [1e-9, 1e-3, 0.0099, 0.0101, 1.0, 3.0])
+def test_the_rate_of_a_move_is_the_inverse_of_the_exponentials_differential(angle: float) -> None:
+    by = angle * np.array([0.36, -0.48, 0.8])
+    spin = np.array([0.3, 0.9, -0.4])
+    rate = unturned(np.concatenate([np.zeros(3), by]), np.concatenate([np.zeros(3), spin]))[3:6]
+    h = 1e-5
+    x = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0]])
+    one, other = (advanced(x, np.concatenate([np.zeros(3), by + s * h * rate])) for s in (-1, 1))
+    turn = matrix(one[3:7]).T @ matrix(other[3:7]) / (2 * h)
+    found = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    np.testing.assert_allclose(found / 2, spin, atol=1e-9)
+
+
+def test_a_free_roots_coordinates_are_told_as_they_were_set() -> None:
+    z = np.array([0.1, -0.2, 0.3, 5.0, -0.9, 1.1, 0.6])  # turned by more than half a turn
+    w = np.array([1.0, 0.0, -2.0, 0.7, 2.0, -1.3, 0.4])
+    stepper = RungeKutta(lambda x, m, f: f, floats=True)
+    stepper.reset(z, w)
+    for found, given in zip(stepper.state(), (z, w), strict=True):
+        np.testing.assert_allclose(found, given, rtol=1e-14)
+    np.testing.assert_allclose(to_state(z, w)[1][3:6], angular_velocity(z[3:6], w[3:6]))
+
+
+def test_a_motion_that_blows_up_leaves_those_beside_it() -> None:
+    stepper = RungeKutta(lambda x, m, f: x**3 + f, floats=False)
+    q = np.array([[1e200], [0.1], [np.nan]])
+    z, w = rollout(stepper, q, 0 * q, 0.1, 4, None, 2)
+    assert np.isfinite(z[:, :, 0]).tolist() == [[False] * 2, [True] * 2, [False] * 2]
+    assert np.isfinite(w[1]).all()
+
+
+def test_forces_by_state_are_asked_at_the_start_of_each_step() -> None:
+    stepper = RungeKutta(lambda x, m, f: f, floats=False)
+    given = StateForce(np.ones((1, 3, 1)), lambda z, u: [u[0] - z[0]])
+    z, _ = rollout(stepper, np.zeros((1, 1)), np.zeros((1, 1)), 1.0, 3, given, 1)
+    # Each step adds v + f/2 with f = 1 - z of its start, and v grows by f.
+    assert z[0, :, 0] == pytest.approx([0.5, 1.75, 2.875], rel=1e-15)
+
+
+CHAIN = [Mimic("b", "a", 2.0, 0.0), Mimic("c", "b", -0.5, 0.0)]
+
+
+def test_joints_that_follow_followers_follow_what_leads_those() -> None:
+    along = leading(CHAIN, ("c", "x", "a", "b"), "f")
+    np.testing.assert_array_equal(along, [[0, -1], [1, 0], [0, 1], [0, 2]])
+
+
+@pytest.mark.parametrize(("mimics", "told"), [
+    ([Mimic("a", "b", 1.0, 0.0), Mimic("b", "a", 1.0, 0.0)], "leads back to it"),
+    ([Mimic("a", "nowhere", 1.0, 0.0)], "'nowhere', which is no moving joint"),
+])  # fmt: skip
+def test_mimics_that_lead_nowhere_are_refused(mimics: list[Mimic], told: str) -> None:
+    with pytest.raises(EngineError, match=told):
+        leading(mimics, ("a", "b"), "f")
+
+
+def test_what_holds_a_follower_does_no_work() -> None:
+    mass = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.0], [0.1, 0.0, 0.7]])
+    pull, along = np.array([1.0, -2.0, 0.4]), leading(CHAIN, ("a", "b", "c"), "f")
+    a = held_accelerations(mass, pull, along)
+    np.testing.assert_allclose(a[1:], [2 * a[0], -a[0]], rtol=1e-14)
+    np.testing.assert_allclose(along.T @ (mass @ a - pull), 0, atol=1e-15)
+
+
+def test_springs_pull_on_combinations_of_joints() -> None:
+    between = Spring({"a": 1.0, "b": -1.0}, 38.0, 0.35, 0.1)
+    forces = SpringForces([between, Spring({"b": 1.0}, 5.0, 0.0, 0.0)], ("b", "a"), "f", np.ones(2))
+    q, v = np.array([0.2, 0.7]), np.array([-1.0, 0.5])
+    pull = 38.0 * (0.7 - 0.2 - 0.1) + 0.35 * 1.5
+    np.testing.assert_allclose(forces.at(q, v), [pull - 5 * 0.2 + 1.0, -pull - 0.5], rtol=1e-14)
+    assert SpringForces([], ("a",), "f").empty
+    with pytest.raises(EngineError, match="'nowhere', which is no moving joint"):
+        SpringForces([Spring({"nowhere": 1.0}, 1.0, 0.0, 0.0)], ("a",), "f")
+
+
+def test_what_a_library_prints_is_caught_on_both_streams(capfd: pytest.CaptureFixture[str]) -> None:
+    with captured((STDOUT, STDERR), again=False) as texts:
+        os.write(STDOUT, b"out")
+        os.write(STDERR, b"err")
+    assert texts == ["out", "err"]
+    with captured() as texts:
+        os.write(STDOUT, b"again")
+    assert texts == ["again"]
+    assert capfd.readouterr() == ("again", "")
+
+
+URDF = """<robot name="r"><link name="g"/><link name="a"/><link name="b"/>
+<joint name="j" type="continuous"><parent link="g"/><child link="a"/></joint>
+<joint name="k" type="continuous"><parent link="a"/><child link="b"/><mimic joint="j"/></joint>
+<gazebo reference="j"><springStiffness>5</springStiffness></gazebo></robot>"""
+
+
+@pytest.mark.parametrize(("settings", "springs", "mimics"), [
+    ({}, 1, 1), ({"couplings": False}, 1, 0), ({"couplings": ["k"]}, 1, 1),
+    ({"couplings": ["other"]}, 1, 0), ({"held": ["j"]}, 0, 1),
+])  # fmt: skip
+def test_what_a_sidecar_lets_of_a_file(
+    settings: dict[str, object], springs: int, mimics: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(URDF)
+    found = declared_urdf(ModelSpec(path, settings=settings))
+    assert (len(found.springs), len(found.mimics)) == (springs, mimics)
+
+
+@pytest.mark.parametrize(("settings", "told"), [
+    ({"fast": 3}, r"fast is 3, where true or false belongs"),
+    ({"drag": True}, r"drag is True, where a number belongs"),
+    ({"way": "up"}, r"way is 'up', where one of left, right belongs"),
+    ({"odd": 1}, r"Title has no setting odd"), ({"gravity": None}, "must state gravity"),
+])  # fmt: skip
+def test_settings_that_are_none_are_refused(settings: dict[str, object], told: str) -> None:
+    given = {"step": 0.01, "gravity": [0, 0, 0], **settings}
+    stated = {key: value for key, value in given.items() if value is not None}
+    defaults: dict[str, float | bool | str] = {"fast": False, "drag": 0.1, "way": "left"}
+    with pytest.raises(EngineError, match=told):
+        check_settings(
+            ModelSpec(Path("r.urdf"), settings=stated), "Title", "none", defaults,
+            {"way": ("left", "right")},
+        )  # fmt: skip

@@ -1,0 +1,17 @@
+"""Copies of built-in folders, run in the standing engines alone, whichever extras are installed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from harness.engines.registry import engines
+
+
+def standing_only(folder: Path) -> None:
+    """Take engines of extras out of the sidecars of a folder, with their settings."""
+    extras = "|".join(name for name, engine in engines().items() if engine.extra)
+    for path in folder.glob("*.toml"):
+        text = re.sub(rf', "({extras})"', "", path.read_text(encoding="utf-8"))
+        own = rf"(?:^#[^\n]*\n)*^\[settings\.(?:{extras})\]\n(?:[^\n]+\n)*\n?"
+        path.write_text(re.sub(own, "", text, flags=re.MULTILINE), encoding="utf-8")
