@@ -12,6 +12,7 @@ from harness.audit.run import run_audit
 from harness.audit.task import audit_task
 from harness.cases.case import case_task, run_case
 from harness.cases.prepare import Prepared, prepare
+from harness.cases.robot import prepare_robot, run_robot
 from harness.diagnosis.diagnose import Ranking
 from harness.diagnosis.task import diagnosis_task, ranked
 from harness.engines.protocol import ModelSpec
@@ -158,6 +159,23 @@ def test_a_flat_bodys_tensor_keeps_the_triangle_rule(tmp_path: Path) -> None:
     settings = {"step": 0.002, "gravity": [0, 0, 0], "exact_axes": True}
     model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
     assert not model.remedies
+
+
+@pytest.mark.parametrize("frame", ["0 0 3.1415926535897932", "0.4 1.5707963267948966 0.3"])
+def test_axes_that_lie_upright_in_the_links_frame_are_found_too(tmp_path: Path, frame: str) -> None:
+    """A wheel's moments in ascending order are about z, x and y: a pitch of a right angle."""
+    wheel = (
+        URDF.replace('<origin xyz="0 0 -0.2"/>', f'<origin xyz="0 0 -0.2" rpy="{frame}"/>')
+        .replace('ixx="0.07" iyy="0.06" izz="0.08"', 'ixx="0.00470985" iyy="0.00616" izz="0.0047"')
+        .replace('ixy="0.011" ixz="-0.007" iyz="0.005"', 'ixy="-2.5e-7" ixz="0" iyz="0"')
+    )
+    (tmp_path / "wheel.urdf").write_text(wheel)
+    prepared = prepare_robot(tmp_path / "wheel.urdf")
+    task = prepared.task("pybullet", 1e-12)
+    case = run_robot(replace(task, settings={**task.settings, "exact_axes": True}))
+    assert case.outcome is not Outcome.DIFFERS, case.reason
+    assert case.verdict is not None
+    assert (case.verdict.discrepancy or 0) < 1e-12
 
 
 def test_exact_axes_is_true_or_false(tmp_path: Path) -> None:

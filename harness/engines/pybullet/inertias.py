@@ -200,6 +200,15 @@ def _rotation(rpy: list[float]) -> Array:
     )
 
 
+def _roll_pitch_yaw(turn: Array) -> tuple[float, float, float]:
+    """Of a rotation. Where the pitch is upright yaw is any angle, and the roll goes with it."""
+    yaw = np.arctan2(turn[1, 0], turn[0, 0])
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    pitch = np.arctan2(-turn[2, 0], cosine * turn[0, 0] + sine * turn[1, 0])
+    across = cosine * turn[1] - sine * turn[0]  # the second row, turned back by the yaw
+    return float(np.arctan2(-across[2], across[1])), float(pitch), float(yaw)
+
+
 def _diagonalize(inertial: ET.Element) -> None:
     """Turn an `<inertial>` to its principal axes."""
     moments, axes = np.linalg.eigh(_tensor(inertial))  # ascending
@@ -209,9 +218,7 @@ def _diagonalize(inertial: ET.Element) -> None:
     if 0 < beyond <= ROUNDING * float(moments[2]):
         moments[2] = moments[0] + moments[1]
     turn = _rotation(_origin(inertial)) @ axes
-    roll = np.arctan2(turn[2, 1], turn[2, 2])
-    pitch = np.arctan2(-turn[2, 0], np.hypot(turn[2, 1], turn[2, 2]))
-    yaw = np.arctan2(turn[1, 0], turn[0, 0])
+    roll, pitch, yaw = _roll_pitch_yaw(turn)
     origin, inertia = inertial.find("origin"), inertial.find("inertia")
     if origin is None:
         origin = ET.SubElement(inertial, "origin")
