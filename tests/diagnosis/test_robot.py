@@ -256,6 +256,21 @@ def test_what_an_engine_does_on_its_own_is_named() -> None:
     assert one.remaining < 1e-3
 
 
+def test_axes_that_are_no_unit_vectors_are_named(tmp_path: Path) -> None:
+    """Six digits of a slanted axis are off a unit vector; PyBullet takes their length into it."""
+    file = tmp_path / "arm.urdf"
+    file.write_text(
+        ARM.replace('xyz="0.1 0 1"', 'xyz="0 0 1"').replace("0 1 0.2", "0 0.6 0.800001")
+    )
+    task = prepare_robot(file).task("pybullet", 1e-9)
+    assert run_robot(task).outcome is Outcome.DIFFERS
+    causes = diagnose_robot(RobotDiagnosisTask(task=task)).explanations[0].causes
+    assert "length of the axes of lift, up to 8.0e-07 off 1" in "".join(map(str, causes))
+    exact = {"unit_axes": True, "exact_axes": True}
+    both = replace(task, settings={**task.settings, **exact})
+    assert run_robot(both).outcome is Outcome.AGREES
+
+
 NEARLY = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" pos="0 0 0.3"/>
 <inertial pos="{} 0 0" mass="1" diaginertia="0.01 0.012 0.01"/></body></worldbody></mujoco>"""
 

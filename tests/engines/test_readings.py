@@ -128,6 +128,17 @@ def test_a_long_axis_is_made_a_unit_vector_by_one(name: str, share: float, tmp_p
     assert twice / once == pytest.approx(share, rel=0.01)
 
 
+def test_a_long_axis_is_made_a_unit_vector_where_it_is_asked_for(tmp_path: Path) -> None:
+    path, turned = tmp_path / "long.urdf", []
+    for axis, unit in (("0 2 0", True), ("0 1 0", False)):
+        path.write_text(urdf(body=BELOW, axis=axis))
+        settings = {"step": H, "gravity": [0, 0, -9.81], "unit_axes": unit}
+        model = engines()["pybullet"].load(ModelSpec(path, settings=settings))
+        assert not model.remedies
+        turned.append(moved(model, 0.5, 0.0, 0.01)[1])
+    assert turned[0] == turned[1]
+
+
 def test_a_link_without_inertia_is_refused_by_one_and_a_kilogram_in_the_other(
     tmp_path: Path,
 ) -> None:

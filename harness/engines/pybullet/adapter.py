@@ -24,6 +24,7 @@ from harness.engines.protocol import (
     held_joints,
     within,
 )
+from harness.engines.pybullet.axes import UNIT, length_cause, long_axes
 from harness.engines.pybullet.ball import Ball
 from harness.engines.pybullet.base import Base
 from harness.engines.pybullet.inertias import (
@@ -158,6 +159,7 @@ class PybulletModel(Model):
         # Those of collision shapes are not the file's at all.
         own = self._setting("inertia_from_file")
         self._lost = lost_inertias(robot, held_inertias(self._body)) if own else {}
+        self._long = {} if self._setting("unit_axes") else long_axes(robot)
         self._bare = bare_links(robot) if self._setting("bare_links") else []
         self._joints, self._joint_names, balls = self._moving_joints()
         floats = self._setting("floating")
@@ -202,6 +204,8 @@ class PybulletModel(Model):
         }
         if self._bare:
             found[bare_cause(self._bare, "PyBullet")] = BARE
+        if self._long:
+            found[length_cause(self._long)] = UNIT
         return {**found, axes_cause(self._lost): EXACT} if self._lost else found
 
     def _left_on(self) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from harness.engines.bare import weightless
 from harness.engines.protocol import ModelSpec, held_joints
+from harness.engines.pybullet.axes import unit_axes
 from harness.engines.pybullet.inertias import exact_axes
 from harness.engines.urdf_copy import (
     Change,
@@ -31,6 +32,8 @@ DEFAULTS: Mapping[str, float | bool] = {
     # Whether tensors with products are turned to principal axes by the adapter, to the last digits,
     # and not by PyBullet.
     "exact_axes": False,
+    # Whether joints' axes are made unit vectors, which PyBullet does not.
+    "unit_axes": False,
     # Whether a link without an inertial has 1 kg and 1 kg m^2, as PyBullet has it, or nothing.
     "bare_links": True,
     # Whether contacts and joint limits are left out.
@@ -42,6 +45,7 @@ DEFAULTS: Mapping[str, float | bool] = {
 
 REWRITTEN: tuple[tuple[str, bool, Change], ...] = (
     ("exact_axes", True, exact_axes),
+    ("unit_axes", True, unit_axes),
     ("bare_links", False, weightless),
     ("smooth", True, without_shapes),
     ("smooth", True, without_limits),
