@@ -22,6 +22,7 @@ from harness.cases.case import load
 from harness.cases.verdict import Verdict, component_scale, judge
 from harness.diagnosis.samples import engine_ends, reference_ends, sample_segments
 from harness.engines.protocol import Array, Model
+from harness.engines.registry import engines
 from harness.files.bindings import at_constants, with_constants
 from harness.files.folders import system_folders
 from harness.files.model_files import model_files
@@ -63,13 +64,14 @@ class Judged:
 
 
 def pairings() -> list[Pairing]:
-    """(folder, sidecar, engine) of every built-in model in every engine."""
+    """(folder, sidecar, engine) of every built-in model in every standing engine."""
     return [
         (folder, found, engine)
         for folder in system_folders([])
         for found in model_files(folder)
         if isinstance(found, Sidecar)
         for engine in found.engines
+        if not engines()[engine].extra
     ]
 
 

@@ -258,10 +258,11 @@ def climb(
     assert scale is not None
     worst = largest(limit.uncertainty / scale)
     if resolution is not None and worst > resolution and o.origin is None:
-        # Where rounding is in the way, other weights of the same rungs amplify it less. Where some
-        # motions are not smooth, what is in the way is something else.
+        # Where rounding is in the way, other weights of the same rungs amplify it less. Where they
+        # don't help either, what is in the way is something else: a motion that is not smooth.
         other = judged(least=True)
-        if np.isfinite(other.uncertainty).all() and largest(other.uncertainty / scale) < worst:
+        finite = np.isfinite(other.uncertainty).all()
+        if finite and largest(other.uncertainty / scale) <= resolution:
             limit = other
     limit.uncertainty[~alive] = np.inf
     used = rungs[: len(raw)]

@@ -37,7 +37,7 @@ def test_all_six_systems_run_in_all_four_pairings() -> None:
         for folder in FOLDERS
         for sidecar in sidecars(folder)
         for engine in sidecar.engines
-        if folder.name in SIX
+        if folder.name in SIX and not engines()[engine].extra
     }
     assert seen == {(name, *pairing) for name, pairing in itertools.product(SIX, pairings)}
 

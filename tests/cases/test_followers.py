@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.cases.robot import prepare_robot, run_robot
-from harness.engines.registry import readers
+from harness.engines.registry import readers, standing
 from harness.records.outcome import Outcome
 
 INERTIA = '<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/>'
@@ -41,7 +41,7 @@ MJCF = """<mujoco><option integrator="{}"/><worldbody><body><joint name="j1" axi
 <connect body1="s" anchor="0 0 0"/></equality></mujoco>"""
 
 
-@pytest.mark.parametrize("engine", [e.name for e in readers(".urdf") if e.version() is not None])
+@pytest.mark.parametrize("engine", [e.name for e in standing(".urdf") if e.version() is not None])
 def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF)
@@ -55,7 +55,7 @@ def test_mimics_are_held_and_agree(tmp_path: Path, engine: str) -> None:
         assert run_robot(task).outcome is Outcome.DIFFERS, new
 
 
-@pytest.mark.parametrize("engine", [e.name for e in readers(".urdf") if e.version() is not None])
+@pytest.mark.parametrize("engine", [e.name for e in standing(".urdf") if e.version() is not None])
 def test_a_mimic_that_an_engine_lost_differs(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "g.urdf"
     file.write_text(URDF)
@@ -77,7 +77,7 @@ def test_what_no_gear_holds_is_free_and_told(tmp_path: Path, other: str) -> None
     prepared = prepare_robot(file)
     assert prepared.names == ("j1", "j2", "j4")
     assert "mimic that no gear holds: the joint is free" in prepared.left_out
-    for engine in readers(".urdf"):
+    for engine in standing(".urdf"):
         if engine.version() is not None:
             assert run_robot(prepared.task(engine.name, 1e-9)).outcome is Outcome.AGREES
 

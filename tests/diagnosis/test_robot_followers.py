@@ -9,7 +9,7 @@ import pytest
 
 from harness.cases.robot import prepare_robot, run_robot
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
-from harness.engines.registry import readers
+from harness.engines.registry import standing
 from harness.records.outcome import Outcome
 from harness.robots.copies import copied
 from harness.robots.named import robot_numbers
@@ -83,7 +83,7 @@ def test_a_wrong_number_of_an_equality_is_named(
 
 
 @pytest.mark.parametrize("share", [1e-6, 1e-2])
-@pytest.mark.parametrize("engine", [one.name for one in readers(".urdf") if one.version()])
+@pytest.mark.parametrize("engine", [one.name for one in standing(".urdf") if one.version()])
 def test_a_wrong_multiplier_of_a_mimic_is_named(tmp_path: Path, engine: str, share: float) -> None:
     file = tmp_path / "r.urdf"
     file.write_text(URDF)

@@ -16,6 +16,7 @@ from tests.faults.known_folder import (
     uncertainty,
     variant,
 )
+from tests.standing import standing_only
 
 Ran = dict[tuple[str, str, str], list[Case]]
 """Cases by system, file and name of the variant."""
@@ -135,6 +136,8 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
             folder = folders["far", system] if far else folders[system]
             variant(folder, system, source, f"{source.split('.')[0]}-{name}", *changes)
     used = [f for f in folders.values() if any(f.glob("*.toml"))]
+    for folder in used:
+        standing_only(folder)
     results = run_folders(*used, out=place / "results.json", limit=60.0)
     found: Ran = {}
     for case in results.cases:
