@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.engines.protocol import Engine
+from harness.engines.registry import installs
 from harness.files.sidecar import Sidecar
 from harness.records.case import Case, CaseId
 from harness.records.outcome import Outcome
@@ -40,7 +41,7 @@ def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle |
 def absent(engine: Engine) -> Hurdle | None:
     """That an engine is not installed; None where it is."""
     if engine.version() is None:
-        way = f"; pip install 'physics-crosscheck[{engine.extra}]'" if engine.extra else ""
+        way = f"; {installs(engine)}" if engine.extra else ""
         return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed{way}")
     return None
 

@@ -265,8 +265,7 @@ def run_robot(task: RobotTask) -> Case:
             raise
         return _refused(task, Failure(str(error), ""))
     stepping = _stepping(task, way)  # as the file itself has the engine step
-    if verdict.outcome is Outcome.UNRESOLVED:
-        way, verdict = _otherwise(task, way, verdict)
+    way, verdict = _otherwise(task, way, verdict)
     return Case(
         system=task.robot,
         model=task.file.name,
@@ -287,10 +286,7 @@ def judge_robot(task: RobotTask) -> Verdict:
     Raises:
         EngineError, BlownUpError: where the engine doesn't run it.
     """
-    way, verdict = _judged(task)
-    if verdict.outcome is Outcome.UNRESOLVED:
-        return _otherwise(task, way, verdict)[1]
-    return verdict
+    return _otherwise(task, *_judged(task))[1]
 
 
 def _refused(task: RobotTask, failure: Failure) -> Case:
@@ -318,7 +314,12 @@ def _judged(task: RobotTask) -> tuple[Followed, Verdict]:
 
 
 def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Followed, Verdict]:
-    """The same in another way to step the model, where that resolves it; its reason tells both."""
+    """The same in another way to step the model, where that alone resolves it.
+
+    Its reason tells both ways.
+    """
+    if verdict.outcome is not Outcome.UNRESOLVED:
+        return way, verdict
     for name, settings in way.model.integrators.items():
         other, found = _judged(replace(task, settings={**task.settings, **settings}))
         if found.outcome is not Outcome.UNRESOLVED:

@@ -62,6 +62,12 @@ def product(one: Array, other: Array) -> Array:
     return np.concatenate([[w * v - x @ y], w * y + v * x + np.cross(x, y)])
 
 
+def exponential(turned: Array) -> Array:
+    """The quaternion of a rotation by so much about an axis, which `turned` (3,) is along, rad."""
+    angle = np.linalg.norm(turned)
+    return np.concatenate([[np.cos(angle / 2)], np.sinc(angle / 2 / np.pi) / 2 * turned])
+
+
 def matrix(q: Array) -> Array:
     """The rotation of a quaternion of any length, (3, 3)."""
     w, x = q[0], q[1:]

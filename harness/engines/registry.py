@@ -38,10 +38,14 @@ def engines() -> dict[str, Engine]:
     return known
 
 
+def installs(engine: Engine) -> str:
+    """The command that installs an engine."""
+    return f"pip install 'physics-crosscheck[{engine.extra or 'engines'}]'"
+
+
 def missing(engine: Engine) -> str:
     """What installs an engine that is not there."""
-    extra = engine.extra or "engines"
-    return f"{engine.name}: not installed; pip install 'physics-crosscheck[{extra}]'"
+    return f"{engine.name}: not installed; {installs(engine)}"
 
 
 def absent_extras() -> dict[str, str]:

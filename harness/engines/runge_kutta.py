@@ -14,6 +14,7 @@ import numpy as np
 from harness.engines.attitude import (
     angular_velocity,
     coordinates,
+    exponential,
     product,
     quaternion,
     rate,
@@ -49,10 +50,7 @@ class RungeKutta(Stepper):
 
     def position(self) -> Array:
         """Its coordinates; of a rotation's two, those that go on from the start."""
-        if not self._floats:
-            return self._x
-        x = self._x
-        return np.concatenate([x[:3], coordinates(x[3:7], x[3:7]), x[7:]])
+        return place(self._x) if self._floats else self._x
 
     def state(self) -> tuple[Array, Array]:
         """Positions and velocities."""
@@ -83,6 +81,11 @@ def to_state(q: Array, v: Array) -> tuple[Array, Array]:
     return x, np.concatenate([v[:3], angular_velocity(q[3:6], v[3:6]), v[6:]])
 
 
+def place(x: Array) -> Array:
+    """Coordinates of positions x: of a rotation's two those nearer to its quaternion."""
+    return np.concatenate([x[:3], coordinates(x[3:7], x[3:7]), x[7:]])
+
+
 def rates(z: Array, m: Array) -> Array:
     """Of coordinates z, by velocities m."""
     return np.concatenate([m[:3], rate(z[3:6], m[3:6]), m[6:]])
@@ -90,9 +93,8 @@ def rates(z: Array, m: Array) -> Array:
 
 def advanced(x: Array, moved: Array) -> Array:
     """Positions after a move: the root turns on about one of its axes."""
-    angle = np.linalg.norm(moved[3:6])
-    turn = np.concatenate([[np.cos(angle / 2)], np.sinc(angle / 2 / np.pi) / 2 * moved[3:6]])
-    return np.concatenate([x[:3] + moved[:3], product(x[3:7], turn), x[7:] + moved[6:]])
+    turned = product(x[3:7], exponential(moved[3:6]))
+    return np.concatenate([x[:3] + moved[:3], turned, x[7:] + moved[6:]])
 
 
 def unturned(moved: Array, m: Array) -> Array:

@@ -6,7 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.attitude import angular_velocity, coordinates, matrix, quaternion, rate
+from harness.engines.attitude import (
+    angular_velocity,
+    coordinates,
+    exponential,
+    matrix,
+    quaternion,
+    rate,
+)
 from harness.engines.one_by_one import Stepper
 from harness.engines.protocol import Array
 from harness.engines.springs import SpringForces
@@ -42,7 +49,7 @@ class WorldSteps(Stepper):
         q: Array = self._body.getPositions()
         if not self._floats:
             return q
-        turn = _quaternion(q[:3])
+        turn = exponential(q[:3])
         turned = coordinates(turn, self._near)
         self._near = quaternion(turned)
         return np.concatenate([q[3:FREE], turned, q[FREE:]])
@@ -66,7 +73,7 @@ class WorldSteps(Stepper):
         q, v = self._body.getPositions(), self._body.getVelocities()
         pushes = np.zeros(len(v)) if force is None else force.copy()
         if self._floats and force is not None:
-            turn = matrix(_quaternion(q[:3]))
+            turn = matrix(exponential(q[:3]))
             pushes[:FREE] = np.concatenate([turn @ force[3:FREE], force[:3]])
         if not self._springs.empty:
             pushes[free:] += self._springs.at(q[free:], v[free:])
@@ -77,8 +84,3 @@ def _rotation_vector(turn: Array) -> Array:
     size = np.linalg.norm(turn[1:])
     angle = 2 * np.arctan2(size, turn[0])
     return turn[1:] * (angle / size if size else 2.0)
-
-
-def _quaternion(vector: Array) -> Array:
-    angle = np.linalg.norm(vector)
-    return np.concatenate([[np.cos(angle / 2)], np.sinc(angle / 2 / np.pi) / 2 * vector])

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.attitude import coordinates, matrix, rate
+from harness.engines.attitude import matrix
 from harness.engines.one_by_one import Stepper
 from harness.engines.protocol import Array
-from harness.engines.runge_kutta import to_state
+from harness.engines.runge_kutta import place, rates, to_state
 from harness.engines.springs import SpringForces
 from harness.engines.urdf_engine import FREE
 
@@ -139,9 +139,8 @@ class DiscreteSteps(Stepper):
             m = np.full_like(m, np.nan)
         if not self._floats:
             return x, m
-        turned = coordinates(x[3:7], x[3:7])
-        z = np.concatenate([x[:3], turned, x[7:]])
-        return z, np.concatenate([m[:3], rate(turned, m[3:FREE]), m[FREE:]])
+        z = place(x)
+        return z, rates(z, m)
 
     def step(self, h: float, force: Array | None) -> None:
         """By an update of the plant."""

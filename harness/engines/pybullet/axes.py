@@ -12,12 +12,10 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from harness.engines.source import finite_numbers
+from harness.engines.urdf import ROUNDED
 
 UNIT: Mapping[str, object] = {"unit_axes": True}
 """The adapter's setting that loads the file with axes of unit length."""
-
-ROUNDING = 1e-15
-"""Of a length: what the decimal digits of a unit vector leave."""
 
 MOVING = ("revolute", "continuous", "prismatic")
 
@@ -30,7 +28,7 @@ def _long(robot: ET.Element) -> Iterator[tuple[ET.Element, ET.Element, list[floa
             continue
         numbers = finite_numbers(axis.get("xyz", "")) or []
         length = float(np.linalg.norm(numbers))
-        if len(numbers) == 3 and length > 0 and abs(length - 1) > ROUNDING:
+        if len(numbers) == 3 and length > 0 and abs(length - 1) > ROUNDED:
             yield joint, axis, numbers, length
 
 

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from harness.engines.attitude import matrix
 from harness.engines.protocol import Array
+from harness.engines.pybullet.base import real_first
 
 BASE = -1
 """PyBullet's index of the link that all others hang on."""
@@ -51,17 +53,5 @@ def _pose(body: int, link: int, centre: bool) -> tuple[Array, Array]:
     else:
         state = p.getLinkState(body, link, computeForwardKinematics=1)
     middle, inward = np.array(state[0]), np.array(state[2])
-    turn = _matrix(np.array(state[1])) @ _matrix(np.array(state[3])).T
+    turn = matrix(real_first(state[1])) @ matrix(real_first(state[3])).T
     return middle if centre else middle - turn @ inward, turn
-
-
-def _matrix(quaternion: Array) -> Array:
-    """Of a quaternion (x, y, z, w)."""
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
