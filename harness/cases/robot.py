@@ -58,7 +58,7 @@ class PreparedRobot:
         file: the model file.
         names: of its coordinates.
         followers: what follows them.
-        tree: whose equations they are.
+        system: its tree as a system, whose equations they are.
         samples: states, and where the equations take them.
         record: what is written of it.
         settings: with which engines run it.
@@ -69,7 +69,7 @@ class PreparedRobot:
     file: Path
     names: tuple[str, ...]
     followers: Followers
-    tree: Tree
+    system: TreeSystem
     samples: Samples
     record: System
     settings: Mapping[str, object]
@@ -92,7 +92,7 @@ class PreparedRobot:
             engine=engine,
             names=self.names,
             followers=self.followers,
-            tree=self.tree,
+            tree=self.system.tree,
             samples=self.samples,
             settings={**own, **self.settings},
             resolution=resolution,
@@ -120,7 +120,7 @@ def prepare_robot(file: Path, *, floating: bool = False) -> PreparedRobot:
         file=file,
         names=tuple(c.name for c in system.coordinates),
         followers=Followers.of(system.tree),
-        tree=system.tree,
+        system=system,
         samples=drawn,
         record=tree_record(
             str(robot.file),

@@ -209,6 +209,7 @@ class Engine(ABC):
         formats: endings of the files it reads, such as ".urdf".
         extra: by which extra of this package its engine is installed, and not by that of the
             standing ones; where it isn't there, sidecars that name it run without it.
+        distribution: what a package index calls the engine itself, where that is not its name.
         written_like: for a format of its own, the ending of one that it is written like: ".xml",
             ".py" or ".toml". Its numbers have addresses then, for bindings and for causes.
         capabilities: what it can do, one short phrase each, for `crosscheck engines`.
@@ -233,6 +234,7 @@ class Engine(ABC):
     title: str
     formats: tuple[str, ...]
     extra: str = ""
+    distribution: str = ""
     written_like: Mapping[str, str] = MappingProxyType({})
     capabilities: tuple[str, ...] = ()
     preferred: tuple[str, ...] = ()

@@ -46,7 +46,6 @@ class UrdfEngine(Engine):
 
     Attributes:
         package: what is imported.
-        distribution: what is installed.
         defaults: of its settings.
         words: which of those that are words may be.
     """
@@ -56,7 +55,6 @@ class UrdfEngine(Engine):
     switches = frozenset({"smooth", "couplings", "held"})
     idle = IDLE
     package: str
-    distribution: str
     defaults: Mapping[str, float | bool | str]
     words: Mapping[str, Sequence[str]] = MappingProxyType({})
 
