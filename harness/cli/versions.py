@@ -55,7 +55,7 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--diagnose",
         action="store_true",
-        help="name the cause where a model differs; takes a while",
+        help="name the cause where a model differs, in each version's report; takes a while",
     )
     command.add_argument(
         "--floating",

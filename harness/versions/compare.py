@@ -211,6 +211,8 @@ def _compared(bare: VersionCase, was: Case, now: Case, both: _Both) -> VersionCa
     if said := _next_state(was, now):
         kinds.append("next state")
         messages.append(said)
+    if "verdict" in kinds or "step cost" in kinds:
+        messages += _reasons(was, now, both)
     here = found.again.on_accepted
     distance = None if here is None else apart(found.then, found.measured.snapshot, here)
     return replace(
@@ -254,6 +256,14 @@ def _kinds(bare: VersionCase, found: _Found) -> Iterator[CaseChange]:
     if told or found.difference.status not in (Status.CHANGED, Status.IMPROVED):
         return
     yield "step cost" if "numbers" in found.difference.kinds else "discrepancy"
+
+
+def _reasons(was: Case, now: Case, both: _Both) -> Iterator[str]:
+    """What each version's verdict says for itself, where they say different things."""
+    if was.reason != now.reason:
+        for case, version in ((was, both.before.version), (now, both.after.version)):
+            if case.reason:
+                yield f"under {version}: {case.reason}"
 
 
 def _next_state(was: Case, now: Case) -> str:

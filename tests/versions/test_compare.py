@@ -94,6 +94,11 @@ def test_what_the_step_costs_is_told_with_both_errors() -> None:
     assert one.messages == ("global error 0.5 % -> 1 %",)
 
 
+def test_what_each_verdict_says_for_itself_is_told_where_it_changes() -> None:
+    before = run("1.0", case(reason="stepped by Euler", global_error=0.01))
+    assert only(between(before, V1)).messages[-1] == "under 1.0: stepped by Euler"
+
+
 def test_the_very_next_state_is_told_where_its_outcome_is_another() -> None:
     before = run("1.0", case(stepping=stepping(Outcome.AGREES)))
     after = run("2.0", case(stepping=stepping(Outcome.DIFFERS)))
