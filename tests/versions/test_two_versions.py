@@ -1,12 +1,14 @@
 """Two versions for real: environments by `venv` and `pip`, a process each, what changes.
 
 The toy engine of docs/engines.md is the engine, as wheels in a folder: no package index is asked.
+This package is installed, as a user has it; `test_mujoco_versions.py` runs from the checkout.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -54,7 +56,7 @@ class Home:
 
     def versions(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
         """Run the command in it."""
-        clean = {k: v for k, v in os.environ.items() if not k.startswith("PIP_")}
+        clean = {k: v for k, v in os.environ.items() if not k.startswith(("PIP_", "PYTHON"))}
         return subprocess.run(
             [interpreter(self.place / "home"), "-m", "physics_crosscheck", "versions", *words],
             cwd=self.place,
@@ -64,7 +66,6 @@ class Home:
             check=False,
             env={
                 **clean,
-                "PYTHONPATH": str(ROOT),
                 "PIP_NO_INDEX": "1",
                 "PIP_FIND_LINKS": str(self.place / "wheels"),
                 "XDG_CACHE_HOME": str(self.place / "cache"),
@@ -81,6 +82,9 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
     (site,) = (place / "home").rglob("site-packages")
     lines = [f"import site; site.addsitedir({folder!r})" for folder in site_folders()]
     (site / "dependencies.pth").write_text("\n".join(lines) + "\n")
+    for name in ("harness", "reference", "physics_crosscheck"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, site / name, ignore=ignored)
     for name, text in files("1.0", engine("1.0")).items():
         (site / name).parent.mkdir(exist_ok=True)
         (site / name).write_text(text)
