@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from harness.cases.case_record import (
+    dynamics_record,
     full_run_record,
     linearization_record,
     series_record,
     stepping_record,
     verdict_record,
 )
+from harness.cases.dynamics import with_dynamics
 from harness.cases.prepare import Equilibrium, Prepared
 from harness.cases.verdict import judge, with_residual
 from harness.cases.witness import with_full_runs
@@ -23,6 +25,7 @@ from harness.engines.registry import engines
 from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
+from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
 from harness.numerics.full_run import why_no_run
 from harness.numerics.linearization import LARGEST, linearize_engine
 from harness.numerics.segments import Batch, BlownUpError, extrapolate, over
@@ -153,6 +156,8 @@ def run_case(task: CaseTask) -> Case:
     if found.residual is not None:
         own = tuple(model.coordinates)
         verdict = with_residual(verdict, found.residual, motion, own, task.resolution)
+    dynamics = _dynamics(task, model, coordinates)
+    verdict = with_dynamics(verdict, dynamics, tuple(model.coordinates), task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
     study = study_step(
         model,
@@ -185,6 +190,7 @@ def run_case(task: CaseTask) -> Case:
             components=task.components,
         ),
         stepping=_stepping(task, model, coordinates),
+        forward_dynamics=dynamics_record(dynamics, tuple(model.coordinates)),
         seconds=time.perf_counter() - began,
     )
 
@@ -193,13 +199,22 @@ def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepp
     """The engine's very next state, at states spread over the motion."""
     if task.stepped is None:
         return None
-    motion = task.motion
-    rows = np.unique(np.linspace(0, len(motion.t) - 1, STEPPED).astype(np.intp))
-    inputs = over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
-    found = step_engine(
-        model, coordinates, task.stepped, motion.start[rows], inputs, task.resolution
-    )
+    found = step_engine(model, coordinates, task.stepped, *_passed(task.motion), task.resolution)
     return None if found is None else stepping_record(found, task.components)
+
+
+def _dynamics(task: CaseTask, model: Model, coordinates: CoordinateMap) -> ForwardDynamics | None:
+    """The engine's accelerations, at those states and at others of their positions."""
+    if task.stepped is None:
+        return None
+    states, inputs = mixed(*_passed(task.motion))
+    return forward_dynamics(model, coordinates, task.stepped, states, inputs, task.resolution)
+
+
+def _passed(motion: Motion) -> tuple[Array, Array]:
+    """States spread over a motion, (B, 2n), and its inputs there, (B, m)."""
+    rows = np.unique(np.linspace(0, len(motion.t) - 1, STEPPED).astype(np.intp))
+    return motion.start[rows], over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
 
 
 def _told(reason: str, sidecar: Sidecar, model: Model) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from harness.cases.dynamics import component
 from harness.cases.verdict import Verdict as Judgement
+from harness.numerics.forward_dynamics import ForwardDynamics as FoundDynamics
 from harness.numerics.linearization import EngineLinearization as Found
 from harness.numerics.segments import Extrapolated
 from harness.numerics.step_study import TARGETS, StepStudy
@@ -15,6 +17,8 @@ from harness.records.case import (
     Convergence,
     EnergySeries,
     ErrorDecomposition,
+    ForceTerm,
+    ForwardDynamics,
     FullRun,
     Series,
     StepErrors,
@@ -64,6 +68,23 @@ def stepping_record(found: FoundStepping, components: tuple[str, ...]) -> Steppi
         component=components[judged.component],
         digits=number(found.digits),
         digits_later=number(found.later),
+    )
+
+
+def dynamics_record(found: FoundDynamics | None, names: tuple[str, ...]) -> ForwardDynamics | None:
+    """What accelerations say; names are those of the engine's coordinates."""
+    if found is None:
+        return None
+    judged = found.judgement
+    return ForwardDynamics(
+        outcome=judged.outcome,
+        discrepancy=number(judged.discrepancy),
+        uncertainty=number(judged.uncertainty),
+        component=component(names, judged.component),
+        states=found.states,
+        terms=tuple(
+            ForceTerm(name=name, discrepancy=number(size)) for name, size in found.terms.items()
+        ),
     )
 
 

@@ -16,6 +16,7 @@ from harness.records.outcome import Outcome
 from harness.records.results import BaselineChanges, Results
 from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 from harness.text.coverage import coverage_lines
+from harness.text.dynamics import dynamics_lines
 from harness.text.findings import audit_lines
 from harness.text.markup import escape
 from harness.text.stepping import stepping_lines
@@ -195,8 +196,9 @@ def _print_linear(console: Console, models: Iterable[Model]) -> None:
 
 
 def _print_stepping(console: Console, cases: Iterable[Case]) -> None:
-    """The engines' next states: how near they are to their rule's, and which are not."""
-    lines = stepping_lines(cases)
+    """Accelerations, and next states: how near they are to the equations', and which are not."""
+    cases = list(cases)
+    lines = [*dynamics_lines(cases), *stepping_lines(cases)]
     if lines:
         console.print()
     for line in lines:

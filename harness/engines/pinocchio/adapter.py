@@ -94,6 +94,7 @@ class PinocchioModel(UrdfModel):
         mimics = self.declared.mimics if self.settings["hold_mimics"] else ()
         self._along = leading(mimics, self.coordinates, spec.path) if mimics else None
         self.stepper = RungeKutta(self._accelerations, self.floats)
+        self.forward = self._accelerations
         z = np.zeros(len(self.coordinates))
         x, m = to_state(z, z) if self.floats else (z, z)
         if not np.isfinite(self._accelerations(x, m, z)).all():
