@@ -25,9 +25,10 @@ from harness.engines.registry import engines
 from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
+from harness.numerics.discrete import LARGEST, linearize_step
 from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
 from harness.numerics.full_run import why_no_run
-from harness.numerics.linearization import LARGEST, linearize_engine
+from harness.numerics.linearization import linearize_engine
 from harness.numerics.segments import Batch, BlownUpError, extrapolate, over
 from harness.numerics.step_study import study_step
 from harness.numerics.stepping import step_engine
@@ -87,6 +88,7 @@ class LinearizationTask:
     equilibria: tuple[Equilibrium, ...]
     amplitude: Array
     push: Array
+    stepped: SteppedEquations | None
     resolution: float
 
 
@@ -121,6 +123,7 @@ def linearization_task(
         equilibria=prepared.equilibria,
         amplitude=prepared.amplitude,
         push=prepared.push,
+        stepped=prepared.stepped,
         resolution=resolution,
     )
 
@@ -240,18 +243,34 @@ def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ..
     model, coordinates = load(task.system, task.sidecar, task.engine)
     moved = 2 * LARGEST * np.minimum(task.amplitude[: coordinates.back.size], 1.0)
     return tuple(
-        linearization_record(
-            linearize_engine(
-                model,
-                coordinates,
-                equilibrium=e.name,
-                position=e.position,
-                taylor=e.matrices,
-                amplitude=task.amplitude,
-                push=task.push,
-                resolution=task.resolution,
-            )
-        )
+        _linearization(task, model, coordinates, e)
         for e in task.equilibria
         if not stopped(model, coordinates, e.position, moved)
     )
+
+
+def _linearization(
+    task: LinearizationTask, model: Model, coordinates: CoordinateMap, about: Equilibrium
+) -> EngineLinearization:
+    """As the step goes to zero, and of one step as it is shipped."""
+    one_step = linearize_step(
+        model,
+        coordinates,
+        task.stepped,
+        position=about.position,
+        taylor=about.matrices,
+        amplitude=task.amplitude,
+        push=task.push,
+        resolution=task.resolution,
+    )
+    found = linearize_engine(
+        model,
+        coordinates,
+        equilibrium=about.name,
+        position=about.position,
+        taylor=about.matrices,
+        amplitude=task.amplitude,
+        push=task.push,
+        resolution=task.resolution,
+    )
+    return linearization_record(found, one_step)
