@@ -75,6 +75,15 @@ class WorldSteps(Stepper):
             self._body.setForces(self._pushes(force))
         self._world.step()
 
+    def coast(self, h: float, n: int) -> None:
+        """Its world alone, where no spring has to be asked."""
+        if not self._springs.empty:
+            super().coast(h, n)
+            return
+        step = self._world.step
+        for _ in range(n):
+            step()
+
     def accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Of positions, velocities and forces, as `RungeKutta` has them."""
         q, v = x, m
