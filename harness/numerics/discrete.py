@@ -1,10 +1,10 @@
 """One step of an engine, linearized about an equilibrium: A and B of x' = A x + B u, from it to it.
 
 That is what a controller in discrete time is designed on, and what engines that difference their
-own step tell. Beside them stand those of the same rule on the equations (`harness.numerics.stepping`),
-differenced alike, so that what differences leave drops out; and how far a state grows in a step at
-most, the spectral radius, with that of the exact motion: a step at which it is above 1 where the
-motion dies out has no equilibrium to speak of.
+own step tell. Beside them stand those of the same rule on the equations
+(`harness.numerics.stepping`), differenced alike, so that what differences leave drops out; and how
+far a state grows in a step at most, the spectral radius, with that of the exact motion: a step at
+which it is above 1 where the motion dies out has no equilibrium to speak of.
 """
 
 from __future__ import annotations
