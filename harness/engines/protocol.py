@@ -143,6 +143,19 @@ class Model(ABC):
         they are.
         """
 
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """What it computes at B states without a step, (B, nz); None where it tells nothing.
+
+        Of slides and hinges they are second derivatives; of what turns, and of a root that floats,
+        those of its velocities: angular about its own axes, linear along the world's. Of a state
+        where a soft constraint acts, such as a contact, they are nan.
+
+        Args:
+            z, w: positions and their rates, (B, nz) each.
+            force: on the coordinates, (B, nz).
+        """
+        return None
+
     @property
     def home(self) -> Array:
         """Positions as the file draws the mechanism, (nz,)."""
