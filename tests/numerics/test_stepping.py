@@ -217,3 +217,18 @@ def test_a_case_tells_its_next_state_beside_its_limit() -> None:
 
 def _task(own: Prepared, model: Sidecar) -> CaseTask:
     return case_task(own, model, "mujoco", next(iter(own.motions)), 1e-9)
+
+
+def test_a_thousand_steps_stay_within_their_own_roundings() -> None:
+    """Of a linear oscillator, whose differences don't grow: a last digit a step at most."""
+    own = prepared("mass_spring_damper")
+    model, coordinates = load(own.system, sidecar("mass_spring_damper", "mujoco.xml"), "mujoco")
+    motion = own.motions["free"]
+    inputs = motion.inputs(motion.t)
+    assert own.stepped is not None
+    found = step_engine(model, coordinates, own.stepped, motion.start, inputs, 1e-12, long=True)
+    assert found is not None
+    assert 0 < found.long < 10_000
+    once = step_engine(model, coordinates, own.stepped, motion.start, inputs, 1e-12)
+    assert once is not None
+    assert np.isnan(once.long)
