@@ -14,7 +14,7 @@ import pytest
 from harness.cases.case import CaseTask, case_task, load, run_case
 from harness.cases.prepare import Prepared, prepare
 from harness.cases.robot import PreparedRobot, load_robot, placed, prepare_robot
-from harness.engines.protocol import Array, Force
+from harness.engines.protocol import Array, Force, StateForce
 from harness.engines.step_rule import StepRule
 from harness.files.folders import builtin
 from harness.files.model_files import model_files
@@ -212,10 +212,11 @@ class Coarse(SymplecticEuler):
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
         assert n == every
-        assert isinstance(force, np.ndarray)
+        assert not isinstance(force, StateForce)
         q, v, large = q.astype(np.float32), v.astype(np.float32), np.float32(3e4)
         for i in range(n):
-            pull = force[:, i] - self.stiffness * q - self.damping * v
+            held = 0.0 if force is None else force[:, i]
+            pull = held - self.stiffness * q - self.damping * v
             a = (pull / self.mass).astype(np.float32) + large - large
             v = v + np.float32(h) * a
             q = q + np.float32(h) * v
