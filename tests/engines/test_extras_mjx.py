@@ -41,7 +41,7 @@ def test_motions_are_mujocos_to_the_digits_that_it_has(bits: int, apart: float) 
     ends = model.rollout(q, v, 1e-3, 700, push, 350)
     for end, known in zip(ends, other.rollout(q, v, 1e-3, 700, push, 350), strict=True):
         assert np.max(np.abs(end - known)) < apart
-    assert (np.max(np.abs(ends[0][:, 1] - q)) > 0.1) is True
+    assert np.max(np.abs(ends[0][:, 1] - q)) > 0.1
     by_state = model.rollout(q, v, 1e-3, 20, StateForce(push[:, :20], lambda z, u: u), 20)
     numbers = model.rollout(q, v, 1e-3, 20, push[:, :20], 20)
     assert np.array_equal(by_state[0], numbers[0])

@@ -12,8 +12,6 @@ HOME = ROOT / "harness" / "engines"
 NAMES = re.compile(
     r"mujoco|pybullet|pymunk|pinocchio|\bdrake|\bdart|\bmjx|known_answer", re.IGNORECASE
 )
-    r"mujoco|pybullet|pymunk|pinocchio|\bdrake|\bdart|\bmjx|known_answer", re.IGNORECASE
-)
 
 
 def texts() -> list[Path]:
