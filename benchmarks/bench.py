@@ -7,6 +7,7 @@
 4. The report of it, and one of two thousand cases: size, time to draw it up, and in a headless
    Chromium until it can be used, and until a case's first plots are drawn.
 5. Two files of an arm of seven joints held against each other: processor time, and discrepancies.
+6. Each engine that is installed: microseconds a step and a state, beside a bare loop.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from msgspec.structs import replace
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.bench_engines import costs_of_engines
 from benchmarks.bench_robots import robots
 from harness.cases.case import load
 from harness.cases.prepare import prepare
@@ -376,6 +378,7 @@ def comparisons(console: Console) -> None:
 def main() -> None:
     console = Console(width=140)
     comparisons(console)
+    costs_of_engines(console)
     robots(console)
     overhead(console)
     certification(console)

@@ -57,17 +57,29 @@ from harness.schedule.workers import Failure, Limits
 
 @dataclass(frozen=True)
 class Selection:
-    """What a gate wants of a run: some models, verdicts alone, and what each case's model does.
+    """What is wanted of a run that compares: what each case's model does, and not all beside it.
 
     Attributes:
-        models: those to run.
+        models: those to run; None: all.
         snapshots: accepted ones, by case.
+        repeated: others, by folder and case: two folders may hold systems of one name.
         diagnose: whether models that differ are diagnosed.
+        described: whether linearizations are wanted, and the derivation for a report.
     """
 
-    models: frozenset[ModelKey]
+    models: frozenset[ModelKey] | None
     snapshots: Mapping[CaseId, Snapshot] = field(default_factory=dict)
+    repeated: Mapping[tuple[str, CaseId], Snapshot] = field(default_factory=dict)
     diagnose: bool = False
+    described: bool = False
+
+    def includes(self, model: ModelKey) -> bool:
+        """Whether a model is to be run."""
+        return self.models is None or model in self.models
+
+    def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
+        """The segments that a case is to repeat, if there are such."""
+        return self.repeated.get((folder, case)) or self.snapshots.get(case)
 
 
 @dataclass(frozen=True)
@@ -85,6 +97,16 @@ class Options:
     baseline: Path | None = None
     selection: Selection | None = None
     floating: bool = False
+
+    @property
+    def described(self) -> bool:
+        """Whether linearizations are wanted, and the derivation for a report."""
+        return self.selection is None or self.selection.described
+
+    @property
+    def diagnosed(self) -> bool:
+        """Whether models that differ are."""
+        return self.selection is None or self.selection.diagnose
 
 
 class Plan:
@@ -110,7 +132,7 @@ class Plan:
         # As it is before anything of it is run: what changes meanwhile is another folder's.
         if self._found.keeps:
             self._inputs |= inputs(folder, self._options.resolution, self._options.baseline)
-        preparing = partial(prepare_folder, described=self._options.selection is None)
+        preparing = partial(prepare_folder, described=self._options.described)
         unprepared = partial(self._unprepared, folder)
         return Job(task=Task(preparing, folder), done=self._models, failed=unprepared)
 
@@ -163,8 +185,7 @@ class Plan:
 
         def done(value: Case) -> Jobs:
             self._found.add(value)
-            selection = self._options.selection
-            asked = selection is None or selection.diagnose
+            asked = self._options.diagnosed
             return self._named(key, task) if asked and value.outcome is Outcome.DIFFERS else ()
 
         def failed(failure: Failure) -> Jobs:
@@ -172,11 +193,11 @@ class Plan:
 
         job = Job(task=Task(run_robot, task), done=done, failed=failed)
         yield from self._found.once(self._work("case", key, case.scenario), job)
-        if (snapshots := self._measured(case)) is not None:
+        if self._is_measured(case):
             measuring = MeasureTreeTask(
                 task=task,
                 system=prepared.system.tree_system,
-                accepted=snapshots.get(case),
+                accepted=self._snapshot(folder, case),
                 reads=prepared.reads,
             )
             yield self._measuring(folder, case, Task(measure_tree, measuring))
@@ -236,7 +257,7 @@ class Plan:
             engine
             for engine in chosen_engines(sidecar, self._options.engines)
             if selection is None
-            or (str(prepared.folder), sidecar.model.name, engine) in selection.models
+            or selection.includes((str(prepared.folder), sidecar.model.name, engine))
         ]
 
     def _model(self, prepared: Prepared, sidecar: Sidecar, engine: str) -> Iterator[Job[Any]]:
@@ -251,14 +272,14 @@ class Plan:
                 self._found.add(barred_case(task.id, task.folder, why))
             return
         key = self._begun(prepared, sidecar, engine)
-        selection = self._options.selection
-        if selection is None or selection.diagnose:
+        if self._options.diagnosed:
             self._diagnoses[key] = diagnosis_task(prepared, sidecar, engine)
         for task in tasks:
             yield from self._case(key, task)
             yield from self._measurement(prepared, task)
-        if selection is None:
+        if self._options.described:
             yield from self._linearizations(key, prepared, sidecar)
+        if self._options.selection is None:
             yield from self._coverage(key, prepared, sidecar)
         yield self._audit(key, prepared, sidecar)
 
@@ -282,16 +303,20 @@ class Plan:
 
     def _measurement(self, prepared: Prepared, task: CaseTask) -> Iterator[Job[Measurement]]:
         """What a case's model does, where a snapshot was accepted, or may be."""
-        if (snapshots := self._measured(task.id)) is not None:
-            measuring = measure_task(task, prepared, snapshots.get(task.id))
+        if self._is_measured(task.id):
+            measuring = measure_task(task, prepared, self._snapshot(task.folder, task.id))
             yield self._measuring(task.folder, task.id, Task(measure, measuring))
 
-    def _measured(self, case: CaseId) -> Mapping[CaseId, Snapshot] | None:
-        """Snapshots that were accepted, where what a case's model does is wanted; else None."""
+    def _is_measured(self, case: CaseId) -> bool:
+        """Whether what a case's model does is wanted."""
+        return self._options.selection is not None or case in self._snapshots
+
+    def _snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
+        """The one that was accepted of a case, or is to be repeated."""
         selection = self._options.selection
         if selection is None:
-            return self._snapshots if case in self._snapshots else None
-        return selection.snapshots
+            return self._snapshots.get(case)
+        return selection.snapshot(folder, case)
 
     def _measuring(
         self, folder: str, case: CaseId, task: Task[Any, Measurement]

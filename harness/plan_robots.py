@@ -10,6 +10,7 @@ from typing import Any
 
 from msgspec import structs
 
+from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 from harness.cases.not_run import absent, barred_case, failed_case
 from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
 from harness.collected import Collected, Jobs
@@ -18,6 +19,7 @@ from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers, runners
 from harness.plan import Options, text_of
+from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage
 from harness.records.finding import Diagnosis
@@ -64,11 +66,11 @@ class RobotPlan:
             tasks.append(task)
             yield Job(
                 task=Task(run_robot, task),
-                done=partial(self._run, task),
+                done=partial(self._run, prepared, task),
                 failed=partial(self._failed, case, file),
             )
 
-        if tasks:
+        if tasks and self._options.selection is None:
             yield self._coverage(tasks)
 
     def _coverage(self, tasks: Sequence[RobotTask]) -> Job[Coverage]:
@@ -86,12 +88,27 @@ class RobotPlan:
 
         return Job(task=Task(count_robot, tasks[0]), done=done, failed=failed)
 
-    def _run(self, task: RobotTask, case: Case) -> Iterator[Job[Diagnosis]]:
-        """A case is done; one that differs is diagnosed."""
+    def _run(self, prepared: PreparedRobot, task: RobotTask, case: Case) -> Iterator[Job[Any]]:
+        """A case is done; one that differs is diagnosed, and what it does measured if wanted."""
         self._found.add(case)
-        if case.outcome is not Outcome.DIFFERS:
-            return
+        selection = self._options.selection
+        if selection is not None and not case.refused:
+            accepted = selection.snapshot(task.folder, case.id)
+            yield self._measuring(prepared, task, case.id, accepted)
+        if self._options.diagnosed and case.outcome is Outcome.DIFFERS:
+            yield self._diagnosis(task, case)
 
+    def _measuring(
+        self, prepared: PreparedRobot, task: RobotTask, case: CaseId, accepted: Snapshot | None
+    ) -> Job[Measurement]:
+        def done(value: Measurement | Failure) -> Jobs:
+            self._found.measured[task.folder, case] = value
+            return ()
+
+        measuring = MeasureTreeTask(task=task, system=prepared.system, accepted=accepted, reads=())
+        return Job(task=Task(measure_tree, measuring), done=done, failed=done)
+
+    def _diagnosis(self, task: RobotTask, case: Case) -> Job[Diagnosis]:
         def done(value: Diagnosis) -> Jobs:
             self._found.amend(case.key, diagnosis=value)
             return ()
@@ -100,7 +117,7 @@ class RobotPlan:
             return done(Diagnosis(failure=failure.reason))
 
         inquiry = RobotDiagnosisTask(task=task)
-        yield Job(task=Task(diagnose_robot, inquiry), done=done, failed=failed)
+        return Job(task=Task(diagnose_robot, inquiry), done=done, failed=failed)
 
     def _done(self, case: Case) -> Jobs:
         self._found.add(case)

@@ -45,11 +45,15 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """A case as it is against what was accepted of it; see `classify.Change`."""
+    """A case as it is against what was accepted of it; see `classify.Change`.
+
+    `causes` are sentences on what else is another: the engine's version, this package's numerics.
+    """
 
     status: Status
     kinds: tuple[str, ...]
     messages: tuple[str, ...]
+    causes: tuple[str, ...]
     size: float
 
 
@@ -93,11 +97,11 @@ def compare(
     messages = [f"{now.outcome} where it was {then.outcome}"] if now.outcome != then.outcome else []
     messages += [message for part in parts for message in part.messages]
     messages += constants_moved(then.constants, now.constants)
-    messages += [sentence for cause, sentence in causes.items() if cause in ("engine", "tool")]
     return Difference(
         status=status,
         kinds=kinds,
         messages=tuple(messages),
+        causes=tuple(causes[cause] for cause in ("engine", "tool") if cause in causes),
         size=max(motion.model.size, motion.equations.size),
     )
 

@@ -109,7 +109,7 @@ def classify(
         id=id_,
         status=found.status,
         kinds=found.kinds,
-        messages=found.messages,
+        messages=(*found.messages, *found.causes),
         size=found.size,
         case=case,
         measured=measured,

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from harness.baseline.fingerprint import digests
+from harness.baseline.movement import of_equations
 from harness.baseline.snapshot import (
     PickedSegments,
     ends,
@@ -102,7 +103,7 @@ def _measured(task: MeasureTask) -> Measurement:
             uncertainty=rows(uncertainty.tolist()),
             equations=rows(_flow(task.variants, task.variants.nominal[None], segments)[0].tolist()),
         )
-        if same_motion(own, accepted):
+        if is_accepted(own, accepted, on_accepted):
             own = accepted
     if own is not accepted:
         segments = segments_of(own)
@@ -114,6 +115,15 @@ def _measured(task: MeasureTask) -> Measurement:
         constants=identify(task.variants, segments, end, uncertainty),
         on_accepted=on_accepted,
     )
+
+
+def is_accepted(own: Snapshot, accepted: Snapshot, now: OnAccepted) -> bool:
+    """Whether the accepted snapshot is still the case's own: the motion, and what equations do.
+
+    Equations that move by less than makes another motion would else be told for ever, since the
+    ends that they are held against would stay the old ones.
+    """
+    return same_motion(own, accepted) and not of_equations(accepted, now)
 
 
 def comparable(own: Snapshot, accepted: Snapshot) -> bool:

@@ -12,8 +12,8 @@ import msgspec
 import numpy as np
 
 from harness.baseline.fingerprint import digests
-from harness.baseline.measure import comparable
-from harness.baseline.snapshot import PICKED, ends, same_motion, segments_of
+from harness.baseline.measure import comparable, is_accepted
+from harness.baseline.snapshot import PICKED, ends, segments_of
 from harness.cases.robot import RobotTask, load_robot, order_of
 from harness.cases.verdict import filled
 from harness.files.reads import recorded
@@ -67,7 +67,7 @@ def _measured(task: MeasureTreeTask) -> Measurement:
             uncertainty=rows(uncertainty.tolist()),
             equations=rows(_equations(task.system, accepted).tolist()),
         )
-        if same_motion(own, accepted):
+        if is_accepted(own, accepted, on_accepted):
             own = accepted
     if own is not accepted:
         end, uncertainty = ends(model, coordinates, segments_of(own))

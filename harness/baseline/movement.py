@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from harness.records.base import Number, Numbers, Rows
@@ -60,6 +60,12 @@ def of_model(entry: AcceptedCase, snapshot: Snapshot, now: OnAccepted) -> Moveme
     return _movement(was, _Ends(now.end, now.uncertainty), snapshot)
 
 
+def apart(entry: AcceptedCase, snapshot: Snapshot, now: OnAccepted) -> Movement:
+    """How far the model's ends are from the accepted ones at most, be it within what is known."""
+    was = _Ends(entry.end, entry.end_uncertainty)
+    return _movement(was, _Ends(now.end, now.uncertainty), snapshot, beyond=False)
+
+
 def of_equations(snapshot: Snapshot, now: OnAccepted) -> Movement:
     """How far the equations moved since then."""
     nothing = (tuple(EQUATIONS * s for s in snapshot.scale),) * len(snapshot.end)
@@ -74,8 +80,11 @@ class _Ends:
     uncertainty: Rows
 
 
-def _movement(was: _Ends, now: _Ends, snapshot: Snapshot) -> Movement:
-    """The largest movement of an end that exceeds both uncertainties, relative to its scale."""
+def _movement(was: _Ends, now: _Ends, snapshot: Snapshot, *, beyond: bool = True) -> Movement:
+    """The largest movement of an end that exceeds both uncertainties, relative to its scale.
+
+    `beyond` False: the largest at all, with the largest of the uncertainties.
+    """
     worst = Movement()
     rows = zip(was.value, was.uncertainty, now.value, now.uncertainty, snapshot.t, strict=True)
     for segment, (*ends, time) in enumerate(rows):
@@ -85,13 +94,14 @@ def _movement(was: _Ends, now: _Ends, snapshot: Snapshot) -> Movement:
                 continue
             allowed = ua + ub + ROUNDING * (abs(a) + abs(b))
             size = abs(b - a) / scale
-            if abs(b - a) > allowed and size > worst.size:
-                worst = Movement(
-                    size=size,
-                    uncertainty=allowed / scale,
-                    component=component,
-                    place=starts_at(time, segment),
-                )
+            if beyond and abs(b - a) <= allowed:
+                continue
+            bound = allowed / scale if beyond else max(worst.uncertainty, allowed / scale)
+            if size > worst.size:
+                place = starts_at(time, segment)
+                worst = Movement(size=size, uncertainty=bound, component=component, place=place)
+            elif not beyond:
+                worst = replace(worst, uncertainty=bound)
     return worst
 
 

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from harness.cases.case_record import (
+    dynamics_record,
     full_run_record,
     linearization_record,
     series_record,
     stepping_record,
     verdict_record,
 )
+from harness.cases.dynamics import with_dynamics
 from harness.cases.prepare import Equilibrium, Prepared
 from harness.cases.verdict import judge, with_residual
 from harness.cases.witness import with_full_runs
@@ -23,8 +25,10 @@ from harness.engines.registry import engines
 from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
+from harness.numerics.discrete import LARGEST, linearize_step
+from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
 from harness.numerics.full_run import why_no_run
-from harness.numerics.linearization import LARGEST, linearize_engine
+from harness.numerics.linearization import linearize_engine
 from harness.numerics.segments import Batch, BlownUpError, extrapolate, over
 from harness.numerics.step_study import study_step
 from harness.numerics.stepping import step_engine
@@ -84,6 +88,7 @@ class LinearizationTask:
     equilibria: tuple[Equilibrium, ...]
     amplitude: Array
     push: Array
+    stepped: SteppedEquations | None
     resolution: float
 
 
@@ -118,6 +123,7 @@ def linearization_task(
         equilibria=prepared.equilibria,
         amplitude=prepared.amplitude,
         push=prepared.push,
+        stepped=prepared.stepped,
         resolution=resolution,
     )
 
@@ -153,6 +159,8 @@ def run_case(task: CaseTask) -> Case:
     if found.residual is not None:
         own = tuple(model.coordinates)
         verdict = with_residual(verdict, found.residual, motion, own, task.resolution)
+    dynamics = _dynamics(task, model, coordinates)
+    verdict = with_dynamics(verdict, dynamics, tuple(model.coordinates), task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)
     study = study_step(
         model,
@@ -185,6 +193,7 @@ def run_case(task: CaseTask) -> Case:
             components=task.components,
         ),
         stepping=_stepping(task, model, coordinates),
+        forward_dynamics=dynamics_record(dynamics, tuple(model.coordinates)),
         seconds=time.perf_counter() - began,
     )
 
@@ -193,13 +202,22 @@ def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepp
     """The engine's very next state, at states spread over the motion."""
     if task.stepped is None:
         return None
-    motion = task.motion
-    rows = np.unique(np.linspace(0, len(motion.t) - 1, STEPPED).astype(np.intp))
-    inputs = over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
-    found = step_engine(
-        model, coordinates, task.stepped, motion.start[rows], inputs, task.resolution
-    )
+    found = step_engine(model, coordinates, task.stepped, *_passed(task.motion), task.resolution)
     return None if found is None else stepping_record(found, task.components)
+
+
+def _dynamics(task: CaseTask, model: Model, coordinates: CoordinateMap) -> ForwardDynamics | None:
+    """The engine's accelerations, at those states and at others of their positions."""
+    if task.stepped is None:
+        return None
+    states, inputs = mixed(*_passed(task.motion))
+    return forward_dynamics(model, coordinates, task.stepped, states, inputs, task.resolution)
+
+
+def _passed(motion: Motion) -> tuple[Array, Array]:
+    """States spread over a motion, (B, 2n), and its inputs there, (B, m)."""
+    rows = np.unique(np.linspace(0, len(motion.t) - 1, STEPPED).astype(np.intp))
+    return motion.start[rows], over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
 
 
 def _told(reason: str, sidecar: Sidecar, model: Model) -> str:
@@ -225,18 +243,34 @@ def run_linearizations(task: LinearizationTask) -> tuple[EngineLinearization, ..
     model, coordinates = load(task.system, task.sidecar, task.engine)
     moved = 2 * LARGEST * np.minimum(task.amplitude[: coordinates.back.size], 1.0)
     return tuple(
-        linearization_record(
-            linearize_engine(
-                model,
-                coordinates,
-                equilibrium=e.name,
-                position=e.position,
-                taylor=e.matrices,
-                amplitude=task.amplitude,
-                push=task.push,
-                resolution=task.resolution,
-            )
-        )
+        _linearization(task, model, coordinates, e)
         for e in task.equilibria
         if not stopped(model, coordinates, e.position, moved)
     )
+
+
+def _linearization(
+    task: LinearizationTask, model: Model, coordinates: CoordinateMap, about: Equilibrium
+) -> EngineLinearization:
+    """As the step goes to zero, and of one step as it is shipped."""
+    one_step = linearize_step(
+        model,
+        coordinates,
+        task.stepped,
+        position=about.position,
+        taylor=about.matrices,
+        amplitude=task.amplitude,
+        push=task.push,
+        resolution=task.resolution,
+    )
+    found = linearize_engine(
+        model,
+        coordinates,
+        equilibrium=about.name,
+        position=about.position,
+        taylor=about.matrices,
+        amplitude=task.amplitude,
+        push=task.push,
+        resolution=task.resolution,
+    )
+    return linearization_record(found, one_step)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from harness.cases.dynamics import component
 from harness.cases.verdict import Verdict as Judgement
+from harness.numerics.discrete import DiscreteLinearization as FoundStep
+from harness.numerics.forward_dynamics import ForwardDynamics as FoundDynamics
 from harness.numerics.linearization import EngineLinearization as Found
 from harness.numerics.segments import Extrapolated
 from harness.numerics.step_study import TARGETS, StepStudy
@@ -15,6 +18,8 @@ from harness.records.case import (
     Convergence,
     EnergySeries,
     ErrorDecomposition,
+    ForceTerm,
+    ForwardDynamics,
     FullRun,
     Series,
     StepErrors,
@@ -22,7 +27,7 @@ from harness.records.case import (
     TargetStep,
     Verdict,
 )
-from harness.records.model import EngineLinearization, EnginePole
+from harness.records.model import DiscreteLinearization, EngineLinearization, EnginePole
 from reference.motion import Motion
 from reference.numeric import Array
 
@@ -64,6 +69,23 @@ def stepping_record(found: FoundStepping, components: tuple[str, ...]) -> Steppi
         component=components[judged.component],
         digits=number(found.digits),
         digits_later=number(found.later),
+    )
+
+
+def dynamics_record(found: FoundDynamics | None, names: tuple[str, ...]) -> ForwardDynamics | None:
+    """What accelerations say; names are those of the engine's coordinates."""
+    if found is None:
+        return None
+    judged = found.judgement
+    return ForwardDynamics(
+        outcome=judged.outcome,
+        discrepancy=number(judged.discrepancy),
+        uncertainty=number(judged.uncertainty),
+        component=component(names, judged.component),
+        states=found.states,
+        terms=tuple(
+            ForceTerm(name=name, discrepancy=number(size)) for name, size in found.terms.items()
+        ),
     )
 
 
@@ -166,7 +188,7 @@ def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
     )
 
 
-def linearization_record(found: Found) -> EngineLinearization:
+def linearization_record(found: Found, one_step: FoundStep | None) -> EngineLinearization:
     """An engine's linearization, beside Taylor's."""
     return EngineLinearization(
         equilibrium=found.equilibrium,
@@ -184,6 +206,20 @@ def linearization_record(found: Found) -> EngineLinearization:
         frequencies=_row(found.frequencies, 5),
         response=tuple(_rows(matrix, 5) for matrix in found.response),
         taylor_response=tuple(_rows(matrix, 5) for matrix in found.taylor_response),
+        one_step=None if one_step is None else _one_step(one_step),
+    )
+
+
+def _one_step(found: FoundStep) -> DiscreteLinearization:
+    return DiscreteLinearization(
+        step=number(found.step),
+        a=rows(found.a.tolist()),
+        b=rows(found.b.tolist()),
+        error=number(found.error),
+        bound=number(found.bound),
+        differs=found.differs,
+        radius=number(found.radius),
+        exact_radius=number(found.exact_radius),
     )
 
 

@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.cases.case_record import stepping_record, verdict_record
+from harness.cases.case_record import dynamics_record, stepping_record, verdict_record
+from harness.cases.dynamics import with_dynamics
 from harness.cases.followers import Followers
 from harness.cases.robot_record import inertia_findings, settings_of, told, tree_record
 from harness.cases.verdict import Verdict, filled, judge, with_residual
 from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
 from harness.engines.registry import engines
 from harness.numerics.coordinates import CoordinateMap, identity
+from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
 from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate, held
 from harness.numerics.stepping import step_engine
 from harness.records.case import Case, Stepping
@@ -58,7 +60,7 @@ class PreparedRobot:
         file: the model file.
         names: of its coordinates.
         followers: what follows them.
-        tree: whose equations they are.
+        system: its tree as a system, whose equations they are.
         samples: states, and where the equations take them.
         record: what is written of it.
         settings: with which engines run it.
@@ -69,7 +71,7 @@ class PreparedRobot:
     file: Path
     names: tuple[str, ...]
     followers: Followers
-    tree: Tree
+    system: TreeSystem
     samples: Samples
     record: System
     settings: Mapping[str, object]
@@ -92,7 +94,7 @@ class PreparedRobot:
             engine=engine,
             names=self.names,
             followers=self.followers,
-            tree=self.tree,
+            tree=self.system.tree,
             samples=self.samples,
             settings={**own, **self.settings},
             resolution=resolution,
@@ -120,7 +122,7 @@ def prepare_robot(file: Path, *, floating: bool = False) -> PreparedRobot:
         file=file,
         names=tuple(c.name for c in system.coordinates),
         followers=Followers.of(system.tree),
-        tree=system.tree,
+        system=system,
         samples=drawn,
         record=tree_record(
             str(robot.file),
@@ -259,13 +261,15 @@ def run_robot(task: RobotTask) -> Case:
     """
     began = time.perf_counter()
     try:
-        way, verdict = _judged(task)
+        way, verdict, dynamics = _judged(task)
     except RefusedError as error:
         if task.folder != str(task.file):
             raise
         return _refused(task, Failure(str(error), ""))
     stepping = _stepping(task, way)  # as the file itself has the engine step
+    names = tuple(way.model.coordinates)
     way, verdict = _otherwise(task, way, verdict)
+    verdict = with_dynamics(verdict, dynamics, names, task.resolution)
     return Case(
         system=task.robot,
         model=task.file.name,
@@ -276,6 +280,7 @@ def run_robot(task: RobotTask) -> Case:
         reason=verdict.reason,
         verdict=verdict_record(verdict, way.found, way.model.exponents(False)[0]),
         stepping=stepping,
+        forward_dynamics=dynamics_record(dynamics, names),
         seconds=time.perf_counter() - began,
     )
 
@@ -286,7 +291,9 @@ def judge_robot(task: RobotTask) -> Verdict:
     Raises:
         EngineError, BlownUpError: where the engine doesn't run it.
     """
-    return _otherwise(task, *_judged(task))[1]
+    way, verdict, dynamics = _judged(task)
+    names = tuple(way.model.coordinates)
+    return with_dynamics(_otherwise(task, way, verdict)[1], dynamics, names, task.resolution)
 
 
 def _refused(task: RobotTask, failure: Failure) -> Case:
@@ -302,15 +309,15 @@ def _refused(task: RobotTask, failure: Failure) -> Case:
     )
 
 
-def _judged(task: RobotTask) -> tuple[Followed, Verdict]:
-    """Every segment in the engine, and what follows from them."""
+def _judged(task: RobotTask) -> tuple[Followed, Verdict, ForwardDynamics | None]:
+    """Every segment in the engine with what follows from it, and the engine's accelerations."""
     way = follow_robot(task)
     claimed, found = way.model.exponents(False)[0], way.found
     verdict = judge(found.limit, way.samples, way.scale, way.components, claimed, task.resolution)
-    if found.residual is None:
-        return way, verdict
-    names = tuple(way.model.coordinates)
-    return way, with_residual(verdict, found.residual, way.samples, names, task.resolution)
+    if found.residual is not None:
+        names = tuple(way.model.coordinates)
+        verdict = with_residual(verdict, found.residual, way.samples, names, task.resolution)
+    return way, verdict, _dynamics(task, way)
 
 
 def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Followed, Verdict]:
@@ -321,7 +328,7 @@ def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Follow
     if verdict.outcome is not Outcome.UNRESOLVED:
         return way, verdict
     for name, settings in way.model.integrators.items():
-        other, found = _judged(replace(task, settings={**task.settings, **settings}))
+        other, found, _ = _judged(replace(task, settings={**task.settings, **settings}))
         if found.outcome is not Outcome.UNRESOLVED:
             told = f"stepped by {name}, since by {way.model.integrator} {verdict.reason}"
             return other, replace(found, reason="; ".join(filter(None, [found.reason, told])))
@@ -330,11 +337,23 @@ def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Follow
 
 def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
     """The engine's very next state, at the starts of the segments."""
-    stepped = SteppedBodies(task.tree, [task.names.index(name) for name in way.names])
+    drawn = way.samples
     found = step_engine(
-        way.model, way.map, stepped, way.samples.start, way.samples.forces, task.resolution
+        way.model, way.map, _stepped(task, way), drawn.start, drawn.forces, task.resolution
     )
     return None if found is None else stepping_record(found, way.components)
+
+
+def _dynamics(task: RobotTask, way: Followed) -> ForwardDynamics | None:
+    """The engine's accelerations, at those states and at others of their positions."""
+    states, inputs = mixed(way.samples.start, way.samples.forces)
+    stepped = _stepped(task, way)
+    return forward_dynamics(way.model, way.map, stepped, states, inputs, task.resolution)
+
+
+def _stepped(task: RobotTask, way: Followed) -> SteppedBodies:
+    """The equations, in the order of the engine's coordinates."""
+    return SteppedBodies(task.tree, [task.names.index(name) for name in way.names])
 
 
 def load_robot(task: RobotTask) -> Model:

@@ -21,6 +21,7 @@ COMMANDS = {
     "derive": "equations, linearization, modes and errata",
     "audit": "no motion: literals, compiled terms, accelerations",
     "compare": "two models, no equations: do they move alike, and what differs",
+    "versions": "the same models under several versions of an engine",
     "mutate": "what the check would catch: literals and known mistakes",
     "new": "a commented folder that runs, or one from a model file of yours",
     "engines": "what is installed, versions, capabilities",

@@ -28,6 +28,11 @@ class Stepper(ABC):
     def step(self, h: float, force: Array | None) -> None:
         """Go on by h seconds, under forces on its coordinates that are held."""
 
+    def coast(self, h: float, n: int) -> None:
+        """Go on by n steps under no such forces."""
+        for _ in range(n):
+            self.step(h, None)
+
 
 @np.errstate(all="ignore")  # a motion that blows up is returned as it is
 def rollout(
@@ -40,19 +45,22 @@ def rollout(
         if not (np.isfinite(q[b]).all() and np.isfinite(v[b]).all()):
             continue
         stepper.reset(q[b], v[b])
-        for i in range(n):
-            stepper.step(h, held(stepper, force, b, i))
-            if (i + 1) % every == 0:
-                row = i // every
-                out_q[b, row], out_v[b, row] = stepper.state()
-                if not (np.isfinite(out_q[b, row]).all() and np.isfinite(out_v[b, row]).all()):
-                    break
+        for row in range(n // every):
+            if force is None:
+                stepper.coast(h, every)
+            else:
+                for i in range(row * every, (row + 1) * every):
+                    stepper.step(h, held(stepper, force, b, i))
+            out_q[b, row], out_v[b, row] = stepper.state()
+            if not (np.isfinite(out_q[b, row]).all() and np.isfinite(out_v[b, row]).all()):
+                break
     return out_q, out_v
 
 
-def held(stepper: Stepper, force: Force, b: int, i: int) -> Array | None:
+def held(stepper: Stepper, force: Array | StateForce, b: int, i: int) -> Array:
     """What acts on state b over step i, (nz,)."""
     if isinstance(force, StateForce):
         at, u = stepper.position().tolist(), force.inputs[b, i].tolist()
         return np.array(force.at(at, u), dtype=float)
-    return None if force is None else force[b, i]
+    row: Array = force[b, i]
+    return row

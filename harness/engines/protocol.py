@@ -143,6 +143,19 @@ class Model(ABC):
         they are.
         """
 
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """What it computes at B states without a step, (B, nz); None where it tells nothing.
+
+        Of slides and hinges they are second derivatives; of what turns, and of a root that floats,
+        those of its velocities: angular about its own axes, linear along the world's. Of a state
+        where a soft constraint acts, such as a contact, they are nan.
+
+        Args:
+            z, w: positions and their rates, (B, nz) each.
+            force: on the coordinates, (B, nz).
+        """
+        return None
+
     @property
     def home(self) -> Array:
         """Positions as the file draws the mechanism, (nz,)."""
@@ -209,6 +222,7 @@ class Engine(ABC):
         formats: endings of the files it reads, such as ".urdf".
         extra: by which extra of this package its engine is installed, and not by that of the
             standing ones; where it isn't there, sidecars that name it run without it.
+        distribution: what a package index calls the engine itself, where that is not its name.
         written_like: for a format of its own, the ending of one that it is written like: ".xml",
             ".py" or ".toml". Its numbers have addresses then, for bindings and for causes.
         capabilities: what it can do, one short phrase each, for `crosscheck engines`.
@@ -233,6 +247,7 @@ class Engine(ABC):
     title: str
     formats: tuple[str, ...]
     extra: str = ""
+    distribution: str = ""
     written_like: Mapping[str, str] = MappingProxyType({})
     capabilities: tuple[str, ...] = ()
     preferred: tuple[str, ...] = ()

@@ -47,6 +47,11 @@ def installs(engine: Engine) -> str:
     return f"pip install 'physics-crosscheck[{engine.extra or 'engines'}]'"
 
 
+def distribution(engine: Engine) -> str:
+    """What a package index calls an engine."""
+    return engine.distribution or engine.name
+
+
 def missing(engine: Engine) -> str:
     """What installs an engine that is not there."""
     return f"{engine.name}: not installed; {installs(engine)}"

@@ -45,9 +45,12 @@ class SpringForces:
         self._stiffness = along.T @ (k[:, None] * along)
         self._damping = along.T @ (c[:, None] * along) + np.diag(own)
         self._at_zero = along.T @ (k * rest)
+        self._own = None if springs else own
         self.empty = not springs and not own.any()
 
     def at(self, q: Array, v: Array) -> Array:
         """Forces along joints at positions and velocities, (..., n) each."""
+        if self._own is not None:
+            return -self._own * v
         force: Array = self._at_zero - q @ self._stiffness.T - v @ self._damping.T
         return force

@@ -24,6 +24,7 @@ from harness.engines.protocol import (
     within,
 )
 from harness.engines.remark import Remark
+from harness.engines.runge_kutta import Accelerations, to_state
 from harness.engines.source import engine_errors
 from harness.engines.springs import SpringForces
 from harness.engines.urdf import (
@@ -46,7 +47,6 @@ class UrdfEngine(Engine):
 
     Attributes:
         package: what is imported.
-        distribution: what is installed.
         defaults: of its settings.
         words: which of those that are words may be.
     """
@@ -56,7 +56,6 @@ class UrdfEngine(Engine):
     switches = frozenset({"smooth", "couplings", "held"})
     idle = IDLE
     package: str
-    distribution: str
     defaults: Mapping[str, float | bool | str]
     words: Mapping[str, Sequence[str]] = MappingProxyType({})
 
@@ -100,6 +99,8 @@ class UrdfModel(Model):
     """
 
     stepper: Stepper
+    forward: Accelerations | None = None
+    """The engine's accelerations, where nothing soft holds joints."""
 
     def __init__(
         self,
@@ -152,6 +153,15 @@ class UrdfModel(Model):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the URDF says in vain."""
         yield from urdf_remarks(self._reader, self.path, self.coordinates, z, w)
+
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """State by state."""
+        forward = self.forward
+        if forward is None:
+            return None
+        with engine_errors(self.path, self.title), np.errstate(all="ignore"):
+            at = (to_state(*row) if self.floats else row for row in zip(z, w, strict=True))
+            return np.array([forward(x, m, f) for (x, m), f in zip(at, force, strict=True)])
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int

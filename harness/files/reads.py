@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import physics_crosscheck
+from harness.schedule.source import package_folders
 
 _OWN = ("harness", "reference", "physics_crosscheck")
 _SYSTEM = ("/proc", "/dev", "/sys", "/etc", "/usr/share")
@@ -62,7 +63,7 @@ def _installed(path: str) -> bool:
 def _roots() -> tuple[str, ...]:
     known = sysconfig.get_paths()
     roots = {known[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")}
-    roots |= {*site.getsitepackages(), site.getusersitepackages(), *_SYSTEM}
+    roots |= {*site.getsitepackages(), site.getusersitepackages(), *package_folders(), *_SYSTEM}
     roots |= {str(physics_crosscheck.BESIDE / name) for name in _OWN}
     # A virtual environment has its packages here and its standard library elsewhere.
     roots |= {str(Path(os.__file__).parent)}

@@ -104,6 +104,13 @@ class CoordinateMap:
         moved = [np.max(np.einsum("bnz,bz->bn", slope, np.abs(a)), axis=0) for a in (z, w)]
         return np.concatenate(moved)
 
+    def pushes(self, z: Array, inputs: Array) -> Array:
+        """Inputs (B, inputs) as forces on the engine's coordinates at positions z, (B, nz)."""
+        if self.push_matrix is None:
+            return self.push(z, inputs)
+        found: Array = inputs @ self.push_matrix.T
+        return found
+
     def force(self, inputs: Array) -> Force:
         """Inputs (B, n, inputs), held over each step, as forces on the engine's coordinates."""
         if inputs.shape[-1] == 0 or not inputs.any():

@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from harness.engines.protocol import Model
 from harness.numerics.accelerations import Estimate
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import EPSILON, RUNGS, weights
+from harness.numerics.differences import moved, slopes
+from harness.numerics.discrete import LARGEST
+from harness.numerics.ladder import EPSILON, RUNGS
 from harness.numerics.segments import Batch, extrapolate, held
 from reference.numeric import Array
 
-SIZES = (1.0, 0.5, 0.25)
-"""Perturbations, in units of the largest; their even powers are extrapolated away."""
-
-LARGEST = 0.02
 RUNGS_USED = RUNGS[:8]
 
 FREE = 1e-4
@@ -159,33 +157,18 @@ def _transition(
     size = len(amplitude)
     origin = np.concatenate([position, np.zeros(size - len(position))])
     deltas = LARGEST * np.concatenate([np.minimum(amplitude, 1.0), push])
-    columns = len(deltas)
-    shares = np.array(SIZES)
-    # One column after the other: what is seen of some segments then tells of all columns.
-    unit = np.eye(columns)[:, None, None] * np.array([1.0, -1.0])[:, None]
-    moved = (shares[:, None, None] * unit).reshape(-1, columns) * deltas
+    by, columns = moved(deltas), len(deltas)
     batch = Batch(
-        states=origin + moved[:, :size],
-        lengths=np.full(len(moved), length),
-        inputs=held(moved[:, size:]),
+        states=origin + by[:, :size],
+        lengths=np.full(len(by), length),
+        inputs=held(by[:, size:]),
         varying=False,
         scale=deltas[:size],
     )
     limit = extrapolate(model, coordinates, batch, rungs=RUNGS_USED).limit
-    ends, error = (
-        one.reshape(columns, len(SIZES), 2, size) for one in (limit.value, limit.uncertainty)
-    )
-    steps = 2 * shares[:, None] * deltas[:, None, None]
-    slopes = ((ends[:, :, 0] - ends[:, :, 1]) / steps).swapaxes(0, 1)
-    slope_errors = ((error[:, :, 0] + error[:, :, 1]) / steps).swapaxes(0, 1)
-    even = [weights(tuple(int(1 / s) for s in SIZES[:m]), (2, 2)) for m in (1, 2, 3)]
-    first, second, value = (np.tensordot(w, slopes[: len(w)], axes=1) for w in even)
-    # What the sizes leave: what the last one moved, and how much less than the one before it.
-    before, last = np.abs(second - first), np.abs(value - second)
-    left = 2.5 * last * np.sqrt(np.minimum(1.0, last / np.maximum(before, 1e-300)))
+    found = slopes(limit.value, limit.uncertainty, deltas)
     matrix, doubt = np.eye(columns), np.zeros((columns, columns))
-    matrix[:size] = value.T
-    doubt[:size] = (np.tensordot(np.abs(even[-1]), slope_errors, axes=1) + left).T
+    matrix[:size], doubt[:size] = found.value, found.uncertainty
     return Estimate(value=matrix, uncertainty=doubt)
 
 

@@ -82,7 +82,7 @@ def step_engine(
     rule = model.step_rule
     if rule is None or not is_linear(coordinates, states):
         return None
-    run = _Steps(model, coordinates, states, inputs)
+    run = Steps(model, coordinates, states, inputs)
     with np.errstate(all="ignore"):
         took, expected = run.engine(1), run.rule(rule, stepped, 1)
     if not np.isfinite(expected).all():
@@ -102,7 +102,7 @@ def step_engine(
     )
 
 
-class _Steps:
+class Steps:
     """Steps of a model, and of the equations, from the same states."""
 
     def __init__(

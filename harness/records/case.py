@@ -191,6 +191,37 @@ class Stepping(Record, frozen=True, kw_only=True):
     digits_later: Number
 
 
+class ForceTerm(Record, frozen=True, kw_only=True):
+    """One of the terms of the equations of motion, in an engine against the equations.
+
+    Attributes:
+        name: such as `mass matrix`.
+        discrepancy: the largest, in generalized forces, relative to the largest on its coordinate.
+    """
+
+    name: str
+    discrepancy: Number
+
+
+class ForwardDynamics(Record, frozen=True, kw_only=True):
+    """An engine's accelerations, for which it takes no step, against the equations'.
+
+    Attributes:
+        outcome: AGREES or DIFFERS, or UNRESOLVED where rounding hides it.
+        discrepancy, uncertainty: of `component`, relative to its largest.
+        component: the one that decides, such as `x_ddot`.
+        states: at which the engine told them.
+        terms: of the equations of motion.
+    """
+
+    outcome: Outcome
+    discrepancy: Number
+    uncertainty: Number
+    component: str
+    states: Count
+    terms: tuple[ForceTerm, ...]
+
+
 class Convergence(Record, frozen=True, kw_only=True):
     """How the segments' ladder converged.
 
@@ -293,6 +324,7 @@ class Case(Record, frozen=True, kw_only=True):
         seconds: that it took, of wall-clock time.
         verdict, full_run, series: None where the case was not judged.
         stepping: None too where no rule for the engine's step is known.
+        forward_dynamics: None too where the engine tells no accelerations.
     """
 
     system: str
@@ -310,6 +342,7 @@ class Case(Record, frozen=True, kw_only=True):
     full_run: FullRun | None = None
     series: Series | None = None
     stepping: Stepping | None = None
+    forward_dynamics: ForwardDynamics | None = None
 
     @property
     def id(self) -> CaseId:

@@ -24,6 +24,30 @@ class EnginePole(Record, frozen=True, kw_only=True):
     damping: Number
 
 
+class DiscreteLinearization(Record, frozen=True, kw_only=True):
+    """One step of an engine, linearized about an equilibrium: x' = A x + B u, from it to it.
+
+    Attributes:
+        step: the shipped one, seconds.
+        a, b: the matrices, states in the order of the components.
+        error, bound: the largest difference in any entry from the engine's own rule on the
+            equations, and what is uncertain there, relative to the largest entry of what a step
+            changes; None where no rule is known.
+        differs: whether an entry differs by more than is uncertain, and than the resolution asked.
+        radius, exact_radius: the largest magnitude of the eigenvalues of `a`, and of the exact
+            motion's over the same time.
+    """
+
+    step: Number
+    a: Rows
+    b: Rows
+    error: Number
+    bound: Number
+    differs: bool
+    radius: Number
+    exact_radius: Number
+
+
 class EngineLinearization(Record, frozen=True, kw_only=True):
     """An engine's own linearization about an equilibrium, beside Taylor's.
 
@@ -40,6 +64,7 @@ class EngineLinearization(Record, frozen=True, kw_only=True):
         mode_similarity: smallest modal assurance criterion between paired eigenvectors; 1 is equal.
         frequencies: rad/s, of the responses.
         response, taylor_response: magnitudes by frequency, output and input.
+        one_step: at the shipped step; None where it has no finite end.
     """
 
     equilibrium: str
@@ -57,6 +82,7 @@ class EngineLinearization(Record, frozen=True, kw_only=True):
     frequencies: Numbers
     response: tuple[Rows, ...]
     taylor_response: tuple[Rows, ...]
+    one_step: DiscreteLinearization | None = None
 
     def __post_init__(self) -> None:
         one_length("the response", self.frequencies, self.response, self.taylor_response)

@@ -18,6 +18,7 @@ from harness.records.comparison import Comparison
 from harness.records.fields import File, page
 from harness.records.mutation import Mutations
 from harness.records.results import Results
+from harness.records.versions import Versions
 from harness.records.write import write_whole
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -28,6 +29,7 @@ SCHEMAS: dict[str, type[Record]] = {
     "baseline": BaselineFile,
     "comparison": Comparison,
     "mutations": Mutations,
+    "versions": Versions,
 }
 """Records by the name of their schema's file, `<name>.schema.json`."""
 
@@ -37,6 +39,7 @@ WRITTEN: dict[str, tuple[str, str]] = {
     "baseline": ("A baseline", "by `crosscheck accept`, as `reports/baseline/<system>.json`"),
     "comparison": ("A comparison", "by `crosscheck compare --json FILE`"),
     "mutations": ("Mutations", "by `crosscheck mutate --json FILE`"),
+    "versions": ("Versions", "by `crosscheck versions --json FILE`"),
 }
 """What each file is called, and who writes it."""
 

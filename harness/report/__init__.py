@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -33,6 +34,23 @@ def write_report(path: Path, results: Results) -> None:
 def render(results: Results) -> str:
     """The report of results as HTML; the same results give the same text."""
     scripts = [_inline(text) for text in (_bokeh(), _own())]
+    return template(
+        "report.html",
+        scripts,
+        report=report(results),
+        early=Markup(EARLY),
+        scripts=[Markup(text) for text in scripts],
+    )
+
+
+def template(name: str, running: Sequence[str] = (), **values: object) -> str:
+    """A page in the report's style.
+
+    Args:
+        name: of its template.
+        running: scripts that it runs, beside the early one; none: it runs nothing at all.
+        values: what it shows.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")),
         autoescape=True,
@@ -40,12 +58,10 @@ def render(results: Results) -> str:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    return environment.get_template("report.html").render(
-        report=report(results),
+    return environment.get_template(name).render(
         style=Markup(_resource("style.css")),
-        early=Markup(EARLY),
-        scripts=[Markup(text) for text in scripts],
-        policy=_policy([EARLY, *scripts]),
+        policy=_policy([EARLY, *running] if running else []),
+        **values,
     )
 
 
@@ -74,7 +90,7 @@ def _inline(script: str) -> str:
 def _policy(scripts: list[str]) -> str:
     """What the page may do: run these scripts, style itself, and load nothing from anywhere."""
     hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
-    allowed = " ".join(f"'sha256-{each}'" for each in hashes)
+    allowed = " ".join(f"'sha256-{each}'" for each in hashes) or "'none'"
     return (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline';"
         " img-src data: blob:; base-uri 'none'; form-action 'none'"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from harness.records.case import Case, FullRun, Stepping, Verdict
+from harness.records.case import Case, ForwardDynamics, FullRun, Stepping, Verdict
 from harness.records.outcome import Outcome
 from harness.records.system import Scenario
 from harness.report.text import NOTHING, agreeing_digits, percent, quantity, sci, shown
@@ -86,6 +86,7 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
     facts = (
         ("Verdict", () if verdict is None else _verdict(verdict, digits_of(case))),
         ("At the shipped step", () if full_run is None else _at_shipped_step(full_run)),
+        ("Accelerations", () if case.forward_dynamics is None else _told(case.forward_dynamics)),
         ("One step", () if case.stepping is None else _one_step(case.stepping)),
         ("Other steps", () if full_run is None else tuple(_steps(full_run))),
         ("Run", tuple(_run(case, scenario))),
@@ -194,6 +195,17 @@ def _verdict(verdict: Verdict, digits: str) -> tuple[Fact, ...]:
         ("largest U of all", sci(verdict.largest_uncertainty)),
         ("segment at", quantity(verdict.time, "s")),
         ("order in h", f"{order} seen, {verdict.claimed_order} claimed"),
+    )
+
+
+def _told(dynamics: ForwardDynamics) -> tuple[Fact, ...]:
+    """What the engine accelerates with, without a step."""
+    return (
+        ("its own, by the equations", f"{dynamics.outcome} ({dynamics.component})"),
+        ("states", str(dynamics.states)),
+        ("discrepancy", sci(dynamics.discrepancy)),
+        ("uncertainty", sci(dynamics.uncertainty)),
+        *((f"{term.name} off", sci(term.discrepancy)) for term in dynamics.terms),
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from harness.records.model import EngineLinearization, EnginePole, Model
+from harness.records.model import DiscreteLinearization, EngineLinearization, EnginePole, Model
 from harness.records.system import Linearization, Mode, Pole, Quantity, System, TransferFunction
 from harness.report.maths import mathml
 from harness.report.text import NOTHING, complex_number, sci, shown
@@ -23,7 +23,8 @@ class EngineLinearView:
     """An engine's own linearization of a model beside Taylor's: errors, and its poles with theirs.
 
     Attributes:
-        errors: of A, of B, of the transfer functions and of the mode shapes.
+        errors: of A, of B, of the transfer functions, of the mode shapes and of one step, and that
+            step's spectral radius.
         poles: each with its distance from Taylor's.
     """
 
@@ -117,12 +118,19 @@ def _engine(model: Model, one: EngineLinearization) -> EngineLinearView:
             sci(one.b_error),
             sci(one.transfer_error),
             NOTHING if alike is None else sci(max(0.0, 1.0 - alike)),
+            NOTHING if one.one_step is None else sci(one.one_step.error),
+            NOTHING if one.one_step is None else _radius(one.one_step),
         ),
         poles=tuple(
             (_pole(poles[i], size), sci(abs(_complex(poles[i]) - _complex(taylor[i])) / size))
             for i in _shown_poles(taylor)
         ),
     )
+
+
+def _radius(one: DiscreteLinearization) -> str:
+    """How far a state grows in a step at most."""
+    return NOTHING if one.radius is None else f"{one.radius:.6f}"
 
 
 def _complex(pole: Pole | EnginePole) -> complex:

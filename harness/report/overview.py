@@ -1,4 +1,4 @@
-"""What the overview shows: the matrix of systems by models, what needs a look, what changed."""
+"""What the overview shows: what needs a look, and what changed."""
 
 from __future__ import annotations
 
@@ -6,56 +6,14 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 
-from harness.records.case import Case, ModelKey
+from harness.records.case import ModelKey
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChanges
-from harness.report.cases import SYMBOLS, CaseView, digits_of, severity
+from harness.report.cases import SYMBOLS, CaseView
 from harness.report.diagnoses import DiagnosisView
-from harness.report.text import NOTHING, percent, shown
-
-Pair = tuple[Case, CaseView]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cell:
-    """A system in one model and engine: the worst of its scenarios.
-
-    Attributes:
-        id: permalink of the worst case.
-        outcome, symbol: its own.
-        counts: how many scenarios have its outcome, of how many.
-        digits: the fewest.
-        global_error: the largest.
-        summary: all of these in words.
-        about: system, model and engine, as the list of cases has them.
-    """
-
-    id: str
-    outcome: str
-    symbol: str
-    counts: str
-    digits: str
-    global_error: str
-    summary: str
-    about: str
-
-
-@dataclass(frozen=True)
-class MatrixRow:
-    """One system."""
-
-    id: str
-    name: str
-    cells: tuple[Cell | None, ...]
-
-
-@dataclass(frozen=True)
-class Matrix:
-    """Systems by models: columns are (model file, engine); worst systems first."""
-
-    columns: tuple[tuple[str, str], ...]
-    rows: tuple[MatrixRow, ...]
+from harness.report.matrix import Pair
+from harness.report.text import shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,71 +43,6 @@ class Change:
     kind: str
     name: str
     message: str
-
-
-def matrix(pairs: Sequence[Pair], ids: Mapping[str, str], names: Mapping[str, str]) -> Matrix:
-    """The matrix of cases.
-
-    Args:
-        ids: of each folder's page.
-        names: of each folder's system.
-    """
-    cells: dict[str, dict[tuple[str, str], list[Pair]]] = {}
-    columns: Counter[tuple[str, str]] = Counter()
-    for case, view in pairs:
-        column = case.model, case.engine
-        row = cells.setdefault(case.folder, {})
-        columns[column] += column not in row
-        row.setdefault(column, []).append((case, view))
-    order = [column for column, _ in columns.most_common()]
-    folders = sorted(
-        cells, key=lambda folder: min(severity(c) for row in cells[folder].values() for c, _ in row)
-    )
-    return Matrix(
-        tuple((shown(model), shown(engine)) for model, engine in order),
-        tuple(
-            MatrixRow(
-                ids[folder],
-                names[folder],
-                tuple(_cell(cells[folder].get(column)) for column in order),
-            )
-            for folder in folders
-        ),
-    )
-
-
-def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
-    if not pairs:
-        return None
-    worst, view = min(pairs, key=lambda pair: severity(pair[0]))
-    outcome = worst.outcome
-    alike = sum(case.outcome is outcome for case, _ in pairs)
-    judged = [case for case, v in pairs if v.judged]
-    digits = [digits_of(case) for case in judged]
-    fewest = min(
-        (d for d in digits if d not in (NOTHING, "all")),
-        key=float,
-        default="all" if "all" in digits else NOTHING,
-    )
-    errors = [
-        case.full_run.global_error
-        for case in judged
-        if case.full_run is not None and case.full_run.global_error is not None
-    ]
-    largest = percent(max(errors, default=None))
-    counts = f"{alike} of {len(pairs)}"
-    return Cell(
-        id=view.id,
-        outcome=outcome,
-        symbol=SYMBOLS[outcome],
-        counts=counts,
-        digits=fewest,
-        global_error=largest,
-        summary=(
-            f"{counts} {outcome}, {fewest} digits, global error {largest}, {view.scenario} worst"
-        ),
-        about=f"{view.system} {view.model} {view.engine}",
-    )
 
 
 def troubles(

@@ -14,7 +14,8 @@ from harness.records.system import System
 from harness.report.cases import SYMBOLS, CaseView, case_view, severity
 from harness.report.content import Content
 from harness.report.diagnoses import DiagnosisView, diagnosis_view
-from harness.report.overview import Change, Matrix, Pair, Trouble, changes, matrix, troubles
+from harness.report.matrix import Matrix, Pair, matrix
+from harness.report.overview import Change, Trouble, changes, troubles
 from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
 from harness.text.table import summary
@@ -75,7 +76,7 @@ class Report:
         troubles: what needs a look, worst first.
         changes: since the baseline; None without one.
         baseline: which one.
-        matrix: systems by models.
+        matrix: models by engines.
         cases: every case, worst first.
         groups: in the order of the run.
         packs: numbers and plots, by the ids of their elements.
@@ -126,7 +127,7 @@ def report(results: Results) -> Report:
         troubles=troubles(worst_first, results.models, diagnoses),
         changes=None if baseline is None else changes(baseline, pairs),
         baseline="" if baseline is None else shown(baseline.name or "the baseline"),
-        matrix=matrix(pairs, pages, shown_names),
+        matrix=matrix(pairs, results.models, pages, shown_names),
         cases=tuple(view for _, view in worst_first),
         engines=tuple(sorted({view.engine for view in views})),
         systems=tuple(dict.fromkeys(view.system for view in views)),

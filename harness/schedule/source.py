@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import sysconfig
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,7 +12,15 @@ import physics_crosscheck
 
 _OURS = tuple(str(physics_crosscheck.BESIDE / name) for name in ("harness", "reference"))
 _LIBRARIES = ("stdlib", "platstdlib", "purelib", "platlib")
-_THEIRS = tuple({sysconfig.get_path(name) for name in _LIBRARIES})
+
+
+def package_folders() -> frozenset[str]:
+    """Where packages are installed, those folders included that a `.pth` adds to an environment."""
+    names = ("site-packages", "dist-packages")
+    return frozenset(path for path in sys.path if Path(path).name in names)
+
+
+_THEIRS = tuple({sysconfig.get_path(name) for name in _LIBRARIES} | package_folders())
 _NOT_USERS = (*_OURS, *_THEIRS, str(physics_crosscheck.BESIDE / "physics_crosscheck"), "<")
 
 _FRAME = re.compile(r'^  File "(.*)", line (\d+) in ', re.MULTILINE)

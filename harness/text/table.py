@@ -16,6 +16,7 @@ from harness.records.outcome import Outcome
 from harness.records.results import BaselineChanges, Results
 from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 from harness.text.coverage import coverage_lines
+from harness.text.dynamics import dynamics_lines
 from harness.text.findings import audit_lines
 from harness.text.markup import escape
 from harness.text.stepping import stepping_lines
@@ -26,6 +27,9 @@ STYLES: Mapping[str, str] = {
 }  # fmt: skip
 
 MOST_TOLD = 40
+
+GROWS = 1e-9
+"""By how much more than rounding the largest eigenvalue of a step is off the unit circle."""
 
 TENTH = 0.001
 """The global error that the last column's steps would give."""
@@ -189,14 +193,42 @@ def _print_linear(console: Console, models: Iterable[Model]) -> None:
             f" A and B to {worst:.1e} of the largest entry (worst: {escape(where)}).",
             soft_wrap=True,
         )
+    _print_steps(console, alike)
     if lost:
         told = ", ".join(dict.fromkeys(lost))
         console.print(f"\nLinearizations without a limit: {escape(told)}.", soft_wrap=True)
 
 
+def _print_steps(console: Console, alike: list[tuple[Model, EngineLinearization]]) -> None:
+    """Of one step at the shipped size: how near to its rule, and where it grows for itself."""
+    steps = [(model, one, one.one_step) for model, one in alike if one.one_step is not None]
+    ruled = [
+        (step.error, model)
+        for model, _, step in steps
+        if step.error is not None and not step.differs  # what acts in a step is told of its cases
+    ]
+    if ruled:
+        error, model = max(ruled, key=lambda entry: entry[0])
+        console.print(
+            f"\nOne step, linearized about {len(ruled)} of those equilibria, equals the engine's"
+            f" own rule on the equations to {error:.1e} of the largest entry that it changes"
+            f" (worst: {escape(str(model.id))}).",
+            soft_wrap=True,
+        )
+    for model, one, step in steps:
+        grown, exact = step.radius or 0.0, step.exact_radius or 0.0
+        if grown > 1 + GROWS and exact < 1 - GROWS:
+            console.print(
+                f"\nAbout {escape(one.equilibrium)}, {escape(str(model.id))} grows by"
+                f" {grown - 1:.1e} in each step of {step.step:g} s, where the equations die out.",
+                soft_wrap=True,
+            )
+
+
 def _print_stepping(console: Console, cases: Iterable[Case]) -> None:
-    """The engines' next states: how near they are to their rule's, and which are not."""
-    lines = stepping_lines(cases)
+    """Accelerations, and next states: how near they are to the equations', and which are not."""
+    cases = list(cases)
+    lines = [*dynamics_lines(cases), *stepping_lines(cases)]
     if lines:
         console.print()
     for line in lines:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import msgspec
 import numpy as np
+import pytest
 
-from harness.baseline.measure import comparable
+from harness.baseline.measure import comparable, is_accepted
 from harness.baseline.seal import snapshot_key
 from harness.baseline.snapshot import inputs_of, same_motion, segments_of, snapshot_of
 from harness.cases.prepare import prepare
@@ -13,7 +14,7 @@ from harness.files.folders import system_folders
 from harness.records.baseline import Snapshot
 from harness.records.read import decoded
 from harness.records.write import encoded
-from tests.baseline.samples import SNAPSHOT
+from tests.baseline.samples import SNAPSHOT, measurement
 
 
 def test_a_snapshot_gives_back_its_scenario_to_rounding() -> None:
@@ -55,3 +56,13 @@ def test_states_that_no_motion_joins_are_the_same_without_times() -> None:
     assert not same_motion(timeless, moved(timeless, 1e-6))
     assert comparable(timeless, timeless)
     assert not comparable(timeless, SNAPSHOT)
+
+
+@pytest.mark.parametrize(("equations", "same"), [(1e-13, True), (1e-10, False)])
+def test_a_snapshot_whose_equations_moved_is_not_kept_though_its_motion_is_the_same(
+    equations: float, same: bool
+) -> None:
+    now = measurement(equations=equations).on_accepted
+    assert now is not None
+    assert is_accepted(SNAPSHOT, SNAPSHOT, now) is same
+    assert not is_accepted(moved(SNAPSHOT, 1e-6), SNAPSHOT, now)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import harness.files.reads
 from harness.baseline.fingerprint import BESIDE, as_now, folder_files, with_reads
 from harness.files.reads import recorded
 from reference.load import load_system
@@ -129,3 +130,23 @@ def test_what_was_read_elsewhere_counts_and_what_lies_in_the_folder_counts_once(
     assert as_now(model, accepted) != now
     (folder.parent / "shared" / "mass.txt").unlink()
     assert as_now(model, accepted)["../shared/mass.txt"] == "can't be read"
+
+
+def test_packages_that_another_environment_lends_are_installed_ones(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lent = tmp_path / "lent" / "site-packages"
+    lent.mkdir(parents=True)
+    (lent / "lent_module.py").write_text("number = 1\n")
+    monkeypatch.syspath_prepend(lent)
+    harness.files.reads._roots.cache_clear()
+    try:
+        (folder / "system.py").write_text(f"import lent_module\n{SYSTEM}")
+        with recorded(folder) as seen:
+            load_system(folder)
+        assert not [name for name in seen.names() if "lent_module" in name]
+        with recorded(folder):
+            assert "lent_module" in sys.modules, "an installed module is not dropped"
+    finally:
+        sys.modules.pop("lent_module", None)
+        harness.files.reads._roots.cache_clear()

@@ -207,6 +207,11 @@ class StaysSpoilt(Wrong):
         return (z + 1e-12 if spoilt else z), w
 
 
+class ForgetsForces(Wrong):
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array:
+        return self._acceleration(z, w, 0 * force)
+
+
 class ClaimsTwo(Wrong):
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         return 2, 1
@@ -260,6 +265,7 @@ WRONG = {
     "what is not finite is returned so": WrongEngine(ResetsItself),
     "what is not finite spoils nothing": WrongEngine(StaysSpoilt),
     "orders are as claimed": WrongEngine(ClaimsTwo),
+    "accelerations are those of small steps": WrongEngine(ForgetsForces),
     "errors name the file": ForeignErrors(),
     "an unknown setting is refused": TakesAnySetting(),
 }

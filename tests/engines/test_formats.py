@@ -11,6 +11,7 @@ from harness.cases.case import load
 from harness.cases.prepare import prepare
 from harness.diagnosis.hypotheses import everything
 from harness.engines.known_answer import KnownEngine
+from harness.engines.mujoco.urdf import spring_terms
 from harness.files.bindings import bindings, with_literals
 from harness.files.locations import LocationError, find, line_of, numbers
 from harness.files.model_files import UnreadModel, model_files
@@ -69,3 +70,8 @@ def test_a_model_file_of_its_own_format_without_a_sidecar_is_told(folder: Path) 
     assert [one.model for one in unread] == ["forgotten.known"]
     assert 'engines = ["known"]' in unread[0].reason
     assert folder_files(folder).broken == (f"{folder / 'forgotten.known'}: has no sidecar",)
+
+
+def test_a_spring_is_a_number_or_a_polynomial_as_the_version_has_it() -> None:
+    assert spring_terms(5.0, 0.0) == 5.0
+    assert spring_terms(5.0, np.zeros(3)) == [5.0, 0.0, 0.0]

@@ -148,7 +148,7 @@ def test_a_robots_next_state_is_the_equations(file: Path, engine: str, integrato
         task = replace(task, settings={**task.settings, "integrator": integrator})
     model = load_robot(task)
     drawn, coordinates, names = placed(task, model)
-    bodies = SteppedBodies(robot.tree, [task.names.index(name) for name in names])
+    bodies = SteppedBodies(robot.system.tree, [task.names.index(name) for name in names])
     found = step_engine(model, coordinates, bodies, drawn.start, drawn.forces, 1e-12)
     assert found is not None
     assert found.judgement.outcome is Outcome.AGREES

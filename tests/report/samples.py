@@ -28,7 +28,7 @@ from harness.records.finding import (
     Diagnosis,
     Explanation,
 )
-from harness.records.model import EngineLinearization, EnginePole, Model
+from harness.records.model import DiscreteLinearization, EngineLinearization, EnginePole, Model
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChange, BaselineChanges, Results
 from harness.report.packs import Array
@@ -69,6 +69,16 @@ def model(name: str, file: str, engine: str, coordinates: int) -> Model:
                 frequencies=(1.0, 2.0),
                 response=response,
                 taylor_response=response,
+                one_step=DiscreteLinearization(
+                    step=0.002,
+                    a=((0.999,),),
+                    b=((0.0,),),
+                    error=2e-13,
+                    bound=1e-12,
+                    differs=False,
+                    radius=0.999,
+                    exact_radius=0.9991,
+                ),
             ),
         ),
     )

@@ -129,7 +129,7 @@ def test_the_engines_poles_stand_beside_taylors_one_of_each_pair(seen: Report) -
     assert about is not None
     linear = about.linearizations[0]
     assert linear.poles == (("-0.1 ± 3i", "3.0017 rad/s, damping ratio 0.03331"),)
-    assert linear.engines[0].errors == ("2.5e-14", "3.5e-15", "–", "0")
+    assert linear.engines[0].errors == ("2.5e-14", "3.5e-15", "–", "0", "2.0e-13", "0.999000")
     assert linear.engines[0].poles == (("-0.1 ± 3.0003i", "1.0e-04"),)
     # The second model has none: its linearization failed.
     assert len(linear.engines) == 2
@@ -170,20 +170,43 @@ def test_different_names_have_different_slugs_of_harmless_characters() -> None:
 
 
 def test_the_matrix_shows_the_worst_of_each_model_worst_systems_first(seen: Report) -> None:
-    assert seen.matrix.columns[:3] == (
-        ("mujoco.xml", "mujoco"),
-        ("robot.urdf", "mujoco"),
-        ("robot.urdf", "pybullet"),
-    )
-    names = [row.name for row in seen.matrix.rows]
+    assert seen.matrix.engines[:2] == ("mujoco", "pybullet")
+    names = list(dict.fromkeys(row.name for row in seen.matrix.rows))
     assert names == ["unread", "system_0", "system_1"] or names[-1] == "system_1"
     row = next(row for row in seen.matrix.rows if row.name == "system_0")
+    assert row.model == "mujoco.xml"
+    assert row.first
+    assert sum(one.first for one in seen.matrix.rows) == len(names)
     first = row.cells[0]
     assert first is not None
     assert (first.outcome, first.counts, first.digits) == ("DIFFERS", "1 of 3", "5.5")
     assert first.global_error == "0.911\u00a0%"
     assert first.id == "case-system_0/mujoco.xml/mujoco/free"
     assert row.cells[-1] is None, "the unread folder's column has no case here"
+
+
+def test_the_matrix_tells_costs_and_what_engines_read_otherwise() -> None:
+    """A limit that no motion reaches is the model's own, and no reading."""
+    found = results(2)
+    note = AuditFinding(
+        kind="default", message="motors are switched off", where=None, expected=None, found=None,
+        severity="note",
+    )  # fmt: skip
+    audit = (note, replace(note, kind="reach", message="x is limited"))
+    models = tuple(replace(model, audit=audit) for model in found.models)
+    seen = report(replace(found, models=models)).matrix
+    assert {reading.notes for reading in seen.readings} == {("motors are switched off",)}
+    cell = seen.rows[0].cells[0]
+    assert cell is not None
+    assert cell.tint == cell.digits
+    took = []
+    for case in found.cases:
+        if case.key == found.cases[0].key and case.series is not None:
+            seconds, until = case.series.full_runs.seconds[0], case.series.t[-1]
+            assert seconds is not None
+            assert until is not None
+            took.append(1e3 * seconds / until)
+    assert cell.cost == f"{max(took):.2g} ms/s"
 
 
 def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report) -> None:

@@ -39,6 +39,7 @@ CHECKS: tuple[Callable[[Asked], None], ...] = (
     rollouts.what_is_not_finite_is_returned_so,
     rollouts.what_is_not_finite_spoils_nothing,
     forces.orders_are_as_claimed,
+    forces.accelerations_are_those_of_small_steps,
     described.errors_name_the_file,
     described.an_unknown_setting_is_refused,
 )

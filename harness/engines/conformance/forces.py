@@ -93,6 +93,25 @@ def orders_are_as_claimed(asked: Asked) -> None:
             ask(abs(found - claimed) < 0.35, f"the order {kind} is {found:.2f}, not {claimed}")
 
 
+def accelerations_are_those_of_small_steps(asked: Asked) -> None:
+    """What `accelerations` tells, under a force, is how velocities change over a small step."""
+    loaded = asked.load()
+    model, v = loaded.model, loaded.states()[1]
+    # Where it is drawn, the rates of what turns are its velocities.
+    q, force = np.tile(model.home, (BATCH, 1)), loaded.pushes(1)
+    told = model.accelerations(q, v, force[:, 0])
+    if told is None:
+        return
+    ask(told.shape == v.shape, f"accelerations are {told.shape}, where {v.shape} belongs")
+    h = loaded.h / 8
+    coarse, fine = ((loaded.run((q, v), 1, force, 1, one)[1][:, 0] - v) / one for one in (h, h / 2))
+    known = np.isfinite(told).all(axis=1)
+    error = np.abs(told - (2 * fine - coarse))[known].max(initial=0.0)
+    rounding = 1e3 * model.epsilon * (np.abs(v).max() / h + np.abs(coarse).max())
+    allowed = np.abs(fine - coarse).max() + rounding
+    ask(error <= allowed, f"its accelerations are {error:.1e} off how its velocities change")
+
+
 def _order(loaded: Loaded, varying: bool) -> float | None:
     """Observed from the last three of the step counts; None where rounding is all there is."""
     span = ORDER_SPAN * loaded.h

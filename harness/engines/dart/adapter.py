@@ -88,6 +88,9 @@ class DartModel(UrdfModel):
         springs = self.name([joint.getName() for joint in joints])
         self._damping = np.diag([joint.getDampingCoefficient(0) for joint in joints])
         self.stepper = WorldSteps(self._world, self._body, self.floats, springs)
+        slides = any(joint.getCoulombFriction(0) for joint in joints)
+        if not (self.declared.mimics or slides):
+            self.forward = self.stepper.accelerations
 
     def _skeleton(self) -> Any:
         import dartpy as dart

@@ -19,6 +19,9 @@ from harness.engines.protocol import Array
 from harness.engines.springs import SpringForces
 from harness.engines.urdf_engine import FREE
 
+INSTANT = 1e-200
+"""Seconds."""
+
 
 class WorldSteps(Stepper):
     """A skeleton in a world.
@@ -38,6 +41,10 @@ class WorldSteps(Stepper):
             spin = matrix(self._near) @ angular_velocity(q[3:FREE], v[3:FREE])
             q = np.concatenate([_rotation_vector(self._near), q[:3], q[FREE:]])
             v = np.concatenate([spin, v[:3], v[FREE:]])
+        self._put(q, v)
+
+    def _put(self, q: Array, v: Array) -> None:
+        """Coordinates and velocities as DART has them."""
         self._body.resetCommands()
         self._body.clearConstraintImpulses()
         self._body.resetAccelerations()
@@ -67,6 +74,34 @@ class WorldSteps(Stepper):
         if force is not None or not self._springs.empty:
             self._body.setForces(self._pushes(force))
         self._world.step()
+
+    def coast(self, h: float, n: int) -> None:
+        """Its world alone, where no spring has to be asked."""
+        if not self._springs.empty:
+            super().coast(h, n)
+            return
+        step = self._world.step
+        for _ in range(n):
+            step()
+
+    def accelerations(self, x: Array, m: Array, f: Array) -> Array:
+        """Of positions, velocities and forces, as `RungeKutta` has them."""
+        q, v = x, m
+        if self._floats:
+            turn = matrix(x[3:7])
+            q = np.concatenate([_rotation_vector(x[3:7]), x[:3], x[7:]])
+            v = np.concatenate([turn @ m[3:FREE], m[:3], m[FREE:]])
+        self._put(q, v)
+        self._body.setForces(self._pushes(f))
+        # Dampers are taken at the end of a step: of one that is nothing beside its start.
+        step = self._body.getTimeStep()
+        self._body.setTimeStep(INSTANT)
+        self._body.computeForwardDynamics()
+        self._body.setTimeStep(step)
+        a: Array = self._body.getAccelerations()
+        if not self._floats:
+            return a
+        return np.concatenate([a[3:FREE], turn.T @ a[:3], a[FREE:]])
 
     def _pushes(self, force: Array | None) -> Array:
         free = FREE if self._floats else 0

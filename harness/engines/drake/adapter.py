@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -100,8 +100,8 @@ class DrakeModel(UrdfModel):
         self._lost = bool(mimics) and stepping != SAP and self._along is None
         self._discrete = lru_cache(maxsize=32)(self._discrete_of)
         if self._continuous:
-            self._one = self._put(plant)
             self.stepper = RungeKutta(self._accelerations, self.floats)
+        self.forward = None if stepping == SAP and mimics else self._accelerations
 
     def _built(self, h: float) -> Any:
         """A plant of this step; 0: a continuous one."""
@@ -109,7 +109,7 @@ class DrakeModel(UrdfModel):
         from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
 
         plant = MultibodyPlant(h)
-        if self._stepping == TAMSI:
+        if h and self._stepping == TAMSI:
             plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
         if h:
             plant.SetUseSampledOutputPorts(False)
@@ -126,6 +126,11 @@ class DrakeModel(UrdfModel):
             told = folded(error).replace("<literal-string>.urdf", self.path.name)
             raise EngineError(f"{self.path}: Drake can't load it: {told}") from None
         return plant
+
+    @cached_property
+    def _one(self) -> Plant:
+        """A continuous plant: one that is stepped tells no accelerations."""
+        return self._put(self._plant if self._continuous else self._built(0.0))
 
     def _put(self, plant: Any) -> Plant:
         return Plant(plant, self.floats, self._springs)

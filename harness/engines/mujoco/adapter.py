@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from harness.engines.compiled import CompiledTree
 from harness.engines.mistake import DefaultLeftOn, LeftOut
+from harness.engines.mujoco.forward import forward
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
 from harness.engines.mujoco.poses import Poses
+from harness.engines.mujoco.pulls import acts
 from harness.engines.mujoco.remarks import model_remarks
 from harness.engines.mujoco.rule import step_rule
 from harness.engines.mujoco.settings import apply_settings, held_controls, is_on, rounded_frames
@@ -269,6 +271,14 @@ class MujocoModel(Model):
         """By its integrator."""
         with self._warnings.heard():
             return step_rule(self.model)
+
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """By `mj_forward`; none of a model with equalities, whose softness they would tell."""
+        if self.model.neq and acts(self.model, "EQUALITY"):
+            return None
+        held = self._controls, self._activations
+        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard():
+            return forward(self.model, self._data, self._states, (z, w, force), held)
 
     @property
     def warnings(self) -> tuple[str, ...]:

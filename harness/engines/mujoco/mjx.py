@@ -132,6 +132,10 @@ class MjxModel(MujocoModel):
 
         return jax.enable_x64(self._bits == BITS)
 
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """None are told: MuJoCo's own would be another engine's."""
+        return None
+
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:

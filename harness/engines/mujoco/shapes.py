@@ -6,6 +6,7 @@ To compile them takes hundreds of times as long as all else, and files may lack 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 _CORNERS = [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]
@@ -16,7 +17,10 @@ def without_idle_files(tree: Any) -> None:
     """Take from a specification the files of textures, and of meshes that make no inertia."""
     needed = set(_meshes_with_inertia(tree))
     for mesh in tree.meshes:
-        if mesh.name not in needed and mesh.file and not mesh.plugin.active:
+        name = mesh.name or Path(mesh.file).stem
+        if name not in needed and mesh.file and not mesh.plugin.active:
+            # One without a name is called as its file, by versions before 3.4 when it is compiled.
+            mesh.name = name
             mesh.file, mesh.uservert, mesh.userface = "", _CORNERS, _FACES
             mesh.refpos, mesh.refquat, mesh.scale = [0, 0, 0], [1, 0, 0, 0], [1, 1, 1]
     import mujoco

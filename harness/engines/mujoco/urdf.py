@@ -5,6 +5,8 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import Any
 
+import numpy as np
+
 from harness.engines.mujoco.settings import is_on
 from harness.engines.protocol import EngineError, ModelSpec, held_joints
 from harness.engines.urdf import base_name, joint_springs
@@ -31,24 +33,25 @@ def complete_urdf(tree: Any, spec: ModelSpec, robot: ET.Element) -> None:
         element = tree.joint(joint)
         if element is None:
             raise EngineError(f"{spec.path}: <gazebo reference={joint!r}> names no moving joint")
-        element.stiffness = _spring_terms(stiffness)
+        element.stiffness = spring_terms(stiffness, element.stiffness)
         element.springref = rest
     for index, spring in enumerate(spec.springs):
         tendon = tree.add_tendon(name=f"crosscheck_spring_{index}")
         for joint, coefficient in spring.joints.items():
             tendon.wrap_joint(joint, coefficient)
-        tendon.stiffness = _spring_terms(spring.stiffness)
-        tendon.damping = _spring_terms(spring.damping)
+        tendon.stiffness = spring_terms(spring.stiffness, tendon.stiffness)
+        tendon.damping = spring_terms(spring.damping, tendon.damping)
         tendon.springlength = [spring.rest, spring.rest]
 
 
-def _spring_terms(value: float) -> Any:
-    """MuJoCo 4 takes a polynomial for stiffness and damping, 3 a number."""
-    import mujoco
+def spring_terms(value: float, there: Any) -> Any:
+    """A stiffness or damping as MuJoCo has it: a polynomial, in earlier versions a number.
 
-    if int(mujoco.__version__.split(".")[0]) >= 4:
-        return [value, 0.0, 0.0]
-    return value
+    Args:
+        value: in N m/rad, N/m or these times seconds.
+        there: what stands in its place.
+    """
+    return [value, 0.0, 0.0] if np.ndim(there) else value
 
 
 def changes(spec: ModelSpec) -> list[Change]:

@@ -78,6 +78,9 @@ class PinocchioModel(UrdfModel):
         with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
             self._model = built(path, spec.path, self.root if self.floats else "")
         self._model.gravity.linear = np.array(self.gravity)
+        import pinocchio
+
+        self._aba = pinocchio.aba
         self._data, self._q = self._model.createData(), np.empty(self._model.nq)
         first = 2 if self.floats else 1
         names, joints = (list(one)[first:] for one in (self._model.names, self._model.joints))
@@ -93,11 +96,19 @@ class PinocchioModel(UrdfModel):
         self._lost = not self.settings["damping"] and bool(damping.any())
         mimics = self.declared.mimics if self.settings["hold_mimics"] else ()
         self._along = leading(mimics, self.coordinates, spec.path) if mimics else None
-        self.stepper = RungeKutta(self._accelerations, self.floats)
+        straight = np.array_equal(self._there, np.arange(len(names))) and not self.floats
+        bare = straight and self._along is None
+        self.forward = self._plain if bare else self._accelerations
+        self.stepper = RungeKutta(self.forward, self.floats)
         z = np.zeros(len(self.coordinates))
         x, m = to_state(z, z) if self.floats else (z, z)
-        if not np.isfinite(self._accelerations(x, m, z)).all():
+        if not np.isfinite(self.forward(x, m, z)).all():
             raise EngineError(f"{spec.path}: a joint moves nothing that has inertia")
+
+    def _plain(self, x: Array, m: Array, f: Array) -> Array:
+        """Of a tree of slides and hinges with limits, whose positions are Pinocchio's own."""
+        pull = f if self._springs.empty else f + self._springs.at(x, m)
+        return self._aba(self._model, self._data, x, m, pull)  # type: ignore[no-any-return]
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Of positions, velocities and forces, as `RungeKutta` has them."""
@@ -113,7 +124,7 @@ class PinocchioModel(UrdfModel):
             pull[:3] = turn.T @ pull[:3]
         q = self._configuration(x)
         if self._along is None:
-            a = pin.aba(self._model, self._data, q, own, pull)
+            a = self._aba(self._model, self._data, q, own, pull)
         else:
             upper = np.triu(pin.crba(self._model, self._data, q))
             pull -= pin.nonLinearEffects(self._model, self._data, q, own)

@@ -1,0 +1,207 @@
+"""What each engine costs: `python -m benchmarks.bench_engines`, and in `make bench`.
+
+Microseconds a step of the file's own size, through the adapter and in a loop of the engine's own
+calls that does the same, with their ratio; and microseconds a state where it tells accelerations.
+Once on a pendulum, where a call's cost shows, and once on an arm of seven joints.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pybullet_data
+from rich.console import Console
+from rich.table import Table
+
+from harness.cases.robot import load_robot, prepare_robot
+from harness.engines.protocol import Model
+from harness.engines.registry import engines
+from harness.files.folders import builtin
+from harness.files.model_files import model_files
+from harness.files.sidecar import Sidecar
+
+STEPS, STATES, REPEATS = 2000, 400, 7
+ARM = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
+
+Loop = Callable[[], object]
+
+
+def bare_mujoco(model: Any) -> Loop:
+    import mujoco
+
+    own = model.model
+    data = mujoco.MjData(own)
+
+    def loop() -> None:
+        own.opt.timestep = model.step
+        mujoco.mj_resetData(own, data)
+        data.qpos[:] = model.home
+        mujoco.mj_step(own, data, nstep=STEPS)
+
+    return loop
+
+
+def bare_pybullet(model: Any) -> Loop:
+    import pybullet as p
+
+    body, joints = model._body, model._joints
+
+    def loop() -> None:
+        p.setPhysicsEngineParameter(fixedTimeStep=model.step)
+        for joint in joints:
+            p.resetJointState(body, joint, 0.0, 0.0)
+        for _ in range(STEPS):
+            p.stepSimulation()
+        p.getJointStates(body, joints)
+
+    return loop
+
+
+def bare_pymunk(model: Any) -> Loop:
+    space, _ = model._module.build()
+
+    def loop() -> None:
+        for _ in range(STEPS):
+            space.step(model.step)
+
+    return loop
+
+
+def bare_pinocchio(model: Any) -> Loop:
+    import pinocchio as pin
+
+    own = model._model
+    data, h, damping = own.createData(), model.step, np.array(own.damping)
+
+    def at(q: Any, v: Any) -> Any:
+        return pin.aba(own, data, q, v, -damping * v)  # dampers, which it leaves out
+
+    def loop() -> None:
+        q, v = pin.neutral(own), np.zeros(own.nv)
+        for _ in range(STEPS):
+            a = at(q, v)
+            v2 = v + h / 2 * a
+            b = at(pin.integrate(own, q, h / 2 * v), v2)
+            v3 = v + h / 2 * b
+            c = at(pin.integrate(own, q, h / 2 * v2), v3)
+            v4 = v + h * c
+            d = at(pin.integrate(own, q, h * v3), v4)
+            q = pin.integrate(own, q, h / 6 * (v + 2 * v2 + 2 * v3 + v4))
+            v = v + h / 6 * (a + 2 * b + 2 * c + d)
+
+    return loop
+
+
+def bare_drake(model: Any) -> Loop:
+    plant = model._plant
+    context = plant.CreateDefaultContext()
+    plant.get_applied_generalized_force_input_port().FixValue(
+        context, np.zeros(plant.num_velocities())
+    )
+
+    def loop() -> None:
+        plant.SetPositions(context, np.zeros(plant.num_positions()))
+        plant.SetVelocities(context, np.zeros(plant.num_velocities()))
+        for _ in range(STEPS):
+            context.SetDiscreteState(plant.EvalUniquePeriodicDiscreteUpdate(context))
+
+    return loop
+
+
+def bare_dart(model: Any) -> Loop:
+    world, body = model._world, model._body
+
+    def loop() -> None:
+        world.setTimeStep(model.step)
+        body.setPositions(np.zeros(body.getNumDofs()))
+        body.setVelocities(np.zeros(body.getNumDofs()))
+        for _ in range(STEPS):
+            world.step()
+
+    return loop
+
+
+BARE: dict[str, Callable[[Any], Loop]] = {
+    "mujoco": bare_mujoco,
+    "pybullet": bare_pybullet,
+    "pymunk": bare_pymunk,
+    "pinocchio": bare_pinocchio,
+    "drake": bare_drake,
+    "dart": bare_dart,
+}
+
+
+def best(loop: Loop) -> float:
+    """The least processor time of some calls, seconds."""
+    times = []
+    for _ in range(REPEATS):
+        began = time.process_time()
+        loop()
+        times.append(time.process_time() - began)
+    return min(times)
+
+
+def pendulums() -> Iterator[tuple[str, Model]]:
+    """The simple pendulum, in the file that each engine prefers."""
+    known = [m for m in model_files(builtin() / "simple_pendulum") if isinstance(m, Sidecar)]
+    for name, engine in engines().items():
+        if engine.version() is None:
+            continue
+        mine = [one for one in known if name in one.engines]
+        if mine:
+            own = sorted(mine, key=lambda one: one.model.suffix not in engine.preferred)[0]
+            yield name, engine.load(own.spec(name))
+
+
+def arms() -> Iterator[tuple[str, Model]]:
+    """An arm of seven joints."""
+    robot = prepare_robot(ARM)
+    for name, engine in engines().items():
+        if engine.version() is not None and ".urdf" in engine.formats:
+            yield name, load_robot(robot.task(name, 1e-9))
+
+
+def costs(name: str, model: Model) -> tuple[str, ...]:
+    """A row: a step through the adapter, bare, their ratio, and a state."""
+    q = np.array(model.home)[None]
+
+    def ours() -> object:
+        return model.rollout(q, 0 * q, model.step, STEPS, None, STEPS)
+
+    ours()
+    step = best(ours) / STEPS
+    bare = ratio = state = "-"
+    if name in BARE:
+        loop = BARE[name](model)
+        loop()
+        ratios, least = [], []
+        for _ in range(3):  # in turn, so that both see the same machine
+            own, theirs = best(ours), best(loop)
+            ratios.append(own / theirs)
+            least.append(theirs)
+        bare, ratio = f"{1e6 * min(least) / STEPS:.2f}", f"{statistics.median(ratios):.2f}"
+    random = np.random.default_rng(0)
+    z = model.home + 0.1 * random.uniform(-1, 1, (STATES, q.shape[1]))
+    if model.accelerations(z, z, 0 * z) is not None:
+        state = f"{1e6 * best(lambda: model.accelerations(z, z, 0 * z)) / STATES:.1f}"
+    return f"{1e6 * step:.2f}", bare, ratio, state
+
+
+def costs_of_engines(console: Console) -> None:
+    """Print what engines cost."""
+    for title, models in (("a pendulum", pendulums), ("an arm of 7 joints", arms)):
+        table = Table(
+            "engine", "step, us", "bare, us", "ratio", "state, us", title=f"engines: {title}"
+        )
+        for name, model in models():
+            table.add_row(name, *costs(name, model))
+        console.print(table)
+
+
+if __name__ == "__main__":
+    costs_of_engines(Console(width=100))

@@ -1,0 +1,80 @@
+"""What an engine's accelerations say of a case, beside what its motions say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from harness.cases.verdict import Verdict
+from harness.numerics.forward_dynamics import ForwardDynamics
+from harness.records.outcome import Outcome
+
+
+def with_dynamics(
+    verdict: Verdict, found: ForwardDynamics | None, names: tuple[str, ...], resolution: float
+) -> Verdict:
+    """A verdict on motions with that on accelerations: what differs in either differs.
+
+    Where motions are not resolved since they are stiff, accelerations at every state decide: no
+    step is in them. Where a ladder has another fault, such as an order that is not the claimed one,
+    they don't: that is no matter of the model.
+
+    Args:
+        verdict: on the motions.
+        found: None where the engine tells no accelerations.
+        names: of the engine's coordinates, nz.
+        resolution: that is asked.
+    """
+    if found is None or verdict.outcome is Outcome.DIFFERS:
+        return verdict
+    outcome = found.judgement.outcome
+    if outcome is Outcome.DIFFERS:
+        return _decided(verdict, found, names, _apart(found, names, resolution, verdict))
+    stiff = verdict.outcome is Outcome.UNRESOLVED and math.isfinite(verdict.uncertainty)
+    if not (stiff and outcome is Outcome.AGREES and found.complete):
+        return verdict
+    known = max(found.judgement.largest_discrepancy, found.judgement.largest_uncertainty)
+    told = (
+        f"its accelerations, at {found.states} states, are the equations' to {known:.1e} of the"
+        f" largest; of its motions {verdict.reason}"
+    )
+    return _decided(verdict, found, names, told)
+
+
+def _decided(
+    verdict: Verdict, found: ForwardDynamics, names: tuple[str, ...], reason: str
+) -> Verdict:
+    judged = found.judgement
+    return replace(
+        verdict,
+        outcome=judged.outcome,
+        discrepancy=judged.discrepancy,
+        uncertainty=judged.uncertainty,
+        largest_discrepancy=judged.largest_discrepancy,
+        largest_uncertainty=judged.largest_uncertainty,
+        component=component(names, judged.component),
+        time=float("nan"),
+        reason=reason,
+    )
+
+
+def component(names: tuple[str, ...], index: int) -> str:
+    """What the acceleration of a coordinate is called."""
+    return f"{names[index]}_ddot"
+
+
+def _apart(
+    found: ForwardDynamics, names: tuple[str, ...], resolution: float, verdict: Verdict
+) -> str:
+    judged = found.judgement
+    other = ", ".join(name for name, size in found.terms.items() if not size <= resolution)
+    of = f"; of its forces differ: {other}" if other else ""
+    moved = (
+        f"every segment agrees to {verdict.largest_uncertainty:.1e}"
+        if verdict.outcome is Outcome.AGREES
+        else f"of its motions {verdict.reason}"
+    )
+    return (
+        f"{component(names, judged.component)} is {judged.discrepancy:.2e} of its largest off;"
+        f" the uncertainty is {judged.uncertainty:.1e}{of}; {moved}"
+    )

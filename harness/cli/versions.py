@@ -1,0 +1,126 @@
+"""`crosscheck versions`: the same models under several versions of an engine."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from harness.cli import arguments
+from harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from harness.files.folders import FolderError, system_folders
+from harness.records.versions import Versions
+from harness.records.write import encoded, write_whole
+from harness.report.versions import write_versions
+from harness.robots.named import robot_files
+from harness.text.versions import print_versions
+from harness.versions.asked import AskedModels, asked_models, asked_versions
+from harness.versions.environments import EnvironmentError_, cache
+from harness.versions.run import VersionOptions, run_versions
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    command.add_argument(
+        "folders",
+        nargs="*",
+        metavar="FOLDER",
+        help="system folders, and robots' files; none: built-in",
+    )
+    command.add_argument(
+        "--engine",
+        nargs="+",
+        action="append",
+        required=True,
+        metavar="NAME VERSION",
+        help="an engine and two versions of it or more, each held against the one before; of one"
+        " that is installed already: VERSION=path/to/environment",
+    )
+    command.add_argument(
+        "--environments",
+        type=Path,
+        metavar="DIR",
+        help=f"where environments are made once and kept ({_home(cache())})",
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        default=Path("reports/versions"),
+        metavar="DIR",
+        help="where index.html and each version's results go (reports/versions)",
+    )
+    command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
+    command.add_argument(
+        "--diagnose",
+        action="store_true",
+        help="name the cause where a model differs, in each version's report; takes a while",
+    )
+    command.add_argument(
+        "--floating",
+        action="store_true",
+        help="the root link of a URDF that is given alone moves freely; else it is fixed",
+    )
+    arguments.resolution_of(command)
+    arguments.limits(command)
+    arguments.jobs(command)
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run the models under each version, print what changes, write the report."""
+    if len(options.engine) > 1:
+        raise FolderError("--engine is given twice: one engine at a time")
+    engine, versions = asked_versions(options.engine[0])
+    models = _models(options.folders, engine)
+    for line in models.left_out:
+        print(f"crosscheck: {line}", file=sys.stderr, flush=True)
+    wanted = VersionOptions(
+        out=options.out,
+        environments=options.environments,
+        resolution=options.resolution,
+        jobs=options.jobs,
+        limits=arguments.limits_of(options),
+        floating=options.floating,
+        diagnose=options.diagnose,
+    )
+    try:
+        found = run_versions(engine, versions, models, wanted, _tell)
+    except EnvironmentError_ as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    write_versions(options.out / "index.html", found)
+    if options.json:
+        write_whole(options.json, encoded(found, indent=1))
+    print_versions(Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160), found)
+    print("  ".join(map(str, filter(None, (options.out / "index.html", options.json)))))
+    return code(found)
+
+
+def code(found: Versions) -> int:
+    """The exit code: as the gate's, what could not be compared is no pass."""
+    if found.incomplete:
+        return FAIL
+    return DIFFER if found.changed else AGREE
+
+
+def _models(names: list[str], engine: str) -> AskedModels:
+    """What the names mean.
+
+    Raises:
+        FolderError: where one means nothing, or nothing of it runs in the engine.
+    """
+    alone = robot_files(names)
+    if alone.faults:
+        raise FolderError("; ".join(alone.faults.values()))
+    folders = system_folders(alone.others) if alone.others or not names else []
+    return asked_models(engine, folders, alone.files)
+
+
+def _tell(line: str) -> None:
+    print(line, flush=True)
+
+
+def _home(path: Path) -> str:
+    """A path as a help text shows it."""
+    return f"~/{path.relative_to(Path.home())}" if path.is_relative_to(Path.home()) else str(path)

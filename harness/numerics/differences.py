@@ -1,0 +1,44 @@
+"""Slopes of an end by its start and inputs: central differences, extrapolated in their size."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harness.numerics.accelerations import Estimate
+from harness.numerics.ladder import weights
+from reference.numeric import Array
+
+SIZES = (1.0, 0.5, 0.25)
+"""Perturbations, in units of the largest; their even powers are extrapolated away."""
+
+
+def moved(deltas: Array) -> Array:
+    """Perturbations of each column alone, by all sizes and both signs, (6 c, c).
+
+    One column after the other: what is seen of some rows then tells of all columns.
+    """
+    unit = np.eye(len(deltas))[:, None, None] * np.array([1.0, -1.0])[:, None]
+    found: Array = (np.array(SIZES)[:, None, None] * unit).reshape(-1, len(deltas)) * deltas
+    return found
+
+
+def slopes(ends: Array, error: Array, deltas: Array) -> Estimate:
+    """How ends (6 c, m) depend on what was `moved`, (m, c), with what is uncertain of it.
+
+    Args:
+        ends, error: of each row, and its uncertainty, (6 c, m) each.
+        deltas: of the columns, (c,).
+    """
+    columns = len(deltas)
+    shape = columns, len(SIZES), 2, ends.shape[1]
+    value, doubt = ends.reshape(shape), error.reshape(shape)
+    steps = 2 * np.array(SIZES)[:, None] * deltas[:, None, None]
+    each = ((value[:, :, 0] - value[:, :, 1]) / steps).swapaxes(0, 1)
+    each_error = ((doubt[:, :, 0] + doubt[:, :, 1]) / steps).swapaxes(0, 1)
+    even = [weights(tuple(int(1 / s) for s in SIZES[:m]), (2, 2)) for m in (1, 2, 3)]
+    first, second, third = (np.tensordot(w, each[: len(w)], axes=1) for w in even)
+    # What the sizes leave: what the last one moved, and how much less than the one before it.
+    before, last = np.abs(second - first), np.abs(third - second)
+    left = 2.5 * last * np.sqrt(np.minimum(1.0, last / np.maximum(before, 1e-300)))
+    rounded = np.tensordot(np.abs(even[-1]), each_error, axes=1)
+    return Estimate(value=third.T, uncertainty=(rounded + left).T)

@@ -1,0 +1,26 @@
+"""What is said of engines' accelerations: one line for all that are the equations'."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from harness.records.case import Case
+from harness.records.outcome import Outcome
+
+
+def dynamics_lines(cases: Iterable[Case]) -> list[str]:
+    """None where no engine tells accelerations; one that differs is told by its case's reason."""
+    alike = [
+        (one.forward_dynamics, one)
+        for one in cases
+        if one.forward_dynamics is not None and one.forward_dynamics.outcome is Outcome.AGREES
+    ]
+    if not alike:
+        return []
+    found, worst = max(alike, key=lambda entry: entry[0].discrepancy or 0.0)
+    states = sum(one.states for one, _ in alike)
+    count = "one case" if len(alike) == 1 else f"{len(alike)} cases"
+    return [
+        f"The engines' own accelerations, in {count} at {states} states, are the equations' to"
+        f" {found.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})."
+    ]

@@ -1,0 +1,144 @@
+"""What upgrades of an engine change, for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from harness.records.base import Number
+from harness.records.outcome import Outcome
+from harness.records.versions import Upgrade, VersionCase, Versions
+from harness.text.markup import escape
+from harness.text.table import STYLES
+
+MOST_TOLD = 40
+
+
+def print_versions(console: Console, found: Versions) -> None:
+    """Print what each upgrade changes, worst first, and what to do, in the last line."""
+    for one in found.upgrades:
+        _say(console, f"\n{found.engine} {one.before} -> {one.after}", "bold")
+        told = [case for case in one.cases if case.kinds]
+        if told:
+            _print_table(console, told[:MOST_TOLD])
+            for case in told[:MOST_TOLD]:
+                _print_messages(console, case)
+        if len(told) > MOST_TOLD:
+            _say(console, f"and {len(told) - MOST_TOLD} more")
+        for model in one.models:
+            _say(console, f"{model.id}: {', '.join(model.kinds)}")
+            for message in model.messages:
+                _say(console, f"  {message}")
+        _say(console, counts(one))
+    _say(console, advice(found))
+
+
+def counts(one: Upgrade) -> str:
+    """One line: how many cases changed, and to what the others are the same."""
+    parts = []
+    if one.same:
+        parts.append(f"{len(one.same)} as before{_alike(one.same)}")
+    if one.changed:
+        parts.append(f"{len(one.changed)} changed")
+    if one.not_compared:
+        parts.append(f"{len(one.not_compared)} not compared")
+    models = f"; {_number(len(one.models), 'model')} changed beside them" if one.models else ""
+    return f"{_number(len(one.cases), 'case')}: {', '.join(parts) or 'none at all'}{models}"
+
+
+def advice(found: Versions) -> str:
+    """The last line: what to do."""
+    first, last = found.versions[0], found.versions[-1]
+    if found.incomplete:
+        begun = f"{found.engine}: not everything could be compared; mend what is told above first"
+    elif found.changed:
+        begun = (
+            f"{found.engine}: look at what changed before you go from {first.version} to"
+            f" {last.version}"
+        )
+    else:
+        begun = (
+            f"{found.engine} {last.version} can take the place of {first.version} for these models"
+        )
+        return begun
+    reports = "  ".join(f"{one.report}/index.html" for one in found.versions)
+    return f"{begun}; each version's report: {reports}"
+
+
+def _alike(same: Sequence[VersionCase]) -> str:
+    """To what limits are the same, and how many of them to the last bit."""
+    known = [case for case in same if case.apart is not None and case.uncertainty is not None]
+    if not known:
+        return ""
+    bitwise = sum(case.apart == 0.0 for case in known)
+    if bitwise == len(known):
+        return " (limits the same to the last bit)"
+    size = max(case.apart or 0.0 for case in known)
+    bound = max(case.uncertainty or 0.0 for case in known)
+    last = f", {bitwise} of them to the last bit" if bitwise else ""
+    return f" (limits apart by {size:.1e} at most, uncertainty {bound:.0e}{last})"
+
+
+def _print_table(console: Console, cases: Sequence[VersionCase]) -> None:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("case", "what changes", "verdict"):
+        table.add_column(name, no_wrap=True)
+    for name in ("limits apart", "global error"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for case in cases:
+        table.add_row(
+            escape(str(case.id)),
+            ", ".join(case.kinds),
+            _verdict(case),
+            limits(case),
+            global_error(case),
+        )
+    console.print(table)
+
+
+def _verdict(case: VersionCase) -> str:
+    if case.before is case.after:
+        return _styled(case.after)
+    return f"{_styled(case.before)} -> {_styled(case.after)}"
+
+
+def _styled(outcome: Outcome | None) -> str:
+    return "none" if outcome is None else f"[{STYLES[outcome]}]{outcome}[/]"
+
+
+def limits(case: VersionCase) -> str:
+    """How far a case's limits are apart, and how sure that is."""
+    if case.apart is None or case.uncertainty is None:
+        return "-"
+    return f"{case.apart:.1e} ± {case.uncertainty:.0e}"
+
+
+def global_error(case: VersionCase) -> str:
+    """What becomes of the error at the shipped step, and its ratio."""
+    then, now = case.global_error_before, case.global_error_after
+    if then is None and now is None:
+        return "-"
+    if then == now:
+        return _percent(then)
+    ratio = f" (x {now / then:.3g})" if then and now else ""
+    return f"{_percent(then)} -> {_percent(now)}{ratio}"
+
+
+def _percent(value: Number) -> str:
+    return "-" if value is None else f"{value:.2%}"
+
+
+def _print_messages(console: Console, case: VersionCase) -> None:
+    _say(console, f"{', '.join(case.kinds)}: {case.id}")
+    for message in case.messages:
+        _say(console, f"  {message}")
+
+
+def _number(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
+def _say(console: Console, text: str, style: str = "") -> None:
+    console.print(f"[{style}]{escape(text)}[/]" if style else escape(text), soft_wrap=True)

@@ -1,0 +1,1 @@
+"""The same models under several versions of an engine."""

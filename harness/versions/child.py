@@ -1,0 +1,80 @@
+"""One version of an engine: what is asked of it is run in its environment, in this process."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import physics_crosscheck
+from harness.engines.registry import engines
+from harness.records.read import decoded
+from harness.records.versions import Measured, VersionRun, VersionTask
+from harness.records.write import encoded, write_whole
+from harness.report import write_report
+from harness.run import Options, Run, Selection, run
+from harness.schedule.limits import Limits
+from harness.schedule.workers import Failure
+from harness.text.progress import Progress
+
+
+def main(task: Path, found: Path) -> str:
+    """Do what a file asks for, and write what was found; returns why it can't be done, or ""."""
+    asked = decoded(task.read_bytes(), VersionTask)
+    version = engines()[asked.engine].version()
+    if why := _unusable(asked, version):
+        return why
+    ran = _run(asked)
+    out = Path(asked.out)
+    write_whole(out / "results.json", encoded(ran.results))
+    write_report(out / "index.html", ran.results)
+    write_whole(found, encoded(_version_run(version or "", ran)))
+    return ""
+
+
+def _unusable(asked: VersionTask, version: str | None) -> str:
+    """Why this is not the version or the code that was asked for; empty where it is."""
+    here = str(physics_crosscheck.BESIDE)
+    if here != asked.package:
+        return (
+            f"it has a physics-crosscheck of its own in {here}, which would be run instead of this"
+            f" one; `{sys.executable} -m pip uninstall physics-crosscheck` takes it out"
+        )
+    if version is None:
+        return f"it has no {asked.engine}; {sys.executable} -m pip can install it"
+    if asked.version and version != asked.version:
+        return f"it has {asked.engine} {version}"
+    return ""
+
+
+def _run(asked: VersionTask) -> Run:
+    options = Options(
+        engines=(asked.engine,),
+        resolution=asked.resolution,
+        jobs=asked.jobs,
+        limits=Limits(seconds=asked.seconds, memory=asked.memory),
+        floating=asked.floating,
+        selection=Selection(
+            models=None,
+            repeated={(one.folder, one.case): one.snapshot for one in asked.repeated},
+            diagnose=asked.diagnose,
+            described=True,
+        ),
+    )
+    with Progress() as progress:
+        folders, robots = map(Path, asked.folders), map(Path, asked.robots)
+        return run(list(folders), options, progress, robots=list(robots))
+
+
+def _version_run(version: str, ran: Run) -> VersionRun:
+    """What the other version is held against."""
+    return VersionRun(
+        version=version,
+        cases=ran.results.cases,
+        models=ran.results.models,
+        measured=tuple(
+            Measured(folder=folder, case=case, measurement=None, failure=value.reason)
+            if isinstance(value, Failure)
+            else Measured(folder=folder, case=case, measurement=value)
+            for (folder, case), value in ran.measured.items()
+        ),
+    )

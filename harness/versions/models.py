@@ -1,0 +1,137 @@
+"""What changes of models beside their cases: linearizations, remarks, what could not be done."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from harness.records.base import Rows
+from harness.records.finding import AuditFinding
+from harness.records.model import EngineLinearization, Model
+from harness.records.versions import ModelChange, VersionModel, VersionRun
+
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)*(?:e[-+]?\d+)?")
+
+_ALIKE = 1e-9
+"""Numbers of a remark that are this close, relatively, are the same."""
+
+ROUNDING = 1e-14
+"""Of an entry of a linearization, relative to the largest."""
+
+Told = Iterator[tuple[ModelChange, str]]
+
+
+def changed_models(before: VersionRun, after: VersionRun) -> Iterator[VersionModel]:
+    """The models of both of which something changes."""
+    there = {model.key: model for model in after.models}
+    for was in before.models:
+        now = there.get(was.key)
+        if now is None:
+            continue  # its cases tell it
+        told = [
+            *_failures(was, now, before.version, after.version),
+            *_linearizations(was, now),
+            *_remarks(was, now),
+        ]
+        if told:
+            yield VersionModel(
+                system=was.system,
+                model=was.model,
+                engine=was.engine,
+                folder=was.folder,
+                kinds=tuple(dict.fromkeys(kind for kind, _ in told)),
+                messages=tuple(message for _, message in told),
+            )
+
+
+def _failures(was: Model, now: Model, before: str, after: str) -> Told:
+    """What of a model's check could be done under one version alone."""
+    then, present = dict(was.failures), dict(now.failures)
+    for what, why in present.items():
+        if what not in then:
+            yield "fails", f"its {what} FAILED under {after}: {why}"
+    for what, why in then.items():
+        if what not in present:
+            yield "loads", f"its {what} FAILED under {before}: {why}"
+
+
+def _linearizations(was: Model, now: Model) -> Told:
+    """Linearizations that moved by more than both are uncertain."""
+    there = {one.equilibrium: one for one in now.linearizations}
+    for one in was.linearizations:
+        other = there.get(one.equilibrium)
+        if other is None:
+            continue  # that it failed is told
+        moved = [
+            f"{name} by {size:.1e} ± {bound:.0e} of its largest entry"
+            for name, size, bound in _moved(one, other)
+            if size > bound
+        ]
+        if moved:
+            said = f"its linearization about {one.equilibrium!r} moved: {', '.join(moved)}"
+            yield "linearization", said
+        elif one.differs != other.differs:
+            verb = "is not Taylor's any more" if other.differs else "is Taylor's now"
+            yield "linearization", f"its linearization about {one.equilibrium!r} {verb}"
+
+
+def _moved(
+    one: EngineLinearization, other: EngineLinearization
+) -> Iterator[tuple[str, float, float]]:
+    """By how much each matrix moved, and how uncertain that is; nothing where that is not known."""
+    for name, then, now, bounds in (
+        ("A", one.a, other.a, (one.a_bound, other.a_bound)),
+        ("B", one.b, other.b, (one.b_bound, other.b_bound)),
+    ):
+        if (size := _distance(then, now)) is None or None in bounds:
+            continue
+        yield name, size, sum(bound or 0.0 for bound in bounds) + ROUNDING
+
+
+def _distance(then: Rows, now: Rows) -> float | None:
+    """The largest difference of two matrices' entries, relative to the largest entry of both."""
+    was = [value for row in then for value in row]
+    present = [value for row in now for value in row]
+    if len(was) != len(present):
+        return None
+    both = [(a, b) for a, b in zip(was, present, strict=True) if a is not None and b is not None]
+    largest = max((max(abs(a), abs(b)) for a, b in both), default=0.0)
+    return max(abs(a - b) for a, b in both) / largest if largest else 0.0
+
+
+def _remarks(was: Model, now: Model) -> Told:
+    """Remarks of one version alone, and those whose numbers are others."""
+    if was.audit is None or now.audit is None:
+        return
+    then, present = list(was.audit), list(now.audit)
+    for one in was.audit:
+        same = next((other for other in present if _alike(one, other)), None)
+        if same is not None:
+            then.remove(one)
+            present.remove(same)
+    yield from (("remark gained", _sentence(one)) for one in present)
+    yield from (("remark lost", _sentence(one)) for one in then)
+
+
+def _sentence(one: AuditFinding) -> str:
+    where = "" if one.where is None else f"{one.where}: "
+    return f"{where}{one.message}"
+
+
+def _alike(one: AuditFinding, other: AuditFinding) -> bool:
+    """Whether two remarks say the same: words, place and numbers, these but for rounding."""
+    words = [
+        (each.kind, each.severity, str(each.where), _NUMBER.sub("#", each.message))
+        for each in (one, other)
+    ]
+    return words[0] == words[1] and _close((one.expected, one.found), (other.expected, other.found))
+
+
+def _close(these: Sequence[float | None], those: Sequence[float | None]) -> bool:
+    for a, b in zip(these, those, strict=True):
+        if a is None or b is None:
+            if a is not b:
+                return False
+        elif abs(a - b) > _ALIKE * max(abs(a), abs(b)):
+            return False
+    return True

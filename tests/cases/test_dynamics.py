@@ -1,0 +1,98 @@
+"""What accelerations add to a verdict on motions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.cases.dynamics import with_dynamics
+from harness.cases.robot import prepare_robot, run_robot
+from harness.cases.verdict import Verdict
+from harness.numerics.forward_dynamics import TERMS, ForwardDynamics
+from harness.numerics.judgement import judge
+from harness.records.outcome import Outcome
+from harness.text.dynamics import dynamics_lines
+from tests.cases.test_robot import SERVO
+
+MOTION = Verdict(
+    outcome=Outcome.UNRESOLVED,
+    discrepancy=1e-9,
+    uncertainty=3e-8,
+    largest_discrepancy=1e-9,
+    largest_uncertainty=3e-8,
+    component="x",
+    time=0.0,
+    order=1.0,
+    map_residual=float("nan"),
+    map_uncertainty=float("nan"),
+    reason="the limit of x is known to 3.0e-08 at best",
+)
+UNKNOWN = replace(MOTION, uncertainty=float("inf"), largest_uncertainty=float("inf"))
+AGREES = replace(MOTION, outcome=Outcome.AGREES, largest_uncertainty=1e-12, reason="")
+DIFFERS = replace(MOTION, outcome=Outcome.DIFFERS, reason="x ends the segment 1e-3 off")
+
+
+def told(off: float, *, complete: bool = True) -> ForwardDynamics:
+    """Accelerations of two coordinates at three states, one of which is off."""
+    defect = np.zeros((3, 2))
+    defect[1, 1] = off
+    return ForwardDynamics(
+        judgement=judge(defect, np.full((3, 2), 1e-14), 1e-9, None),
+        states=3,
+        complete=complete,
+        terms=dict.fromkeys(TERMS, 0.0) | {"mass matrix": off},
+    )
+
+
+def both(motion: Verdict, dynamics: ForwardDynamics | None) -> Verdict:
+    return with_dynamics(motion, dynamics, ("x", "phi"), 1e-9)
+
+
+def test_a_stiff_motion_is_decided_by_accelerations_at_every_state() -> None:
+    found = both(MOTION, told(0.0))
+    assert found.outcome is Outcome.AGREES
+    assert found.largest_uncertainty == 1e-14
+    assert found.reason == (
+        "its accelerations, at 3 states, are the equations' to 1.0e-14 of the largest; of its"
+        " motions the limit of x is known to 3.0e-08 at best"
+    )
+
+
+@pytest.mark.parametrize(("motion", "dynamics"), [
+    (MOTION, None), (MOTION, told(0.0, complete=False)), (UNKNOWN, told(0.0)),
+    (AGREES, told(0.0)), (AGREES, told(1e-12)), (DIFFERS, told(0.0)), (DIFFERS, told(1.0)),
+])  # fmt: skip
+def test_what_they_can_not_decide_is_left_to_the_motions(
+    motion: Verdict, dynamics: ForwardDynamics | None
+) -> None:
+    """States of which nothing is told may hold what makes a motion rough; so may a step."""
+    assert both(motion, dynamics) is motion
+
+
+@pytest.mark.parametrize("motion", [MOTION, UNKNOWN, AGREES])
+def test_accelerations_that_differ_differ(motion: Verdict) -> None:
+    found = both(motion, told(1e-6))
+    assert found.outcome is Outcome.DIFFERS
+    assert found.component == "phi_ddot"
+    assert found.discrepancy == 1e-6
+    assert found.reason.startswith(
+        "phi_ddot is 1.00e-06 of its largest off; the uncertainty is 1.0e-14; of its forces"
+        " differ: mass matrix; "
+    )
+    other = "every segment agrees to 1.0e-12" if motion is AGREES else motion.reason
+    assert found.reason.endswith(other)
+
+
+def test_a_servo_that_no_step_resolves_is_resolved_without_one(tmp_path: Path) -> None:
+    file = tmp_path / "servo.xml"
+    file.write_text(SERVO.format(20))
+    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    assert case.outcome is Outcome.AGREES
+    assert case.reason.startswith("its accelerations, at 200 states, are the equations' to ")
+    assert "of its motions the limit of stiff is known to" in case.reason
+    assert case.forward_dynamics is not None
+    (line,) = dynamics_lines([case])
+    assert line.startswith("The engines' own accelerations, in one case at 200 states, are the")

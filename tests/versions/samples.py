@@ -1,0 +1,110 @@
+"""Two versions of an engine that ran one case: made up, and whole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from harness.records.baseline import Measurement
+from harness.records.case import Case, Stepping
+from harness.records.finding import AuditFinding
+from harness.records.model import EngineLinearization, Model
+from harness.records.outcome import Outcome
+from harness.records.versions import Measured, Upgrade, VersionRun
+from harness.versions.compare import upgrade
+from tests.baseline.samples import case, measurement
+
+
+def run(
+    version: str,
+    *cases: Case,
+    does: Measurement | str | None = None,
+    models: tuple[Model, ...] = (),
+) -> VersionRun:
+    """What a version did: the cases, each measured alike; `does` as a text is why none was."""
+    chosen = cases or (case(),)
+    does = measurement() if does is None else does
+    failure = does if isinstance(does, str) else ""
+    found = None if isinstance(does, str) else does
+    return VersionRun(
+        version=version,
+        cases=chosen,
+        models=models,
+        measured=tuple(
+            Measured(folder=one.folder, case=one.id, measurement=found, failure=failure)
+            for one in chosen
+            if one.verdict is not None
+        ),
+    )
+
+
+def between(before: VersionRun, after: VersionRun) -> Upgrade:
+    """What changes from one to the other."""
+    return upgrade(before, after, "e", 1e-9)
+
+
+def failed(scenario: str = "free", **fields: Any) -> Case:
+    """The case where it can't be run."""
+    nothing = {"verdict": None, "full_run": None}
+    given = {"scenario": scenario, "reason": "m.xml: no such joint", **nothing, **fields}
+    return case(Outcome.FAILED, **given)
+
+
+def stepping(outcome: Outcome) -> Stepping:
+    """The very next state, with that outcome."""
+    return Stepping(
+        rule="semi-implicit Euler",
+        besides="",
+        step=0.002,
+        outcome=outcome,
+        discrepancy=0.0,
+        uncertainty=1e-14,
+        component="x",
+        digits=1.0,
+        digits_later=1.0,
+    )
+
+
+def linearization(k: float = 47.0, *, differs: bool = False) -> EngineLinearization:
+    """An oscillator's, of stiffness k, sure to 1e-10."""
+    return EngineLinearization(
+        equilibrium="rest",
+        a=((0.0, 1.0), (-k, -0.5)),
+        b=((), ()),
+        a_error=0.0,
+        b_error=None,
+        a_bound=1e-10,
+        differs=differs,
+        poles=(),
+        taylor_poles=(),
+        transfer_error=None,
+        mode_similarity=1.0,
+        frequencies=(),
+        response=(),
+        taylor_response=(),
+    )
+
+
+def remark(message: str, found: float | None = None) -> AuditFinding:
+    """A note of an audit."""
+    return AuditFinding(
+        kind="default", message=message, where=None, expected=None, found=found, severity="note"
+    )
+
+
+MODEL = Model(
+    system="spring",
+    model="m.xml",
+    engine="e",
+    folder="models/spring",
+    text="",
+    sidecar="",
+    linearizations=(linearization(),),
+    audit=(remark("the step is 0.002 s"),),
+)
+
+
+def model(**fields: Any) -> Model:
+    """The model with some fields changed."""
+    return msgspec.structs.replace(MODEL, **fields)

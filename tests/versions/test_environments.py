@@ -1,0 +1,115 @@
+"""Environments: made once by commands that are shown, used again, and never left half made."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from harness.versions.environments import (
+    READY,
+    EnvironmentError_,
+    Requirement,
+    environment,
+    folder_name,
+    interpreter,
+)
+
+WANTED = Requirement(engine="e", distribution="the-engine", version="1.2")
+
+
+class Installer:
+    """Stands for `venv` and `pip`: makes an interpreter; fails, or is stopped, where it is told."""
+
+    def __init__(self, fails: str = "", said: str = "", stops: bool = False) -> None:
+        self.fails, self.said, self.stops = fails, said, stops
+        self.commands: list[list[str]] = []
+
+    def __call__(self, command: Sequence[str]) -> tuple[int, str]:
+        self.commands.append(list(command))
+        if command[2] == "venv":
+            python = interpreter(Path(command[-1]))
+            python.parent.mkdir(parents=True)
+            python.touch()
+        if command[2] == self.fails:
+            if self.stops:
+                raise KeyboardInterrupt
+            return 1, self.said
+        return 0, ""
+
+
+def made(parent: Path, installer: Installer) -> tuple[Path, list[str]]:
+    """The environment's folder, and the lines that were told."""
+    told: list[str] = []
+    return environment(WANTED, parent, told.append, installer), told
+
+
+def test_its_commands_are_told_before_they_are_run(tmp_path: Path) -> None:
+    installer = Installer()
+    place, told = made(tmp_path, installer)
+    python = str(interpreter(place))
+    assert installer.commands == [
+        [sys.executable, "-m", "venv", str(place)],
+        [python, "-m", "pip", "install", "--disable-pip-version-check", "the-engine==1.2"],
+    ]
+    assert [line.strip() for line in told[1::2]] == [" ".join(c) for c in installer.commands]
+    assert told[2].startswith("  echo 'import site; site.addsitedir(")
+    (beside,) = place.rglob("*.pth")
+    assert beside.read_text().strip() in told[2]
+
+
+def test_it_is_used_again(tmp_path: Path) -> None:
+    first, _ = made(tmp_path, Installer())
+    again = Installer()
+    place, told = made(tmp_path, again)
+    assert (place, again.commands) == (first, [])
+    assert told == [f"e 1.2: in {place}"]
+
+
+@pytest.mark.parametrize("fails", ["venv", "pip"])
+def test_where_it_cant_be_made_nothing_is_left(tmp_path: Path, fails: str) -> None:
+    said = "Collecting it\nERROR: No matching distribution found for the-engine==1.2\n\nhint: none"
+    with pytest.raises(EnvironmentError_) as raised:
+        made(tmp_path, Installer(fails=fails, said=said))
+    message = str(raised.value)
+    assert message.startswith(
+        "e 1.2 can't be installed: ERROR: No matching distribution found for the-engine==1.2; "
+    )
+    assert "pip index versions the-engine" in message
+    assert "1.2=path/to/venv" in message
+    assert [path for path in tmp_path.iterdir() if path.is_dir()] == []
+
+
+def test_where_it_is_stopped_nothing_is_left_either(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        made(tmp_path, Installer(fails="pip", stops=True))
+    assert [path for path in tmp_path.iterdir() if path.is_dir()] == []
+
+
+def test_one_that_was_killed_while_it_was_made_is_made_anew(tmp_path: Path) -> None:
+    place, _ = made(tmp_path, Installer())
+    (place / READY).unlink()
+    (place / "half").touch()
+    again = Installer()
+    made(tmp_path, again)
+    assert len(again.commands) == 2
+    assert not (place / "half").exists()
+    assert (place / READY).is_file()
+
+
+def test_one_whose_python_is_gone_is_made_anew(tmp_path: Path) -> None:
+    place, _ = made(tmp_path, Installer())
+    interpreter(place).unlink()
+    again = Installer()
+    made(tmp_path, again)
+    assert len(again.commands) == 2
+
+
+def test_beside_other_packages_it_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    name = folder_name(WANTED)
+    assert name.startswith(f"the-engine-1.2-py{sys.version_info[0]}.{sys.version_info[1]}-")
+    assert folder_name(WANTED) == name
+    monkeypatch.setattr("importlib.metadata.distributions", list)
+    assert folder_name(WANTED) != name

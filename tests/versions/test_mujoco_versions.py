@@ -1,0 +1,82 @@
+"""Two versions of MuJoCo, where a package index gives the other: a known fault that was mended."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.records.read import decoded
+from harness.records.versions import Versions
+from tests.faults.known_folder import environment
+
+OTHER = "3.3.7"
+
+ROTATED = """<robot name="rotated">
+  <link name="base"/>
+  <joint name="hinge" type="continuous">
+    <parent link="base"/>
+    <child link="arm"/>
+    <axis xyz="0 1 0"/>
+  </joint>
+  <link name="arm">
+    <inertial>
+      <origin xyz="0 0 -0.5" rpy="0 0 0.7"/>
+      <mass value="2"/>
+      <inertia ixx="0.1" iyy="0.06" izz="0.05" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+</robot>
+"""
+
+MESHES = """<mujoco model="meshes">
+  <asset><mesh file="looks.stl"/><mesh file="more/looks_more.stl" scale="2 2 2"/></asset>
+  <worldbody>
+    <body>
+      <joint name="hinge" axis="0 1 0"/>
+      <inertial pos="0 0 -0.5" mass="2" diaginertia="0.1 0.06 0.05"/>
+      <geom type="mesh" mesh="looks" contype="0" conaffinity="0"/>
+      <geom type="mesh" mesh="looks_more" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+"""Looks of no name, of which only their files' names are known; nothing moves by them."""
+
+
+@pytest.mark.slow
+def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit(
+    tmp_path: Path,
+) -> None:
+    here = importlib.metadata.version("mujoco")
+    (tmp_path / "rotated.urdf").write_text(ROTATED)
+    (tmp_path / "meshes.xml").write_text(MESHES)
+    command = [
+        *(sys.executable, "-m", "physics_crosscheck", "versions", "rotated.urdf", "meshes.xml"),
+        *("--engine", "mujoco", OTHER, here, "--environments", "kept", "--json", "found.json"),
+    ]
+    done = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        check=False,
+    )
+    if f"mujoco {OTHER} can't be installed" in done.stderr:
+        pytest.skip(f"no package index gives MuJoCo {OTHER}: {done.stderr.strip()}")
+    assert done.returncode == 1, done.stdout + done.stderr
+    found = decoded((tmp_path / "found.json").read_bytes(), Versions)
+    (one,) = found.upgrades
+    cases = {case.model: case for case in one.cases}
+    rotated, meshes = cases["rotated.urdf"], cases["meshes.xml"]
+    assert rotated.kinds == ("verdict", "limit", "next state")
+    assert (rotated.before, rotated.after) == ("DIFFERS", "AGREES")
+    assert rotated.apart is not None
+    assert 0.01 < rotated.apart < 0.1
+    assert (meshes.kinds, meshes.apart) == ((), 0.0)
+    assert one.models == ()

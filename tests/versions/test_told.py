@@ -1,0 +1,118 @@
+"""What is told of two versions: in the terminal, on the page, in the record."""
+
+from __future__ import annotations
+
+import html
+import io
+from pathlib import Path
+
+import msgspec
+import pytest
+from rich.console import Console
+
+from harness.records.outcome import Outcome
+from harness.records.read import decoded
+from harness.records.versions import EngineVersion, Upgrade, Versions
+from harness.records.write import encoded
+from harness.report.versions import render_versions
+from harness.text.versions import print_versions
+from tests.baseline.samples import case, measurement
+from tests.report.page import Page
+from tests.versions.samples import between, failed, model, remark, run
+
+
+def versions(*upgrades: Upgrade) -> Versions:
+    numbers = [upgrades[0].before, *(one.after for one in upgrades)]
+    return Versions(
+        created="2026-01-01T00:00:00+00:00",
+        engine="e",
+        resolution=1e-9,
+        seconds=1.0,
+        versions=tuple(
+            EngineVersion(version=one, python="python", report=f"out/e-{one}") for one in numbers
+        ),
+        upgrades=upgrades,
+        left_out=("arm: no model of it names e; left out",),
+    )
+
+
+def printed(found: Versions) -> list[str]:
+    file = io.StringIO()
+    print_versions(Console(file=file, width=160), found)
+    return [line.rstrip() for line in file.getvalue().splitlines()]
+
+
+SAME = versions(between(run("1.0"), run("2.0")))
+MOVED = versions(
+    between(
+        run("1.0", case(), models=(model(),)),
+        run(
+            "2.0",
+            case(Outcome.DIFFERS, global_error=0.01),
+            does=measurement(move=1e-3),
+            models=(model(audit=(remark("a limit is ignored"),)),),
+        ),
+    )
+)
+
+
+def test_where_nothing_changes_the_last_line_says_that_it_can_be_done() -> None:
+    lines = printed(SAME)
+    assert lines[1:] == [
+        "e 1.0 -> 2.0",
+        "1 case: 1 as before (limits the same to the last bit)",
+        "e 2.0 can take the place of 1.0 for these models",
+    ]
+
+
+def test_how_near_limits_are_that_are_the_same_but_for_rounding_is_told() -> None:
+    found = versions(between(run("1.0"), run("2.0", does=measurement(move=4e-13))))
+    assert "1 case: 1 as before (limits apart by 4.0e-13 at most, uncertainty 1e-12)" in printed(
+        found
+    )
+
+
+def test_what_changes_is_a_row_with_both_verdicts_and_the_ratio_of_the_errors() -> None:
+    lines = printed(MOVED)
+    (row,) = [line for line in lines if line.startswith("spring/m.xml/free [e]")]
+    for piece in ("verdict, limit", "AGREES -> DIFFERS", "1.0e-03 ±", "0.50% -> 1.00% (x 2)"):
+        assert piece in row
+    assert "  DIFFERS where it was AGREES" in lines
+    assert "spring/m.xml [e]: remark gained, remark lost" in lines
+    assert "1 case: 1 changed; 1 model changed beside them" in lines
+    assert lines[-1] == (
+        "e: look at what changed before you go from 1.0 to 2.0; each version's report:"
+        " out/e-1.0/index.html  out/e-2.0/index.html"
+    )
+
+
+def test_what_could_not_be_compared_is_to_be_mended_first() -> None:
+    lines = printed(versions(between(run("1.0", failed()), run("2.0", failed()))))
+    assert "1 case: 1 not compared" in lines
+    assert lines[-1].startswith("e: not everything could be compared; mend what is told above")
+
+
+def test_the_page_tells_the_same_and_runs_no_script() -> None:
+    text = render_versions(MOVED, Path("out"))
+    assert "script-src 'none'" in html.unescape(text)
+    assert "<script" not in text
+    assert 'href="e-1.0/index.html"' in text
+    for said in ("AGREES", "DIFFERS", "remark gained, remark lost", "arm: no model of it names e"):
+        assert said in text
+    Page(text)
+
+
+@pytest.mark.parametrize(
+    "name", ["<script>alert(1)</script>", '"><b onclick=x>', "a\u202eb\x1b[31m"]
+)
+def test_names_stay_names_on_the_page_and_in_the_terminal(name: str) -> None:
+    bad = msgspec.structs.replace(failed(), model=name, reason=name)
+    found = versions(between(run("1.0", bad), run("2.0")))
+    text = render_versions(found, Path("out"))
+    assert name not in text
+    assert "<script" not in text
+    assert "\x1b" not in "".join(printed(found))
+
+
+def test_the_record_comes_back_as_it_was_written() -> None:
+    assert decoded(encoded(MOVED).encode(), Versions) == MOVED

@@ -1,0 +1,175 @@
+"""Two versions for real: environments by `venv` and `pip`, a process each, what changes.
+
+The toy engine of docs/engines.md is the engine, as wheels in a folder: no package index is asked.
+This package is installed, as a user has it; `test_mujoco_versions.py` runs from the checkout.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from harness.records.read import decoded
+from harness.records.versions import Versions
+from harness.versions.environments import interpreter, site_folders
+from tests.faults.known_folder import ROOT, SYSTEM
+
+PAGE = (ROOT / "docs" / "engines.md").read_text(encoding="utf-8")
+TOY = 'names = ["x"]\nm = [1.3]\nc = [0.9]\nk = [47.0]\nstep = 0.005\n'
+POINTS = "[crosscheck.engines]\ntoy = toy_engine:ToyEngine\n"
+
+
+def engine(version: str, old: str = "", new: str = "") -> str:
+    """The toy engine's module: of a version, with a change."""
+    (text,) = re.findall(r"^```python\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    text = text.replace('return "1.0"', f'return "{version}"')
+    assert old in text
+    return str(text.replace(old, new)) if old else str(text)
+
+
+def files(version: str, module: str) -> dict[str, str]:
+    """What a distribution of it holds."""
+    info = f"toy-{version}.dist-info"
+    return {
+        "toy_engine.py": module,
+        f"{info}/METADATA": f"Metadata-Version: 2.1\nName: toy\nVersion: {version}\n",
+        f"{info}/WHEEL": "Wheel-Version: 1.0\nGenerator: t\nRoot-Is-Purelib: true\n"
+        "Tag: py3-none-any\n",
+        f"{info}/entry_points.txt": POINTS,
+        f"{info}/RECORD": "",
+    }
+
+
+@dataclass(frozen=True)
+class Home:
+    """An environment that has this package, version 1.0 of the toy engine, and two other wheels."""
+
+    place: Path
+
+    def versions(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
+        """Run the command in it."""
+        clean = {k: v for k, v in os.environ.items() if not k.startswith(("PIP_", "PYTHON"))}
+        return subprocess.run(
+            [interpreter(self.place / "home"), "-m", "physics_crosscheck", "versions", *words],
+            cwd=self.place,
+            capture_output=True,
+            text=True,
+            timeout=1800,
+            check=False,
+            env={
+                **clean,
+                "PIP_NO_INDEX": "1",
+                "PIP_FIND_LINKS": str(self.place / "wheels"),
+                "XDG_CACHE_HOME": str(self.place / "cache"),
+                "CI": "1",
+            },
+        )
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
+    place = tmp_path_factory.mktemp("versions")
+    command = [sys.executable, "-m", "venv", "--without-pip", str(place / "home")]
+    subprocess.run(command, check=True)
+    (site,) = (place / "home").rglob("site-packages")
+    lines = [f"import site; site.addsitedir({folder!r})" for folder in site_folders()]
+    (site / "dependencies.pth").write_text("\n".join(lines) + "\n")
+    for name in ("harness", "reference", "physics_crosscheck"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, site / name, ignore=ignored)
+    for name, text in files("1.0", engine("1.0")).items():
+        (site / name).parent.mkdir(exist_ok=True)
+        (site / name).write_text(text)
+    (place / "wheels").mkdir()
+    stiffer = "- self._k * q", "- 1.001 * self._k * q"
+    for version, module in (("2.0", engine("2.0", *stiffer)), ("3.0", engine("3.0"))):
+        wheel = place / "wheels" / f"toy-{version}-py3-none-any.whl"
+        with zipfile.ZipFile(wheel, "w") as archive:
+            for name, text in files(version, module).items():
+                archive.writestr(name, text)
+    folder = place / "oscillator"
+    folder.mkdir()
+    (folder / "system.py").write_text(SYSTEM)
+    (folder / "good.toy").write_text(TOY)
+    (folder / "good.toy.toml").write_text('engines = ["toy"]\n')
+    return Home(place)
+
+
+@pytest.fixture(scope="module")
+def done(home: Home) -> subprocess.CompletedProcess[str]:
+    """What three versions came to."""
+    words = "oscillator", "--engine", "toy", "1.0", "2.0", "3.0", "--json", "found.json"
+    return home.versions(*words)
+
+
+@pytest.mark.slow
+def test_what_a_version_changes_is_told_and_that_the_next_takes_it_back(
+    home: Home, done: subprocess.CompletedProcess[str]
+) -> None:
+    assert done.returncode == 1, done.stdout + done.stderr
+    found = decoded((home.place / "found.json").read_bytes(), Versions)
+    assert [(one.before, one.after) for one in found.upgrades] == [("1.0", "2.0"), ("2.0", "3.0")]
+    for one, outcomes in zip(
+        found.upgrades, [("AGREES", "DIFFERS"), ("DIFFERS", "AGREES")], strict=True
+    ):
+        assert {case.scenario for case in one.cases} == {"free", "driven"}
+        for case in one.cases:
+            assert case.kinds[:2] == ("verdict", "limit")
+            assert (case.before, case.after) == outcomes
+            assert case.apart is not None
+            assert 1e-5 < case.apart < 1e-2
+        (model,) = one.models
+        assert "linearization" in model.kinds
+    last = done.stdout.splitlines()[-2]
+    assert last.startswith("toy: look at what changed before you go from 1.0 to 3.0")
+
+
+@pytest.mark.slow
+def test_each_version_leaves_its_report_and_one_page_leads_to_them(
+    home: Home, done: subprocess.CompletedProcess[str]
+) -> None:
+    out = home.place / "reports" / "versions"
+    page = (out / "index.html").read_text()
+    for version in ("1.0", "2.0", "3.0"):
+        assert (out / f"toy-{version}" / "results.json").is_file()
+        assert f'href="toy-{version}/index.html"' in page
+        assert (out / f"toy-{version}" / "index.html").is_file()
+    assert done.stdout.splitlines()[-1].startswith("reports/versions/index.html")
+
+
+@pytest.mark.slow
+def test_environments_are_made_once_and_one_of_ones_own_will_do(
+    home: Home, done: subprocess.CompletedProcess[str]
+) -> None:
+    assert done.stdout.count("its environment is made, once") == 2
+    assert "toy 1.0: the one that is installed here" in done.stdout
+    again = home.versions("oscillator", "--engine", "toy", "1.0", "3.0")
+    assert again.returncode == 0, again.stdout + again.stderr
+    assert "is made, once" not in again.stdout
+    assert "toy 3.0 can take the place of 1.0 for these models" in again.stdout
+    (place,) = (home.place / "cache").rglob("toy-2.0-*[0-9a-f]/")
+    own = home.versions("oscillator", "--engine", "toy", "1.0", f"2.0={place}")
+    assert own.returncode == 1
+    wrong = home.versions("oscillator", "--engine", "toy", "1.0", f"2.5={place}")
+    assert wrong.returncode == 3
+    assert wrong.stderr.strip().endswith("it has toy 2.0")
+
+
+@pytest.mark.slow
+def test_a_version_that_is_not_there_is_told_before_anything_is_run(home: Home) -> None:
+    missing = home.versions("oscillator", "--engine", "toy", "1.0", "9.9", "--out", "nothing")
+    assert missing.returncode == 3
+    (line,) = missing.stderr.strip().splitlines()
+    assert line.startswith("crosscheck: toy 9.9 can't be installed: ERROR: ")
+    assert "toy==9.9" in line
+    assert "pip index versions toy" in line
+    assert not (home.place / "nothing").exists()
+    assert not list((home.place / "cache").rglob("toy-9.9-*/"))
