@@ -16,6 +16,7 @@ from harness.engines.protocol import Array, Model
 from harness.engines.step_rule import StepRule
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.judgement import Judgement, judge
+from harness.numerics.ladder import EPSILON
 from harness.numerics.rounding import unheld, with_companions
 from harness.numerics.segments import movement
 from reference.stepping import Stepped, next_states
@@ -165,11 +166,17 @@ class Steps:
     def rounding(self, took: Array) -> Array:
         """What numbers rounded alike on the way make of a step, (2n,).
 
-        As in `harness.numerics.rounding`, of what the step adds: its start is one and the same.
+        As in `harness.numerics.rounding`, of what the step adds: its start is one and the same. In
+        short numbers solving for accelerations takes more digits than the start's last one, which
+        shows in how companions scatter.
         """
         starts = self._starts
         before = self._coordinates.from_engine(starts.z, starts.w, self._states[starts.rows])
-        return starts.last_digits(took - before)
+        added = took - before
+        told = starts.last_digits(added)
+        if starts.epsilon <= EPSILON:
+            return told
+        return np.maximum(told, starts.observed_rounding(added))
 
     def digit(self, ends: Array) -> Array:
         """The last digit of each component at each state, (B, 2n).
