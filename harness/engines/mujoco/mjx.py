@@ -104,6 +104,25 @@ def _advance(make: Any) -> Any:
     return jax.jit(advance)
 
 
+@cache
+def _forward(make: Any) -> Any:
+    """Compiled: accelerations of states (q, v, act) under forces; arguments as of `_advance`."""
+    import jax
+    from mujoco import mjx
+
+    def forward(parts: Any, ctrl: Any, states: Any, force: Any) -> Any:
+        model, empty = jax.tree_util.tree_unflatten(make, parts)
+        empty = empty.replace(ctrl=ctrl)
+
+        def one(q: Any, v: Any, act: Any, f: Any) -> Any:
+            at = empty.replace(qpos=q, qvel=v, act=act, qfrc_applied=f)
+            return mjx.forward(model, at).qacc
+
+        return jax.vmap(one)(*states, force)
+
+    return jax.jit(forward)
+
+
 class MjxModel(MujocoModel):
     """A compiled model, stepped by JAX."""
 
@@ -125,6 +144,7 @@ class MjxModel(MujocoModel):
             put = mjx.put_model(self.model)
             parts, make = jax.tree_util.tree_flatten((put, mjx.make_data(put)))
             self._parts, self._advance = tuple(parts), _advance(make)
+            self._forward = _forward(make)
 
     def _numbers(self) -> Any:
         """Within which JAX has numbers of these bits."""
@@ -133,8 +153,22 @@ class MjxModel(MujocoModel):
         return jax.enable_x64(self._bits == BITS)
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """None are told: MuJoCo's own would be another engine's."""
-        return None
+        """By `mjx.forward`, at states where MuJoCo has no constraint act."""
+        told = super().accelerations(z, w, force)
+        if told is None:
+            return None
+        with engine_errors(self._spec.path, "MJX"), np.errstate(all="ignore"), self._numbers():
+            *states, _ = self._filled(self._states.qpos(z), self._states.qvel(z, w))
+            held = np.pad(force, ((0, len(states[0]) - len(z)), (0, 0)))
+            found = np.array(self._forward(self._parts, self._controls, states, held), dtype=float)
+        own: Array = np.where(np.isnan(told), np.nan, found[: len(z)])
+        return own
+
+    def _filled(self, qpos: Array, qvel: Array) -> tuple[Array, ...]:
+        """Positions, velocities, activations and warm starts of as many states as fill a batch."""
+        size = FILLED ** math.ceil(math.log(len(qpos), FILLED))
+        q, v = (np.pad(one, ((0, size - len(one)), (0, 0)), mode="edge") for one in (qpos, qvel))
+        return q, v, np.tile(self._activations, (size, 1)), np.zeros_like(v)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
@@ -149,13 +183,9 @@ class MjxModel(MujocoModel):
     ) -> tuple[Array, Array]:
         import jax
 
-        count, size = len(q), FILLED ** math.ceil(math.log(len(q), FILLED))
-        start, near = self._states.qpos(q), q
-        filled = np.pad(start, ((0, size - count), (0, 0)), mode="edge")
-        moving = np.pad(self._states.qvel(q, v), ((0, size - count), (0, 0)), mode="edge")
-        still = np.zeros((size, self.model.nv))
-        states = (filled, moving, np.tile(self._activations, (size, 1)), still)
-        states = tuple(jax.numpy.asarray(one) for one in states)
+        start, near, count = self._states.qpos(q), q, len(q)
+        states = tuple(map(jax.numpy.asarray, self._filled(start, self._states.qvel(q, v))))
+        size = len(states[0])
         length = 1 if isinstance(force, StateForce) else HELD
         held = np.zeros((length, size, self.model.nv))
         out_q, out_v = (np.empty((count, n // every, k)) for k in (self.model.nq, self.model.nv))
