@@ -10,9 +10,11 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -72,6 +74,16 @@ class MjxEngine(MujocoEngine):
     def model_of(self, *compiled: Any) -> MujocoModel:
         """A model that JAX steps."""
         return MjxModel(*compiled)
+
+
+@cache
+def _keep_compiled() -> None:
+    """Have JAX keep on disk what it compiles, unless it was told where: seconds a batch's size."""
+    import jax
+
+    if jax.config.jax_compilation_cache_dir is None:
+        place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        jax.config.update("jax_compilation_cache_dir", str(place / "physics-crosscheck" / "jax"))
 
 
 @cache
@@ -138,6 +150,7 @@ class MjxModel(MujocoModel):
 
         for reason in _unread(self.model):
             raise EngineError(f"{self._spec.path}: it has {reason}, which MJX reads over")
+        _keep_compiled()
         self._bits = bits
         self.epsilon = float(np.finfo(f"float{bits}").eps)
         with self._numbers():
