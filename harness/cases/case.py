@@ -202,7 +202,8 @@ def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepp
     """The engine's very next state, at states spread over the motion."""
     if task.stepped is None:
         return None
-    found = step_engine(model, coordinates, task.stepped, *_passed(task.motion), task.resolution)
+    at = _passed(task.motion)
+    found = step_engine(model, coordinates, task.stepped, *at, task.resolution, long=True)
     return None if found is None else stepping_record(found, task.components)
 
 

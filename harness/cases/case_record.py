@@ -69,6 +69,7 @@ def stepping_record(found: FoundStepping, components: tuple[str, ...]) -> Steppi
         component=components[judged.component],
         digits=number(found.digits),
         digits_later=number(found.later),
+        digits_long=number(found.long),
     )
 
 

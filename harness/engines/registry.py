@@ -7,13 +7,17 @@ from importlib.metadata import entry_points
 
 from harness.engines.dart import DartEngine
 from harness.engines.drake import DrakeEngine
-from harness.engines.mujoco import MujocoEngine
+from harness.engines.mujoco import MjxEngine, MujocoEngine
+from harness.engines.newton import NewtonEngine
 from harness.engines.pinocchio import PinocchioEngine
 from harness.engines.protocol import Engine
 from harness.engines.pybullet import PybulletEngine
 from harness.engines.pymunk import PymunkEngine
 
-BUILT_IN = (MujocoEngine, PybulletEngine, PymunkEngine, PinocchioEngine, DrakeEngine, DartEngine)
+BUILT_IN = (
+    *(MujocoEngine, PybulletEngine, PymunkEngine),
+    *(PinocchioEngine, DrakeEngine, DartEngine, NewtonEngine, MjxEngine),
+)
 
 
 def engines() -> dict[str, Engine]:

@@ -49,8 +49,8 @@ class SpringForces:
         self.empty = not springs and not own.any()
 
     def at(self, q: Array, v: Array) -> Array:
-        """Forces along joints at positions and velocities, (n,) each."""
+        """Forces along joints at positions and velocities, (..., n) each."""
         if self._own is not None:
             return -self._own * v
-        force: Array = self._at_zero - self._stiffness @ q - self._damping @ v
+        force: Array = self._at_zero - q @ self._stiffness.T - v @ self._damping.T
         return force

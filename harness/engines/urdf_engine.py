@@ -51,7 +51,7 @@ class UrdfEngine(Engine):
         words: which of those that are words may be.
     """
 
-    formats = (".urdf",)
+    formats: tuple[str, ...] = (".urdf",)
     takes_springs = (".urdf",)
     switches = frozenset({"smooth", "couplings", "held"})
     idle = IDLE

@@ -16,12 +16,16 @@ from harness.engines.protocol import Array, Model
 from harness.engines.step_rule import StepRule
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.judgement import Judgement, judge
+from harness.numerics.ladder import EPSILON
 from harness.numerics.rounding import unheld, with_companions
 from harness.numerics.segments import movement
 from reference.stepping import Stepped, next_states
 
-LATER = 10
+LATER, LONG = 10, 1000
 """Steps after which the difference is told once more."""
+
+FEW = 6
+"""States from which so many steps are taken."""
 
 ROUNDED = 4.0
 """Last digits of a component that the few operations of a step may lose, each side's."""
@@ -41,6 +45,7 @@ class Stepping:
         judgement: of B states and 2n components, relative to how far each moves in a step at most.
         digits: the largest difference in last digits of the component's own size.
         later: the same after `LATER` steps.
+        long: after `LONG`, from a few of the states; nan where that was not asked for.
     """
 
     rule: StepRule
@@ -48,6 +53,7 @@ class Stepping:
     judgement: Judgement
     digits: float
     later: float
+    long: float
 
 
 def is_linear(coordinates: CoordinateMap, states: Array) -> bool:
@@ -63,6 +69,7 @@ def step_engine(
     states: Array,
     inputs: Array,
     resolution: float,
+    long: bool = False,
 ) -> Stepping | None:
     """Take a step of the model's own from every state, and compare.
 
@@ -73,6 +80,7 @@ def step_engine(
         states: where steps start, (B, 2n).
         inputs: held over the step, (B, inputs).
         resolution: that is asked of a difference, relative.
+        long: whether `LONG` steps are taken too.
 
     Returns:
         None where the engine tells no rule, its coordinates don't step as the equations' do, or
@@ -97,8 +105,13 @@ def step_engine(
             apart / scale, (ROUNDED * digit + MARGIN * run.rounding(took)) / scale, resolution, None
         ),
         digits=float(np.max(apart / digit)),
-        later=run.later(rule, stepped),
+        later=run.later(rule, stepped, LATER),
+        long=_long(run, rule, stepped) if long else float("nan"),
     )
+
+
+def _long(run: Steps, rule: StepRule, stepped: Stepped) -> float:
+    return run.few(FEW).later(rule, stepped, LONG)
 
 
 class Steps:
@@ -138,21 +151,32 @@ class Steps:
             steps=steps,
         )
 
-    def later(self, rule: StepRule, stepped: Stepped) -> float:
-        """The largest difference after `LATER` steps, in last digits."""
+    def few(self, count: int) -> Steps:
+        """The same from so many of its states, spread evenly."""
+        rows = np.unique(np.linspace(0, len(self._states) - 1, count).astype(np.intp))
+        return Steps(self._model, self._coordinates, self._states[rows], self._inputs[rows])
+
+    def later(self, rule: StepRule, stepped: Stepped, steps: int) -> float:
+        """The largest difference after so many steps, in last digits."""
         with np.errstate(all="ignore"):  # some blow up at the step that they ship with
-            expected = self.rule(rule, stepped, LATER)
-            took = self.engine(LATER)[: len(expected)]
+            expected = self.rule(rule, stepped, steps)
+            took = self.engine(steps)[: len(expected)]
             return float(np.max(np.abs(took - expected) / self.digit(expected)))
 
     def rounding(self, took: Array) -> Array:
         """What numbers rounded alike on the way make of a step, (2n,).
 
-        As in `harness.numerics.rounding`, of what the step adds: its start is one and the same.
+        As in `harness.numerics.rounding`, of what the step adds: its start is one and the same. In
+        short numbers solving for accelerations takes more digits than the start's last one, which
+        shows in how companions scatter.
         """
         starts = self._starts
         before = self._coordinates.from_engine(starts.z, starts.w, self._states[starts.rows])
-        return starts.last_digits(took - before)
+        added = took - before
+        told = starts.last_digits(added)
+        if starts.epsilon <= EPSILON:
+            return told
+        return np.maximum(told, starts.observed_rounding(added))
 
     def digit(self, ends: Array) -> Array:
         """The last digit of each component at each state, (B, 2n).

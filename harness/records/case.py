@@ -178,6 +178,7 @@ class Stepping(Record, frozen=True, kw_only=True):
         component: the one that decides.
         digits: the largest difference in last digits of the component's own size.
         digits_later: the same ten steps later; None where that is not finite.
+        digits_long: a thousand steps later, from a few states; None too where it was not asked for.
     """
 
     rule: str
@@ -189,6 +190,7 @@ class Stepping(Record, frozen=True, kw_only=True):
     component: str
     digits: Number
     digits_later: Number
+    digits_long: Number = None
 
 
 class ForceTerm(Record, frozen=True, kw_only=True):

@@ -216,7 +216,7 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
         ("its next state, by the equations", f"{stepping.outcome} ({stepping.component})"),
         ("discrepancy", sci(stepping.discrepancy)),
         ("uncertainty", sci(stepping.uncertainty)),
-        ("last digits, after 1 and 10 steps", _digits(stepping)),
+        ("last digits, after 1, 10 and 1000 steps", _digits(stepping)),
     ]
     if stepping.besides:
         rows.append(("acts besides", stepping.besides))
@@ -224,8 +224,9 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
 
 
 def _digits(stepping: Stepping) -> str:
-    told = (stepping.digits, stepping.digits_later)
-    return " and ".join(NOTHING if one is None else f"{one:.2g}" for one in told)
+    told = (stepping.digits, stepping.digits_later, stepping.digits_long)
+    first, ten, thousand = (NOTHING if one is None else f"{one:.2g}" for one in told)
+    return f"{first}, {ten} and {thousand}"
 
 
 def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:

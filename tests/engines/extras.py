@@ -11,6 +11,8 @@ from harness.engines.protocol import Model, ModelSpec
 from harness.engines.registry import engines, missing
 
 EXTRAS = ("pinocchio", "drake", "dart")
+
+
 H = 1e-4
 
 

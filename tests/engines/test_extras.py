@@ -104,7 +104,8 @@ def test_a_gate_leaves_what_was_accepted_of_it(tmp_path: Path) -> None:
 
 
 def test_standing_engines_are_no_extras() -> None:
-    assert {name for name, one in engines().items() if one.extra} >= {"pinocchio", "drake", "dart"}
+    extras = {name for name, one in engines().items() if one.extra}
+    assert extras >= {"pinocchio", "drake", "dart", "newton", "mjx"}
     assert not {"mujoco", "pybullet", "pymunk"} & set(absent_extras())
 
 

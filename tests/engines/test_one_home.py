@@ -9,7 +9,9 @@ from harness.engines.registry import engines, readers, standing
 ROOT = Path(__file__).parents[2]
 SEARCHED = ("harness", "reference", "physics_crosscheck", "pytest_crosscheck.py")
 HOME = ROOT / "harness" / "engines"
-NAMES = re.compile(r"mujoco|pybullet|pymunk|pinocchio|\bdrake|\bdart|known_answer", re.IGNORECASE)
+NAMES = re.compile(
+    r"mujoco|pybullet|pymunk|pinocchio|\bdrake|\bdart|\bmjx|known_answer", re.IGNORECASE
+)
 
 
 def texts() -> list[Path]:
@@ -51,10 +53,11 @@ def test_the_known_answer_engine_is_known_only_where_it_is_asked_for() -> None:
 
 
 def test_readers_of_a_format_come_with_the_preferred_one_first() -> None:
-    everyones, extras = ["pybullet", "mujoco"], ["pinocchio", "drake", "dart"]
+    everyones, extras = ["pybullet", "mujoco"], ["pinocchio", "drake", "dart", "newton", "mjx"]
     assert [engine.name for engine in readers(".urdf")] == [*everyones, *extras]
     assert [engine.name for engine in standing(".urdf")] == everyones
-    assert [engine.name for engine in readers(".xml")] == ["mujoco"]
+    assert [engine.name for engine in readers(".xml")] == ["mujoco", "newton", "mjx"]
+    assert [engine.name for engine in standing(".xml")] == ["mujoco"]
     assert readers(".sdf") == ()
 
 

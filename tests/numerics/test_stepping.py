@@ -14,7 +14,7 @@ import pytest
 from harness.cases.case import CaseTask, case_task, load, run_case
 from harness.cases.prepare import Prepared, prepare
 from harness.cases.robot import PreparedRobot, load_robot, placed, prepare_robot
-from harness.engines.protocol import Array, Force
+from harness.engines.protocol import Array, Force, StateForce
 from harness.engines.step_rule import StepRule
 from harness.files.folders import builtin
 from harness.files.model_files import model_files
@@ -198,6 +198,41 @@ def test_another_integrator_than_it_says_is_seen(bench: MakeBench) -> None:
     assert found.judgement.outcome is Outcome.DIFFERS
 
 
+@dataclass
+class Coarse(SymplecticEuler):
+    """In 24 binary digits, of which its accelerations lose most, as where a matrix is solved."""
+
+    epsilon: float = float(np.finfo(np.float32).eps)
+
+    @property
+    def step_rule(self) -> StepRule:
+        return StepRule(scheme="semi-implicit Euler")
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        assert n == every
+        assert not isinstance(force, StateForce)
+        q, v, large = q.astype(np.float32), v.astype(np.float32), np.float32(3e4)
+        for i in range(n):
+            held = 0.0 if force is None else force[:, i]
+            pull = held - self.stiffness * q - self.damping * v
+            a = (pull / self.mass).astype(np.float32) + large - large
+            v = v + np.float32(h) * a
+            q = q + np.float32(h) * v
+        return q[:, None].astype(float), v[:, None].astype(float)
+
+
+def test_what_short_numbers_lose_on_the_way_is_no_other_integrator(bench: MakeBench) -> None:
+    own = bench(Coarse())
+    motion, equations = own.motion, SteppedEquations(own.equations)
+    inputs = motion.inputs(motion.t)
+    found = step_engine(own.model, own.coordinates, equations, motion.start, inputs, 1e-9)
+    assert found is not None
+    assert found.judgement.outcome is not Outcome.DIFFERS
+    assert found.judgement.largest_discrepancy > 1e-5
+
+
 def test_no_rule_says_nothing(bench: MakeBench) -> None:
     own = bench()
     none = np.zeros((1, 1))
@@ -217,3 +252,18 @@ def test_a_case_tells_its_next_state_beside_its_limit() -> None:
 
 def _task(own: Prepared, model: Sidecar) -> CaseTask:
     return case_task(own, model, "mujoco", next(iter(own.motions)), 1e-9)
+
+
+def test_a_thousand_steps_stay_within_their_own_roundings() -> None:
+    """Of a linear oscillator, whose differences don't grow: a last digit a step at most."""
+    own = prepared("mass_spring_damper")
+    model, coordinates = load(own.system, sidecar("mass_spring_damper", "mujoco.xml"), "mujoco")
+    motion = own.motions["free"]
+    inputs = motion.inputs(motion.t)
+    assert own.stepped is not None
+    found = step_engine(model, coordinates, own.stepped, motion.start, inputs, 1e-12, long=True)
+    assert found is not None
+    assert 0 < found.long < 10_000
+    once = step_engine(model, coordinates, own.stepped, motion.start, inputs, 1e-12)
+    assert once is not None
+    assert np.isnan(once.long)

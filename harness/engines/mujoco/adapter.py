@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engines.compiled import CompiledTree
-from harness.engines.mistake import LeftOut
+from harness.engines.mistake import DefaultLeftOn, LeftOut
 from harness.engines.mujoco.forward import forward
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
 from harness.engines.mujoco.poses import Poses
@@ -71,7 +71,7 @@ class MujocoEngine(Engine):
     name = "mujoco"
     title = "MuJoCo"
     formats = (".xml", ".urdf")
-    capabilities = (
+    capabilities: tuple[str, ...] = (
         "MJCF and URDF", "slides and hinges", "joint springs and dampers",
         "springs on joint combinations", "armature", "joint equalities (soft), URDF mimic",
         "batched rollouts in C",
@@ -93,9 +93,9 @@ class MujocoEngine(Engine):
         r".*@(contype|conaffinity|condim|group|priority|.*iterations|count)"
         r"|.*/(texture|global|quality|hfield)@\w+"
     )
-    compiles = (".xml",)
+    compiles: tuple[str, ...] = (".xml",)
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
-    usual_mistakes = (
+    usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = (
         LeftOut(
             name="soft equality, solref left out", within="equality", defaults=_OWN, cause=_SOFT
         ),
@@ -141,7 +141,11 @@ class MujocoEngine(Engine):
         # A run that blows up must stay blown up: the automatic reset would return zeros, and every
         # rung would agree with itself.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        return MujocoModel(model, spec, found, warnings, controls)
+        return self.model_of(model, spec, found, warnings, controls)
+
+    def model_of(self, *compiled: Any) -> MujocoModel:
+        """What is stepped of a compiled model, with what `MujocoModel` takes beside it."""
+        return MujocoModel(*compiled)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
         """Of a URDF, step and gravity; MuJoCo's own are the same."""

@@ -1,0 +1,47 @@
+"""Models by engines as a table of a page: `python -m campaigns.engines RESULTS.json`.
+
+Of what `crosscheck run FOLDER|ROBOT...` has left. A cell tells the worst outcome of a model's cases
+in an engine and how many digits agree; below stands why what does not agree does not.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from harness.records.case import Case
+from harness.records.outcome import Outcome
+from harness.records.read import read_results
+from harness.report.cases import digits_of
+
+
+def cell(cases: Sequence[Case]) -> str:
+    """The worst of some cases in a word, and the fewest digits that agree."""
+    if not cases:
+        return ""
+    worst = min(cases, key=lambda case: -case.outcome.severity)
+    if worst.refused:
+        return "refused"
+    known = [digits_of(case) for case in cases if case.outcome is worst.outcome]
+    digits = min(known, key=lambda one: float(one) if one[0].isdigit() else 99.0)
+    return f"{worst.outcome}, {digits}" if worst.outcome is Outcome.AGREES else str(worst.outcome)
+
+
+def table(cases: Sequence[Case]) -> list[str]:
+    """Lines of Markdown: a row a model, a column an engine."""
+    engines = list(dict.fromkeys(case.engine for case in cases))
+    rows = list(dict.fromkeys((case.folder, case.system, case.model) for case in cases))
+    lines = [f"| model | {' | '.join(engines)} |", f"|---|{'---|' * len(engines)}"]
+    for folder, system, model in rows:
+        own = [case for case in cases if (case.folder, case.model) == (folder, model)]
+        cells = (cell([case for case in own if case.engine == name]) for name in engines)
+        lines.append(f"| {system}/{model} | {' | '.join(cells)} |")
+    for case in cases:
+        if case.outcome is not Outcome.AGREES:
+            lines.append(f"- {case.id}: {case.outcome}: {case.reason}")
+    return lines
+
+
+if __name__ == "__main__":
+    print("\n".join(table(read_results(Path(sys.argv[1])).cases)))

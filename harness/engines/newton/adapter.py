@@ -1,0 +1,200 @@
+"""Newton, on URDF and MJCF: its own solver of generalized coordinates, in numbers of 32 bits.
+
+No contact is looked for: Newton finds those by a call of its own, which is not made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from harness.engines.newton.mjcf import DROPS, read_mjcf, with_options
+from harness.engines.newton.reading import Read, limits_of
+from harness.engines.newton.urdf import READER, read_urdf, stopped_turns, without_idle_shapes
+from harness.engines.newton.worlds import Worlds
+from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Sample, within
+from harness.engines.remark import Remark
+from harness.engines.source import engine_errors
+from harness.engines.springs import SpringForces
+from harness.engines.step_rule import StepRule
+from harness.engines.urdf import SETTINGS, sample_urdf
+from harness.engines.urdf_copy import without_crossed_bounds
+from harness.engines.urdf_engine import UrdfEngine, UrdfModel
+from harness.engines.urdf_sidecar import ROBOTS
+
+_NAMED = 6
+"""Bodies named in a sentence."""
+
+DEFAULTS: Mapping[str, bool] = MappingProxyType({
+    **ROBOTS,
+    # Whether Newton may enlarge moments that are small beside a body's others, as it does.
+    "corrected_inertias": True,
+    # Whether a URDF's welded links are made one body, as Newton does it: wrongly, in 1.8.0.
+    "collapse_fixed_joints": False,
+    # Whether an MJCF's fixed tendons are added, as forces; Newton's own solvers leave them out.
+    "tendons": True,
+    # Whether an MJCF's joint equalities are made mimics, which its solver holds; it drops these.
+    "equalities": True,
+})  # fmt: skip
+
+_SAMPLE = """<mujoco><option timestep="0.004"/><compiler angle="radian"/><worldbody>
+<body><joint name="q1" type="slide" axis="1 0 0" stiffness="50" damping="1.5"/>
+<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
+<body><joint name="q2" type="hinge" axis="0 -1 0" damping="0.1"/>
+<inertial pos="0 0 -0.5" mass="0.7" diaginertia="0.01 0.01 0.01"/></body>
+</worldbody><tendon><fixed stiffness="30" damping="0.4" springlength="0">
+<joint joint="q1" coef="-1"/><joint joint="q2" coef="1"/></fixed></tendon></mujoco>
+"""
+
+
+class NewtonEngine(UrdfEngine):
+    """Adapter of Newton (Newton Developers 2025), on Warp."""
+
+    name = "newton"
+    title = "Newton"
+    formats = (".urdf", ".xml")
+    package, distribution, extra = "newton", "newton", "newton"
+    defaults = DEFAULTS
+    capabilities = (
+        "URDF and MJCF", "slides, hinges, ball and free joints", "32 bits",
+        "joint springs, dampers, armature, URDF mimic",
+        "fixed tendons and joint equalities as added here", "batched rollouts on Warp",
+    )  # fmt: skip
+    unstated = "no step, since it takes none, and -9.81 m/s^2"
+    ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
+
+    def load(self, spec: ModelSpec) -> Model:
+        """Load a URDF or an MJCF, which states step and gravity itself."""
+        if "controls" in spec.settings:
+            raise EngineError(f"{spec.path}: it has actuators, which {DROPS}")
+        return super().load(spec if spec.path.suffix == ".urdf" else with_options(spec))
+
+    def loaded(self, spec: ModelSpec) -> Model:
+        """A file whose settings are in order."""
+        return NewtonUrdf(spec) if spec.path.suffix == ".urdf" else NewtonMjcf(spec)
+
+    def settings_for(self, suffix: str) -> Mapping[str, object]:
+        """Step and gravity of a URDF."""
+        return SETTINGS if suffix == ".urdf" else {}
+
+    def samples(self) -> tuple[Sample, ...]:
+        """One of each format."""
+        return (sample_urdf(), Sample(file="sample.xml", text=_SAMPLE))
+
+
+class NewtonModel(Model):
+    """A tree in as many worlds as there are states; what it has in both formats."""
+
+    integrator = "semi-implicit euler"
+    epsilon = float(np.finfo(np.float32).eps)
+
+    def _take(self, spec: ModelSpec, read: Read) -> None:
+        """What was read of a file."""
+        if not read.layout.names:
+            raise EngineError(f"{spec.path}: it has no moving joint")
+        self.coordinates, self._file, self._read = tuple(read.layout.names), spec.path, read
+        self._corrected, self._said = read.corrected, tuple(dict.fromkeys(read.said))
+        springs = SpringForces(read.springs, read.layout.scalars, spec.path)
+        self._worlds = Worlds(read.builder, read.layout, springs)
+        at, still = self.home[None], np.zeros((1, len(self.coordinates)))
+        if not np.isfinite(self.rollout(at, still, 1e-3, 1, None, 1)).all():
+            raise EngineError(f"{spec.path}: a joint moves nothing that has inertia")
+
+    @property
+    def home(self) -> Array:
+        """Where the file draws the mechanism."""
+        home: Array = self._read.layout.home
+        return home
+
+    @property
+    def limits(self) -> Array:
+        """Where a limit begins to pull: it is a spring and a damper."""
+        return limits_of(self._read)
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """Order 1 throughout."""
+        return 1, 1
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """All forces at the step's start; rotations are turned by a rule of their own."""
+        plain = len(self._read.layout.scalars) == len(self.coordinates)
+        return StepRule(scheme="semi-implicit Euler") if plain else None
+
+    @property
+    def _enlarged(self) -> str:
+        """What a diagnosis calls it; empty for nothing."""
+        names = ", ".join(self._corrected[:_NAMED])
+        more = ", ..." if len(self._corrected) > _NAMED else ""
+        return f"inertias that Newton enlarges ({names}{more})" if self._corrected else ""
+
+    @property
+    def remedies(self) -> dict[str, Mapping[str, object]]:
+        """What Newton changes, or its own solver leaves out, and the settings let."""
+        found = dict(self._read.lost)
+        return (
+            {**found, self._enlarged: {"corrected_inertias": False}} if self._corrected else found
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What Newton has warned of on loading."""
+        return self._said
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What Newton changes, leaves out and reads over."""
+        if self._corrected:
+            told = f"{self._enlarged}: they are small beside the body's others, or break a triangle"
+            yield Remark(message=told, address="", shows_in=("inertia",))
+        for cause in self._read.lost:
+            yield Remark(message=f"{cause}, by a setting", address="", fault=True)
+        for message, address in self._read.told.items():
+            yield Remark(message=message, address=address)
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """A world for each state."""
+        with engine_errors(self._file, "Newton"), np.errstate(all="ignore"):
+            return self._worlds.rollout(q, v, h, n, force, every)
+
+
+class NewtonUrdf(NewtonModel, UrdfModel):
+    """A URDF."""
+
+    def __init__(self, spec: ModelSpec) -> None:
+        further = (without_idle_shapes, without_crossed_bounds)
+        UrdfModel.__init__(self, spec, "Newton", READER, DEFAULTS, further)
+        self._take(spec, read_urdf(self))
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """Also what the URDF says in vain."""
+        yield from UrdfModel.remarks(self, z, w)
+        for name, (lower, upper) in stopped_turns(self.declared.robot):
+            yield Remark(
+                message=f"{name} is continuous, and Newton stops it at its limits all the same:"
+                f" [{lower:g}, {upper:g}]",
+                fault=not self.settings["smooth"],
+                address=f"robot/joint[{name}]/limit",
+            )
+        yield from NewtonModel.remarks(self, z, w)
+
+
+class NewtonMjcf(NewtonModel):
+    """An MJCF."""
+
+    def __init__(self, spec: ModelSpec) -> None:
+        settings = {**DEFAULTS, **spec.settings}
+        for key in ("held", "floating", "collapse_fixed_joints"):
+            if settings.get(key):
+                raise EngineError(f"{spec.path}.toml: Newton's adapter takes {key} of URDFs alone")
+        self.step = float(settings["step"])  # type: ignore[arg-type]  # checked
+        self.gravity = tuple(map(float, settings["gravity"]))  # type: ignore[call-overload]
+        self._take(spec, read_mjcf(spec, settings))
+
+    @property
+    def reach(self) -> Array:
+        """About home, within limits."""
+        return within(super().reach + self.home[:, None], self.limits)

@@ -1,0 +1,76 @@
+"""A URDF as Newton reads it."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+
+import numpy as np
+
+from harness.engines.newton.layout import Layout
+from harness.engines.newton.reading import (
+    Read,
+    collapse,
+    correct_inertias,
+    heard,
+    new_builder,
+    without_stops,
+)
+from harness.engines.protocol import EngineError
+from harness.engines.urdf import UrdfReader
+from harness.engines.urdf_copy import changed
+from harness.engines.urdf_engine import UrdfModel
+
+READER = UrdfReader(
+    name="newton",
+    no_inertial="the mass of its collision shapes at 1000 kg/m^3, or none",
+    equal_bounds=True,
+    no_friction="Newton",
+)
+
+
+def without_idle_shapes(robot: ET.Element) -> None:
+    """Leave shapes out, but those of which Newton makes a mass."""
+    for link in robot.findall("link"):
+        idle = ("visual",) if link.find("inertial") is None else ("visual", "collision")
+        for shape in [shape for tag in idle for shape in link.findall(tag)]:
+            link.remove(shape)
+
+
+def stopped_turns(robot: ET.Element) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Continuous joints with limits, which mean nothing elsewhere."""
+    for joint in robot.findall("joint"):
+        stated = {} if (limit := joint.find("limit")) is None else limit.attrib
+        if joint.get("type") == "continuous" and {"lower", "upper"} <= set(stated):
+            bounds = float(stated["lower"]), float(stated["upper"])
+            if bounds[0] <= bounds[1]:  # others are taken away
+                yield joint.get("name", ""), bounds
+
+
+def read_urdf(model: UrdfModel) -> Read:
+    """A URDF and what its sidecar declares.
+
+    Raises:
+        EngineError: naming file and joint.
+    """
+    robot = changed(model.declared.robot, model.declared.changes)
+    builder, said = new_builder(model.gravity), list[str]()
+    with heard(said):
+        text = ET.tostring(robot, encoding="unicode")
+        builder.add_urdf(text, floating=model.floats, enable_self_collisions=False)
+    if model.settings["smooth"]:
+        without_stops(builder)
+    corrected = correct_inertias(builder, said) if model.settings["corrected_inertias"] else ()
+    lost = collapse(builder, bool(model.settings["collapse_fixed_joints"]))
+    prefix = f"{robot.get('name')}/" if robot.get("name") else ""
+    names: list[list[str]] = []
+    for label, (lines, turns) in zip(builder.joint_label, builder.joint_dof_dim, strict=True):
+        name = label.removeprefix(prefix)
+        if lines + turns > 1 and not (model.floats and not names):
+            raise EngineError(f"{model.path}: joint {name!r} is no slide or hinge")
+        names.append([model.root if model.floats and not names else name][: lines + turns])
+    layout = Layout(builder, names, np.zeros(len(builder.joint_qd)))
+    springs = model.declared.springs
+    return Read(
+        builder=builder, layout=layout, springs=springs, lost=lost, corrected=corrected, said=said
+    )
