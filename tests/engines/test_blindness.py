@@ -19,6 +19,7 @@ from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
 from harness.records.case import Case
 from reference.declaration import Constant
+from tests.engines.extras import EXTRAS
 
 ROOT = Path(__file__).parents[2]
 HOME = ROOT / "harness" / "engines"
@@ -102,6 +103,8 @@ def tasks(name: str) -> Iterator[CaseTask]:
     for sidecar in model_files(prepared.folder):
         assert isinstance(sidecar, Sidecar)
         for engine in sidecar.engines:
+            if engines()[engine].extra and engine not in EXTRAS:
+                continue  # those that compile what they run, for minutes
             yield case_task(prepared, sidecar, engine, scenario, 1e-9)
 
 

@@ -1,8 +1,10 @@
 """Bindings say what the engines do: models and equations at other constants still agree."""
 
+from collections.abc import Container
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +24,7 @@ from reference.derive import derive
 from reference.load import load_system
 from reference.motion import Motion
 from reference.solve import solve
+from tests.engines.extras import EXTRAS
 
 SECONDS = 2.0
 COARSE = 1e-5
@@ -48,18 +51,23 @@ NO_EFFECT = {
     ("drum_pendulum", "robot_folded.urdf:link[drum]/inertial/inertia@iyy"): SLIDES,
 }  # fmt: skip
 
-CASES = [
-    pytest.param(
-        sidecar,
-        engine,
-        id=f"{folder.name}-{sidecar.model.name}-{engine}",
-        marks=pytest.mark.xdist_group(f"bindings of {folder.name}"),
-    )
-    for folder in system_folders([])
-    for sidecar in model_files(folder)
-    if isinstance(sidecar, Sidecar)
-    for engine in sidecar.engines
-]
+STANDING = {engine.name for engine in engines().values() if not engine.extra}
+
+
+def _cases(names: Container[str]) -> list[Any]:
+    return [
+        pytest.param(
+            sidecar,
+            engine,
+            id=f"{folder.name}-{sidecar.model.name}-{engine}",
+            marks=pytest.mark.xdist_group(f"bindings of {folder.name}"),
+        )
+        for folder in system_folders([])
+        for sidecar in model_files(folder)
+        if isinstance(sidecar, Sidecar)
+        for engine in sidecar.engines
+        if engine in names
+    ]
 
 
 @cache
@@ -103,7 +111,7 @@ def _installed(engine: str) -> None:
         pytest.skip(f"{engine} is not installed")
 
 
-@pytest.mark.parametrize(("sidecar", "engine"), CASES)
+@pytest.mark.parametrize(("sidecar", "engine"), _cases({*STANDING, *EXTRAS}))
 def test_a_model_and_equations_at_random_constants_agree(
     sidecar: Sidecar, engine: str, tmp_path: Path
 ) -> None:
@@ -116,7 +124,7 @@ def test_a_model_and_equations_at_random_constants_agree(
     assert verdict(system, sidecar, engine, motion, COARSE).outcome is Outcome.DIFFERS
 
 
-@pytest.mark.parametrize(("sidecar", "engine"), CASES)
+@pytest.mark.parametrize(("sidecar", "engine"), _cases(STANDING))
 def test_a_literal_off_by_a_thousandth_differs_unless_no_motion_depends_on_it(
     sidecar: Sidecar, engine: str, tmp_path: Path
 ) -> None:
