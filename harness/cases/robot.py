@@ -12,7 +12,13 @@ import numpy as np
 from harness.cases.case_record import dynamics_record, stepping_record, verdict_record
 from harness.cases.dynamics import with_dynamics
 from harness.cases.followers import Followers
-from harness.cases.robot_record import inertia_findings, settings_of, told, tree_record
+from harness.cases.robot_record import (
+    inertia_findings,
+    settings_of,
+    sidecar_beside,
+    told,
+    tree_record,
+)
 from harness.cases.verdict import Verdict, filled, judge, with_residual
 from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
 from harness.engines.registry import engines
@@ -132,7 +138,7 @@ def prepare_robot(file: Path, *, floating: bool = False) -> PreparedRobot:
             time.perf_counter() - began,
         ),
         settings=settings_of(robot),
-        left_out=tuple(told(one) for one in robot.left_out),
+        left_out=(*(told(one) for one in robot.left_out), *sidecar_beside(file)),
         findings=inertia_findings(robot),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 
 from harness.cases.system_record import quantities
@@ -47,6 +48,12 @@ def settings_of(robot: Robot) -> Mapping[str, object]:
     if robot.held:
         own["held"] = list(robot.held)
     return {**ALONE, **own}
+
+
+def sidecar_beside(file: Path) -> tuple[str, ...]:
+    """A sidecar counts in its folder, and not where its file is checked alone."""
+    beside = file.with_name(f"{file.name}.toml")
+    return (f"what {beside.name} says, which is read with its folder",) if beside.is_file() else ()
 
 
 def told(one: LeftOut) -> str:

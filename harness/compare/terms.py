@@ -80,7 +80,10 @@ def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
         yield Term(
             kind="constraint",
             about=(),
-            message=f"{max(one, other)} of the joints move by themselves in {more},"
+            message=f"under a force nothing moves in {less}, where {max(one, other)} of the joints"
+            f" can in {more}: a motor or a constraint holds them, or they carry no inertia"
+            if min(one, other) == 0
+            else f"{max(one, other)} of the joints move by themselves in {more},"
             f" {min(one, other)} in {less}: one holds them together, the other doesn't",
             a=one,
             b=other,

@@ -45,12 +45,21 @@ def changed(robot: ET.Element, changes: Sequence[Change]) -> ET.Element:
 
 def without_shapes(robot: ET.Element) -> None:
     """Leave out what is seen and what touches: neither they nor their meshes are looked for."""
-    for link in robot.findall("link"):
-        for tag in ("visual", "collision"):
-            for shape in link.findall(tag):
-                link.remove(shape)
+    without_looks(robot)
+    _without(robot, "collision")
+
+
+def without_looks(robot: ET.Element) -> None:
+    """Leave out what is seen."""
+    _without(robot, "visual")
     for material in robot.findall("material"):
         robot.remove(material)
+
+
+def _without(robot: ET.Element, tag: str) -> None:
+    for link in robot.findall("link"):
+        for shape in link.findall(tag):
+            link.remove(shape)
 
 
 def without_limits(robot: ET.Element) -> None:

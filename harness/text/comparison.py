@@ -136,10 +136,12 @@ def _cells(one: FileDifference, agrees: bool) -> tuple[str, str, str]:
 
 
 def _lines(edit: FileEdit) -> str:
-    """The line in A; that in B where it has another number."""
+    """The line in A; that in B where it has another number; B's where A has no such line."""
     if edit.where_a is None or edit.where_b is None:
         return ""
     a, b = (Path(str(where)).name for where in (edit.where_a, edit.where_b))
+    if edit.a == "nothing" and edit.where_a.line is None:
+        return b
     return a if a == b or edit.where_a.line == edit.where_b.line else f"{a}, {b}"
 
 

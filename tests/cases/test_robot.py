@@ -50,6 +50,17 @@ def test_a_sound_robot_agrees_to_ten_digits(prepared: PreparedRobot, engine: str
     assert any("collision geometry" in one for one in prepared.left_out)
 
 
+def test_a_sidecar_beside_a_file_alone_is_said_not_to_count(tmp_path: Path) -> None:
+    for name in ("alone.urdf", "with.urdf"):
+        (tmp_path / name).write_text((DATA / "pendulum5.urdf").read_text())
+    (tmp_path / "with.urdf.toml").write_text("[settings]\nmotors = true\n")
+    said = [
+        one for one in prepare_robot(tmp_path / "with.urdf").left_out if "with.urdf.toml" in one
+    ]
+    assert len(said) == 1
+    assert not any(".toml" in one for one in prepare_robot(tmp_path / "alone.urdf").left_out)
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(("old", "new"), [
     ('<mass value="3"/>', '<mass value="3.000003"/>'),

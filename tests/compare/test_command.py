@@ -1,6 +1,8 @@
 """`crosscheck compare` as a person uses it: exit codes, messages, the record."""
 
 import os
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -95,3 +97,15 @@ def test_joints_without_a_match_exit_2_in_one_line(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "--joints a=swing" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_a_motor_that_holds_a_joint_is_told_with_the_sidecar_that_leaves_it_on(
+    tmp_path: Path,
+) -> None:
+    for name in ("pendulum.urdf", "pendulum_with_motors.urdf", "pendulum_with_motors.urdf.toml"):
+        shutil.copy(ROOT / "docs" / "cases" / name, tmp_path)
+    done = crosscheck("pendulum.urdf", "pendulum_with_motors.urdf", cwd=tmp_path)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "under a force nothing moves in B, where 1 of the joints can in A" in done.stdout
+    where = r"^pendulum_with_motors\.urdf\.toml +sidecar:settings\.motors: nothing -> True"
+    assert re.search(where, done.stdout, re.MULTILINE)

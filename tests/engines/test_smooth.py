@@ -78,6 +78,13 @@ def test_without_it_a_limit_holds(tmp_path: Path) -> None:
     assert abs(v[0, 0, 0] / 1e-3 - ACCELERATION) > 1
 
 
+def test_inertias_of_shapes_are_those_of_the_shapes_that_touch_nothing(tmp_path: Path) -> None:
+    model = loaded("pybullet", tmp_path, smooth=True, inertia_from_file=False)
+    _, w = model.rollout(np.array([[0.8]]), np.zeros((1, 1)), 1e-3, 1, None, 1)
+    inertia = 2 * 0.4 * 0.2**2 + 0.5**2  # two balls of 0.2 m, one at the pivot
+    assert w[0, 0, 0] / 1e-3 == pytest.approx(-9.81 * 0.5 * np.sin(0.8) / inertia, rel=1e-9)
+
+
 def test_the_file_itself_stays_as_it_is(tmp_path: Path) -> None:
     loaded("pybullet", tmp_path, smooth=True)
     assert (tmp_path / "r.urdf").read_text() == URDF

@@ -1,75 +1,14 @@
-"""Every command of README, tutorial and the page on folders, in its order, from the wheel alone.
-
-A block of ```sh is run line by line. Before it, `<!-- not run: all: why -->` or
-`<!-- not run: `command`, `command`: why -->` excepts what is not; `# exits with 1` after a command
-is the code that it must end with. What is quoted below a block, in a block without a language, must
-have come out of the command before it in its section, numbers apart.
-"""
+"""Every command of README, tutorial and other pages, in its order, from the wheel alone."""
 
 from __future__ import annotations
 
-import re
 import shutil
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
 from tests.installed.conftest import Installed
-
-ROOT = Path(__file__).parents[2]
-_BLOCK = re.compile(
-    r"(^## )|((?:<!-- not run: .*?-->\n)*)^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE
-)
-_EXCEPT = re.compile(r"<!-- not run: (.*?) -->", re.DOTALL)
-
-
-@dataclass
-class Command:
-    """A line of shell, the code it ends with, and what is shown of its output."""
-
-    text: str
-    code: int
-    shown: list[str] = field(default_factory=list)
-
-
-def commands(text: str) -> tuple[list[Command], list[Command]]:
-    """The commands of a document that are to be run, and those that are not, with the reason."""
-    run, excepted = [], []
-    last: Command | None = None
-    for heading, marks, language, body in _BLOCK.findall(text):
-        if heading:
-            last = None
-            continue
-        if language == "" and last is not None:
-            last.shown += body.splitlines()
-        if language != "sh":
-            continue
-        whole, single, why = False, set(), ""
-        for mark in _EXCEPT.findall(marks):
-            what, why = mark.rsplit(": ", 1)
-            assert why.strip(), "say why it is not run"
-            whole = whole or what == "all"
-            single |= set(re.findall(r"`([^`]+)`", what))
-        pattern = re.compile(r"(.*?)(?:\s+# ?(.*))?$")
-        lines = [m for line in body.splitlines() if line and (m := pattern.match(line))]
-        texts = [match[1] for match in lines]
-        last = None
-        assert single <= set(texts), f"not in the block: {single - set(texts)}"
-        for match in lines:
-            code = re.search(r"exits with (\d)", match[2] or "")
-            command = Command(match[1], int(code[1]) if code else 0)
-            if whole or match[1] in single:
-                excepted.append(command)
-            else:
-                run.append(command)
-                last = command
-    return run, excepted
-
-
-def plain(text: str) -> str:
-    """A line without its numbers and spacing, which a machine and an engine's version set."""
-    return re.sub(r"\s+", " ", re.sub(r"-?\d[\d.]*(?:e[+-]?\d+)?", "#", text)).strip()
+from tests.installed.documents import ROOT, check_shown, commands
 
 
 def follow(document: str, installed: Installed, place: Path) -> None:
@@ -82,9 +21,7 @@ def follow(document: str, installed: Installed, place: Path) -> None:
         said = done.stdout + done.stderr
         assert done.returncode == command.code, f"{command.text}\n{said}"
         here = Path(done.stderr.strip().splitlines()[-1])
-        came = "\n".join(map(plain, done.stdout.splitlines()))
-        for line in command.shown:
-            assert plain(line) in came, f"{command.text} does not say {line!r}:\n{done.stdout}"
+        check_shown(command, done.stdout)
 
 
 def test_the_tutorial_does_what_it_says(installed: Installed, tmp_path: Path) -> None:
@@ -95,6 +32,13 @@ def test_coordinates_are_mapped_as_the_page_on_folders_says(
     installed: Installed, tmp_path: Path
 ) -> None:
     follow("docs/folder.md", installed, tmp_path)
+
+
+def test_cases_that_people_had_are_told_as_the_page_says(
+    installed: Installed, tmp_path: Path
+) -> None:
+    shutil.copytree(ROOT / "docs" / "cases", tmp_path, dirs_exist_ok=True)
+    follow("docs/cases.md", installed, tmp_path)
 
 
 def test_the_commands_of_the_readme_work(installed: Installed, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 from harness.records.read import decoded
 from harness.records.versions import Versions
 from tests.faults.known_folder import environment
+from tests.installed.documents import ROOT, check_shown, commands
 
 OTHER = "3.3.7"
 
@@ -80,3 +82,24 @@ def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit
     assert 0.01 < rotated.apart < 0.1
     assert (meshes.kinds, meshes.apart) == ((), 0.0)
     assert one.models == ()
+
+
+@pytest.mark.slow
+def test_a_gripper_that_pulls_its_wrist_down_is_told_as_the_page_has_it(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "docs" / "cases" / "gripper.urdf", tmp_path)
+    _, excepted = commands((ROOT / "docs" / "cases.md").read_text())
+    (command,) = (one for one in excepted if one.text.startswith("crosscheck versions gripper"))
+    assert len(command.shown) == 4
+    done = subprocess.run(
+        [sys.executable, "-m", "physics_crosscheck", *command.text.split()[1:]],
+        cwd=tmp_path,
+        env=environment() | {"XDG_CACHE_HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        check=False,
+    )
+    if "can't be installed" in done.stderr:
+        pytest.skip(f"no package index gives these versions of MuJoCo: {done.stderr.strip()}")
+    assert done.returncode == command.code, done.stdout + done.stderr
+    check_shown(command, done.stdout)

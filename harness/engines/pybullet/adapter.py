@@ -304,6 +304,8 @@ class PybulletModel(Model):
             # Each link has 0.04 of linear and of angular damping by default, linear and quadratic.
             damping = self._setting("link_damping")
             p.changeDynamics(self._body, link, linearDamping=damping, angularDamping=damping)
+            if self._setting("smooth"):
+                p.setCollisionFilterGroupMask(self._body, link, 0, 0)
         for joint in range(p.getNumJoints(self._body)):
             p.changeDynamics(self._body, joint, maxJointVelocity=1e300)  # clamps at 100 otherwise
         if self._setting("motors"):

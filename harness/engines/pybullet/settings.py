@@ -14,6 +14,7 @@ from harness.engines.urdf_copy import (
     mimics_of,
     with_held,
     without_limits,
+    without_looks,
     without_shapes,
 )
 
@@ -57,6 +58,8 @@ def changes_of(spec: ModelSpec) -> list[Change]:
     """What settings change in the file."""
     on = {key: spec.settings.get(key, default) for key, default in DEFAULTS.items()}
     found = [change for key, value, change in REWRITTEN if on[key] == value]
+    if not on["inertia_from_file"]:  # shapes that touch have moments, and are let through instead
+        found = [without_looks if change is without_shapes else change for change in found]
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     if followers is not None:
         found.append(mimics_of(followers))
