@@ -227,6 +227,8 @@ class Engine(ABC):
             ".py" or ".toml". Its numbers have addresses then, for bindings and for causes.
         capabilities: what it can do, one short phrase each, for `crosscheck engines`.
         preferred: the formats for which it comes before others that read them.
+        on_request: whether robots' files alone are run in it only where it is asked for by name,
+            since it compiles each for minutes.
         unstated: the step and gravity that it takes where neither a file nor its sidecar says.
         stated_settings: those that a new sidecar states, though it has a default for each.
         bare_link: the mass that it takes for a URDF's resting link without one; empty: none.
@@ -251,6 +253,7 @@ class Engine(ABC):
     written_like: Mapping[str, str] = MappingProxyType({})
     capabilities: tuple[str, ...] = ()
     preferred: tuple[str, ...] = ()
+    on_request: bool = False
     unstated: str = ""
     stated_settings: Mapping[str, object] = MappingProxyType({})
     bare_link: str = ""

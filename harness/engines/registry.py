@@ -70,9 +70,13 @@ def absent_extras() -> dict[str, str]:
 
 
 def runners(suffix: str) -> tuple[Engine, ...]:
-    """The readers of a format that a file alone is run in: the standing ones, and extras there."""
+    """The readers of a format that a file alone is run in: the standing ones, and extras there.
+
+    Without those that run it on request only.
+    """
     absent = absent_extras()
-    return tuple(engine for engine in readers(suffix) if engine.name not in absent)
+    known = (engine for engine in readers(suffix) if not engine.on_request)
+    return tuple(engine for engine in known if engine.name not in absent)
 
 
 def standing(suffix: str) -> tuple[Engine, ...]:

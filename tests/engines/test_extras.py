@@ -9,7 +9,7 @@ import pytest
 
 from harness.cli.main import main
 from harness.engines.pinocchio import PinocchioEngine
-from harness.engines.registry import absent_extras, engines, runners
+from harness.engines.registry import absent_extras, engines, readers, runners
 from harness.files.folders import FolderError, check_engines
 from harness.files.model_files import absent_lines
 from harness.files.sidecar import SidecarError, read_sidecar
@@ -118,3 +118,11 @@ def test_the_line_is_told_once_where_a_run_ends(
     told = capsys.readouterr()
     assert told.err.count("crosscheck: pinocchio: not installed; pip install") == 1
     assert "[pinocchio]" not in told.out
+
+
+def test_a_file_alone_runs_on_request_in_what_compiles_it_for_minutes() -> None:
+    named = engines()
+    assert named["mjx"].on_request
+    for suffix in (".urdf", ".xml"):
+        assert "mjx" not in [engine.name for engine in runners(suffix)]
+        assert "mjx" in [engine.name for engine in readers(suffix)]

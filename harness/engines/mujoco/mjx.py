@@ -41,6 +41,7 @@ class MjxEngine(MujocoEngine):
     name = "mjx"
     title = "MJX"
     extra = "mjx"
+    on_request = True
     capabilities: tuple[str, ...] = (
         "MJCF and URDF, as MuJoCo compiles them", "64 bits, or 32", "springs on joint combinations",
         "joint equalities (soft), URDF mimic", "batched rollouts in JAX",
