@@ -2,8 +2,9 @@
 
 `system.py` and a Python model file may open data or import modules from anywhere. What they read
 is what the outcome depends on, so a baseline keeps its hashes too. What comes with Python or was
-installed is left out: its version is another matter. So is what no audit hook of Python sees: the
-environment, a network, another process.
+installed is left out: its version is another matter. So is what programs keep for themselves in the
+user's cache, as engines that compile do, and what no audit hook of Python sees: the environment, a
+network, another process.
 """
 
 from __future__ import annotations
@@ -67,6 +68,8 @@ def _roots() -> tuple[str, ...]:
     roots |= {str(physics_crosscheck.BESIDE / name) for name in _OWN}
     # A virtual environment has its packages here and its standard library elsewhere.
     roots |= {str(Path(os.__file__).parent)}
+    # Non-essential data by the XDG Base Directory Specification.
+    roots |= {os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")}
     both = {os.path.abspath(root) for root in roots} | {os.path.realpath(root) for root in roots}
     return tuple(sorted(f"{root}{os.sep}" for root in both))
 

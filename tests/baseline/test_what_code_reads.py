@@ -101,6 +101,21 @@ def test_what_says_which_packages_are_installed_is_no_input_of_a_case(folder: Pa
     assert reads(folder, f"open({str(about / 'entry_points.txt')!r}).close()\n") == set()
 
 
+def test_what_programs_keep_in_the_users_cache_is_no_input_of_a_case(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Engines that compile what they run read it there the next time."""
+    kept = folder.parent / "cache" / "kernels"
+    kept.mkdir(parents=True)
+    (kept / "step.bin").write_text("compiled")
+    code = f"open({str(kept / 'step.bin')!r}).close()\n"
+    assert reads(folder, code) == {"../cache/kernels/step.bin"}
+    monkeypatch.setenv("XDG_CACHE_HOME", str(kept.parent))
+    harness.files.reads._roots.cache_clear()
+    assert reads(folder, code) == set()
+    harness.files.reads._roots.cache_clear()
+
+
 def test_each_folder_gets_its_own_module_of_a_name(folder: Path, tmp_path: Path) -> None:
     code = "import sys\nsys.path.insert(0, str(HERE / 'lib'))\nimport local_name\n"
     for number in (1.5, 2.5):
