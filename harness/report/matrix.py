@@ -167,7 +167,7 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
     ]
     largest = percent(max(errors, default=None))
     costs = [took for case in judged if (took := _cost(case)) is not None]
-    cost = f"{1e3 * max(costs):.2g} ms/s" if costs else ""
+    cost = _pace(max(costs)) if costs else ""
     counts = f"{alike} of {len(pairs)}"
     return Cell(
         id=view.id,
@@ -183,6 +183,11 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
         ),
         about=f"{view.system} {view.model} {view.engine}",
     )
+
+
+def _pace(cost: float) -> str:
+    """Seconds, or milliseconds, for one simulated."""
+    return f"{cost:.2g} s/s" if cost >= 0.1 else f"{1e3 * cost:.2g} ms/s"
 
 
 def _cost(case: Case) -> float | None:
