@@ -8,7 +8,6 @@ that one compilation serves all step counts, steps and forces of a size.
 from __future__ import annotations
 
 import importlib.metadata
-import importlib.util
 import math
 import os
 from collections.abc import Iterator
@@ -51,9 +50,11 @@ class MjxEngine(MujocoEngine):
 
     def version(self) -> str | None:
         """Version of the installed package, or None."""
-        if super().version() is None or importlib.util.find_spec("mujoco.mjx") is None:
+        try:
+            found = importlib.metadata.version("mujoco-mjx")  # nothing is imported for it
+        except importlib.metadata.PackageNotFoundError:
             return None
-        return importlib.metadata.version("mujoco-mjx")
+        return found if super().version() is not None else None
 
     def load(self, spec: ModelSpec) -> MujocoModel:
         """Load an MJCF or URDF file."""
