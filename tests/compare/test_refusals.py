@@ -91,7 +91,7 @@ def test_a_state_of_a_joint_that_is_not_there_is_refused() -> None:
 
 @pytest.mark.parametrize(("name", "engine", "sentence"), [
     ("nothing.xml", None, "nothing.xml: there is no such file"),
-    ("mujoco.xml", "newton", "no engine 'newton' is known; known are"),
+    ("mujoco.xml", "havok", "no engine 'havok' is known; known are"),
     ("mujoco.xml", "pybullet", "pybullet reads .urdf files alone; choose another with --engine-b"),
     ("system.py.toml", None, "no engine reads it; they read"),
 ])  # fmt: skip

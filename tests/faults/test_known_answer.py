@@ -216,7 +216,7 @@ def test_an_engine_that_nobody_registered_fails_and_names_those_known(ran: Resul
     for case in found:
         assert case.outcome == "FAILED"
         assert "'missing'" in case.reason
-        assert "known, mujoco" in case.reason
+        assert "known, mjx, mujoco" in case.reason
 
 
 def test_every_number_of_the_results_is_finite_or_null(ran: Results) -> None:
