@@ -26,6 +26,7 @@ from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
 from harness.numerics.discrete import LARGEST, linearize_step
+from harness.numerics.evenly import evenly
 from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
 from harness.numerics.full_run import why_no_run
 from harness.numerics.linearization import linearize_engine
@@ -217,7 +218,7 @@ def _dynamics(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Forwa
 
 def _passed(motion: Motion) -> tuple[Array, Array]:
     """States spread over a motion, (B, 2n), and its inputs there, (B, m)."""
-    rows = np.unique(np.linspace(0, len(motion.t) - 1, STEPPED).astype(np.intp))
+    rows = evenly(len(motion.t), STEPPED)
     return motion.start[rows], over(motion.inputs, motion.t, motion.lengths)(rows, 1)[:, 0]
 
 

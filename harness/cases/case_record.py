@@ -7,6 +7,7 @@ import numpy as np
 from harness.cases.dynamics import component
 from harness.cases.verdict import Verdict as Judgement
 from harness.numerics.discrete import DiscreteLinearization as FoundStep
+from harness.numerics.evenly import evenly
 from harness.numerics.forward_dynamics import ForwardDynamics as FoundDynamics
 from harness.numerics.linearization import EngineLinearization as Found
 from harness.numerics.segments import Extrapolated
@@ -149,9 +150,9 @@ def series_record(
         components: names of the state's components.
     """
     shipped, balance = study.shipped, study.shipped.balance
-    picked = np.unique(np.linspace(0, len(shipped.t) - 1, SERIES).astype(int))
+    picked = evenly(len(shipped.t), SERIES)
     t = shipped.t[picked]
-    segments = np.unique(np.linspace(0, len(motion.t) - 1, SERIES).astype(int))
+    segments = evenly(len(motion.t), SERIES)
     defect = (found.limit.value - motion.end) / scale
     uncertainty = (found.limit.uncertainty + motion.bound) / scale
     raw = np.sqrt(np.mean(((found.raw - motion.end) / scale) ** 2, axis=1))

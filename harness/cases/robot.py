@@ -267,15 +267,13 @@ def run_robot(task: RobotTask) -> Case:
     """
     began = time.perf_counter()
     try:
-        way, verdict, dynamics = _judged(task)
+        way, verdict = _judged(task)
     except RefusedError as error:
         if task.folder != str(task.file):
             raise
         return _refused(task, Failure(str(error), ""))
     stepping = _stepping(task, way)  # as the file itself has the engine step
-    names = tuple(way.model.coordinates)
-    way, verdict = _otherwise(task, way, verdict)
-    verdict = with_dynamics(verdict, dynamics, names, task.resolution)
+    way, verdict, dynamics = _decided(task, way, verdict)
     return Case(
         system=task.robot,
         model=task.file.name,
@@ -286,7 +284,7 @@ def run_robot(task: RobotTask) -> Case:
         reason=verdict.reason,
         verdict=verdict_record(verdict, way.found, way.model.exponents(False)[0]),
         stepping=stepping,
-        forward_dynamics=dynamics_record(dynamics, names),
+        forward_dynamics=dynamics_record(dynamics, tuple(way.model.coordinates)),
         seconds=time.perf_counter() - began,
     )
 
@@ -297,9 +295,7 @@ def judge_robot(task: RobotTask) -> Verdict:
     Raises:
         EngineError, BlownUpError: where the engine doesn't run it.
     """
-    way, verdict, dynamics = _judged(task)
-    names = tuple(way.model.coordinates)
-    return with_dynamics(_otherwise(task, way, verdict)[1], dynamics, names, task.resolution)
+    return _decided(task, *_judged(task))[1]
 
 
 def _refused(task: RobotTask, failure: Failure) -> Case:
@@ -315,15 +311,24 @@ def _refused(task: RobotTask, failure: Failure) -> Case:
     )
 
 
-def _judged(task: RobotTask) -> tuple[Followed, Verdict, ForwardDynamics | None]:
-    """Every segment in the engine with what follows from it, and the engine's accelerations."""
+def _judged(task: RobotTask) -> tuple[Followed, Verdict]:
+    """Every segment in the engine, and what follows from them."""
     way = follow_robot(task)
     claimed, found = way.model.exponents(False)[0], way.found
     verdict = judge(found.limit, way.samples, way.scale, way.components, claimed, task.resolution)
     if found.residual is not None:
         names = tuple(way.model.coordinates)
         verdict = with_residual(verdict, found.residual, way.samples, names, task.resolution)
-    return way, verdict, _dynamics(task, way)
+    return way, verdict
+
+
+def _decided(
+    task: RobotTask, way: Followed, verdict: Verdict
+) -> tuple[Followed, Verdict, ForwardDynamics | None]:
+    """The same with the engine's accelerations, and another way to step where that is asked for."""
+    dynamics, names = _dynamics(task, way), tuple(way.model.coordinates)
+    way, verdict = _otherwise(task, way, verdict)
+    return way, with_dynamics(verdict, dynamics, names, task.resolution), dynamics
 
 
 def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Followed, Verdict]:
@@ -334,7 +339,7 @@ def _otherwise(task: RobotTask, way: Followed, verdict: Verdict) -> tuple[Follow
     if verdict.outcome is not Outcome.UNRESOLVED:
         return way, verdict
     for name, settings in way.model.integrators.items():
-        other, found, _ = _judged(replace(task, settings={**task.settings, **settings}))
+        other, found = _judged(replace(task, settings={**task.settings, **settings}))
         if found.outcome is not Outcome.UNRESOLVED:
             told = f"stepped by {name}, since by {way.model.integrator} {verdict.reason}"
             return other, replace(found, reason="; ".join(filter(None, [found.reason, told])))

@@ -21,6 +21,7 @@ from harness.engines.protocol import Array
 from harness.engines.registry import engines
 from harness.files.locations import LocationError
 from harness.files.locations.outline import outline
+from harness.numerics.evenly import evenly
 from harness.schedule.workers import Failure
 
 MOST_TRIED = 24
@@ -149,7 +150,7 @@ class _Bench:
         # Where both are smooth: elsewhere nothing is certain.
         smooth = np.flatnonzero(np.max(doubt, axis=1) <= RESOLVED)
         smooth = smooth if len(smooth) else np.arange(len(doubt))
-        some = smooth[np.unique(np.linspace(0, len(smooth) - 1, SOME).astype(int))]
+        some = smooth[evenly(len(smooth), SOME)]
 
         def task(candidate: Candidate, source: bool) -> TrialTask:
             own = recorded.runs if source else runs

@@ -32,6 +32,7 @@ from harness.compare.said import Said, said
 from harness.compare.terms import Frame, Term, terms
 from harness.compare.trials import Trial
 from harness.engines.protocol import Array
+from harness.numerics.evenly import evenly
 from harness.records.outcome import Outcome
 from harness.robots.inertias import impossible
 from harness.schedule.workers import Failure
@@ -285,7 +286,7 @@ def _terms(
     going = np.flatnonzero(np.max(np.abs(runs.w), axis=1) > 0)
     if not len(going):
         return ()
-    picked = going[np.unique(np.linspace(0, len(going) - 1, count).astype(int))]
+    picked = going[evenly(len(going), count)]
     task = partial(
         MechanicsTask,
         independent=recorded.independent,

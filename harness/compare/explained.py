@@ -13,6 +13,7 @@ from harness.compare.match import Match
 from harness.compare.runs import Runs
 from harness.compare.side import Side
 from harness.engines.protocol import Array
+from harness.numerics.evenly import evenly
 from reference.collocation import ReferenceError, collocate
 from reference.multibody.algebra import DOUBLES
 from reference.multibody.charted import Charted
@@ -67,7 +68,7 @@ def explained(
     known = np.flatnonzero(np.isfinite(followed.limit.uncertainty).all(axis=1))
     if not len(known):
         return None
-    some = known[np.unique(np.linspace(0, len(known) - 1, SOME).astype(int))]
+    some = known[evenly(len(known), SOME)]
     own, target = _of(recorded.runs, some), _of(target, some)
     ends = recorded.end[some]
     slopes = match.slopes(own.z[:1])[0]

@@ -17,6 +17,7 @@ from harness.diagnosis.hypotheses import TrialModel
 from harness.diagnosis.samples import Sample
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.evenly import evenly
 from harness.numerics.full_run import follow
 from harness.records.base import Numbers, Rows, number, numbers
 from harness.records.cause import Cause
@@ -132,7 +133,7 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
 
 def _run(model: Model, coordinates: CoordinateMap, motion: Motion) -> tuple[Array, Array]:
     t, states = follow(model, coordinates, motion, model.step)
-    picked = np.unique(np.linspace(0, len(t) - 1, SAMPLES).astype(int))
+    picked = evenly(len(t), SAMPLES)
     return t[picked], states[picked]
 
 

@@ -60,6 +60,15 @@ def _installed(path: str) -> bool:
     return path.startswith(_roots()) or os.path.dirname(path).endswith(_METADATA)
 
 
+def user_cache() -> Path:
+    """Where programs keep for a user what can be made again, as the platform has it."""
+    if os.name == "nt":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
 @lru_cache(maxsize=1)
 def _roots() -> tuple[str, ...]:
     known = sysconfig.get_paths()
@@ -68,8 +77,7 @@ def _roots() -> tuple[str, ...]:
     roots |= {str(physics_crosscheck.BESIDE / name) for name in _OWN}
     # A virtual environment has its packages here and its standard library elsewhere.
     roots |= {str(Path(os.__file__).parent)}
-    # Non-essential data by the XDG Base Directory Specification.
-    roots |= {os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")}
+    roots |= {str(user_cache())}
     both = {os.path.abspath(root) for root in roots} | {os.path.realpath(root) for root in roots}
     return tuple(sorted(f"{root}{os.sep}" for root in both))
 

@@ -18,7 +18,7 @@ from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import RUNGS, weights
 from harness.numerics.rounding import with_companions
-from harness.numerics.segments import LEAST_SHARE, BlownUpError, Observable, climb
+from harness.numerics.segments import BlownUpError, Observable, climb, floored
 from reference.numeric import Array
 
 STEPS = range(4, 9)
@@ -96,11 +96,9 @@ class Accelerations:
         """
         z, w = self.coordinates.to_engine(states)
         nz = z.shape[1]
-        quick = np.max(np.abs(w), axis=0)
-        quick = np.maximum(quick, LEAST_SHARE * np.max(quick))
         left = Velocities(
             of=lambda z, w, near: self._residual(z, w, near)[:, nz:],
-            speed=np.where(quick > 0, quick, 1.0),
+            speed=floored(np.max(np.abs(w), axis=0)),
             rounding_scale=self.coordinates.residual_rounding_scale(z, w),
         )
         found = self._resolved(left, states, inputs, np.zeros((len(states), len(self.speed))))

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from harness.engines.protocol import Array, Model
 from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.evenly import evenly
 from harness.numerics.judgement import Judgement, judge
 from harness.numerics.rounding import with_companions
-from harness.numerics.segments import LEAST_SHARE
+from harness.numerics.segments import floored
 from harness.numerics.stepping import MARGIN, ROUNDED, is_linear
 from reference.stepping import Stepped
 
@@ -103,13 +104,10 @@ def forward_dynamics(
     if not told.any():
         return None
     expected, digit = of.expected(states, inputs)
-    scale = np.max(np.abs(expected[told]), axis=0)
-    scale = np.maximum(scale, LEAST_SHARE * np.max(scale))
-    scale = np.where(scale > 0, scale, 1.0)
+    scale = floored(np.max(np.abs(expected[told]), axis=0))
     uncertainty = ROUNDED * model.epsilon * digit + MARGIN * starts.last_digits(took)
     apart = np.abs(took[: len(states)] - expected)
-    rows = np.unique(np.linspace(0, told.sum() - 1, TAKEN_APART).astype(np.intp))
-    rows = np.flatnonzero(told)[rows]
+    rows = np.flatnonzero(told)[evenly(int(told.sum()), TAKEN_APART)]
     found = judge((apart / scale)[told], (uncertainty / scale)[told], resolution, None)
     return ForwardDynamics(
         judgement=replace(found, segment=int(np.flatnonzero(told)[found.segment])),
@@ -169,9 +167,7 @@ class _Compared:
         """The largest difference of each, relative to the largest force on its coordinate."""
         with np.errstate(all="ignore"):
             own, wanted = self._engine(states, inputs), self._equations(states, inputs)
-        scale = np.max([np.max(np.abs(one), axis=0) for one in wanted], axis=0)
-        scale = np.maximum(scale, LEAST_SHARE * np.max(scale))
-        scale = np.where(scale > 0, scale, 1.0)
+        scale = floored(np.max([np.max(np.abs(one), axis=0) for one in wanted], axis=0))
         return {
             name: float(np.max(np.abs(a - b) / scale))
             for name, a, b in zip(TERMS, own, wanted, strict=True)

@@ -415,9 +415,13 @@ def movement(ends: Array, starts: Array) -> Array:
         moved = np.abs(ends - starts)
     reach = np.max(np.where(np.isfinite(moved), moved, 0.0), axis=0, initial=0.0)
     half = len(reach) // 2
-    for part in (slice(0, half), slice(half, None)):
-        reach[part] = np.maximum(reach[part], LEAST_SHARE * np.max(reach[part], initial=0.0))
-    return np.where(reach > 0, reach, 1.0)
+    return np.concatenate([floored(reach[:half]), floored(reach[half:])])
+
+
+def floored(sizes: Array) -> Array:
+    """Sizes of what is alike, (c,): none below `LEAST_SHARE` of the largest, and nowhere zero."""
+    found = np.maximum(sizes, LEAST_SHARE * np.max(sizes, initial=0.0))
+    return np.where(found > 0, found, 1.0)
 
 
 def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, Rows]]:

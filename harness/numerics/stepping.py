@@ -15,6 +15,7 @@ import numpy as np
 from harness.engines.protocol import Array, Model
 from harness.engines.step_rule import StepRule
 from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.evenly import evenly
 from harness.numerics.judgement import Judgement, judge
 from harness.numerics.ladder import EPSILON
 from harness.numerics.rounding import unheld, with_companions
@@ -153,7 +154,7 @@ class Steps:
 
     def few(self, count: int) -> Steps:
         """The same from so many of its states, spread evenly."""
-        rows = np.unique(np.linspace(0, len(self._states) - 1, count).astype(np.intp))
+        rows = evenly(len(self._states), count)
         return Steps(self._model, self._coordinates, self._states[rows], self._inputs[rows])
 
     def later(self, rule: StepRule, stepped: Stepped, steps: int) -> float:

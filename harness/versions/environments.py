@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.files.reads import user_cache
 from harness.records.write import write_whole
 from harness.text.visible import visible
 
@@ -82,13 +83,7 @@ def execute(command: Sequence[str]) -> tuple[int, str]:
 
 def cache() -> Path:
     """Where environments are kept: the user's folder for what can be made again."""
-    if os.name == "nt":
-        base = os.environ.get("LOCALAPPDATA", "") or str(Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        base = str(Path.home() / "Library" / "Caches")
-    else:
-        base = os.environ.get("XDG_CACHE_HOME", "") or str(Path.home() / ".cache")
-    return Path(base) / "physics-crosscheck" / "environments"
+    return user_cache() / "physics-crosscheck" / "environments"
 
 
 def site_folders() -> tuple[str, ...]:
