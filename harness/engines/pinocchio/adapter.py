@@ -98,6 +98,8 @@ class PinocchioModel(UrdfModel):
         self._upper = np.triu(np.ones((self._model.nv, self._model.nv)))
         self._above = np.triu(self._upper, 1)
         self._straight = np.array_equal(self._there, np.arange(len(names))) and not self.floats
+        own = not (self.floats or self._turns)
+        self._permuted = np.argsort(self._there) if own else None
         bare = self._straight and self._along is None
         self.forward = self._plain if bare else self._accelerations
         self.stepper = RungeKutta(self.forward, self.floats)
@@ -150,6 +152,8 @@ class PinocchioModel(UrdfModel):
         """Positions (B, nq) as Pinocchio has them; the real part of a quaternion is its last."""
         if self._straight:
             return x
+        if self._permuted is not None:
+            return x[:, self._permuted]
         q, joints = np.empty((len(x), self._model.nq)), x
         if self.floats:
             turn = x[:, 3:7] / np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
