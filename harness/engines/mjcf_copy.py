@@ -14,8 +14,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from harness.engines.mjcf_declared import DeclaredMjcf
-from harness.engines.mjcf_defaults import bodies_of
+from harness.engines.mjcf_defaults import Defaults, bodies_of, shaped
 from harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
+from harness.engines.mjcf_source import MjcfSource
 
 POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
 
@@ -39,26 +40,37 @@ def body_name(i: int, body: ET.Element) -> str:
     return body.get("name") or f"body_{i}"
 
 
-def copied(declared: DeclaredMjcf, *, limits: bool, touches: bool) -> ET.Element:
+def copied(
+    declared: DeclaredMjcf,
+    *,
+    limits: bool,
+    touches: bool,
+    resolved: bool,
+    refs: bool = True,
+) -> ET.Element:
     """The copy.
 
     Args:
         declared: the file.
         limits: whether those of positions are kept.
         touches: whether geoms say what they touch.
+        refs: whether joints say what they are where the file draws them.
+        resolved: whether each element says what its defaults add, and there are none.
     """
     source = declared.source
     root = ET.Element("mujoco", model=source.root.get("model", "") or "model")
     gone = {*(() if limits else ("autolimits", *LIMITS)), *(() if touches else TOUCHES)}
+    gone |= {"childclass"} if resolved else set()
+    gone |= set() if refs else {"ref"}
     for one in source.root.findall("compiler"):
         _shallow(root, one, gone)
-    for one in source.root.findall("default"):
+    for one in () if resolved else source.root.findall("default"):
         _default(root, one, gone)
     world = ET.SubElement(root, "worldbody")
     names = {body: body_name(i, body) for i, (body, _) in enumerate(bodies_of(source))}
     joints = {joint.element: joint for joint in declared.joints}
-    shaped = source.stated("compiler", "inertiafromgeom", "auto")
-    copy = _Copy(joints=joints, names=names, shaped=shaped, gone=gone)
+    defaults = declared.defaults if resolved else None
+    copy = _Copy(joints=joints, names=names, source=source, gone=gone, defaults=defaults)
     for one in source.root.findall("worldbody"):
         for body in one.findall("body"):
             copy.body(world, body, one.get("childclass", ""))
@@ -90,37 +102,45 @@ class _Copy:
         self,
         joints: dict[ET.Element, MjcfJoint],
         names: dict[ET.Element, str],
-        shaped: str,
+        source: MjcfSource,
         gone: set[str],
+        defaults: Defaults | None,
     ) -> None:
-        self._joints, self._names, self._shaped, self._gone = joints, names, shaped, gone
+        self._joints, self._names, self._source, self._gone = joints, names, source, gone
+        self._defaults = defaults
 
     def body(self, parent: ET.Element, body: ET.Element, inherited: str) -> None:
-        """A body and what it carries."""
-        own = _shallow(parent, body, set())
+        """A body and what it carries, under a `childclass`."""
+        inherited = body.get("childclass", inherited)
+        own = _shallow(parent, body, self._gone)
         own.set("name", self._names[body])
-        if inherited and "childclass" not in own.attrib:
+        if inherited and self._defaults is None:
             own.set("childclass", inherited)
-        inertials = body.findall("inertial")
-        shaped = self._shaped == "true" or (self._shaped == "auto" and not inertials)
-        weighing = ("geom",) if shaped else ("inertial",)
+        weighing = ("geom",) if shaped(self._source, body) else ("inertial",)
         for one in body:
             if one.tag in JOINTS and one in self._joints:
-                self._joint(own, one, self._joints[one])
+                self._joint(own, one, self._joints[one], inherited)
             elif one.tag in weighing:
-                _shallow(own, one, set())
+                self._element(own, one, inherited)
             elif one.tag == "body":
-                self.body(own, one, "")
+                self.body(own, one, inherited)
 
-    def _joint(self, body: ET.Element, element: ET.Element, joint: MjcfJoint) -> None:
+    def _element(self, body: ET.Element, one: ET.Element, inherited: str) -> ET.Element:
+        if self._defaults is None or one.tag == "inertial":
+            return _shallow(body, one, self._gone)
+        whole = ET.Element(one.tag, dict(self._defaults.of(one, inherited)))
+        return _shallow(body, whole, self._gone | {"class"})
+
+    def _joint(
+        self, body: ET.Element, element: ET.Element, joint: MjcfJoint, inherited: str
+    ) -> None:
         if joint.kind == FREE:
             ET.SubElement(body, "freejoint", name=joint.name)
             return
-        own = _shallow(body, element, self._gone)
+        own = self._element(body, element, inherited)
         own.set("name", joint.name)
-        if "limited" not in self._gone and math.isinf(
-            joint.limits[0]
-        ):  # a lower one above the upper is none
+        # A range whose lower bound is above its upper is none.
+        if "limited" not in self._gone and math.isinf(joint.limits[0]):
             own.attrib.pop("range", None)
             own.set("limited", "false")
 

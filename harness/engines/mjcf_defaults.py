@@ -80,6 +80,12 @@ def _below(parent: ET.Element, inherited: str) -> Iterator[tuple[ET.Element, str
         yield from _below(body, own)
 
 
+def shaped(source: MjcfSource, body: ET.Element) -> bool:
+    """Whether a body's inertia follows from its geoms."""
+    told = source.stated("compiler", "inertiafromgeom", "auto")
+    return told == "true" or (told == "auto" and body.find("inertial") is None)
+
+
 def numbers_of(
     source: MjcfSource, element: ET.Element, attributes: Attributes, key: str, otherwise: str
 ) -> list[float]:

@@ -19,6 +19,8 @@ ADDED: Mapping[str, bool] = MappingProxyType({
     "springs": True, "tendons": True, "equalities": True,
     # Whether its actuators act, at held controls, where all is smooth.
     "actuators": True,
+    # Whether defaults are written into each element before the engine reads it; it loses some.
+    "resolved": False,
 })  # fmt: skip
 
 NAMES = {
@@ -67,6 +69,7 @@ class MjcfModel(TreeModel):
 
     Attributes:
         declared: what the file says.
+        misread: whether the engine loses some of the file's defaults, which a subclass finds.
         drawn: coordinates of a body that floats, where the file draws it, (6,).
     """
 
@@ -81,7 +84,7 @@ class MjcfModel(TreeModel):
         for key in URDF_ALONE:
             if self.settings.get(key):
                 raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} of URDFs alone")
-        self._read_over = read_over
+        self._read_over, self.misread = read_over, False
         self.declared = declared_mjcf(spec, title)
         if root := self.declared.root:
             self.floats, self.root = True, root.name
@@ -136,7 +139,13 @@ class MjcfModel(TreeModel):
     @property
     def remedied(self) -> dict[str, Mapping[str, object]]:
         """What the engine leaves out and the settings let, with what undoes it."""
-        return {cause: {key: True} for cause, key in self.lost.items()}
+        found = {cause: {key: True} for cause, key in self.lost.items()}
+        return {**found, self._classes: {"resolved": True}} if self.misread else {**found}
+
+    @property
+    def _classes(self) -> str:
+        """What a diagnosis calls it."""
+        return f"{self.title}'s own reading of defaults"
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the engine reads over or leaves out, and limits that are reached."""
@@ -144,6 +153,9 @@ class MjcfModel(TreeModel):
         for cause, key in self.lost.items():
             address = f"sidecar:settings.{key}"
             yield Remark(message=f"{cause}, by a setting", fault=True, address=address)
+        if self.misread:
+            told = f"{self._classes}: it loses numbers that classes give joints or geoms"
+            yield Remark(message=told, fault=True, address="mujoco/default")
         stops = self.limits
         for one in self.declared.singles:
             i, address = self.coordinates.index(one.name), f"body/joint[{one.name}]"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
-from harness.engines.mjcf_defaults import Defaults, bodies_of, number_of, numbers_of
+from harness.engines.mjcf_defaults import Defaults, bodies_of, number_of, numbers_of, shaped
 from harness.engines.mjcf_joints import BALL, FREE, HINGE, SLIDE, MjcfJoint
 from harness.engines.mjcf_source import MjcfSource
 
@@ -94,18 +94,17 @@ def _moving(source: MjcfSource, joints: Sequence[MjcfJoint]) -> Iterator[Reason]
 
 def _built(source: MjcfSource, defaults: Defaults) -> Iterator[Reason]:
     """Bodies, or parts of them, that are made of something else."""
-    from_shapes = source.stated("compiler", "inertiafromgeom", "auto")
     for world in source.root.findall("worldbody"):
         yield from _macros(world, False)
     for body, inherited in bodies_of(source):
         inertials = body.findall("inertial")
-        shaped = from_shapes == "true" or (from_shapes == "auto" and not inertials)
-        yield from _macros(body, shaped)
-        if not shaped:
+        of_geoms = shaped(source, body)
+        yield from _macros(body, of_geoms)
+        if not of_geoms:
             for one in inertials:
                 if number_of(source, one, one.attrib, "mass", "nan") <= 0:
                     yield one, "an inertia without mass"
-        for geom in body.findall("geom") if shaped else ():
+        for geom in body.findall("geom") if of_geoms else ():
             said = defaults.of(geom, inherited)
             kind = said.get("type", "mesh" if "mesh" in said else "sphere")
             hollow = said.get("shellinertia", "false") == "true"
@@ -114,10 +113,10 @@ def _built(source: MjcfSource, defaults: Defaults) -> Iterator[Reason]:
                 yield geom, f"a mass of {'a shell' if hollow else f'a {kind}'}"
 
 
-def _macros(parent: ET.Element, shaped: bool) -> Iterator[Reason]:
+def _macros(parent: ET.Element, of_geoms: bool) -> Iterator[Reason]:
     """Elements that stand for others, which move or weigh something."""
     for one in parent:
         inner = {part.tag for part in one.iter()}
-        weighs = {"body", "joint", "freejoint", "inertial"} | ({"geom"} if shaped else set())
+        weighs = {"body", "joint", "freejoint", "inertial"} | ({"geom"} if of_geoms else set())
         if one.tag in MACROS and (one.tag not in ("frame", "replicate") or inner & weighs):
             yield one, f"<{one.tag}> with what moves or weighs something"

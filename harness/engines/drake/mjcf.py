@@ -25,6 +25,7 @@ from harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
 from harness.engines.protocol import Array, ModelSpec
 from harness.engines.remark import Remark
 from harness.engines.source import finite_numbers
+from harness.engines.tree_model import FREE
 
 ARMATURE = "Drake's leaving out of armature where no actuator drives a joint"
 MISPLACED = "Drake's placing of a body's first joints at its parent's origin"
@@ -37,8 +38,8 @@ class DrakeMjcf(DrakeModel, MjcfModel):
     def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool | str]) -> None:
         self.stepping = str(spec.settings.get("stepping", SAP))
         MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}))
-        smooth = bool(self.settings["smooth"])
-        root = copied(self.declared, limits=not smooth, touches=False)
+        smooth, resolved = bool(self.settings["smooth"]), bool(self.settings["resolved"])
+        root = copied(self.declared, limits=not smooth, touches=False, resolved=resolved)
         heavy = [one for one in self.declared.singles if one.armature]
         self._heavy = heavy if self.settings["armature"] else []
         self._light = bool(heavy) and not self._heavy
@@ -51,6 +52,9 @@ class DrakeMjcf(DrakeModel, MjcfModel):
         self.take(ET.tostring(root, encoding="unicode"), "xml", held)
         if self.floats:
             self.drawn = self._drawn()
+        said = {one.name: one.damping for one in self.declared.singles}
+        own = [said[name] for name in self.coordinates[FREE if self.floats else 0 :]]
+        self.misread = not resolved and own != np.diag(self._damping).tolist()
 
     def complete(self, plant: Any) -> None:
         """Armature, as rotors of actuators that do nothing; and couplings, for SAP."""

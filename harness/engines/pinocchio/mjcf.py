@@ -12,8 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from harness.engines import tree_model
 from harness.engines.attitude import coordinates
-from harness.engines.mjcf_copy import TOUCHES, copied, without_pose, written
+from harness.engines.mjcf_copy import POSE, TOUCHES, copied, without_pose, written
+from harness.engines.mjcf_declared import DeclaredMjcf
+from harness.engines.mjcf_defaults import bodies_of, shaped
 from harness.engines.mjcf_engine import MjcfModel
 from harness.engines.mjcf_joints import FREE, rows_of
 from harness.engines.pinocchio.model import PinocchioModel
@@ -32,7 +35,8 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
 
     def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool]) -> None:
         MjcfModel.__init__(self, spec, "Pinocchio", defaults, frozenset({"timestep", "gravity"}))
-        root = copied(self.declared, limits=False, touches=True)
+        resolved = bool(self.settings["resolved"])
+        root = copied(self.declared, limits=False, touches=True, resolved=resolved, refs=False)
         self._one_root = not self.settings["all_roots"] and len(root.findall("worldbody/body")) > 1
         self._few_geoms = not self.settings["all_geoms"] and root.find(".//body/geom") is not None
         if self.settings["all_roots"]:
@@ -43,14 +47,25 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
             self.drawn = _drawn(self._read(root), self.root)
         model = self._read(without_pose(root))
         names = self._names(model)
-        kept = {name for row in names for name in row}
-        self.lost_joints = [one.name for one in self.declared.singles if one.name not in kept]
         refs = {one.name: one.ref for one in self.declared.singles}
         self.take(model, names, np.array([refs[n] for row in names for n in row]), self.mimics)
+        self.misread = not resolved and (self._other(model) or any(_unread(self.declared)))
 
     def _read(self, root: ET.Element) -> Any:
         with written(root, self.path) as path:
             return read_mjcf(path, self.path)
+
+    def _other(self, model: Any) -> bool:
+        """Whether joints have other dampers and armatures than their classes say."""
+        said = {one.name: one for one in self.declared.singles}
+        own = [said[name] for name in self.coordinates[tree_model.FREE if self.floats else 0 :]]
+        pairs = ((model.damping, "damping"), (model.armature, "armature"))
+        # What floats has none of either.
+        return any(
+            sorted(filter(None, map(float, found)))
+            != sorted(filter(None, (getattr(one, key) for one in own)))
+            for found, key in pairs
+        )
 
     def _names(self, model: Any) -> Sequence[Sequence[str]]:
         """Of the slides and hinges of each joint; several of one body are one joint."""
@@ -75,6 +90,14 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
         """What the MJCF says in vain, and dampers that are left out."""
         yield from MjcfModel.remarks(self, z, w)
         yield from self.damping_remarks()
+
+
+def _unread(declared: DeclaredMjcf) -> Iterator[bool]:
+    """Whether geoms get from their classes what Pinocchio reads of themselves alone."""
+    for body, inherited in bodies_of(declared.source):
+        for geom in body.findall("geom") if shaped(declared.source, body) else ():
+            said = declared.defaults.of(geom, inherited)
+            yield bool({"mass", *POSE} & set(said) - set(geom.attrib))
 
 
 def _grounded(root: ET.Element) -> None:
