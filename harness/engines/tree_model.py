@@ -9,7 +9,7 @@ import numpy as np
 from harness.engines.attitude import place_names, rotation_names
 from harness.engines.one_by_one import Stepper, rollout
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Spring
-from harness.engines.runge_kutta import Accelerations, to_state
+from harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
 from harness.engines.source import engine_errors
 from harness.engines.springs import SpringForces
 from harness.engines.urdf import Mimic
@@ -34,7 +34,7 @@ class TreeModel(Model):
         pushes: what is held on joints, by their names, N or N m.
     """
 
-    stepper: Stepper
+    stepper: Stepper | RungeKutta
     forward: Accelerations | None = None
     """The engine's accelerations, where nothing soft holds joints."""
     floats: bool = False
@@ -71,17 +71,17 @@ class TreeModel(Model):
         raise NotImplementedError
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """State by state."""
-        forward = self.forward
-        if forward is None:
+        """By the engine's forward dynamics."""
+        if self.forward is None:
             return None
         with engine_errors(self.path, self.title), np.errstate(all="ignore"):
-            at = (to_state(*row) if self.floats else row for row in zip(z, w, strict=True))
-            return np.array([forward(x, m, f) for (x, m), f in zip(at, force, strict=True)])
+            return self.forward(*(to_state(z, w) if self.floats else (z, w)), force)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Step by step, state by state."""
+        """Step by step; state by state, but where the engine's accelerations are stepped here."""
         with engine_errors(self.path, self.title):
+            if isinstance(self.stepper, RungeKutta):
+                return self.stepper.rollout(q, v, h, n, force, every)
             return rollout(self.stepper, q, v, h, n, force, every)

@@ -14,7 +14,7 @@ from harness.engines.drake.reading import logged
 from harness.engines.following import held_accelerations, leading
 from harness.engines.protocol import Array, EngineError, Force
 from harness.engines.remark import Remark
-from harness.engines.runge_kutta import RungeKutta, to_state
+from harness.engines.runge_kutta import RungeKutta, each_alone, to_state
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
 from harness.engines.tree_model import TreeModel
@@ -55,10 +55,11 @@ class DrakeModel(TreeModel):
         self._along = leading(hold, self.coordinates, self.path) if hold else None
         self.let_go = bool(self.mimics) and self.stepping != SAP and self._along is None
         self._discrete = lru_cache(maxsize=32)(self._discrete_of)
+        forward = each_alone(self._accelerations)
         if self._continuous:
-            self.stepper = RungeKutta(self._accelerations, self.floats)
+            self.stepper = RungeKutta(forward, self.floats)
         soft = self.stepping == SAP and bool(self.mimics)
-        self.forward = None if soft else self._accelerations
+        self.forward = None if soft else forward
 
     @abstractmethod
     def complete(self, plant: Any) -> None:
@@ -98,7 +99,7 @@ class DrakeModel(TreeModel):
         return DiscreteSteps(self._put(plant), self.floats, not self._springs.empty)
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
-        """Of positions, velocities and forces, as `RungeKutta` has them."""
+        """Of one state's positions, velocities and forces, as `RungeKutta` has them."""
         a = self._one.accelerations(x, m, f)
         if self._along is None:
             return a
