@@ -62,5 +62,7 @@ def _solved(a: Array, b: Array) -> Array:
     # Symmetric and positive definite, so that elimination needs no pivots.
     one, both, other = a[..., 0, 0], a[..., 0, 1], a[..., 1, 1]
     share = both / one
-    second = (b[..., 1] - share * b[..., 0]) / (other - share * both)
-    return np.stack([b[..., 0] / one - share * second, second], axis=-1)
+    led = np.empty_like(b)
+    led[..., 1] = second = (b[..., 1] - share * b[..., 0]) / (other - share * both)
+    led[..., 0] = b[..., 0] / one - share * second
+    return led
