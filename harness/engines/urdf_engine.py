@@ -11,22 +11,10 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from harness.engines.attitude import place_names, rotation_names
-from harness.engines.one_by_one import Stepper, rollout
-from harness.engines.protocol import (
-    Array,
-    Engine,
-    EngineError,
-    Force,
-    Model,
-    ModelSpec,
-    Sample,
-    within,
-)
+from harness.engines.protocol import Array, Engine, EngineError, Model, ModelSpec, Sample, within
 from harness.engines.remark import Remark
-from harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
 from harness.engines.source import engine_errors
-from harness.engines.springs import SpringForces
+from harness.engines.tree_model import TreeModel
 from harness.engines.urdf import (
     IDLE,
     SETTINGS,
@@ -38,8 +26,8 @@ from harness.engines.urdf import (
 from harness.engines.urdf_copy import Change
 from harness.engines.urdf_sidecar import check_settings, declared_urdf
 
-FREE = 6
-"""Coordinates of a root that floats; they come first."""
+CONTROLS = "controls"
+"""At which actuators are held."""
 
 
 class UrdfEngine(Engine):
@@ -70,7 +58,11 @@ class UrdfEngine(Engine):
 
     def load(self, spec: ModelSpec) -> Model:
         """Load a URDF."""
-        check_settings(spec, self.title, self.unstated, self.defaults, self.words)
+        others = self.switches & {CONTROLS}
+        check_settings(spec, self.title, self.unstated, self.defaults, self.words, others)
+        if spec.path.suffix == ".urdf" and spec.settings.get(CONTROLS):
+            told = f"[settings] controls is {spec.settings[CONTROLS]!r}"
+            raise EngineError(f"{spec.path}.toml: {told}, and a URDF has no actuators")
         with engine_errors(spec.path, self.title):
             return self.loaded(spec)
 
@@ -87,7 +79,7 @@ class UrdfEngine(Engine):
         return (sample_urdf(),)
 
 
-class UrdfModel(Model):
+class UrdfModel(TreeModel):
     """A URDF in an engine; a subclass loads it, and makes the `stepper`.
 
     Args:
@@ -98,10 +90,6 @@ class UrdfModel(Model):
         further: what is changed in the file besides.
     """
 
-    stepper: Stepper | RungeKutta
-    forward: Accelerations | None = None
-    """The engine's accelerations, where nothing soft holds joints."""
-
     def __init__(
         self,
         spec: ModelSpec,
@@ -110,29 +98,12 @@ class UrdfModel(Model):
         defaults: Mapping[str, float | bool | str],
         further: Sequence[Change],
     ) -> None:
-        self.path, self.title, self._reader = spec.path, title, reader
-        self.settings = {**defaults, **spec.settings}
+        self._reader = reader
         self.declared = declared_urdf(spec, further)
+        super().__init__(spec, title, {**defaults, **spec.settings})
         self.floats = bool(self.settings["floating"])
         self.root = base_name(self.declared.robot)
-        self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked
-        self.gravity = tuple(map(float, spec.settings["gravity"]))  # type: ignore[call-overload]
-
-    def name(self, joints: Sequence[str], damping: Array | None = None) -> SpringForces:
-        """Take the names of slides and hinges, in the engine's order.
-
-        Args:
-            joints: their names.
-            damping: of each, where springs are to take it along.
-
-        Returns:
-            The springs' forces along them.
-        """
-        free = (*place_names(self.root), *rotation_names(self.root)) if self.floats else ()
-        self.coordinates = (*free, *joints)
-        if not self.coordinates:
-            raise EngineError(f"{self.path}: it has no moving joint")
-        return SpringForces(self.declared.springs, tuple(joints), self.path, damping)
+        self.springs, self.mimics = self.declared.springs, self.declared.mimics
 
     @property
     def stated_limits(self) -> Array:
@@ -153,22 +124,6 @@ class UrdfModel(Model):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the URDF says in vain."""
         yield from urdf_remarks(self._reader, self.path, self.coordinates, z, w)
-
-    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """By the engine's forward dynamics."""
-        if self.forward is None:
-            return None
-        with engine_errors(self.path, self.title), np.errstate(all="ignore"):
-            return self.forward(*(to_state(z, w) if self.floats else (z, w)), force)
-
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        """Step by step; state by state, but where the engine's accelerations are stepped here."""
-        with engine_errors(self.path, self.title):
-            if isinstance(self.stepper, RungeKutta):
-                return self.stepper.rollout(q, v, h, n, force, every)
-            return rollout(self.stepper, q, v, h, n, force, every)
 
 
 def _bounds(limit: ET.Element) -> tuple[float, float] | None:
