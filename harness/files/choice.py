@@ -22,7 +22,7 @@ Match = Callable[[str], bool]
 class NamedModel:
     """A model file that a name means, and of its cases those of a scenario and an engine, if any.
 
-    `drum_pendulum/mujoco.xml/free [mujoco]` is the name of a case, as it is printed.
+    `my_arm/robot.urdf/free [engine]` is the name of a case, as it is printed.
     """
 
     folder: Path

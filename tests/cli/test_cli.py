@@ -65,7 +65,8 @@ def edit(path: Path, old: str, new: str) -> None:
 def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(
     folder: Path, tmp_path: Path
 ) -> None:
-    done = crosscheck("run", folder, "--engine", "mujoco", "--out", "out dir", cwd=tmp_path)
+    asked = ("--engine", "mujoco", "--out", "out dir", "--verbose")
+    done = crosscheck("run", folder, *asked, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "6 cases: 6 AGREES" in done.stdout
     found = json.loads((tmp_path / "out dir" / "results.json").read_text())
@@ -80,7 +81,10 @@ def test_a_wrong_literal_exits_1_and_is_told(folder: Path, tmp_path: Path) -> No
     done = crosscheck("run", folder, "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 1
     assert "3 DIFFERS" in done.stdout
-    assert "DIFFERS mass_spring_damper/mujoco.xml/free [mujoco]" in done.stdout
+    assert re.search(r"DIFFERS mass_spring_damper/mujoco.xml/\w+ \[mujoco\]", done.stdout)
+    assert "and 2 more: " in done.stdout
+    line = 1 + (folder / "mujoco.xml").read_text().split("47.000047")[0].count("\n")
+    assert f"change my mass/mujoco.xml:{line} from 47.000047 to 47" in done.stdout
 
 
 @pytest.mark.parametrize(("name", "old", "new", "sentence"), [
