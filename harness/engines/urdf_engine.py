@@ -7,7 +7,6 @@ import importlib.util
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -25,19 +24,15 @@ from harness.engines.protocol import (
 )
 from harness.engines.remark import Remark
 from harness.engines.runge_kutta import Accelerations, to_state
+from harness.engines.sdf import SDF_IDLE, sample_sdf
+from harness.engines.sdf_sidecar import declared_sdf, stated
 from harness.engines.source import engine_errors
 from harness.engines.springs import SpringForces
-from harness.engines.urdf import (
-    IDLE,
-    SETTINGS,
-    UrdfReader,
-    base_name,
-    sample_urdf,
-    urdf_remarks,
-)
+from harness.engines.urdf import IDLE, SETTINGS, UrdfReader, sample_urdf
 from harness.engines.urdf_copy import Change
-from harness.engines.urdf_sidecar import check_settings, declared_urdf
+from harness.engines.urdf_sidecar import DeclaredUrdf, check_settings, declared_urdf
 
+SDF = ".sdf"
 FREE = 6
 """Coordinates of a root that floats; they come first."""
 
@@ -52,9 +47,9 @@ class UrdfEngine(Engine):
     """
 
     formats: tuple[str, ...] = (".urdf",)
-    takes_springs = (".urdf",)
+    takes_springs: tuple[str, ...] = (".urdf",)
     switches = frozenset({"smooth", "couplings", "held"})
-    idle = IDLE
+    idle: Mapping[str, str] = MappingProxyType({**IDLE, **SDF_IDLE})
     package: str
     defaults: Mapping[str, float | bool | str]
     words: Mapping[str, Sequence[str]] = MappingProxyType({})
@@ -69,7 +64,8 @@ class UrdfEngine(Engine):
             return "unknown"
 
     def load(self, spec: ModelSpec) -> Model:
-        """Load a URDF."""
+        """Load a URDF, or an SDFormat file, which may state some settings itself."""
+        spec = stated(spec) if spec.path.suffix == SDF else spec
         check_settings(spec, self.title, self.unstated, self.defaults, self.words)
         with engine_errors(spec.path, self.title):
             return self.loaded(spec)
@@ -83,12 +79,12 @@ class UrdfEngine(Engine):
         return SETTINGS
 
     def samples(self) -> tuple[Sample, ...]:
-        """A URDF."""
-        return (sample_urdf(),)
+        """A URDF, and an SDFormat file."""
+        return (sample_urdf(), *([sample_sdf()] if SDF in self.formats else []))
 
 
 class UrdfModel(Model):
-    """A URDF in an engine; a subclass loads it, and makes the `stepper`.
+    """A URDF or an SDFormat file in an engine; a subclass loads it, and makes the `stepper`.
 
     Args:
         spec: the file.
@@ -112,9 +108,10 @@ class UrdfModel(Model):
     ) -> None:
         self.path, self.title, self._reader = spec.path, title, reader
         self.settings = {**defaults, **spec.settings}
-        self.declared = declared_urdf(spec, further)
+        declare = declared_sdf if spec.path.suffix == SDF else declared_urdf
+        self.declared: DeclaredUrdf = declare(spec, further)
         self.floats = bool(self.settings["floating"])
-        self.root = base_name(self.declared.robot)
+        self.root = self.declared.base
         self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked
         self.gravity = tuple(map(float, spec.settings["gravity"]))  # type: ignore[call-overload]
 
@@ -138,10 +135,8 @@ class UrdfModel(Model):
     def stated_limits(self) -> Array:
         """Between which the file says that positions are, (nz, 2); infinite where it doesn't."""
         found = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
-        for joint in self.declared.robot.findall("joint"):
-            limit, name = joint.find("limit"), joint.get("name", "")
-            bounds = _bounds(limit) if limit is not None else None
-            if bounds and name in self.coordinates and joint.get("type") != "continuous":
+        for name, bounds in self.declared.bounds.items():
+            if name in self.coordinates:
                 found[self.coordinates.index(name)] = bounds
         return found
 
@@ -151,8 +146,8 @@ class UrdfModel(Model):
         return within(super().reach, self.stated_limits)
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the URDF says in vain."""
-        yield from urdf_remarks(self._reader, self.path, self.coordinates, z, w)
+        """What the file says in vain."""
+        yield from self.declared.remarks(self._reader, self.coordinates, z, w)
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
         """State by state."""
@@ -169,9 +164,3 @@ class UrdfModel(Model):
         """Step by step, state by state."""
         with engine_errors(self.path, self.title):
             return rollout(self.stepper, q, v, h, n, force, every)
-
-
-def _bounds(limit: ET.Element) -> tuple[float, float] | None:
-    """Those that a file states and that leave something between them."""
-    lower, upper = (float(limit.get(key, "nan")) for key in ("lower", "upper"))
-    return (lower, upper) if lower < upper else None

@@ -26,9 +26,11 @@ WELDED = (
 @pytest.mark.parametrize("name", EXTRAS)
 def test_adapters_keep_the_protocol(name: str) -> None:
     need(name)
-    (checks,) = conform_samples(engines()[name]).values()
-    assert len(checks) == len(CHECKS)
-    assert [str(check) for check in checks if not check.passed] == []
+    found = conform_samples(engines()[name])
+    assert {Path(file).suffix for file in found} == set(engines()[name].formats)
+    for checks in found.values():
+        assert len(checks) == len(CHECKS)
+        assert [str(check) for check in checks if not check.passed] == []
 
 
 @pytest.mark.parametrize("name", EXTRAS)

@@ -1,4 +1,4 @@
-"""Drake, on URDF: a `MultibodyPlant` that is stepped by itself, or whose accelerations are here.
+"""Drake, on URDF and SDFormat: a `MultibodyPlant` that is stepped by itself, or by RK4 here.
 
 A plant has its step from the start, so that every step has a plant of its own. It is given no
 geometry: nothing is seen, and nothing touches.
@@ -6,7 +6,6 @@ geometry: nothing is seen, and nothing touches.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
 from types import MappingProxyType
@@ -20,17 +19,18 @@ from harness.engines.following import held_accelerations, leading
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
 from harness.engines.remark import Remark
 from harness.engines.runge_kutta import RungeKutta, to_state
+from harness.engines.sdf_copy import sdf_mimics_of, sdf_without_bounds
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
-from harness.engines.urdf import UrdfReader, root_link
+from harness.engines.urdf import UrdfReader
 from harness.engines.urdf_copy import (
-    changed,
+    Change,
     mimics_of,
     without_bounds,
     without_crossed_bounds,
     without_shapes,
 )
-from harness.engines.urdf_engine import UrdfEngine, UrdfModel
+from harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
 from harness.engines.urdf_sidecar import ROBOTS
 
 MIMICS = "Drake's leaving out of <mimic>"
@@ -52,10 +52,12 @@ class DrakeEngine(UrdfEngine):
     name = "drake"
     title = "Drake"
     package, distribution, extra = "pydrake", "drake", "drake"
+    formats = takes_springs = (".urdf", ".sdf")
     defaults = DEFAULTS
     words = MappingProxyType({"stepping": (SAP, TAMSI, CONTINUOUS)})
     capabilities = (
-        "URDF", "slides and hinges, roots that float", "joint dampers", "URDF mimic (sap)",
+        "URDF", "SDFormat", "slides and hinges, roots that float", "joint dampers",
+        "mimic (sap)",
         "discrete plants (sap, tamsi), continuous ones by RK4 here",
         "springs on joint combinations as forces at every step",
     )  # fmt: skip
@@ -63,7 +65,7 @@ class DrakeEngine(UrdfEngine):
     ignores = frozenset({"dynamics@friction"})
 
     def loaded(self, spec: ModelSpec) -> Model:
-        """A URDF whose settings are in order."""
+        """A file whose settings are in order."""
         return DrakeModel(spec)
 
 
@@ -71,9 +73,7 @@ class DrakeModel(UrdfModel):
     """A tree of slides and hinges, fixed or not."""
 
     def __init__(self, spec: ModelSpec) -> None:
-        own = without_bounds if spec.settings.get("smooth", False) else without_crossed_bounds
         stepping = str(spec.settings.get("stepping", SAP))
-        free = [mimics_of(())] if stepping != SAP else []
         reader = UrdfReader(
             name="drake",
             no_inertial="no mass and no moments",
@@ -81,17 +81,17 @@ class DrakeModel(UrdfModel):
             no_friction="Drake",
             no_stops="Drake" if stepping == CONTINUOUS else "",
         )
-        super().__init__(spec, "Drake", reader, DEFAULTS, (without_shapes, own, *free))
+        super().__init__(spec, "Drake", reader, DEFAULTS, _changes(spec, stepping))
         self._stepping, self._continuous = stepping, stepping == CONTINUOUS
         self.integrator = "Runge-Kutta 4" if self._continuous else "semi-implicit euler"
-        robot = changed(self.declared.robot, self.declared.changes)
-        self._text, self._said = ET.tostring(robot, encoding="unicode"), list[str]()
+        self._text, self._said = self.declared.text, list[str]()
         plant = self._plant = self._built(0.0 if self._continuous else self.step)
         joints = moving_joints(plant)[1 if self.floats else 0 :]
         for joint in joints:
             if joint.num_velocities() != 1:
                 raise EngineError(f"{spec.path}: joint {joint.name()!r} is no slide or hinge")
-        refuse_balls(plant, self.declared.robot, spec.path)
+        if spec.path.suffix != SDF:
+            refuse_balls(plant, self.declared.robot, spec.path)
         self._springs = self.name([joint.name() for joint in joints])
         self._damping = np.diag([j.default_damping_vector()[0] for j in joints])
         mimics = self.declared.mimics
@@ -115,15 +115,15 @@ class DrakeModel(UrdfModel):
             plant.SetUseSampledOutputPorts(False)
         try:
             with logged(self._said):
-                Parser(plant).AddModelsFromString(self._text, "urdf")
-                root = plant.GetFrameByName(root_link(self.declared.robot))
+                Parser(plant).AddModelsFromString(self._text, self.path.suffix[1:])
+                root = self.declared.root
                 # A link of the name `world` is the world itself.
-                if not self.floats and root.name() != plant.world_frame().name():
-                    plant.WeldFrames(plant.world_frame(), root)
+                if not self.floats and root != plant.world_frame().name():
+                    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName(root))
                 plant.mutable_gravity_field().set_gravity_vector(self.gravity)
                 plant.Finalize()
         except RuntimeError as error:
-            told = folded(error).replace("<literal-string>.urdf", self.path.name)
+            told = folded(error).replace(f"<literal-string>{self.path.suffix}", self.path.name)
             raise EngineError(f"{self.path}: Drake can't load it: {told}") from None
         return plant
 
@@ -193,14 +193,14 @@ class DrakeModel(UrdfModel):
         return tuple(dict.fromkeys(self._said))
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the URDF says in vain, and what Drake says of it."""
+        """What the file says in vain, and what Drake says of it."""
         yield from super().remarks(z, w)
         yield from (Remark(message=f"Drake: {word}", address="") for word in self.warnings)
 
     @property
     def places(self) -> tuple[str, ...]:
         """Links and their centres of mass."""
-        names = [link.get("name", "") for link in self.declared.robot.findall("link")]
+        names = self.declared.links
         return tuple(f"{kind}:{name}" for kind in ("link", "centre") for name in names)
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
@@ -218,3 +218,13 @@ class DrakeModel(UrdfModel):
                 origins[k, f] = pose.multiply(inward)
                 turns[k, f] = pose.rotation().matrix()
         return origins, turns
+
+
+def _changes(spec: ModelSpec, stepping: str) -> list[Change]:
+    """What is changed in a file before Drake sees it, besides what settings say to every engine."""
+    smooth, free = bool(spec.settings.get("smooth", False)), stepping != SAP
+    if spec.path.suffix == SDF:
+        bounds = [sdf_without_bounds] if smooth else []
+        return [*bounds, *([sdf_mimics_of(())] if free else [])]
+    own = without_bounds if smooth else without_crossed_bounds
+    return [without_shapes, own, *([mimics_of(())] if free else [])]
