@@ -127,8 +127,8 @@ def as_older(model: ET.Element) -> None:
             joint.set("type", "revolute")
             sdf_without_bounds_of(joint)
         axis, xyz = joint.find("axis"), joint.find("axis/xyz")
-        frame = "" if xyz is None else xyz.attrib.pop("expressed_in", "")
-        if axis is not None and frame == "__model__":
+        expressed = "" if xyz is None else xyz.attrib.pop("expressed_in", "")
+        if axis is not None and expressed == "__model__":
             ET.SubElement(axis, "use_parent_model_frame").text = "true"
 
 
