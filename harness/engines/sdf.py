@@ -64,14 +64,8 @@ class SdfFile:
     @property
     def mimics(self) -> tuple[Mimic, ...]:
         """Joints that follow others: multiplier * (leader - reference) + offset."""
-        found = []
-        for joint in self.joints.values():
-            mimic = joint.element.find("axis/mimic")
-            if mimic is not None:
-                ratio, offset = number(mimic, "multiplier", 1.0), number(mimic, "offset", 0.0)
-                offset -= ratio * number(mimic, "reference", 0.0)
-                found.append(Mimic(joint.name, mimic.get("joint", ""), ratio, offset))
-        return tuple(found)
+        found = (mimic_of(joint.element) for joint in self.joints.values())
+        return tuple(one for one in found if one is not None)
 
     @property
     def bounds(self) -> Bounds:
@@ -97,6 +91,16 @@ def read_sdf(path: Path) -> SdfFile:
     """
     source = read_xml(read_source(path, mend=True), path)
     return SdfFile(source, *checked(source))
+
+
+def mimic_of(joint: ET.Element) -> Mimic | None:
+    """How a joint follows another, if it does."""
+    mimic = joint.find("axis/mimic")
+    if mimic is None:
+        return None
+    ratio, offset = number(mimic, "multiplier", 1.0), number(mimic, "offset", 0.0)
+    offset -= ratio * number(mimic, "reference", 0.0)
+    return Mimic(joint.get("name", ""), mimic.get("joint", ""), ratio, offset)
 
 
 def number(element: ET.Element, tag: str, default: float) -> float:

@@ -20,9 +20,9 @@ KINDS = ("revolute", "continuous", "prismatic", "fixed")
 _SCALARS = (
     "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "damping", "friction", "spring_stiffness",
     "spring_reference", "lower", "upper", "effort", "velocity", "multiplier", "offset",
-    "reference", "max_step_size",
+    "reference",
 )  # fmt: skip
-_COUNTS = {**dict.fromkeys(_SCALARS, 1), "xyz": 3, "gravity": 3}
+_COUNTS = {**dict.fromkeys(_SCALARS, 1), "xyz": 3}
 """How many numbers an element has."""
 
 _ONCE = {
@@ -92,7 +92,7 @@ def _check_parts(source: XmlSource, model: ET.Element, world: ET.Element | None)
     for holder in (world, *world.findall("physics")) if world is not None else ():
         _check_once(source, holder)
         for part in holder:
-            _check_number(source, part)
+            _check_number(source, part, {"gravity": 3, "max_step_size": 1})
     static = model.find("static")
     if static is not None and (static.text or "").strip().lower() in ("1", "true"):
         raise source.refused(static, "the model is static: nothing of it moves")
@@ -102,8 +102,10 @@ def _check_parts(source: XmlSource, model: ET.Element, world: ET.Element | None)
             _check_once(source, part)
 
 
-def _check_number(source: XmlSource, element: ET.Element) -> None:
-    count = _COUNTS.get(element.tag)
+def _check_number(
+    source: XmlSource, element: ET.Element, counts: Mapping[str, int] = _COUNTS
+) -> None:
+    count = counts.get(element.tag)
     words = element.text or ""
     if element.tag == "pose":
         count = 7 if element.get("rotation_format") == "quat_xyzw" else 6

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
 from harness.engines.remark import Remark
-from harness.engines.sdf import Bounds, SdfFile, read_sdf, sdf_remarks
+from harness.engines.sdf import Bounds, SdfFile, number, read_sdf, sdf_remarks
 from harness.engines.sdf_copy import (
     sdf_mimics_of,
     sdf_text,
@@ -44,6 +44,12 @@ class DeclaredSdf(DeclaredUrdf):
         while name in self.file.joints:
             name += "_free"
         return name
+
+    @property
+    def moments(self) -> Mapping[str, float]:
+        """What links state for ixx, kg m^2."""
+        found = {link.get("name", ""): link.find("inertial/inertia") for link in self._links}
+        return {n: 1.0 if i is None else number(i, "ixx", 1.0) for n, i in found.items()}
 
     @property
     def text(self) -> str:

@@ -69,7 +69,17 @@ class DeclaredUrdf:
     @property
     def links(self) -> tuple[str, ...]:
         """Names, in the file's order."""
-        return tuple(link.get("name", "") for link in self.robot.findall("link"))
+        return tuple(link.get("name", "") for link in self._links)
+
+    @property
+    def moments(self) -> Mapping[str, float]:
+        """What links state for ixx, kg m^2; zero where they state none."""
+        found = {link.get("name", ""): link.find("inertial/inertia") for link in self._links}
+        return {n: 0.0 if i is None else float(i.get("ixx", "0")) for n, i in found.items()}
+
+    @property
+    def _links(self) -> list[ET.Element]:
+        return self.robot.findall("link")
 
     @property
     def text(self) -> str:

@@ -28,7 +28,7 @@ from harness.engines.dart.steps import WorldSteps
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
 from harness.engines.remark import Remark
 from harness.engines.sdf import read_sdf
-from harness.engines.sdf_copy import sdf_without_friction
+from harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
 from harness.engines.urdf import UrdfReader
@@ -50,6 +50,7 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
 })  # fmt: skip
 
 READER = UrdfReader(name="dart", no_inertial="a mass of 1 kg", no_stops="DART")
+SDF_READER = UrdfReader(name="dart", no_inertial="a mass of 1 kg")
 
 _COLOUR = re.compile(r"\x1b\[[\d;]*m")
 
@@ -83,7 +84,8 @@ class DartModel(UrdfModel):
     def __init__(self, spec: ModelSpec) -> None:
         import dartpy as dart
 
-        super().__init__(spec, "DART", READER, DEFAULTS, _changes(spec))
+        reader = SDF_READER if spec.path.suffix == SDF else READER
+        super().__init__(spec, "DART", reader, DEFAULTS, _changes(spec))
         self._sdf = spec.path.suffix == SDF
         self._remedies = _remedies(self.declared, self.settings)
         self._body = self._skeleton()
@@ -127,6 +129,12 @@ class DartModel(UrdfModel):
         held = "couplings, which a servo or a constraint holds" if self.declared.mimics else ""
         late = self._damping if self._damping.any() else None
         return StepRule(scheme="semi-implicit Euler", damping=late, besides=held)
+
+    @property
+    def limits(self) -> Array:
+        """Of joints that DART holds, (nz, 2): its parser of SDFormat asks for that."""
+        stopped = self._sdf and not self.settings["smooth"]
+        return self.stated_limits if stopped else super().limits
 
     @property
     def remedies(self) -> dict[str, Mapping[str, object]]:
@@ -180,7 +188,7 @@ def _changes(spec: ModelSpec) -> list[Change]:
     if spec.path.suffix == SDF:
         refuse_newer(read_sdf(spec.path))
         changes: list[Change] = [as_older]
-        changes += [sdf_without_friction] if smooth else []
+        changes += [sdf_without_friction, sdf_without_bounds] if smooth else []
         return changes + ([with_turned] if spec.settings.get("turned_inertials", False) else [])
     further: list[Change] = [without_shapes]
     further += [without_friction] if smooth else []

@@ -15,6 +15,7 @@ from harness.engines.sdf import SdfFile, number
 from harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
 
 _KNOWN = ("1.4", "1.5", "1.6")
+_IN_MODEL = ("1.0", "1.1", "1.2", "1.3", "1.4")
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -28,10 +29,34 @@ def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         file = Path(folder) / path.name
         root = ET.fromstring(text)  # it is of what was parsed with entities off
+        if root.get("version") in _IN_MODEL:
+            _axes_in_model(root)
         if root.get("version") not in _KNOWN:
             root.set("version", VERSION)
         file.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
-        return parser.readSkeleton(dart.common.Uri(file.as_uri()), options)
+        found = parser.readSkeleton(dart.common.Uri(file.as_uri()), options)
+    if found is not None:
+        _mend(found, root, floats)
+    return found
+
+
+def _axes_in_model(root: ET.Element) -> None:
+    """Axes are told in the model's frame, which DART's parser does not know."""
+    for axis in root.findall("model/joint/axis"):
+        if axis.find("use_parent_model_frame") is None:
+            ET.SubElement(axis, "use_parent_model_frame").text = "true"
+
+
+def _mend(skeleton: Any, root: ET.Element, floats: bool) -> None:
+    """A root that floats counts from the world, not from where it is drawn; no mass is none."""
+    import dartpy as dart
+
+    if floats:
+        skeleton.getJoint(0).setTransformFromParentBodyNode(dart.math.Isometry3.Identity())
+    for link in root.findall("model/link"):
+        mass = link.find("inertial/mass")
+        if mass is not None and (mass.text or "").strip() and float(mass.text or "") == 0.0:
+            skeleton.getBodyNode(link.get("name", "")).setMass(0.0)  # DART itself takes 1e-9 kg
 
 
 def turned_links(model: ET.Element) -> list[str]:
@@ -122,6 +147,13 @@ def as_older(model: ET.Element) -> None:
         element.attrib.pop("relative_to", None)
     for frame in model.findall("frame"):
         model.remove(frame)
+    for axis in model.findall("joint/axis"):
+        if axis.find("xyz") is None:
+            ET.SubElement(axis, "xyz").text = "0 0 1"
+    _axes_as_older(model)
+
+
+def _axes_as_older(model: ET.Element) -> None:
     for joint in model.findall("joint"):
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")

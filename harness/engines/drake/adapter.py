@@ -15,6 +15,7 @@ import numpy as np
 
 from harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
 from harness.engines.drake.reading import logged, refuse_balls
+from harness.engines.drake.sdf import own_mimics
 from harness.engines.following import held_accelerations, leading
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
 from harness.engines.remark import Remark
@@ -90,8 +91,7 @@ class DrakeModel(UrdfModel):
         for joint in joints:
             if joint.num_velocities() != 1:
                 raise EngineError(f"{spec.path}: joint {joint.name()!r} is no slide or hinge")
-        if spec.path.suffix != SDF:
-            refuse_balls(plant, self.declared.robot, spec.path)
+        refuse_balls(plant, self.declared.moments, spec.path)
         self._springs = self.name([joint.name() for joint in joints])
         self._damping = np.diag([j.default_damping_vector()[0] for j in joints])
         mimics = self.declared.mimics
@@ -225,6 +225,6 @@ def _changes(spec: ModelSpec, stepping: str) -> list[Change]:
     smooth, free = bool(spec.settings.get("smooth", False)), stepping != SAP
     if spec.path.suffix == SDF:
         bounds = [sdf_without_bounds] if smooth else []
-        return [*bounds, *([sdf_mimics_of(())] if free else [])]
+        return [*bounds, sdf_mimics_of(()) if free else own_mimics]
     own = without_bounds if smooth else without_crossed_bounds
     return [without_shapes, own, *([mimics_of(())] if free else [])]
