@@ -15,7 +15,7 @@ import numpy as np
 
 from harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
 from harness.engines.drake.reading import logged, refuse_balls
-from harness.engines.drake.sdf import own_mimics
+from harness.engines.drake.sdf import own_mimics, without_own
 from harness.engines.following import held_accelerations, leading
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
 from harness.engines.remark import Remark
@@ -224,7 +224,7 @@ def _changes(spec: ModelSpec, stepping: str) -> list[Change]:
     """What is changed in a file before Drake sees it, besides what settings say to every engine."""
     smooth, free = bool(spec.settings.get("smooth", False)), stepping != SAP
     if spec.path.suffix == SDF:
-        bounds = [sdf_without_bounds] if smooth else []
+        bounds = [sdf_without_bounds, without_own] if smooth else []
         return [*bounds, sdf_mimics_of(()) if free else own_mimics]
     own = without_bounds if smooth else without_crossed_bounds
     return [without_shapes, own, *([mimics_of(())] if free else [])]

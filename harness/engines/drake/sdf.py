@@ -11,6 +11,14 @@ SPACE = "http://drake.mit.edu"
 ET.register_namespace("drake", SPACE)  # its parser knows its elements by that prefix
 
 
+def without_own(model: ET.Element) -> None:
+    """Leave out what only Drake reads of a joint, such as inertias of rotors."""
+    for joint in model.findall("joint"):
+        for part in list(joint):
+            if part.tag.startswith(f"{{{SPACE}}}"):
+                joint.remove(part)
+
+
 def own_mimics(model: ET.Element) -> None:
     """Write `<mimic>` as `<drake:mimic>`."""
     for joint in model.findall("joint"):

@@ -2,11 +2,11 @@
 
 Addresses by the file's format:
 
-- XML (MJCF, URDF, SDFormat): `body[rod]/inertial@pos[2]`, `link[rod]/inertial/pose[2]`.
-  The first step is any element of that tag, each next one a child of it. A name in brackets is the element's `name`, or
-  where it has none its `reference`, `joint` or `class`. `@attribute` is an attribute, `[i]` its
-  i-th number, counted from 0; without `@`
-  the element's text is meant, where `[i]` is its i-th number if no such element has a name.
+- XML (MJCF, URDF, SDFormat): `body[rod]/inertial@pos[2]`, `link[rod]/inertial/pose[2]`. The first
+  step is any element of that tag, each next one a child of it. A name in brackets is the element's
+  `name`, or where it has none its `reference`, `joint` or `class`. `@attribute` is an attribute,
+  `[i]` its i-th number, counted from 0; without `@` the element's text is meant, and `[i]` is a
+  number of it where no such element has a name.
 - Python: the name of a number at the top level, `MASS`.
 - TOML: `settings.gravity[2]`, `spring[0].stiffness`.
 - A format that an engine says is `written_like` one of these: as there.
