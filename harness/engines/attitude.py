@@ -44,7 +44,7 @@ def rate(p: Array, angular: Array) -> Array:
     """dp/dt, (..., 3)."""
     s = p / 4
     square, along = _dot(s, s), _dot(s, angular)
-    found: Array = (1 - square) * angular + 2 * np.cross(s, angular) + 2 * s * along
+    found: Array = (1 - square) * angular + 2 * cross(s, angular) + 2 * s * along
     return found
 
 
@@ -52,28 +52,43 @@ def angular_velocity(p: Array, rates: Array) -> Array:
     """Of dp/dt, (..., 3)."""
     s = p / 4
     square, along = _dot(s, s), _dot(s, rates)
-    found: Array = (1 - square) * rates - 2 * np.cross(s, rates) + 2 * s * along
+    found: Array = (1 - square) * rates - 2 * cross(s, rates) + 2 * s * along
     return found / (1 + square) ** 2
 
 
 def product(one: Array, other: Array) -> Array:
-    """Of two quaternions (4,): turned by the other first."""
-    w, x, v, y = one[0], one[1:], other[0], other[1:]
-    return np.concatenate([[w * v - x @ y], w * y + v * x + np.cross(x, y)])
+    """Of two quaternions (..., 4): turned by the other first."""
+    w, x, v, y = one[..., :1], one[..., 1:], other[..., :1], other[..., 1:]
+    found: Array = np.concatenate([w * v - _dot(x, y), w * y + v * x + cross(x, y)], axis=-1)
+    return found
 
 
 def exponential(turned: Array) -> Array:
-    """The quaternion of a rotation by so much about an axis, which `turned` (3,) is along, rad."""
-    angle = np.linalg.norm(turned)
-    return np.concatenate([[np.cos(angle / 2)], np.sinc(angle / 2 / np.pi) / 2 * turned])
+    """The quaternion of a rotation by so much about an axis, which `turned` (..., 3) is along."""
+    half = np.sqrt(_dot(turned, turned)) / 2
+    found: Array = np.concatenate([np.cos(half), np.sinc(half / np.pi) / 2 * turned], axis=-1)
+    return found
 
 
 def matrix(q: Array) -> Array:
-    """The rotation of a quaternion of any length, (3, 3)."""
-    w, x = q[0], q[1:]
-    skew = np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
-    found: Array = (w * w - x @ x) * np.eye(3) + 2 * np.outer(x, x) + 2 * w * skew
-    return found / (q @ q)
+    """The rotation of a quaternion of any length, (..., 3, 3)."""
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    found: Array = np.empty((*q.shape[:-1], 3, 3))
+    found[..., 0, 0] = w * w + x * x - y * y - z * z
+    found[..., 1, 1] = w * w - x * x + y * y - z * z
+    found[..., 2, 2] = w * w - x * x - y * y + z * z
+    found[..., 0, 1], found[..., 1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+    found[..., 0, 2], found[..., 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+    found[..., 1, 2], found[..., 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+    return found / (w * w + x * x + y * y + z * z)[..., None, None]
+
+
+def cross(one: Array, other: Array) -> Array:
+    """The cross product, (..., 3); numpy's own costs five times as much for one pair."""
+    a, b, c = one[..., 0], one[..., 1], one[..., 2]
+    x, y, z = other[..., 0], other[..., 1], other[..., 2]
+    found: Array = np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=-1)
+    return found
 
 
 def _dot(one: Array, other: Array) -> Array:

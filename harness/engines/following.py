@@ -41,6 +41,28 @@ def leading(mimics: Sequence[Mimic], names: Sequence[str], place: object) -> Arr
 
 
 def held_accelerations(mass: Array, pull: Array, along: Array) -> Array:
-    """What M a = pull comes to where v = along v' holds: no work is done by what holds it."""
-    led: Array = along @ np.linalg.solve(along.T @ mass @ along, along.T @ pull)
+    """What M a = pull comes to where v = along v' holds: no work is done by what holds it.
+
+    Args:
+        mass: (..., n, n).
+        pull: (..., n).
+        along: by `leading`, (n, n').
+    """
+    led = _solved(along.T @ mass @ along, (along.T @ pull[..., None])[..., 0])
+    found: Array = (along @ led[..., None])[..., 0]
+    return found
+
+
+def _solved(a: Array, b: Array) -> Array:
+    """x of A x = b, (..., k): where few lead, numpy's own solver costs several times as much."""
+    if b.shape[-1] == 1:
+        return b / a[..., 0]
+    if b.shape[-1] > 2:
+        return np.asarray(np.linalg.solve(a, b[..., None])[..., 0], dtype=np.float64)
+    # Symmetric and positive definite, so that elimination needs no pivots.
+    one, both, other = a[..., 0, 0], a[..., 0, 1], a[..., 1, 1]
+    share = both / one
+    led = np.empty_like(b)
+    led[..., 1] = second = (b[..., 1] - share * b[..., 0]) / (other - share * both)
+    led[..., 0] = b[..., 0] / one - share * second
     return led

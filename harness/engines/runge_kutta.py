@@ -3,6 +3,9 @@
 Munthe-Kaas (1999), Appl. Numer. Math. 29, 115-127: what is summed are moves from the step's start.
 The rotation of a root is a quaternion here, its velocity along the world's axes at its origin, and
 angular about its own axes (`harness.engines.attitude` has the coordinates that the harness sees).
+
+All states of a batch take each step together: of few numbers, Python and numpy cost more a call
+than an engine's accelerations do.
 """
 
 from __future__ import annotations
@@ -10,29 +13,35 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.engines.attitude import (
     angular_velocity,
     coordinates,
+    cross,
     exponential,
     product,
     quaternion,
     rate,
 )
-from harness.engines.one_by_one import Stepper
-from harness.engines.protocol import Array
+from harness.engines.protocol import Array, Force, StateForce
 
 Accelerations = Callable[[Array, Array, Array], Array]
-"""dm/dt of positions x, velocities m and forces; of a free root x begins with its place and its
-quaternion, real part first, m and forces with three numbers each along the world's axes and three
-about its own."""
+"""dm/dt, (B, n), of positions x, velocities m and forces of B states; of a free root x begins with
+its place and its quaternion, real part first, m and forces with three numbers each along the
+world's axes and three about its own. No state's depend on those beside it."""
 
 
-WEIGHTS = np.array([1, 2, 2, 1]) / 6
-"""Of the four stages."""
+def each_alone(accelerations: Accelerations) -> Accelerations:
+    """Of all states, by a function of one: x, m and f are (n,) each."""
+
+    def of_all(x: Array, m: Array, f: Array) -> Array:
+        return np.array([accelerations(*row) for row in zip(x, m, f, strict=True)])
+
+    return of_all
 
 
-class RungeKutta(Stepper):
+class RungeKutta:
     """A model whose engine tells accelerations.
 
     Args:
@@ -42,84 +51,103 @@ class RungeKutta(Stepper):
 
     def __init__(self, accelerations: Accelerations, floats: bool) -> None:
         self._accelerations, self._floats = accelerations, floats
-        self._x = self._m = np.zeros(0)
 
-    def reset(self, q: Array, v: Array) -> None:
-        """Put it into a state."""
-        self._x, self._m = to_state(q, v) if self._floats else (q, v)
+    @np.errstate(all="ignore")  # a motion that blows up is returned as it is
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """As `Model.rollout`; once a motion is no number, the rest of it is none either."""
+        out_q = np.full((len(q), n // every, q.shape[1]), np.nan)
+        out_v = np.full_like(out_q, np.nan)
+        rows = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1))
+        x, m = to_state(q[rows], v[rows]) if self._floats else (q[rows], v[rows])
+        for row in range(n // every):
+            if not len(rows):
+                break
+            for i in range(row * every, (row + 1) * every):
+                x, m = self.stepped(x, m, self._held(force, rows, i, x), h)
+            z = place(x) if self._floats else x
+            w = rates(z, m) if self._floats else m
+            out_q[rows, row], out_v[rows, row] = z, w
+            fine = np.isfinite(z).all(axis=1) & np.isfinite(w).all(axis=1)
+            if not fine.all():
+                rows, x, m = rows[fine], x[fine], m[fine]
+        return out_q, out_v
 
-    def position(self) -> Array:
-        """Its coordinates; of a rotation's two, those that go on from the start."""
-        return place(self._x) if self._floats else self._x
+    def _held(self, force: Force, rows: NDArray[np.intp], i: int, x: Array) -> Array:
+        """What acts on states over step i, (B, n)."""
+        if force is None:
+            return np.zeros((len(x), x.shape[1] - self._floats))
+        if isinstance(force, StateForce):
+            at = (place(x) if self._floats else x).tolist()
+            inputs = force.inputs[rows, i].tolist()
+            return np.array([force.at(z, u) for z, u in zip(at, inputs, strict=True)], dtype=float)
+        held: Array = force[rows, i]
+        return held
 
-    def state(self) -> tuple[Array, Array]:
-        """Positions and velocities."""
-        z = self.position()
-        return (z, rates(z, self._m)) if self._floats else (z, self._m)
-
-    def step(self, h: float, force: Array | None) -> None:
-        """By four accelerations."""
-        x, m, n = self._x, self._m, len(self._m)
-        f = np.zeros(n) if force is None else force
+    def stepped(self, x: Array, m: Array, f: Array, h: float) -> tuple[Array, Array]:
+        """The next positions and velocities, by four accelerations."""
+        at, half, sixth = self._accelerations, 0.5 * h, h / 6
         if not self._floats:
-            self._x, self._m = self._straight(x, m, f, h)
-            return
-        speeds, gains = np.empty((4, n)), np.empty((4, n))
-        speeds[0], gains[0] = m, self._accelerations(x, m, f)
-        for stage, share in enumerate((0.5 * h, 0.5 * h, h), start=1):
-            moved = share * speeds[stage - 1]
-            now = m + share * gains[stage - 1]
-            speeds[stage] = unturned(moved, now)
-            gains[stage] = self._accelerations(advanced(x, moved), now, f)
-        self._x = advanced(x, h * (WEIGHTS @ speeds))
-        self._m = m + h * (WEIGHTS @ gains)
+            a1 = at(x, m, f)
+            m2 = m + half * a1
+            a2 = at(x + half * m, m2, f)
+            m3 = m + half * a2
+            a3 = at(x + half * m2, m3, f)
+            m4 = m + h * a3
+            a4 = at(x + h * m3, m4, f)
+            return (
+                x + sixth * (m + m4 + 2 * (m2 + m3)),
+                m + sixth * (a1 + a4 + 2 * (a2 + a3)),
+            )
+        speeds, gains = [m], [at(x, m, f)]
+        for share in (half, half, h):
+            moved, now = share * speeds[-1], m + share * gains[-1]
+            speeds.append(unturned(moved, now))
+            gains.append(at(advanced(x, moved), now, f))
+        return advanced(x, sixth * _weighed(speeds)), m + sixth * _weighed(gains)
 
-    def _straight(self, x: Array, m: Array, f: Array, h: float) -> tuple[Array, Array]:
-        """The same where nothing turns: of few numbers, arrays of stages would cost as much."""
-        at, half = self._accelerations, 0.5 * h
-        a1 = at(x, m, f)
-        m2 = m + half * a1
-        a2 = at(x + half * m, m2, f)
-        m3 = m + half * a2
-        a3 = at(x + half * m2, m3, f)
-        m4 = m + h * a3
-        a4 = at(x + h * m3, m4, f)
-        sixth = h / 6
-        return (
-            x + sixth * (m + m4 + 2 * (m2 + m3)),
-            m + sixth * (a1 + a4 + 2 * (a2 + a3)),
-        )
+
+def _weighed(stages: list[Array]) -> Array:
+    one, two, three, four = stages
+    return one + four + 2 * (two + three)
 
 
 def to_state(q: Array, v: Array) -> tuple[Array, Array]:
-    """Positions x and velocities m of coordinates and their rates."""
-    x = np.concatenate([q[:3], quaternion(q[3:6]), q[6:]])
-    return x, np.concatenate([v[:3], angular_velocity(q[3:6], v[3:6]), v[6:]])
+    """Positions x and velocities m of coordinates and their rates, (..., nz)."""
+    turn, spin = quaternion(q[..., 3:6]), angular_velocity(q[..., 3:6], v[..., 3:6])
+    return _put(q[..., :3], turn, q[..., 6:]), _put(v[..., :3], spin, v[..., 6:])
 
 
 def place(x: Array) -> Array:
     """Coordinates of positions x: of a rotation's two those nearer to its quaternion."""
-    return np.concatenate([x[:3], coordinates(x[3:7], x[3:7]), x[7:]])
+    return _put(x[..., :3], coordinates(x[..., 3:7], x[..., 3:7]), x[..., 7:])
 
 
 def rates(z: Array, m: Array) -> Array:
     """Of coordinates z, by velocities m."""
-    return np.concatenate([m[:3], rate(z[3:6], m[3:6]), m[6:]])
+    return _put(m[..., :3], rate(z[..., 3:6], m[..., 3:6]), m[..., 6:])
 
 
 def advanced(x: Array, moved: Array) -> Array:
     """Positions after a move: the root turns on about one of its axes."""
-    turned = product(x[3:7], exponential(moved[3:6]))
-    return np.concatenate([x[:3] + moved[:3], turned, x[7:] + moved[6:]])
+    turned = product(x[..., 3:7], exponential(moved[..., 3:6]))
+    return _put(x[..., :3] + moved[..., :3], turned, x[..., 7:] + moved[..., 6:])
 
 
 def unturned(moved: Array, m: Array) -> Array:
     """Velocities m as the rate of the move: the inverse of the exponential's differential."""
-    by, spin = moved[3:6], m[3:6]
-    square = float(by @ by)
-    half = np.sqrt(square) / 2
+    by, spin = moved[..., 3:6], m[..., 3:6]
+    square = np.sum(by * by, axis=-1, keepdims=True)
+    small = square < 1e-4
+    safe = np.where(small, 1.0, square)
+    half = np.sqrt(safe) / 2
     # 1/12 + square/720 is the series, whose next term is below the last digit there.
-    share = 1 / 12 + square / 720 if square < 1e-4 else (1 - half / np.tan(half)) / square
-    once = np.cross(by, spin)
-    turned = spin + once / 2 + share * np.cross(by, once)
-    return np.concatenate([m[:3], turned, m[6:]])
+    share = np.where(small, 1 / 12 + square / 720, (1 - half / np.tan(half)) / safe)
+    once = cross(by, spin)
+    return _put(m[..., :3], spin + once / 2 + share * cross(by, once), m[..., 6:])
+
+
+def _put(*parts: Array) -> Array:
+    found: Array = np.concatenate(parts, axis=-1)
+    return found

@@ -52,5 +52,7 @@ class SpringForces:
         """Forces along joints at positions and velocities, (..., n) each."""
         if self._own is not None:
             return -self._own * v
-        force: Array = self._at_zero - q @ self._stiffness.T - v @ self._damping.T
+        # A row at a time: the last digits of a product depend on how many rows there are.
+        pull = self._stiffness @ q[..., None] + self._damping @ v[..., None]
+        force: Array = self._at_zero - pull[..., 0]
         return force

@@ -23,7 +23,7 @@ from harness.engines.protocol import (
     within,
 )
 from harness.engines.remark import Remark
-from harness.engines.runge_kutta import Accelerations, to_state
+from harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
 from harness.engines.sdf import SDF_IDLE, sample_sdf
 from harness.engines.sdf_sidecar import declared_sdf, stated
 from harness.engines.source import engine_errors
@@ -94,7 +94,7 @@ class UrdfModel(Model):
         further: what is changed in the file besides.
     """
 
-    stepper: Stepper
+    stepper: Stepper | RungeKutta
     forward: Accelerations | None = None
     """The engine's accelerations, where nothing soft holds joints."""
 
@@ -150,17 +150,17 @@ class UrdfModel(Model):
         yield from self.declared.remarks(self._reader, self.coordinates, z, w)
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """State by state."""
-        forward = self.forward
-        if forward is None:
+        """By the engine's forward dynamics."""
+        if self.forward is None:
             return None
         with engine_errors(self.path, self.title), np.errstate(all="ignore"):
-            at = (to_state(*row) if self.floats else row for row in zip(z, w, strict=True))
-            return np.array([forward(x, m, f) for (x, m), f in zip(at, force, strict=True)])
+            return self.forward(*(to_state(z, w) if self.floats else (z, w)), force)
 
     def rollout(
         self, q: Array, v: Array, h: float, n: int, force: Force, every: int
     ) -> tuple[Array, Array]:
-        """Step by step, state by state."""
+        """Step by step; state by state, but where the engine's accelerations are stepped here."""
         with engine_errors(self.path, self.title):
+            if isinstance(self.stepper, RungeKutta):
+                return self.stepper.rollout(q, v, h, n, force, every)
             return rollout(self.stepper, q, v, h, n, force, every)

@@ -11,9 +11,8 @@ import pytest
 from harness.engines.attitude import angular_velocity, matrix, quaternion
 from harness.engines.captured import STDERR, STDOUT, captured
 from harness.engines.following import held_accelerations, leading
-from harness.engines.one_by_one import rollout
 from harness.engines.protocol import Array, EngineError, ModelSpec, Spring, StateForce
-from harness.engines.runge_kutta import RungeKutta, advanced, to_state, unturned
+from harness.engines.runge_kutta import RungeKutta, advanced, each_alone, to_state, unturned
 from harness.engines.springs import SpringForces
 from harness.engines.urdf import Mimic
 from harness.engines.urdf_sidecar import check_settings, declared_urdf
@@ -22,11 +21,9 @@ from harness.engines.urdf_sidecar import check_settings, declared_urdf
 def test_runge_kutta_is_the_classical_rule() -> None:
     """Of x'' = -x from (1, 0), the Taylor series to the fourth power."""
     stepper = RungeKutta(lambda x, m, f: f - x, floats=False)
-    stepper.reset(np.array([1.0]), np.array([0.0]))
-    stepper.step(0.1, None)
-    q, v = stepper.state()
-    assert q[0] == pytest.approx(1 - 0.1**2 / 2 + 0.1**4 / 24, abs=1e-16)
-    assert v[0] == pytest.approx(-0.1 + 0.1**3 / 6, abs=1e-16)
+    q, v = stepper.rollout(np.ones((1, 1)), np.zeros((1, 1)), 0.1, 1, None, 1)
+    assert q[0, 0, 0] == pytest.approx(1 - 0.1**2 / 2 + 0.1**4 / 24, abs=1e-16)
+    assert v[0, 0, 0] == pytest.approx(-0.1 + 0.1**3 / 6, abs=1e-16)
 
 
 INERTIA = np.array([0.3, 0.5, 0.9])
@@ -42,13 +39,11 @@ def tumbling(x: Array, m: Array, f: Array) -> Array:
 def tumbled(n: int, span: float = 0.8) -> tuple[Array, Array]:
     z = np.array([0.1, -0.2, 0.3, 0.4, -0.9, 1.1])
     m = np.array([1.0, 0.0, -2.0, 0.7, 2.0, -1.3])
-    stepper = RungeKutta(tumbling, floats=True)
-    x, _ = to_state(z, np.zeros(6))
-    stepper.reset(z, np.zeros(6))
-    stepper._x, stepper._m = x, m
+    stepper = RungeKutta(each_alone(tumbling), floats=True)
+    x, m = to_state(z, np.zeros(6))[0][None], m[None]
     for _ in range(n):
-        stepper.step(span / n, None)
-    return stepper._x, stepper._m
+        x, m = stepper.stepped(x, m, np.zeros((1, 6)), span / n)
+    return x[0], m[0]
 
 
 def test_a_body_that_tumbles_is_turned_with_order_four() -> None:
@@ -84,16 +79,16 @@ def test_a_free_roots_coordinates_are_told_as_they_were_set() -> None:
     z = np.array([0.1, -0.2, 0.3, 5.0, -0.9, 1.1, 0.6])  # turned by more than half a turn
     w = np.array([1.0, 0.0, -2.0, 0.7, 2.0, -1.3, 0.4])
     stepper = RungeKutta(lambda x, m, f: f, floats=True)
-    stepper.reset(z, w)
-    for found, given in zip(stepper.state(), (z, w), strict=True):
-        np.testing.assert_allclose(found, given, rtol=1e-14)
+    found = stepper.rollout(z[None], w[None], 1e-30, 1, None, 1)
+    for one, given in zip(found, (z, w), strict=True):
+        np.testing.assert_allclose(one[0, 0], given, rtol=1e-14)
     np.testing.assert_allclose(to_state(z, w)[1][3:6], angular_velocity(z[3:6], w[3:6]))
 
 
 def test_a_motion_that_blows_up_leaves_those_beside_it() -> None:
     stepper = RungeKutta(lambda x, m, f: x**3 + f, floats=False)
     q = np.array([[1e200], [0.1], [np.nan]])
-    z, w = rollout(stepper, q, 0 * q, 0.1, 4, None, 2)
+    z, w = stepper.rollout(q, 0 * q, 0.1, 4, None, 2)
     assert np.isfinite(z[:, :, 0]).tolist() == [[False] * 2, [True] * 2, [False] * 2]
     assert np.isfinite(w[1]).all()
 
@@ -101,7 +96,7 @@ def test_a_motion_that_blows_up_leaves_those_beside_it() -> None:
 def test_forces_by_state_are_asked_at_the_start_of_each_step() -> None:
     stepper = RungeKutta(lambda x, m, f: f, floats=False)
     given = StateForce(np.ones((1, 3, 1)), lambda z, u: [u[0] - z[0]])
-    z, _ = rollout(stepper, np.zeros((1, 1)), np.zeros((1, 1)), 1.0, 3, given, 1)
+    z, _ = stepper.rollout(np.zeros((1, 1)), np.zeros((1, 1)), 1.0, 3, given, 1)
     # Each step adds v + f/2 with f = 1 - z of its start, and v grows by f.
     assert z[0, :, 0] == pytest.approx([0.5, 1.75, 2.875], rel=1e-15)
 

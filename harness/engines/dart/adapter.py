@@ -27,6 +27,7 @@ from harness.engines.dart.sdf import (
 from harness.engines.dart.steps import WorldSteps
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
 from harness.engines.remark import Remark
+from harness.engines.runge_kutta import each_alone
 from harness.engines.sdf import read_sdf
 from harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
 from harness.engines.source import folded
@@ -102,10 +103,10 @@ class DartModel(UrdfModel):
                 joint.setUseCouplerConstraint(True)
         springs = self.name([joint.getName() for joint in joints])
         self._damping = np.diag([joint.getDampingCoefficient(0) for joint in joints])
-        self.stepper = WorldSteps(self._world, self._body, self.floats, springs)
+        self.stepper = self._steps = WorldSteps(self._world, self._body, self.floats, springs)
         slides = any(joint.getCoulombFriction(0) for joint in joints)
         if not (self.declared.mimics or slides):
-            self.forward = self.stepper.accelerations
+            self.forward = each_alone(self._steps.accelerations)
 
     def _skeleton(self) -> Any:
         load = sdf_skeleton if self._sdf else _urdf_skeleton
@@ -163,7 +164,7 @@ class DartModel(UrdfModel):
         """By its forward kinematics."""
         origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
         for k, row in enumerate(z):
-            self.stepper.reset(row, 0 * row)
+            self._steps.reset(row, 0 * row)
             for f, place in enumerate(places):
                 kind, _, name = place.partition(":")
                 body = self._body.getBodyNode(name)

@@ -19,7 +19,7 @@ from harness.engines.drake.sdf import own_mimics, without_own
 from harness.engines.following import held_accelerations, leading
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
 from harness.engines.remark import Remark
-from harness.engines.runge_kutta import RungeKutta, to_state
+from harness.engines.runge_kutta import RungeKutta, each_alone, to_state
 from harness.engines.sdf_copy import sdf_mimics_of, sdf_without_bounds
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
@@ -99,9 +99,10 @@ class DrakeModel(UrdfModel):
         self._along = leading(hold, self.coordinates, spec.path) if hold else None
         self._lost = bool(mimics) and stepping != SAP and self._along is None
         self._discrete = lru_cache(maxsize=32)(self._discrete_of)
+        forward = each_alone(self._accelerations)
         if self._continuous:
-            self.stepper = RungeKutta(self._accelerations, self.floats)
-        self.forward = None if stepping == SAP and mimics else self._accelerations
+            self.stepper = RungeKutta(forward, self.floats)
+        self.forward = None if stepping == SAP and mimics else forward
 
     def _built(self, h: float) -> Any:
         """A plant of this step; 0: a continuous one."""
@@ -140,7 +141,7 @@ class DrakeModel(UrdfModel):
         return DiscreteSteps(self._put(plant), self.floats, not self._springs.empty)
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
-        """Of positions, velocities and forces, as `RungeKutta` has them."""
+        """Of one state's positions, velocities and forces, as `RungeKutta` has them."""
         a = self._one.accelerations(x, m, f)
         if self._along is None:
             return a

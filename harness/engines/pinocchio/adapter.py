@@ -6,13 +6,12 @@ that it reads, nor of limits, contacts, and `<mimic>`.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.attitude import matrix
+from harness.engines.attitude import cross, matrix
 from harness.engines.following import held_accelerations, leading
 from harness.engines.mistake import DefaultLeftOn
 from harness.engines.pinocchio.reading import built, frames
@@ -81,7 +80,7 @@ class PinocchioModel(UrdfModel):
         import pinocchio
 
         self._aba = pinocchio.aba
-        self._data, self._q = self._model.createData(), np.empty(self._model.nq)
+        self._data = self._model.createData()
         first = 2 if self.floats else 1
         names, joints = (list(one)[first:] for one in (self._model.names, self._model.joints))
         for name, one in zip(names, joints, strict=True):
@@ -96,11 +95,15 @@ class PinocchioModel(UrdfModel):
         self._lost = not self.settings["damping"] and bool(damping.any())
         mimics = self.declared.mimics if self.settings["hold_mimics"] else ()
         self._along = leading(mimics, self.coordinates, spec.path) if mimics else None
-        straight = np.array_equal(self._there, np.arange(len(names))) and not self.floats
-        bare = straight and self._along is None
+        self._upper = np.triu(np.ones((self._model.nv, self._model.nv)))
+        self._above = np.triu(self._upper, 1)
+        self._straight = np.array_equal(self._there, np.arange(len(names))) and not self.floats
+        own = not (self.floats or self._turns)
+        self._permuted = np.argsort(self._there) if own else None
+        bare = self._straight and self._along is None
         self.forward = self._plain if bare else self._accelerations
         self.stepper = RungeKutta(self.forward, self.floats)
-        z = np.zeros(len(self.coordinates))
+        z = np.zeros((1, len(self.coordinates)))
         x, m = to_state(z, z) if self.floats else (z, z)
         if not np.isfinite(self.forward(x, m, z)).all():
             raise EngineError(f"{spec.path}: a joint moves nothing that has inertia")
@@ -108,41 +111,57 @@ class PinocchioModel(UrdfModel):
     def _plain(self, x: Array, m: Array, f: Array) -> Array:
         """Of a tree of slides and hinges with limits, whose positions are Pinocchio's own."""
         pull = f if self._springs.empty else f + self._springs.at(x, m)
-        return self._aba(self._model, self._data, x, m, pull)  # type: ignore[no-any-return]
+        aba, model, data = self._aba, self._model, self._data
+        return np.array([aba(model, data, *row) for row in zip(x, m, pull, strict=True)])
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Of positions, velocities and forces, as `RungeKutta` has them."""
-        import pinocchio as pin
-
         free = FREE if self.floats else 0
         own, pull = m, f.copy()
         if not self._springs.empty:
-            pull[free:] += self._springs.at(x[free + bool(free) :], m[free:])
+            pull[:, free:] += self._springs.at(x[:, free + bool(free) :], m[:, free:])
         if self.floats:
-            turn = matrix(x[3:7])
-            own = np.concatenate([turn.T @ m[:3], m[3:]])
-            pull[:3] = turn.T @ pull[:3]
-        q = self._configuration(x)
+            turn = matrix(x[:, 3:7])
+            own = np.concatenate([_turned_back(turn, m[:, :3]), m[:, 3:]], axis=1)
+            pull[:, :3] = _turned_back(turn, pull[:, :3])
+        rows = zip(self._configuration(x), own, pull, strict=True)
         if self._along is None:
-            a = self._aba(self._model, self._data, q, own, pull)
+            aba, model, data = self._aba, self._model, self._data
+            a = np.array([aba(model, data, *row) for row in rows])
         else:
-            upper = np.triu(pin.crba(self._model, self._data, q))
-            pull -= pin.nonLinearEffects(self._model, self._data, q, own)
-            a = held_accelerations(upper + np.triu(upper, 1).T, pull, self._along)
+            a = self._led(rows, self._along)
         if self.floats:
-            a[:3] = turn @ (a[:3] + np.cross(own[3:6], own[:3]))
-        return a  # type: ignore[no-any-return]  # pinocchio ships no types
+            inward = a[:, :3] + cross(own[:, 3:6], own[:, :3])
+            a[:, :3] = (turn @ inward[..., None])[..., 0]
+        return a
+
+    def _led(self, rows: Iterable[tuple[Array, Array, Array]], along: Array) -> Array:
+        """Where joints follow others, on the mass matrix: Pinocchio tells its upper half."""
+        import pinocchio as pin
+
+        model, data = self._model, self._data
+        found = [
+            (pin.crba(model, data, q), pull - pin.nonLinearEffects(model, data, q, v))
+            for q, v, pull in rows
+        ]
+        upper = np.array([mass for mass, _ in found]) * self._upper
+        mass = upper + (upper * self._above).swapaxes(1, 2)
+        return held_accelerations(mass, np.array([pull for _, pull in found]), along)
 
     def _configuration(self, x: Array) -> Array:
-        """Positions as Pinocchio has them; the real part of a quaternion is its last."""
-        q, joints = self._q, x
+        """Positions (B, nq) as Pinocchio has them; the real part of a quaternion is its last."""
+        if self._straight:
+            return x
+        if self._permuted is not None:
+            return x[:, self._permuted]
+        q, joints = np.empty((len(x), self._model.nq)), x
         if self.floats:
-            turn = x[3:7] / np.linalg.norm(x[3:7])
-            q[:3], q[3:6], q[6] = x[:3], turn[1:], turn[0]
-            joints = x[7:]
-        q[self._there] = joints[self._here]
+            turn = x[:, 3:7] / np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+            q[:, :3], q[:, 3:6], q[:, 6] = x[:, :3], turn[:, 1:], turn[:, 0]
+            joints = x[:, 7:]
+        q[:, self._there] = joints[:, self._here]
         for i, at in self._turns:
-            q[at], q[at + 1] = math.cos(joints[i]), math.sin(joints[i])
+            q[:, at], q[:, at + 1] = np.cos(joints[:, i]), np.sin(joints[:, i])
         return q
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
@@ -182,11 +201,16 @@ class PinocchioModel(UrdfModel):
         import pinocchio as pin
 
         known, found = frames(self._model), []
-        for row in z:
-            x = to_state(row, 0 * row)[0] if self.floats else row
-            pin.framesForwardKinematics(self._model, self._data, self._configuration(x))
+        for q in self._configuration(to_state(z, 0 * z)[0] if self.floats else z):
+            pin.framesForwardKinematics(self._model, self._data, q)
             at = [(self._data.oMf[known[place][0]], known[place][1]) for place in places]
             found.append([(frame.act(point), np.array(frame.rotation)) for frame, point in at])
         origins, turns = ([[pair[k] for pair in row] for row in found] for k in (0, 1))
         shape = len(z), len(places)
         return np.array(origins).reshape(*shape, 3), np.array(turns).reshape(*shape, 3, 3)
+
+
+def _turned_back(turn: Array, of: Array) -> Array:
+    """Vectors (B, 3) of the world's axes along those of what `turn` (B, 3, 3) has turned."""
+    found: Array = (turn.swapaxes(1, 2) @ of[..., None])[..., 0]
+    return found
