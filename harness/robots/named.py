@@ -22,6 +22,8 @@ from reference.multibody.tree import Tree
 FORMATS = (".urdf", ".sdf", ".xml")
 """Endings of the files that are read as robots."""
 
+_TOLD = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
+
 
 class Numbers(Protocol):
     """The numbers of a robot's file, and the tree that results where some of them are others."""
@@ -70,7 +72,7 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             continue
         if path.suffix not in FORMATS:
             faults[name] = (
-                f"{visible(name)}: of files alone, {' and '.join(FORMATS)} are read; make a folder"
+                f"{visible(name)}: of files alone, {_TOLD} are read; make a folder"
                 f" of it, `crosscheck new --from {visible(name)} FOLDER`"
             )
         elif (why := odd_name(name)) is not None:

@@ -229,3 +229,12 @@ def test_what_drake_alone_reads_is_left_out_where_a_file_is_checked_alone(tmp_pa
     sdf = sdf.replace("<sdf ", '<sdf xmlns:drake="http://drake.mit.edu" ')
     assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
     assert outcome("drake", sdf, tmp_path, smooth=False) is Outcome.DIFFERS
+
+
+def test_springs_of_the_file_are_told_to_act_at_the_end_of_a_step_of_darts(tmp_path: Path) -> None:
+    besides = []
+    for axis in ("", DYNAMICS):
+        rule = load("dart", text(axis), tmp_path).step_rule
+        assert rule is not None
+        besides.append(rule.besides)
+    assert besides == ["", "springs, taken at the step's end"]

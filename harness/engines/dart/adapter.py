@@ -102,6 +102,7 @@ class DartModel(UrdfModel):
             if mimic and self.settings["couplers"]:
                 joint.setUseCouplerConstraint(True)
         springs = self.name([joint.getName() for joint in joints])
+        self._sprung = any(joint.getSpringStiffness(0) for joint in joints)
         self._damping = np.diag([joint.getDampingCoefficient(0) for joint in joints])
         self.stepper = self._steps = WorldSteps(self._world, self._body, self.floats, springs)
         slides = any(joint.getCoulombFriction(0) for joint in joints)
@@ -128,6 +129,7 @@ class DartModel(UrdfModel):
         if self.floats:
             return None
         held = "couplings, which a servo or a constraint holds" if self.declared.mimics else ""
+        held = held or ("springs, taken at the step's end" if self._sprung else "")
         late = self._damping if self._damping.any() else None
         return StepRule(scheme="semi-implicit Euler", damping=late, besides=held)
 
