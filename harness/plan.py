@@ -5,8 +5,7 @@ A folder brings the jobs of its models; a model's last case brings its diagnosis
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -44,6 +43,7 @@ from harness.engines.registry import engines
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
 from harness.files.reading import read_regular
 from harness.files.sidecar import Sidecar
+from harness.options import Options
 from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId, ModelKey
 from harness.records.coverage import Coverage
@@ -52,61 +52,7 @@ from harness.records.journal import Kind, Work
 from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
 from harness.schedule.jobs import Job, Task
-from harness.schedule.workers import Failure, Limits
-
-
-@dataclass(frozen=True)
-class Selection:
-    """What is wanted of a run that compares: what each case's model does, and not all beside it.
-
-    Attributes:
-        models: those to run; None: all.
-        snapshots: accepted ones, by case.
-        repeated: others, by folder and case: two folders may hold systems of one name.
-        diagnose: whether models that differ are diagnosed.
-        described: whether linearizations are wanted, and the derivation for a report.
-    """
-
-    models: frozenset[ModelKey] | None
-    snapshots: Mapping[CaseId, Snapshot] = field(default_factory=dict)
-    repeated: Mapping[tuple[str, CaseId], Snapshot] = field(default_factory=dict)
-    diagnose: bool = False
-    described: bool = False
-
-    def includes(self, model: ModelKey) -> bool:
-        """Whether a model is to be run."""
-        return self.models is None or model in self.models
-
-    def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
-        """The segments that a case is to repeat, if there are such."""
-        return self.repeated.get((folder, case)) or self.snapshots.get(case)
-
-
-@dataclass(frozen=True)
-class Options:
-    """What `crosscheck run` may be told.
-
-    `baseline` is where known differences are looked up; `floating` lets the root link of a URDF
-    that is given alone move.
-    """
-
-    engines: tuple[str, ...] = ()
-    resolution: float = 1e-9
-    jobs: int = 0
-    limits: Limits = field(default_factory=Limits)
-    baseline: Path | None = None
-    selection: Selection | None = None
-    floating: bool = False
-
-    @property
-    def described(self) -> bool:
-        """Whether linearizations are wanted, and the derivation for a report."""
-        return self.selection is None or self.selection.described
-
-    @property
-    def diagnosed(self) -> bool:
-        """Whether models that differ are."""
-        return self.selection is None or self.selection.diagnose
+from harness.schedule.workers import Failure
 
 
 class Plan:
@@ -123,7 +69,7 @@ class Plan:
     ) -> None:
         self._options, self._snapshots, self._found = options, snapshots, found
         self._engines = engines()
-        self._diagnoses: dict[ModelKey, DiagnosisTask] = {}
+        self._diagnoses: dict[ModelKey, tuple[DiagnosisTask, int]] = {}
         self._inputs: dict[tuple[str, str, str], str] = {}
 
     def folder(self, folder: Path) -> Job[Prepared | PreparedTree]:
@@ -143,31 +89,47 @@ class Plan:
     def _models(self, prepared: Prepared | PreparedTree) -> Iterator[Job[Any]]:
         """Every model of a folder in every engine; those that can't be run are told at once."""
         self._found.systems.append(prepared.record)
-        files = list(model_files(prepared.folder))
-        unread = [one for one in files if isinstance(one, UnreadModel)]
-        chosen = [
-            (s, e) for s in files if isinstance(s, Sidecar) for e in self._chosen(prepared, s)
-        ]
         name, folder = prepared.system.name, str(prepared.folder)
-        bad = [CaseId(system=name, model=m.model, scenario="-", engine="-") for m in unread]
-        self._found.expect(
-            folder,
-            [
-                *bad,
-                *(
-                    CaseId(system=name, model=s.model.name, scenario=one.name, engine=e)
-                    for s, e in chosen
-                    for one in prepared.record.scenarios
-                ),
-            ],
-        )
-        for one, model in zip(bad, unread, strict=True):
-            self._found.add(failed_case(one, folder, Failure(model.reason, "")))
-        for sidecar, engine in chosen:
+        files = list(model_files(prepared.folder))
+        unread = [
+            (CaseId(system=name, model=one.model, scenario="-", engine="-"), one.reason)
+            for one in files
+            if isinstance(one, UnreadModel)
+        ]
+        bad = [one for one in unread if self._options.choice.includes(folder, one[0])]
+        chosen = [
+            (sidecar, engine, cases)
+            for sidecar in files
+            if isinstance(sidecar, Sidecar)
+            for engine in self._chosen(prepared, sidecar)
+            if (cases := self._wanted(prepared, sidecar, engine))
+        ]
+        awaited = [case for *_, cases in chosen for case in cases]
+        self._found.expect(folder, [*(case for case, _ in bad), *awaited])
+        for case, reason in bad:
+            self._found.add(failed_case(case, folder, Failure(reason, "")))
+        for sidecar, engine, cases in chosen:
             if isinstance(prepared, PreparedTree):
                 yield from self._model_of_tree(prepared, sidecar, engine)
             else:
-                yield from self._model(prepared, sidecar, engine)
+                names = [case.scenario for case in cases]
+                yield from self._model(prepared, sidecar, engine, names)
+
+    def _wanted(
+        self, prepared: Prepared | PreparedTree, sidecar: Sidecar, engine: str
+    ) -> list[CaseId]:
+        """The cases of a model in an engine that are wanted, as scenarios are declared."""
+        cases = [
+            CaseId(
+                system=prepared.system.name,
+                model=sidecar.model.name,
+                scenario=one.name,
+                engine=engine,
+            )
+            for one in prepared.record.scenarios
+        ]
+        folder, choice = str(prepared.folder), self._options.choice
+        return [case for case in cases if choice.includes(folder, case)]
 
     def _model_of_tree(
         self, prepared: PreparedTree, sidecar: Sidecar, engine: str
@@ -260,10 +222,11 @@ class Plan:
             or selection.includes((str(prepared.folder), sidecar.model.name, engine))
         ]
 
-    def _model(self, prepared: Prepared, sidecar: Sidecar, engine: str) -> Iterator[Job[Any]]:
-        """A model in an engine: its cases, and what is found of it beside them."""
+    def _model(
+        self, prepared: Prepared, sidecar: Sidecar, engine: str, names: Sequence[str]
+    ) -> Iterator[Job[Any]]:
+        """A model in an engine: its cases in some scenarios, and what is found of it beside."""
         why = hurdle(self._engines, engine, sidecar)
-        names = [scenario.name for scenario in prepared.system.scenarios]
         tasks = [
             case_task(prepared, sidecar, engine, name, self._options.resolution) for name in names
         ]
@@ -273,7 +236,7 @@ class Plan:
             return
         key = self._begun(prepared, sidecar, engine)
         if self._options.diagnosed:
-            self._diagnoses[key] = diagnosis_task(prepared, sidecar, engine)
+            self._diagnoses[key] = diagnosis_task(prepared, sidecar, engine), len(names)
         for task in tasks:
             yield from self._case(key, task)
             yield from self._measurement(prepared, task)
@@ -372,10 +335,10 @@ class Plan:
 
     def _diagnosis(self, key: ModelKey) -> Iterator[Job[Diagnosis]]:
         """The diagnosis of a model, once its last case is in and one of them differs."""
-        task = self._diagnoses.get(key)
+        task, scenarios = self._diagnoses.get(key, (None, 0))
         mine = [c for c in self._found.cases if c.key == key]
         differs = any(case.outcome is Outcome.DIFFERS for case in mine)
-        if task is None or not differs or len(mine) < len(task.system.scenarios):
+        if task is None or not differs or len(mine) < scenarios:
             return
 
         def done(value: Diagnosis) -> Jobs:

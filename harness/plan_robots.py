@@ -18,7 +18,8 @@ from harness.coverage.robot import count_robot
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers, runners
-from harness.plan import Options, text_of
+from harness.options import Options
+from harness.plan import text_of
 from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage
@@ -52,11 +53,13 @@ class RobotPlan:
             for engine in (readers if self._options.engines else runners)(file.suffix)
             if not self._options.engines or engine.name in self._options.engines
         ]
-        ids = [_id(prepared, engine) for engine in wanted]
+        found = [(engine, _id(prepared, engine)) for engine in wanted]
+        choice = self._options.choice
+        chosen = [(engine, case) for engine, case in found if choice.includes(str(file), case)]
         self._found.left.pop((str(file), one), None)
-        self._found.expect(str(file), ids)
+        self._found.expect(str(file), [case for _, case in chosen])
         tasks: list[RobotTask] = []
-        for engine, case in zip(wanted, ids, strict=True):
+        for engine, case in chosen:
             if why := absent(engine):
                 self._found.add(barred_case(case, str(file), why))
                 continue

@@ -15,15 +15,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
+
 from harness.baseline.audits import mark_models
 from harness.baseline.inputs import versions
-from harness.baseline.known import accepted, changes_since, mark_known
+from harness.baseline.known import Accepted, accepted, changes_since, mark_known
 from harness.collected import Collected, Interruption, Progress
-from harness.plan import Options, Plan, Selection
+from harness.options import Options, Selection
+from harness.plan import Plan
 from harness.plan_robots import RobotPlan
 from harness.records.baseline import Measurement
 from harness.records.case import Case, CaseId
-from harness.records.results import Results
+from harness.records.results import BaselineChanges, Results
 from harness.schedule.jobs import Job, work
 from harness.schedule.stop import Stop
 from harness.schedule.workers import Failure, Workers
@@ -82,11 +85,25 @@ def run(
         systems=tuple(sorted(found.systems, key=lambda s: order[s.folder])),
         models=tuple(sorted(models, key=lambda m: (order[m.folder], m.model, m.engine))),
         cases=cases,
-        baseline=None if stop.asked else changes_since(cases, found.measured, before),
+        baseline=None if stop.asked else _changes(cases, found.measured, before, options),
         stopped=stop.name if stop.asked else "",
         not_run=tuple(case for _, case in found.left),
     )
     return Run(results, found.measured)
+
+
+def _changes(
+    cases: tuple[Case, ...],
+    measured: Mapping[tuple[str, CaseId], Measurement | Failure],
+    before: Accepted | None,
+    options: Options,
+) -> BaselineChanges | None:
+    """What changed since the baseline; what a choice leaves out isn't gone."""
+    found = changes_since(cases, measured, before)
+    if found is None or options.choice.everything:
+        return found
+    kept = tuple(change for change in found.changes if change.kind != "missing")
+    return replace(found, changes=kept)
 
 
 def _sorted_cases(found: Collected, order: Mapping[str, int]) -> list[Case]:

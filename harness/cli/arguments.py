@@ -15,7 +15,7 @@ def folders(command: argparse.ArgumentParser, *, some: bool) -> None:
         "folders",
         nargs="+" if some else "*",
         metavar="FOLDER",
-        help="system folders" if some else "system folders; none: built-in",
+        help="system folders" if some else "system folders, or model files in them; none: built-in",
     )
 
 
@@ -23,6 +23,17 @@ def engine(command: argparse.ArgumentParser) -> None:
     """Add --engine NAME, repeatable."""
     command.add_argument(
         "--engine", action="append", default=[], metavar="NAME", help="only this engine; repeatable"
+    )
+
+
+def words(command: argparse.ArgumentParser) -> None:
+    """Add -k WORDS."""
+    command.add_argument(
+        "-k",
+        dest="words",
+        default="",
+        metavar="WORDS",
+        help="only cases whose names have these words: 'driven and not (pymunk or free)'",
     )
 
 

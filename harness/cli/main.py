@@ -15,6 +15,7 @@ from harness.schedule.stop import Stopped, raising
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",
+    "list": "the cases that a run has, by their names; nothing is run",
     "gate": "run what changed, and compare it with what was accepted",
     "accept": "accept the present results as the baseline, with a reason",
     "report": "HTML from results, without running anything",
@@ -78,13 +79,29 @@ def _run(options: argparse.Namespace) -> int:
         return FAIL
 
 
+class _Parser(argparse.ArgumentParser):
+    """One that says its version without a command; metadata costs more than all help."""
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As ever, but for `--version` alone."""
+        if list(args or ())[:1] == ["--version"]:
+            from importlib.metadata import version
+
+            print(f"crosscheck {version('physics-crosscheck')}")
+            self.exit()
+        return super().parse_args(args, namespace)
+
+
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="crosscheck",
         description="Tells whether a physics model file is right, to nine digits.",
         epilog=EXIT_CODES,
     )
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    parser.add_argument("--version", action="store_true", help="print the version, and end")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", parser_class=argparse.ArgumentParser
+    )
     for name, says in COMMANDS.items():
         command = commands.add_parser(name, help=says, epilog=EXIT_CODES)
         # Only the command that is meant is imported: sympy or bokeh cost most of a second.

@@ -11,27 +11,41 @@ from pathlib import Path
 from rich.console import Console
 
 from harness.cli import arguments
-from harness.cli.exit_codes import FAIL, SIGNALLED, exit_code
+from harness.cli.asked import asked_for
+from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
 from harness.cli.missing import tell_missing, with_missing
-from harness.files.folders import FolderError, NamedFolders, check_engines, named_folders
+from harness.files.folders import FolderError, check_engines
 from harness.files.model_files import absent_lines
 from harness.records.journal import Journal, journal
 from harness.records.results import Results
 from harness.records.write import encoded, write_whole
 from harness.report import write_report
-from harness.robots.named import NamedRobots, robot_files
 from harness.run import Interruption, Options, run
 from harness.schedule.stop import asking
 from harness.text.coverage import left_out, refused
 from harness.text.github import case_notes, commands
+from harness.text.next_steps import next_steps
 from harness.text.progress import Progress
+from harness.text.sarif import sarif
 from harness.text.table import print_results
+from harness.text.visible import visible
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=False)
     arguments.engine(command)
+    arguments.words(command)
+    command.add_argument(
+        "--last-failed",
+        action="store_true",
+        help="only what did not agree in the last run, by DIR/results.json",
+    )
+    command.add_argument(
+        "--alone",
+        action="store_true",
+        help="files in a system folder too are taken as robots' files, without their sidecars",
+    )
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
@@ -41,6 +55,19 @@ def add(command: argparse.ArgumentParser) -> None:
         default=Path("reports"),
         metavar="DIR",
         help="where results.json and index.html go (reports)",
+    )
+    command.add_argument(
+        "--format",
+        choices=("text", "json", "github", "sarif"),
+        default="text",
+        help="what is printed: a table, or results for a program (text)",
+    )
+    how_much = command.add_mutually_exclusive_group()
+    how_much.add_argument(
+        "-q", "--quiet", action="store_true", help="print what doesn't agree, and a summary"
+    )
+    how_much.add_argument(
+        "-v", "--verbose", action="store_true", help="print a line for each case in a log"
     )
     command.add_argument(
         "--resume",
@@ -67,62 +94,61 @@ def add(command: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Run, write results and report, print the table."""
     check_engines(options.engine)
-    alone = robot_files(options.folders)
-    robots = alone.files
-    named = _named(alone)
-    tell_missing(named)
-    wanted = Options(
+    wanted = asked_for(options)
+    if not (wanted.folders or wanted.robots):
+        return AGREE
+    tell_missing(wanted.named)
+    asked = Options(
         engines=tuple(options.engine),
         resolution=options.resolution,
         jobs=options.jobs,
         limits=arguments.limits_of(options),
         baseline=options.baseline,
         floating=options.floating,
+        choice=wanted.choice,
     )
     with journal(options.out, resume=options.resume) as done:
-        with Progress() as progress, asking() as stop:
-            asked = Interruption(stop, done)
-            results = run(named.folders, wanted, progress, asked, robots).results
+        with Progress(every=options.verbose) as progress, asking() as stop:
+            interruption = Interruption(stop, done)
+            results = run(wanted.folders, asked, progress, interruption, wanted.robots).results
+        if not (results.cases or stop.asked or asked.choice.everything):
+            done.remove()
+            raise FolderError("no case has such a name; `crosscheck list` prints those that are")
         write_whole(options.out / "results.json", encoded(results))
         write_report(options.out / "index.html", results)
         if not stop.asked:
             done.remove()
-    _tell(results, options.out, robots)
+    _tell(results, options, wanted.robots)
     _tell_stopped(results, options.out, done)
-    for line in absent_lines(named.folders):
+    for line in absent_lines(wanted.folders) if asked.choice.everything else ():
         print(f"crosscheck: {line}", file=sys.stderr)
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
-    code = with_missing(exit_code(results, options.require_engines), named)
+    code = with_missing(exit_code(results, options.require_engines), wanted.named)
     if options.strict and (left := [*left_out(results.models), *refused(results)]):
         print("\n".join(f"crosscheck: --strict: {line}" for line in left), file=sys.stderr)
         code = FAIL
     return SIGNALLED + stop.number if stop.asked else code
 
 
-def _named(alone: NamedRobots) -> NamedFolders:
-    """The folders that are named beside robots' files, and whatever name means nothing.
-
-    Raises:
-        FolderError: where nothing is left to run.
-    """
-    if alone.others or not (alone.files or alone.faults):
-        named = named_folders(alone.others, beside=bool(alone.files or alone.faults))
-    else:
-        named = NamedFolders([], {})
-    faults = {**alone.faults, **named.faults}
-    if not alone.files and not named.folders:
-        raise FolderError("; ".join(faults.values()))
-    return NamedFolders(named.folders, faults)
-
-
-def _tell(results: Results, out: Path, robots: Sequence[Path]) -> None:
+def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path]) -> None:
+    if options.format == "json":
+        print(encoded(results), end="")
+        return
+    if options.format == "sarif":
+        print(sarif(results))
+        return
+    if options.format == "github":
+        print("\n".join(note.command(Path.cwd()) for note in case_notes(results)))
+        return
     console = Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160)
     for system in results.systems:
         if system.folder in {str(file) for file in robots}:
             print(f"{system.source}: {system.name}, {system.title}")
-    print_results(console, results)
-    print(f"{out / 'results.json'}  {out / 'index.html'}")
+    print_results(console, results, quiet=options.quiet)
+    print(f"{options.out / 'results.json'}  {options.out / 'index.html'}")
+    for line in next_steps(results, options.out):
+        print(visible(line))
     for line in commands(case_notes(results), os.environ):
         print(line)
 

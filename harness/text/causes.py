@@ -43,11 +43,16 @@ def _sentence(cause: Cause) -> str:
 
 
 def _fitted(value: Number, error: Number) -> str:
-    """A fitted value with ten digits, but none below its standard error."""
+    """A fitted value and its standard error."""
     if value is None or error is None:
         return f"{_digits(value)} ± unknown"
+    return f"{digits_known(value, error)} ± {error:.1g}"
+
+
+def digits_known(value: float, error: float) -> str:
+    """A fitted value with ten digits, but none below its standard error."""
     places = 15 if error == 0 else max(0, -math.floor(math.log10(error)))
-    return f"{_digits(round(value, places) + 0.0)} ± {error:.1g}"
+    return _digits(round(value, places) + 0.0)
 
 
 def _digits(value: Number) -> str:

@@ -11,7 +11,7 @@ from harness.records.comparison import Compared, Comparison, FileDifference, Fil
 from harness.records.outcome import Outcome
 from harness.text.compared_properties import is_explained, print_properties
 from harness.text.markup import escape
-from harness.text.table import STYLES
+from harness.text.styles import STYLES
 
 MOST_TOLD = 20
 MOST_TERMS = 8

@@ -6,16 +6,30 @@ import os
 import sys
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.progress import Progress as Bar
 
 from harness.records.case import Case
+from harness.records.outcome import Outcome
 from harness.text.table import case_line
 from harness.text.visible import visible
 
 
 class Progress:
-    """Progress of cases: a bar at a terminal, a line a case elsewhere."""
+    """Progress of cases: a bar at a terminal; elsewhere a line a tenth, and one each that is amiss.
+
+    Args:
+        every: whether there is a line a case elsewhere, whatever became of it.
+    """
+
+    def __init__(self, *, every: bool = False) -> None:
+        self._every, self._counter = every, Counter("cases")
 
     def __enter__(self) -> Progress:
         self._bar = _bar("cases")
@@ -25,8 +39,11 @@ class Progress:
         """Tell that a case is done."""
         if self._bar is not None:
             self._bar.update(self._bar.task_ids[0], completed=done, total=total)
-        elif case is not None:
+            return
+        if case is not None and (self._every or case.outcome is not Outcome.AGREES):
             print(visible(case_line(done, total, case)), file=sys.stderr, flush=True)
+        if not self._every:
+            self._counter(done, total, None)
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
@@ -39,6 +56,7 @@ class Counter:
     def __init__(self, things: str) -> None:
         self._things = things
         self._tenths = 0
+        self._bar: Bar | None = None
 
     def __enter__(self) -> Counter:
         self._bar = _bar(self._things)
@@ -67,6 +85,8 @@ def _bar(things: str) -> Bar | None:
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
         console=Console(stderr=True),
         transient=True,
     )

@@ -1,67 +1,52 @@
-"""Results for the terminal: one row a model and engine, then every case that needs a look."""
+"""Results for the terminal: a table of models, what is to be known of them, what doesn't agree."""
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from rich.console import Console
-from rich.table import Table
 
 from harness.records.base import Number
-from harness.records.case import Case, FullRun, ModelId, Verdict
+from harness.records.case import Case
 from harness.records.model import EngineLinearization, Model
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChanges, Results
-from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 from harness.text.coverage import coverage_lines
 from harness.text.dynamics import dynamics_lines
-from harness.text.findings import audit_lines
 from harness.text.markup import escape
+from harness.text.models_table import print_models
 from harness.text.stepping import stepping_lines
-
-STYLES: Mapping[str, str] = {
-    Outcome.AGREES: "green", Outcome.ABSENT: "yellow", Outcome.UNRESOLVED: "magenta",
-    Outcome.DIFFERS: "bold red", Outcome.FAILED: "bold red reverse",
-}  # fmt: skip
-
-MOST_TOLD = 40
+from harness.text.troubles import MOST_TOLD, print_troubles
 
 GROWS = 1e-9
 """By how much more than rounding the largest eigenvalue of a step is off the unit circle."""
 
-TENTH = 0.001
-"""The global error that the last column's steps would give."""
 
+def print_results(console: Console, results: Results, *, quiet: bool = False) -> None:
+    """Print the table of models, what is to be known of them, and last what doesn't agree.
 
-def print_results(console: Console, results: Results) -> None:
-    """Print the table of models, then what does not agree, worst first, then the summary line."""
-    _print_models(console, results.cases)
-    differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
-    _print_linear(console, [model for model in results.models if model.id not in differ])
-    _print_stepping(console, results.cases)
-    amiss = [case for case in results.cases if case.outcome is not Outcome.AGREES]
-    troubled = [case for case in amiss if not case.accepted]
-    for case in sorted(troubled, key=_worst_first)[:MOST_TOLD]:
-        _print_case(console, case)
-    _print_reservations(console, results.cases)
-    for model in results.models:
-        if model.unexplained_findings:
-            _print_audit(console, model)
-            _print_diagnosis(console, model)
-        else:
-            _print_diagnosis(console, model)
-            _print_audit(console, model)
-        _print_failures(console, model, results.cases)
-    _print_coverage(console, results.models)
-    if len(troubled) > MOST_TOLD:
-        console.print(f"\nand {len(troubled) - MOST_TOLD} more, in results.json")
-    _print_accepted(console, [case for case in amiss if case.accepted])
+    Last stands what one looks for first: each cause once, then the summary line.
+
+    Args:
+        console: to print on; nothing is cut to its width.
+        results: to be printed.
+        quiet: whether what agrees is only counted.
+    """
+    if not quiet:
+        print_models(console, results.cases)
+        differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
+        _print_linear(console, [model for model in results.models if model.id not in differ])
+        _print_stepping(console, results.cases)
+        _print_reservations(console, results.cases)
+        _print_coverage(console, results.models)
+        amiss = [case for case in results.cases if case.outcome is not Outcome.AGREES]
+        _print_accepted(console, [case for case in amiss if case.accepted])
     if results.baseline is not None:
         _print_changes(console, results.baseline)
+    print_troubles(console, results)
     console.print()
-    console.print(summary(results))
+    console.print(summary(results), soft_wrap=True)
 
 
 def summary(results: Results) -> str:
@@ -118,62 +103,8 @@ def _or_infinite(value: Number) -> float:
     return float("inf") if value is None else value
 
 
-def _worst_first(case: Case) -> tuple[int, float]:
-    discrepancy = 0.0 if case.verdict is None else case.verdict.discrepancy or 0.0
-    return -case.outcome.severity, -discrepancy
-
-
-def _print_models(console: Console, cases: Iterable[Case]) -> None:
-    """The table, a row a model and engine."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("system", "model", "engine", "outcome"):
-        table.add_column(name, no_wrap=True)
-    for name in ("discrepancy", "uncertainty", "global error", "at step", "order", "0.1 % at"):
-        table.add_column(name, justify="right", no_wrap=True)
-    groups = itertools.groupby(cases, lambda case: case.id.of_model)
-    rows = [_row(model, list(group)) for model, group in groups]
-    for row in rows:
-        table.add_row(*row)
-    console.print(table)
-    if any(row[-1].endswith("*") for row in rows):
-        console.print("* one of the motions is too sensitive for a step to be told", style="dim")
-
-
-def _row(model: ModelId, cases: Sequence[Case]) -> list[str]:
-    counts = Counter(case.outcome for case in cases)
-    outcome = ", ".join(f"[{STYLES[o]}]{counts[o]} {o}[/]" for o in reversed(Outcome) if counts[o])
-    verdicts: list[Verdict] = [case.verdict for case in cases if case.verdict is not None]
-    runs: list[FullRun] = [case.full_run for case in cases if case.full_run is not None]
-    steps = [one.step for run in runs for one in run.steps_for if one.target == TENTH]
-    tenth = _known(steps)
-    return [
-        escape(model.system),
-        escape(model.model),
-        escape(model.engine),
-        outcome,
-        _most((verdict.largest_discrepancy for verdict in verdicts), "{:.1e}"),
-        _most((verdict.largest_uncertainty for verdict in verdicts), "{:.1e}"),
-        _most((run.global_error for run in runs), "{:.2%}"),
-        _most((run.shipped_step for run in runs), "{:g} s"),
-        _range(_known(run.order for run in runs)),
-        f"{min(tenth):.2g} s" + "*" * (len(tenth) < len(steps)) if tenth else "-",
-    ]
-
-
 def _known(values: Iterable[Number]) -> list[float]:
     return [value for value in values if value is not None]
-
-
-def _most(values: Iterable[Number], form: str) -> str:
-    known = _known(values)
-    return form.format(max(known)) if known else "-"
-
-
-def _range(values: Sequence[float]) -> str:
-    if not values:
-        return "-"
-    low, high = (f"{round(value, 1) + 0.0:.1f}" for value in (min(values), max(values)))
-    return low if low == high else f"{low}-{high}"
 
 
 def _print_linear(console: Console, models: Iterable[Model]) -> None:
@@ -235,13 +166,6 @@ def _print_stepping(console: Console, cases: Iterable[Case]) -> None:
         console.print(escape(line), soft_wrap=True)
 
 
-def _print_case(console: Console, case: Case) -> None:
-    console.print(f"\n[{STYLES[case.outcome]}]{case.outcome}[/] {escape(str(case.id))}")
-    console.print(f"  {escape(case.reason)}", soft_wrap=True)
-    for line in case.stdout.splitlines()[-6:]:
-        console.print(f"  | {escape(line)}", soft_wrap=True)
-
-
 def _print_reservations(console: Console, cases: Iterable[Case]) -> None:
     """What is said of cases that agree all the same."""
     told = [case for case in cases if case.outcome is Outcome.AGREES and case.reason]
@@ -253,31 +177,6 @@ def _print_reservations(console: Console, cases: Iterable[Case]) -> None:
         console.print(f"  and {len(told) - MOST_TOLD} more, in results.json")
 
 
-def _print_diagnosis(console: Console, model: Model) -> None:
-    diagnosis = model.diagnosis
-    if diagnosis is None:
-        return
-    console.print(f"\n[bold]cause[/] in {escape(str(model.id))}", soft_wrap=True)
-    if not diagnosis.explanations:
-        console.print(f"  none found: {escape(diagnosis.failure)}", soft_wrap=True)
-        return
-    if model.unexplained_findings:
-        console.print(f"  {BEGIN_WITH_AUDIT}, above", soft_wrap=True)
-        return
-    if not diagnosis.explained:
-        console.print("  unexplained; what leaves least is")
-    for sentence in cause_sentences(diagnosis.explanations[0]):
-        console.print(f"  {escape(sentence)}", soft_wrap=True)
-
-
-def _print_audit(console: Console, model: Model) -> None:
-    if not model.findings:
-        return
-    console.print(f"\n[bold]audit[/] of {escape(str(model.id))}", soft_wrap=True)
-    for text in audit_lines(model.findings):
-        console.print(f"  {escape(text)}", soft_wrap=True)
-
-
 def _print_coverage(console: Console, models: Iterable[Model]) -> None:
     """What the verdicts cover, a line a model."""
     lines = coverage_lines(models)
@@ -285,17 +184,6 @@ def _print_coverage(console: Console, models: Iterable[Model]) -> None:
         console.print("\n[bold]covered[/]")
     for line in lines:
         console.print(f"  {escape(line)}", soft_wrap=True)
-
-
-def _print_failures(console: Console, model: Model, cases: Iterable[Case]) -> None:
-    """What could not be done, but for what its cases say already."""
-    told = {case.reason for case in cases if case.key == model.key}
-    for what, why in model.failures:
-        if why not in told:
-            console.print(
-                f"\n[{STYLES[Outcome.FAILED]}]FAILED[/] {what} of {escape(str(model.id))}"
-            )
-            console.print(f"  {escape(why)}", soft_wrap=True)
 
 
 def _print_accepted(console: Console, cases: Sequence[Case]) -> None:

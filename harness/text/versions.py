@@ -11,7 +11,7 @@ from harness.records.base import Number
 from harness.records.outcome import Outcome
 from harness.records.versions import Upgrade, VersionCase, Versions
 from harness.text.markup import escape
-from harness.text.table import STYLES
+from harness.text.styles import STYLES
 
 MOST_TOLD = 40
 

@@ -14,7 +14,8 @@ from harness.records.finding import Diagnosis, Explanation
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChange, BaselineChanges, Results
 from harness.text.causes import BEGIN_WITH_AUDIT
-from harness.text.table import MOST_TOLD, case_line, print_results, summary
+from harness.text.table import case_line, print_results, summary
+from harness.text.troubles import MOST_TOLD
 from tests.records.made import case, finding, full_run, model, results, stepping, verdict
 
 
@@ -65,8 +66,13 @@ def test_the_summary_counts_outcomes_and_what_is_accepted() -> None:
 def test_what_is_amiss_is_told_worst_first_with_what_was_printed() -> None:
     text = printed(
         results(
-            case(Outcome.DIFFERS, reason="x is [b]off[/b]"),
-            case(Outcome.DIFFERS, scenario="far", verdict=verdict(discrepancy=1.0), reason="far"),
+            case(Outcome.DIFFERS, reason="x is off"),
+            case(
+                Outcome.DIFFERS,
+                scenario="far",
+                verdict=verdict(discrepancy=1.0),
+                reason="far [b]off[/b]",
+            ),
             case(Outcome.FAILED, scenario="dies", reason="it died", stdout="one\ntwo"),
             models=(
                 model(finding("the mass is wrong"), finding("rounded", severity="note")),
@@ -81,9 +87,8 @@ def test_what_is_amiss_is_told_worst_first_with_what_was_printed() -> None:
         "  | one",
         "  | two",
         "DIFFERS disc/mujoco.xml/far [mujoco]",
-        "  far",
-        "DIFFERS disc/mujoco.xml/free [mujoco]",
-        "  x is [b]off[/b]",
+        "  far [b]off[/b]",
+        "  and 1 more: free [mujoco]",
         "audit of disc/mujoco.xml [mujoco]",
         "  finding  literal      the mass is wrong",
         "cause in disc/mujoco.xml [pymunk]",
@@ -116,9 +121,9 @@ def test_where_no_cause_explains_it_what_the_audit_finds_comes_first() -> None:
     ]
     explained = model(*wrong, diagnosis=replace(diagnosis, explained=True))
     told = printed(results(case(Outcome.DIFFERS), models=(explained,))).splitlines()
-    assert told.index("cause in disc/mujoco.xml [mujoco]") < told.index(
+    assert told.index("cause in disc/mujoco.xml [mujoco]") > told.index(
         "audit of disc/mujoco.xml [mujoco]"
-    )
+    ), "what explains the motions stands last, where one looks first"
 
 
 def test_many_cases_and_changes_are_cut_and_counted() -> None:
@@ -127,7 +132,7 @@ def test_many_cases_and_changes_are_cut_and_counted() -> None:
     )
     text = printed(
         results(
-            *(case(Outcome.DIFFERS, scenario=f"s{i}") for i in range(MOST_TOLD + 2)),
+            *(case(Outcome.DIFFERS, model=f"{i}.xml") for i in range(MOST_TOLD + 2)),
             baseline=BaselineChanges(name="reports/baseline", changes=(change,) * (MOST_TOLD + 1)),
         )
     )

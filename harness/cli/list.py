@@ -1,0 +1,56 @@
+"""`crosscheck list`: the cases that a run has, without running any."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from harness.cases.listed import listed
+from harness.cli import arguments
+from harness.cli.exit_codes import AGREE, USAGE
+from harness.files.choice import Choice, chosen_models, matching
+from harness.files.folders import check_engines, named_folders
+from harness.text.status import counted
+from harness.text.visible import visible
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    arguments.folders(command, some=False)
+    arguments.engine(command)
+    arguments.words(command)
+    command.add_argument(
+        "--format", choices=("text", "json"), default="text", help="what is printed (text)"
+    )
+
+
+def main(options: argparse.Namespace) -> int:
+    """Print a name a line; what can't be listed is told, with 2."""
+    check_engines(options.engine)
+    matching(options.words)
+    names, models = chosen_models(options.folders)
+    choice = Choice(models=models, words=options.words)
+    named = named_folders(names)
+    found = listed(named.folders, options.engine)
+    cases = [(folder, case) for folder, case in found.cases if choice.includes(folder, case)]
+    if options.format == "json":
+        rows = [
+            {
+                "folder": folder,
+                "system": case.system,
+                "model": case.model,
+                "scenario": case.scenario,
+                "engine": case.engine,
+            }
+            for folder, case in cases
+        ]
+        print(json.dumps(rows, indent=1))
+    else:
+        for _, case in cases:
+            print(visible(str(case)))
+        print(counted(len(cases), "case"), file=sys.stderr)
+    faults = (*named.faults.values(), *found.faults)
+    for fault in faults:
+        print(f"crosscheck: {fault}", file=sys.stderr)
+    return USAGE if faults or not cases else AGREE

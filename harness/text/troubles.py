@@ -1,0 +1,181 @@
+"""What doesn't agree, for the terminal: each thing once, however many cases it is seen in."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from msgspec.structs import replace
+from rich.console import Console
+
+from harness.records.base import SourceLine
+from harness.records.case import Case, ModelKey
+from harness.records.finding import Explanation
+from harness.records.model import Model
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
+from harness.text.findings import audit_lines
+from harness.text.markup import escape
+from harness.text.styles import STYLES
+
+MOST_TOLD = 40
+
+_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Cases that have the same thing wrong: the worst, and the others."""
+
+    worst: Case
+    others: tuple[Case, ...]
+
+
+def troubles(cases: Iterable[Case]) -> list[Trouble]:
+    """Cases that don't agree and weren't accepted, worst first.
+
+    Together stand those of a model file that differ, and those that don't agree for one reason but
+    for its numbers.
+    """
+    found: dict[Hashable, list[Case]] = {}
+    amiss = [c for c in cases if c.outcome is not Outcome.AGREES and not c.accepted]
+    for case in sorted(amiss, key=_worst_first):
+        found.setdefault(_kind(case), []).append(case)
+    return [Trouble(worst, tuple(others)) for worst, *others in found.values()]
+
+
+def explained_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
+    """Models whose motions have a diagnosis, those of one file and the same causes together."""
+    found: dict[Hashable, list[Model]] = {}
+    for model in models:
+        if (diagnosis := model.diagnosis) is None:
+            continue
+        best = diagnosis.explanations[:1]
+        causes = tuple((cause.id, cause.where) for one in best for cause in one.causes)
+        state = diagnosis.explained, bool(model.unexplained_findings), diagnosis.failure
+        found.setdefault((model.folder, model.model, causes, state), []).append(model)
+    return [tuple(one) for one in found.values()]
+
+
+def shown_path(path: str | Path) -> str:
+    """A path from where one stands, if it lies below; else as it is."""
+    here, whole = Path.cwd(), Path(os.path.abspath(path))
+    return str(whole.relative_to(here) if whole.is_relative_to(here) else path)
+
+
+def shown_line(folder: str, where: SourceLine) -> SourceLine:
+    """A line of a model's file, with the path from where one stands."""
+    place = Path(folder)
+    beside = (place if place.is_dir() else place.parent) / Path(where.file).name
+    return replace(where, file=shown_path(beside)) if beside.is_file() else where
+
+
+def placed(explanation: Explanation, folder: str) -> Explanation:
+    """An explanation whose lines have paths from where one stands."""
+    causes = tuple(
+        replace(cause, where=tuple(shown_line(folder, one) for one in cause.where))
+        for cause in explanation.causes
+    )
+    return replace(explanation, causes=causes)
+
+
+def print_troubles(console: Console, results: Results) -> None:
+    """Print them: cases, what could not be done, findings, and last the causes."""
+    found = troubles(results.cases)
+    for trouble in found[:MOST_TOLD]:
+        _print_trouble(console, trouble)
+    if len(found) > MOST_TOLD:
+        console.print(f"\nand {len(found) - MOST_TOLD} more, in results.json")
+    _print_failures(console, results)
+    _print_audits(console, results.models)
+    for alike in explained_alike(results.models):
+        _print_diagnosis(console, alike)
+
+
+def _kind(case: Case) -> Hashable:
+    if case.outcome is Outcome.DIFFERS:
+        return case.outcome, case.folder, case.model
+    return case.outcome, _NUMBER.sub("#", case.reason.replace(case.scenario, "#"))
+
+
+def _worst_first(case: Case) -> tuple[int, float]:
+    discrepancy = 0.0 if case.verdict is None else case.verdict.discrepancy or 0.0
+    return -case.outcome.severity, -discrepancy
+
+
+def _print_trouble(console: Console, trouble: Trouble) -> None:
+    case = trouble.worst
+    console.print(f"\n[{STYLES[case.outcome]}]{case.outcome}[/] {escape(str(case.id))}")
+    console.print(f"  {escape(case.reason)}", soft_wrap=True)
+    for line in case.stdout.splitlines()[-6:]:
+        console.print(f"  | {escape(line)}", soft_wrap=True)
+    if trouble.others:
+        console.print(f"  {escape(_others(trouble))}", soft_wrap=True)
+
+
+def _others(trouble: Trouble) -> str:
+    """How many more there are, and which."""
+    one, others = trouble.worst, trouble.others
+    models = {other.key[:2] for other in others} | {one.key[:2]}
+    if len(models) > 1:
+        names = dict.fromkeys(f"{case.system}/{case.model}" for case in (one, *others))
+        return f"and {len(others)} more, of {len(names)} model files: {', '.join(names)}"
+    by_engine = sorted(others, key=lambda case: case.engine)
+    each = [
+        f"{', '.join(case.scenario for case in cases)} [{engine}]"
+        for engine, cases in groupby(by_engine, key=lambda case: case.engine)
+    ]
+    return f"and {len(others)} more: {'; '.join(each)}"
+
+
+def _print_diagnosis(console: Console, alike: Sequence[Model]) -> None:
+    model = alike[0]
+    diagnosis = model.diagnosis
+    assert diagnosis is not None
+    console.print(f"\n[bold]cause[/] in {escape(_named(alike))}", soft_wrap=True)
+    if not diagnosis.explanations:
+        console.print(f"  none found: {escape(diagnosis.failure)}", soft_wrap=True)
+        return
+    if model.unexplained_findings:
+        console.print(f"  {BEGIN_WITH_AUDIT}, above", soft_wrap=True)
+        return
+    if not diagnosis.explained:
+        console.print("  unexplained; what leaves least is")
+    for sentence in cause_sentences(placed(diagnosis.explanations[0], model.folder)):
+        console.print(f"  {escape(sentence)}", soft_wrap=True)
+
+
+def _print_audits(console: Console, models: Iterable[Model]) -> None:
+    found: dict[Hashable, list[Model]] = {}
+    for model in models:
+        if model.findings:
+            lines = tuple(audit_lines(model.findings))
+            found.setdefault((model.folder, model.model, lines), []).append(model)
+    for alike in found.values():
+        console.print(f"\n[bold]audit[/] of {escape(_named(alike))}", soft_wrap=True)
+        for text in audit_lines(alike[0].findings):
+            console.print(f"  {escape(text)}", soft_wrap=True)
+
+
+def _print_failures(console: Console, results: Results) -> None:
+    """What could not be done, but for what its cases say already."""
+    told: dict[ModelKey, set[str]] = {}
+    for case in results.cases:
+        told.setdefault(case.key, set()).add(case.reason)
+    for model in results.models:
+        for what, why in model.failures:
+            if why in told.get(model.key, ()):
+                continue
+            style = STYLES[Outcome.FAILED]
+            console.print(f"\n[{style}]FAILED[/] {what} of {escape(str(model.id))}")
+            console.print(f"  {escape(why)}", soft_wrap=True)
+
+
+def _named(alike: Sequence[Model]) -> str:
+    engines = ", ".join(model.engine for model in alike)
+    return f"{alike[0].system}/{alike[0].model} [{engines}]"
