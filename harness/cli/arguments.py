@@ -33,7 +33,7 @@ def words(command: argparse.ArgumentParser) -> None:
         dest="words",
         default="",
         metavar="WORDS",
-        help="only cases whose names have these words: 'driven and not (pymunk or free)'",
+        help="only cases whose names have these words: 'driven and not (robot or free)'",
     )
 
 

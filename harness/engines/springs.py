@@ -17,6 +17,7 @@ class SpringForces:
         joints: names of the joints, in the engine's order: n of them.
         place: the file, for messages.
         damping: of each joint, (n,), where the engine itself leaves it out.
+        pushed: what is held on each joint, (n,), N or N m.
 
     Attributes:
         empty: whether nothing pulls.
@@ -31,6 +32,7 @@ class SpringForces:
         joints: Sequence[str],
         place: object,
         damping: Array | None = None,
+        pushed: Array | None = None,
     ) -> None:
         along = np.zeros((len(springs), len(joints)))
         for row, spring in zip(along, springs, strict=True):
@@ -44,9 +46,10 @@ class SpringForces:
         own = np.zeros(len(joints)) if damping is None else damping
         self._stiffness = along.T @ (k[:, None] * along)
         self._damping = along.T @ (c[:, None] * along) + np.diag(own)
-        self._at_zero = along.T @ (k * rest)
-        self._own = None if springs else own
-        self.empty = not springs and not own.any()
+        push = np.zeros(len(joints)) if pushed is None else pushed
+        self._at_zero = along.T @ (k * rest) + push
+        self._own = None if springs or push.any() else own
+        self.empty = self._own is not None and not own.any()
 
     def at(self, q: Array, v: Array) -> Array:
         """Forces along joints at positions and velocities, (..., n) each."""

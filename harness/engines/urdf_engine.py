@@ -10,31 +10,18 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.attitude import place_names, rotation_names
-from harness.engines.one_by_one import Stepper, rollout
-from harness.engines.protocol import (
-    Array,
-    Engine,
-    EngineError,
-    Force,
-    Model,
-    ModelSpec,
-    Sample,
-    within,
-)
+from harness.engines.protocol import Array, Engine, EngineError, Model, ModelSpec, Sample, within
 from harness.engines.remark import Remark
-from harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
-from harness.engines.sdf import SDF_IDLE, sample_sdf
 from harness.engines.sdf_sidecar import declared_sdf, stated
 from harness.engines.source import engine_errors
-from harness.engines.springs import SpringForces
+from harness.engines.tree_model import TreeModel
 from harness.engines.urdf import IDLE, SETTINGS, UrdfReader, sample_urdf
 from harness.engines.urdf_copy import Change
 from harness.engines.urdf_sidecar import DeclaredUrdf, check_settings, declared_urdf
 
 SDF = ".sdf"
-FREE = 6
-"""Coordinates of a root that floats; they come first."""
+CONTROLS = "controls"
+"""At which actuators are held."""
 
 
 class UrdfEngine(Engine):
@@ -49,7 +36,7 @@ class UrdfEngine(Engine):
     formats: tuple[str, ...] = (".urdf",)
     takes_springs: tuple[str, ...] = (".urdf",)
     switches = frozenset({"smooth", "couplings", "held"})
-    idle: Mapping[str, str] = MappingProxyType({**IDLE, **SDF_IDLE})
+    idle: Mapping[str, str] = IDLE
     package: str
     defaults: Mapping[str, float | bool | str]
     words: Mapping[str, Sequence[str]] = MappingProxyType({})
@@ -64,9 +51,13 @@ class UrdfEngine(Engine):
             return "unknown"
 
     def load(self, spec: ModelSpec) -> Model:
-        """Load a URDF, or an SDFormat file, which may state some settings itself."""
+        """Load a file; SDFormat states some settings itself."""
         spec = stated(spec) if spec.path.suffix == SDF else spec
-        check_settings(spec, self.title, self.unstated, self.defaults, self.words)
+        others = self.switches & {CONTROLS}
+        check_settings(spec, self.title, self.unstated, self.defaults, self.words, others)
+        if spec.path.suffix in (".urdf", SDF) and spec.settings.get(CONTROLS):
+            told = f"[settings] controls is {spec.settings[CONTROLS]!r}"
+            raise EngineError(f"{spec.path}.toml: {told}, and no actuators are read of it")
         with engine_errors(spec.path, self.title):
             return self.loaded(spec)
 
@@ -79,11 +70,11 @@ class UrdfEngine(Engine):
         return SETTINGS
 
     def samples(self) -> tuple[Sample, ...]:
-        """A URDF, and an SDFormat file."""
-        return (sample_urdf(), *([sample_sdf()] if SDF in self.formats else []))
+        """A URDF."""
+        return (sample_urdf(),)
 
 
-class UrdfModel(Model):
+class UrdfModel(TreeModel):
     """A URDF or an SDFormat file in an engine; a subclass loads it, and makes the `stepper`.
 
     Args:
@@ -94,10 +85,6 @@ class UrdfModel(Model):
         further: what is changed in the file besides.
     """
 
-    stepper: Stepper | RungeKutta
-    forward: Accelerations | None = None
-    """The engine's accelerations, where nothing soft holds joints."""
-
     def __init__(
         self,
         spec: ModelSpec,
@@ -106,30 +93,13 @@ class UrdfModel(Model):
         defaults: Mapping[str, float | bool | str],
         further: Sequence[Change],
     ) -> None:
-        self.path, self.title, self._reader = spec.path, title, reader
-        self.settings = {**defaults, **spec.settings}
+        self._reader = reader
         declare = declared_sdf if spec.path.suffix == SDF else declared_urdf
         self.declared: DeclaredUrdf = declare(spec, further)
+        super().__init__(spec, title, {**defaults, **spec.settings})
         self.floats = bool(self.settings["floating"])
         self.root = self.declared.base
-        self.step = float(spec.settings["step"])  # type: ignore[arg-type]  # checked
-        self.gravity = tuple(map(float, spec.settings["gravity"]))  # type: ignore[call-overload]
-
-    def name(self, joints: Sequence[str], damping: Array | None = None) -> SpringForces:
-        """Take the names of slides and hinges, in the engine's order.
-
-        Args:
-            joints: their names.
-            damping: of each, where springs are to take it along.
-
-        Returns:
-            The springs' forces along them.
-        """
-        free = (*place_names(self.root), *rotation_names(self.root)) if self.floats else ()
-        self.coordinates = (*free, *joints)
-        if not self.coordinates:
-            raise EngineError(f"{self.path}: it has no moving joint")
-        return SpringForces(self.declared.springs, tuple(joints), self.path, damping)
+        self.springs, self.mimics = self.declared.springs, self.declared.mimics
 
     @property
     def stated_limits(self) -> Array:
@@ -148,19 +118,3 @@ class UrdfModel(Model):
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the file says in vain."""
         yield from self.declared.remarks(self._reader, self.coordinates, z, w)
-
-    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """By the engine's forward dynamics."""
-        if self.forward is None:
-            return None
-        with engine_errors(self.path, self.title), np.errstate(all="ignore"):
-            return self.forward(*(to_state(z, w) if self.floats else (z, w)), force)
-
-    def rollout(
-        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
-    ) -> tuple[Array, Array]:
-        """Step by step; state by state, but where the engine's accelerations are stepped here."""
-        with engine_errors(self.path, self.title):
-            if isinstance(self.stepper, RungeKutta):
-                return self.stepper.rollout(q, v, h, n, force, every)
-            return rollout(self.stepper, q, v, h, n, force, every)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -143,6 +143,7 @@ def check_settings(
     unstated: str,
     defaults: Mapping[str, float | bool | str],
     choices: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    besides: Collection[str] = (),
 ) -> None:
     """Refuse settings that are unknown, of another type, or missing.
 
@@ -152,13 +153,14 @@ def check_settings(
         unstated: what it takes for a step and gravity that nothing states.
         defaults: of its own settings, whose types count.
         choices: of those that are words.
+        besides: settings that are looked at elsewhere.
 
     Raises:
         EngineError: naming the sidecar and the setting.
     """
     held_joints(spec)
     followers_of(spec.settings, f"{spec.path}.toml")
-    unknown = set(spec.settings) - {*REQUIRED, *defaults, "couplings", HELD}
+    unknown = set(spec.settings) - {*REQUIRED, *defaults, *besides, "couplings", HELD}
     if unknown:
         raise EngineError(f"{spec.path}.toml: {title} has no setting {', '.join(sorted(unknown))}")
     for key, default in defaults.items():

@@ -107,7 +107,7 @@ def chosen_models(names: Sequence[str]) -> tuple[list[str], dict[str, tuple[Name
 
 
 def matching(words: str) -> Match:
-    """Whether a name has words in it, whatever their case: `driven and not (pymunk or free)`.
+    """Whether a name has words in it, whatever their case: `driven and not (robot or free)`.
 
     As pytest's `-k` has it. A word is anything without a space or a parenthesis.
 
@@ -166,5 +166,5 @@ class _Words:
     def _error(self) -> FolderError:
         return FolderError(
             f"-k {self._text!r} can't be read: words, `and`, `or`, `not` and parentheses belong"
-            " there, such as 'driven and not pymunk'"
+            " there, such as 'driven and not robot'"
         )

@@ -77,7 +77,7 @@ def _of_audits(results: Results) -> Iterator[dict[str, object]]:
 def _result(rule: str, note: Annotation) -> dict[str, object]:
     return {
         "ruleId": rule,
-        "level": note.level,
+        "level": "note" if note.level == "notice" else note.level,
         "message": {"text": f"{note.title}: {note.message}"},
         "locations": [
             {

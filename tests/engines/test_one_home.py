@@ -56,7 +56,9 @@ def test_readers_of_a_format_come_with_the_preferred_one_first() -> None:
     everyones, extras = ["pybullet", "mujoco"], ["pinocchio", "drake", "dart", "newton", "mjx"]
     assert [engine.name for engine in readers(".urdf")] == [*everyones, *extras]
     assert [engine.name for engine in standing(".urdf")] == everyones
-    assert [engine.name for engine in readers(".xml")] == ["mujoco", "newton", "mjx"]
+    assert [engine.name for engine in readers(".xml")] == [
+        *("mujoco", "pinocchio", "drake", "newton", "mjx"),
+    ]
     assert [engine.name for engine in standing(".xml")] == ["mujoco"]
     assert readers(".skel") == ()
 

@@ -29,7 +29,7 @@ from tests.faults.known_folder import (
 
 pytestmark = pytest.mark.xdist_group("known answer")
 
-LIMIT = 4.0
+LIMIT = 10.0
 FORCE = 47.0 * 0.25
 """The spring's force at the motion's start, in newtons."""
 

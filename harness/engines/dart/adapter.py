@@ -25,14 +25,14 @@ from harness.engines.dart.sdf import (
     with_turned,
 )
 from harness.engines.dart.steps import WorldSteps
-from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
+from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Sample
 from harness.engines.remark import Remark
 from harness.engines.runge_kutta import each_alone
-from harness.engines.sdf import read_sdf
+from harness.engines.sdf import SDF_IDLE, read_sdf, sample_sdf
 from harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
-from harness.engines.urdf import UrdfReader
+from harness.engines.urdf import IDLE, UrdfReader, sample_urdf
 from harness.engines.urdf_copy import Change, without_friction, without_shapes
 from harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
 from harness.engines.urdf_sidecar import ROBOTS, DeclaredUrdf
@@ -63,6 +63,7 @@ class DartEngine(UrdfEngine):
     title = "DART"
     package, distribution, extra = "dartpy", "dartpy", "dart"
     formats = takes_springs = (".urdf", ".sdf")
+    idle = MappingProxyType({**IDLE, **SDF_IDLE})
     defaults = DEFAULTS
     capabilities = (
         "URDF", "SDFormat to 1.6", "slides and hinges, roots that float",
@@ -75,6 +76,10 @@ class DartEngine(UrdfEngine):
     def loaded(self, spec: ModelSpec) -> Model:
         """A file whose settings are in order."""
         return DartModel(spec)
+
+    def samples(self) -> tuple[Sample, ...]:
+        """One of each format."""
+        return sample_urdf(), sample_sdf()
 
 
 class DartModel(UrdfModel):

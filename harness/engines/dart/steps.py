@@ -17,7 +17,7 @@ from harness.engines.attitude import (
 from harness.engines.one_by_one import Stepper
 from harness.engines.protocol import Array
 from harness.engines.springs import SpringForces
-from harness.engines.urdf_engine import FREE
+from harness.engines.tree_model import FREE
 
 INSTANT = 1e-200
 """Seconds."""

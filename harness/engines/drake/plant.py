@@ -15,15 +15,18 @@ from harness.engines.one_by_one import Stepper
 from harness.engines.protocol import Array
 from harness.engines.runge_kutta import place, rates, to_state
 from harness.engines.springs import SpringForces
-from harness.engines.urdf_engine import FREE
+from harness.engines.tree_model import FREE
 
 QUATERNION = 4
 
 
 def moving_joints(plant: Any) -> list[Any]:
-    """Of a finalized plant, in the order of their velocities."""
+    """Of a finalized plant, in the order of their velocities, a root that floats first."""
     found = [plant.get_joint(i) for i in plant.GetJointIndices()]
-    return sorted((j for j in found if j.num_velocities()), key=lambda j: int(j.velocity_start()))
+    return sorted(
+        (j for j in found if j.num_velocities()),
+        key=lambda j: (j.num_velocities() != FREE, int(j.velocity_start())),
+    )
 
 
 class Plant:

@@ -10,7 +10,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.newton.mjcf import DROPS, read_mjcf, with_options
+from harness.engines.mjcf_source import with_options
+from harness.engines.newton.mjcf import DROPS, read_mjcf
 from harness.engines.newton.reading import Read, limits_of
 from harness.engines.newton.urdf import READER, read_urdf, stopped_turns, without_idle_shapes
 from harness.engines.newton.worlds import Worlds

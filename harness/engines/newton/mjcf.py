@@ -4,61 +4,21 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from harness.engines.mjcf_source import option_remarks, read_source_mjcf
 from harness.engines.newton.layout import Layout
 from harness.engines.newton.reading import Read, correct_inertias, heard, new_builder, without_stops
 from harness.engines.protocol import EngineError, ModelSpec, Spring
-from harness.engines.source import finite_numbers, read_source, read_xml
 from harness.engines.urdf_copy import followers_of
 
 TENDONS = "Newton's leaving out of tendons"
 EQUALITIES = "Newton's leaving out of joint equalities"
-UNREAD = "Newton reads over <option {}>: the adapter sets what it says"
 
 DROPS = "Newton's own solvers leave out"
-
-OPTIONS: Mapping[str, tuple[str, object]] = {
-    "step": ("timestep", 0.002),
-    "gravity": ("gravity", [0.0, 0.0, -9.81]),
-}
-"""Settings, the attributes of `<option>` that state them, and what they are elsewhere."""
-
-
-def expanded(path: Path, folder: Path | None = None) -> ET.Element:
-    """An MJCF with what it includes, which stands beside the first.
-
-    Raises:
-        EngineError: naming file and line.
-    """
-    folder = folder or path.parent
-    root = read_xml(read_source(path, mend=True), path).root
-    for parent in list(root.iter()):
-        for i, child in reversed(list(enumerate(parent))):
-            if child.tag == "include":
-                parent.remove(child)
-                for one in reversed(list(expanded(folder / child.get("file", ""), folder))):
-                    parent.insert(i, one)
-    return root
-
-
-def with_options(spec: ModelSpec) -> ModelSpec:
-    """The file's step and gravity as settings, where the sidecar states none."""
-    options = expanded(spec.path).findall("option")
-    found: dict[str, object] = {}
-    for setting, (attribute, otherwise) in OPTIONS.items():
-        texts = [one.attrib[attribute] for one in options if attribute in one.attrib]
-        numbers = finite_numbers(texts[-1]) if texts else None
-        if texts and numbers is None:
-            raise EngineError(f"{spec.path}: <option {attribute}> is {texts[-1]!r}")
-        found[setting] = otherwise if numbers is None else numbers
-    if isinstance(found["step"], list):
-        (found["step"],) = found["step"]
-    return replace(spec, settings={**found, **spec.settings})
 
 
 def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> Read:
@@ -67,7 +27,8 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> Read:
     Raises:
         EngineError: for what Newton's own solver leaves out and that isn't added here.
     """
-    root = expanded(spec.path)
+    source = read_source_mjcf(spec.path)
+    root = source.root
     builder, said = new_builder(settings["gravity"]), list[str]()  # type: ignore[arg-type]
     with heard(said):
         builder.add_mjcf(str(spec.path), parse_visuals=False, enable_self_collisions=False)
@@ -89,12 +50,8 @@ def read_mjcf(spec: ModelSpec, settings: Mapping[str, object]) -> Read:
     if tendons and not settings["tendons"]:
         lost[TENDONS] = {"tendons": True}
     corrected = correct_inertias(builder, said) if settings["corrected_inertias"] else ()
-    stated = [one.attrib for one in root.findall("option")]
-    told = {
-        UNREAD.format(attribute): f"option@{attribute}"
-        for attribute, _ in OPTIONS.values()
-        if any(attribute in one for one in stated)
-    }
+    read_over = option_remarks(source, "Newton", frozenset({"timestep", "gravity"}))
+    told = {one.message: one.address or "" for one in read_over}
     return Read(
         builder=builder,
         layout=layout,

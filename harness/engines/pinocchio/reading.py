@@ -1,4 +1,4 @@
-"""A URDF as Pinocchio reads it: its model, and where its links are."""
+"""A file as Pinocchio reads it: its model, and where its bodies are."""
 
 from __future__ import annotations
 
@@ -30,17 +30,42 @@ def built(path: Path, file: Path, root: str) -> Any:
         raise EngineError(f"{file}: Pinocchio can't load it: {told}") from None
 
 
-def frames(model: Any) -> dict[str, tuple[int, Array]]:
+GROUND = "world"
+"""A body that stands still and carries all others; MuJoCo keeps this name for the world."""
+
+
+def read_mjcf(path: Path, file: Path) -> Any:
+    """The model of an MJCF.
+
+    Raises:
+        EngineError: with what Pinocchio's parser says.
+    """
+    import pinocchio as pin
+
+    try:
+        with captured((STDOUT, STDERR), again=False):
+            found = pin.buildModelFromMJCF(str(path))
+    except (ValueError, RuntimeError, IndexError) as error:
+        told = folded(error).rpartition("message: ")[2]
+        raise EngineError(f"{file}: Pinocchio can't load it: {told}") from None
+    return found[0] if isinstance(found, tuple) else found
+
+
+def frames(model: Any, kind: str) -> dict[str, tuple[int, Array]]:
     """The frame of each place, and where in it.
 
-    Of centres of mass those of links with which no other moves as one: others are lumped.
+    Of centres of mass those of bodies with which no other moves as one: others are lumped.
+
+    Args:
+        model: Pinocchio's.
+        kind: what a body is called in the file.
     """
     import pinocchio as pin
 
     body = pin.FrameType.BODY
     bodies = [(i, one) for i, one in enumerate(model.frames) if one.type == body]
     carriers = [one.parentJoint for _, one in bodies]
-    found = {f"link:{one.name}": (i, np.zeros(3)) for i, one in bodies}
+    found = {f"{kind}:{one.name}": (i, np.zeros(3)) for i, one in bodies}
     for i, one in bodies:
         if one.parentJoint and carriers.count(one.parentJoint) == 1:
             inertia = model.inertias[one.parentJoint]

@@ -1,0 +1,172 @@
+"""A tree in Drake, whatever its file's format: a plant for each step, or one that has none."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
+from harness.engines.drake.reading import logged
+from harness.engines.following import held_accelerations, leading
+from harness.engines.protocol import Array, EngineError, Force
+from harness.engines.remark import Remark
+from harness.engines.runge_kutta import RungeKutta, each_alone, to_state
+from harness.engines.source import folded
+from harness.engines.step_rule import StepRule
+from harness.engines.tree_model import TreeModel
+from harness.engines.urdf import Mimic
+
+SAP, TAMSI, CONTINUOUS = "sap", "tamsi", "continuous"
+
+
+class DrakeModel(TreeModel):
+    """A tree of slides and hinges, fixed or not.
+
+    Attributes:
+        coupled: whether couplings are given to discrete plants, or in the text.
+        stepping: how it steps.
+    """
+
+    coupled: bool = False
+    stepping: str = SAP
+
+    def take(self, text: str, kind: str, hold: Sequence[Mimic]) -> None:
+        """Take what was read of the file.
+
+        Args:
+            text: as Drake is to read it.
+            kind: its format, as Drake calls it.
+            hold: joints that a continuous plant is to hold to those that they follow.
+        """
+        self._text, self._kind, self._said = text, kind, list[str]()
+        self._continuous = self.stepping == CONTINUOUS
+        self.integrator = "Runge-Kutta 4" if self._continuous else "semi-implicit euler"
+        plant = self._plant = self._built(0.0 if self._continuous else self.step)
+        joints = moving_joints(plant)[1 if self.floats else 0 :]
+        for joint in joints:
+            if joint.num_velocities() != 1:
+                raise EngineError(f"{self.path}: joint {joint.name()!r} is no slide or hinge")
+        self._springs = self.name([joint.name() for joint in joints])
+        self._damping = np.diag([j.default_damping_vector()[0] for j in joints])
+        self._along = leading(hold, self.coordinates, self.path) if hold else None
+        self.let_go = bool(self.mimics) and self.stepping != SAP and self._along is None
+        self._discrete = lru_cache(maxsize=32)(self._discrete_of)
+        forward = each_alone(self._accelerations)
+        if self._continuous:
+            self.stepper = RungeKutta(forward, self.floats)
+        soft = self.stepping == SAP and bool(self.mimics)
+        self.forward = None if soft else forward
+
+    @abstractmethod
+    def complete(self, plant: Any) -> None:
+        """Add to a plant what its parser has not, before it is finished."""
+
+    def _built(self, h: float) -> Any:
+        """A plant of this step; 0: a continuous one."""
+        from pydrake.multibody.parsing import Parser
+        from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
+
+        plant = MultibodyPlant(h)
+        if h and self.stepping == TAMSI:
+            plant.set_discrete_contact_approximation(DiscreteContactApproximation.kTamsi)
+        if h:
+            plant.SetUseSampledOutputPorts(False)
+        try:
+            with logged(self._said):
+                Parser(plant).AddModelsFromString(self._text, self._kind)
+                self.complete(plant)
+                plant.mutable_gravity_field().set_gravity_vector(self.gravity)
+                plant.Finalize()
+        except RuntimeError as error:
+            told = folded(error).replace(f"<literal-string>.{self._kind}", self.path.name)
+            raise EngineError(f"{self.path}: Drake can't load it: {told}") from None
+        return plant
+
+    @cached_property
+    def _one(self) -> Plant:
+        """A continuous plant: one that is stepped tells no accelerations."""
+        return self._put(self._plant if self._continuous else self._built(0.0))
+
+    def _put(self, plant: Any) -> Plant:
+        return Plant(plant, self.floats, self._springs)
+
+    def _discrete_of(self, h: float) -> DiscreteSteps:
+        plant = self._plant if h == self.step else self._built(h)
+        return DiscreteSteps(self._put(plant), self.floats, not self._springs.empty)
+
+    def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
+        """Of one state's positions, velocities and forces, as `RungeKutta` has them."""
+        a = self._one.accelerations(x, m, f)
+        if self._along is None:
+            return a
+        mass = self._one.mass(x)
+        return held_accelerations(mass, mass @ a, self._along)
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """Step by step, in the plant of that step."""
+        if not self._continuous:
+            self.stepper = self._discrete(h)
+        return super().rollout(q, v, h, n, force, every)
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """Order 1 of discrete plants; of RK4 4, until an input is held over the step."""
+        return (4 if self._continuous and not varying_input else 1), 1
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """SAP has dampers at the step's end; no rule tells how a plant turns a root that floats."""
+        if self._continuous:
+            return StepRule(scheme="Runge-Kutta 4")
+        if self.floats:
+            return None
+        late = self._damping if self.stepping == SAP and self._damping.any() else None
+        soft = "couplings, which are soft" if self.mimics and not self.let_go else ""
+        return StepRule(scheme="semi-implicit Euler", damping=late, besides=soft)
+
+    @property
+    def integrators(self) -> Mapping[str, Mapping[str, object]]:
+        """RK4, where nothing is to be held by constraints."""
+        alone = not self._continuous and not self.mimics
+        return {"Runge-Kutta 4": {"stepping": CONTINUOUS}} if alone else {}
+
+    @property
+    def limits(self) -> Array:
+        """Of joints that discrete plants hold, (nz, 2)."""
+        stopped = not (self._continuous or self.settings["smooth"])
+        return self.stated_limits if stopped else super().limits
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What Drake's parser has warned of."""
+        return tuple(dict.fromkeys(self._said))
+
+    def said_remarks(self) -> Iterator[Remark]:
+        """What Drake says of the file."""
+        yield from (Remark(message=f"Drake: {word}", address="") for word in self.warnings)
+
+    @property
+    @abstractmethod
+    def places(self) -> tuple[str, ...]:
+        """Bodies and their centres of mass."""
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """By its forward kinematics."""
+        one = self._put(self._plant)
+        origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
+        for k, row in enumerate(z):
+            x, m = to_state(row, 0 * row) if self.floats else (row, 0 * row)
+            one.put(x, m)
+            for f, place in enumerate(places):
+                kind, _, name = place.partition(":")
+                body = self._plant.GetBodyByName(name)
+                pose = body.EvalPoseInWorld(one.context)
+                inward = body.default_com() if kind == "centre" else np.zeros(3)
+                origins[k, f] = pose.multiply(inward)
+                turns[k, f] = pose.rotation().matrix()
+        return origins, turns

@@ -1,0 +1,141 @@
+"""What an MJCF and its sidecar declare, for engines whose parsers take a part of it."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+
+from harness.engines.mjcf_defaults import Defaults, numbers_of
+from harness.engines.mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
+from harness.engines.mjcf_pulls import Actuated, Pulls
+from harness.engines.mjcf_refused import refuse
+from harness.engines.mjcf_source import MjcfSource, read_source_mjcf
+from harness.engines.protocol import EngineError, ModelSpec, Spring, held_joints
+from harness.engines.urdf import Mimic
+from harness.engines.urdf_copy import followers_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclaredMjcf:
+    """A file, taken apart.
+
+    Attributes:
+        source: the file.
+        defaults: its classes.
+        joints: those that move, in the order of their bodies.
+        held: those that stand still, where the file draws them.
+        springs: of single joints.
+        tendons: springs and dampers of combinations.
+        actuators: at the controls that are held.
+        mimics: joints that follow others, of those that the setting `couplings` lets.
+    """
+
+    source: MjcfSource
+    defaults: Defaults
+    joints: tuple[MjcfJoint, ...]
+    held: tuple[MjcfJoint, ...]
+    springs: tuple[Spring, ...]
+    tendons: tuple[Spring, ...]
+    actuators: tuple[Actuated, ...]
+    mimics: tuple[Mimic, ...]
+
+    @property
+    def root(self) -> MjcfJoint | None:
+        """The joint of the body that floats."""
+        return next((one for one in self.joints if one.kind == FREE), None)
+
+    @property
+    def singles(self) -> tuple[MjcfJoint, ...]:
+        """Slides and hinges."""
+        return tuple(one for one in self.joints if one.kind != FREE)
+
+
+def declared_mjcf(spec: ModelSpec, title: str) -> DeclaredMjcf:
+    """Read an MJCF and what is declared beside it.
+
+    Raises:
+        EngineError: naming file, line and setting, and for what these engines can't be given.
+    """
+    source = read_source_mjcf(spec.path)
+    defaults = Defaults(source)
+    everything, held = joints_of(source, defaults), held_joints(spec)
+    for name in set(held) - {one.name for one in everything}:
+        raise EngineError(f"{spec.path}.toml: [settings] held names {name!r}, which is no joint")
+    refuse(source, defaults, everything, title)
+    joints = {one.name: one for one in everything if one.name not in held}
+    still = tuple(one for one in everything if one.name in held)
+    refs = {one.name: one.ref for one in still}
+    pulls = Pulls(source=source, defaults=defaults, joints=joints, refs=refs)
+    followers = followers_of(spec.settings, f"{spec.path}.toml")
+    return DeclaredMjcf(
+        source=source,
+        defaults=defaults,
+        joints=tuple(joints.values()),
+        held=still,
+        springs=tuple(pulls.springs()),
+        tendons=tuple(pulls.tendons()),
+        actuators=tuple(_actuators(source, pulls, spec)),
+        mimics=tuple(_mimics(source, joints, refs, followers)),
+    )
+
+
+def _actuators(source: MjcfSource, pulls: Pulls, spec: ModelSpec) -> Iterator[Actuated]:
+    """Of those that act, at held controls; a file that is not taken for smooth has none."""
+    rows, controls = source.root.findall("actuator/*"), spec.settings.get("controls")
+    if rows and not spec.settings.get("smooth", False):
+        raise source.refused(rows[0], "it has actuators; inputs are applied to joints here")
+    if controls is not None and not _numbers(controls):
+        told = f"[settings] controls is {controls!r}, where {len(rows)} numbers belong"
+        raise EngineError(f"{spec.path}.toml: {told}")
+    if rows and spec.settings.get("actuators", True):
+        given = controls if isinstance(controls, list) else [0.0] * len(rows)
+        yield from pulls.actuators(given)
+
+
+def _numbers(given: object) -> bool:
+    return isinstance(given, list) and all(type(one) in (int, float) for one in given)
+
+
+def _mimics(
+    source: MjcfSource,
+    joints: Mapping[str, MjcfJoint],
+    still: Collection[str],
+    followers: Collection[str] | None,
+) -> Iterator[Mimic]:
+    """Of equalities of two joints that are straight lines.
+
+    Raises:
+        EngineError: for other equalities that are to hold.
+    """
+    rows = [one for one in source.root.findall("equality/*") if one.get("active") != "false"]
+    found: dict[str, Mimic] = {}
+    if source.disabled("equality", "constraint"):
+        rows = []
+    for one in rows:
+        name = one.get("joint1", "")
+        if followers is not None and (one.tag != "joint" or name not in followers):
+            continue
+        if name in still or one.get("joint2", "") in still:
+            continue  # as where a joint is taken out: what names it goes with it
+        if name in found:
+            raise source.refused(one, f"joint {name!r} follows twice")
+        found[name] = _mimic(source, joints, one)
+    for name in sorted(set(followers or ()) - set(found)):
+        raise EngineError(f"{source.path}: joint {name!r} follows by no equality of two joints")
+    yield from found.values()
+
+
+def _mimic(source: MjcfSource, joints: Mapping[str, MjcfJoint], one: ET.Element) -> Mimic:
+    ends = [joints.get(one.get(key, "")) for key in ("joint1", "joint2")]
+    if one.tag != "joint":
+        raise source.refused(one, f"an equality <{one.tag}> is not added here")
+    pair = [end for end in ends if end is not None and end.kind in (SLIDE, HINGE)]
+    if len(pair) != 2:
+        raise source.refused(one, "an equality of other than two slides or hinges")
+    offset, slope, *bends = (*numbers_of(source, one, one.attrib, "polycoef", "0 1"), 0.0, 0.0)
+    if any(bends):
+        raise source.refused(one, "an equality that is no straight line")
+    follower, leader = pair
+    start = follower.ref + offset - slope * leader.ref
+    return Mimic(follower.name, leader.name, slope, start)

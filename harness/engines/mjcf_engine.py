@@ -1,0 +1,176 @@
+"""What adapters of engines whose own parsers take a part of an MJCF have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from harness.engines.mjcf_declared import declared_mjcf
+from harness.engines.mjcf_source import option_remarks
+from harness.engines.protocol import Array, EngineError, ModelSpec, Sample, Spring, within
+from harness.engines.remark import Remark, limit_remarks
+from harness.engines.tree_model import FREE, TreeModel
+
+ADDED: Mapping[str, bool] = MappingProxyType({
+    # Whether what the engine leaves out of an MJCF is added: springs of joints, springs and dampers
+    # of fixed tendons, and joints' following of others by equalities.
+    "springs": True, "tendons": True, "equalities": True,
+    # Whether its actuators act, at held controls, where all is smooth.
+    "actuators": True,
+    # Whether defaults are written into each element before the engine reads it; it loses some.
+    "resolved": False,
+})  # fmt: skip
+
+NAMES = {
+    "springs": "joints' springs",
+    "tendons": "fixed tendons",
+    "equalities": "joint equalities",
+}
+
+URDF_ALONE = ("floating", "hold_mimics")
+"""Settings that say what an MJCF says itself."""
+
+MJCF_IDLE: Mapping[str, str] = MappingProxyType(
+    {
+        r"mujoco/(visual|asset|statistic|keyframe|sensor|contact)/.*|.*/(light|camera)@.*": "looks",
+        r".*/site@.*|.*/(spatial|default|geom)@(width|rgba)|.*/replicate@.*|.*@rgba": "looks",
+        r".*/(joint|spatial|fixed)@range": "limits",
+        r".*/option@(timestep|.*iterations|.*tolerance|impratio|o_.*)": "step and solver",
+        r".*@(solref|solimp|margin)\w*": "how soft limits and equalities are",
+    }
+)
+"""Numbers of an MJCF on which no smooth motion depends there."""
+
+_SAMPLE = """<mujoco><option timestep="0.004"/><compiler angle="radian"/><worldbody>
+<body><joint name="q1" type="slide" axis="1 0 0" stiffness="50" damping="1.5"/>
+<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body>
+<body><joint name="q2" type="hinge" axis="0 -1 0" damping="0.1" armature="0.02"/>
+<inertial pos="0 0 -0.5" mass="0.7" diaginertia="0.01 0.01 0.01"/></body>
+</worldbody><tendon><fixed stiffness="30" damping="0.4" springlength="0">
+<joint joint="q1" coef="-1"/><joint joint="q2" coef="1"/></fixed></tendon></mujoco>
+"""
+
+
+def sample_mjcf() -> Sample:
+    """Two bodies on the ground, a spring and a damper between them."""
+    return Sample(file="sample.xml", text=_SAMPLE)
+
+
+class MjcfModel(TreeModel):
+    """An MJCF in an engine; a subclass loads it, and makes the `stepper`.
+
+    Args:
+        spec: the file, with step and gravity among its settings.
+        title: of the engine.
+        defaults: of its settings.
+        read_over: what its parser reads over of `<option>`.
+
+    Attributes:
+        declared: what the file says.
+        misread: whether the engine loses some of the file's defaults, which a subclass finds.
+        drawn: coordinates of a body that floats, where the file draws it, (6,).
+    """
+
+    def __init__(
+        self,
+        spec: ModelSpec,
+        title: str,
+        defaults: Mapping[str, float | bool | str],
+        read_over: frozenset[str],
+    ) -> None:
+        super().__init__(spec, title, {**defaults, **spec.settings})
+        for key in URDF_ALONE:
+            if self.settings.get(key):
+                raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} of URDFs alone")
+        self._read_over, self.misread = read_over, False
+        self.declared = declared_mjcf(spec, title)
+        if root := self.declared.root:
+            self.floats, self.root = True, root.name
+        self.drawn = np.zeros(FREE)
+        there = {
+            "springs": self.declared.springs,
+            "tendons": self.declared.tendons,
+            "equalities": self.declared.mimics,
+        }
+        self.lost = {
+            f"{title}'s leaving out of {NAMES[key]}": key
+            for key, things in there.items()
+            if things and not self.settings[key]
+        }
+        self.mimics = self.declared.mimics if self.settings["equalities"] else ()
+        self.springs = (
+            *(self.declared.springs if self.settings["springs"] else ()),
+            *(self.declared.tendons if self.settings["tendons"] else ()),
+            *(
+                Spring(one.joints, one.stiffness, one.damping, 0.0)
+                for one in self.declared.actuators
+                if one.stiffness or one.damping
+            ),
+        )
+        pushes: dict[str, float] = {}
+        for one in self.declared.actuators:
+            for name, by in one.joints.items():
+                pushes[name] = pushes.get(name, 0.0) + by * one.force
+        self.pushes = pushes
+
+    @property
+    def home(self) -> Array:
+        """Where the file draws the mechanism."""
+        refs = {one.name: one.ref for one in self.declared.singles}
+        own = self.coordinates[FREE if self.floats else 0 :]
+        return np.concatenate([self.drawn[: len(self.coordinates) - len(own)],
+                               [refs[name] for name in own]])  # fmt: skip
+
+    @property
+    def stated_limits(self) -> Array:
+        """Between which the file says that positions are, (nz, 2); infinite where it doesn't."""
+        found = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
+        for one in self.declared.singles:
+            found[self.coordinates.index(one.name)] = one.limits
+        return found
+
+    @property
+    def reach(self) -> Array:
+        """About home, within the limits that the file states."""
+        return within(super().reach + self.home[:, None], self.stated_limits)
+
+    @property
+    def remedied(self) -> dict[str, Mapping[str, object]]:
+        """What the engine leaves out and the settings let, with what undoes it."""
+        found = {cause: {key: True} for cause, key in self.lost.items()}
+        return {**found, self._classes: {"resolved": True}} if self.misread else {**found}
+
+    @property
+    def _classes(self) -> str:
+        """What a diagnosis calls it."""
+        return f"{self.title}'s own reading of defaults"
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What the engine reads over or leaves out, and limits that are reached."""
+        yield from option_remarks(self.declared.source, self.title, self._read_over)
+        for cause, key in self.lost.items():
+            address = f"sidecar:settings.{key}"
+            yield Remark(message=f"{cause}, by a setting", fault=True, address=address)
+        if self.misread:
+            told = f"{self._classes}: it loses numbers that classes give joints or geoms"
+            yield Remark(message=told, fault=True, address="mujoco/default")
+        stops = self.limits
+        for one in self.declared.singles:
+            i, address = self.coordinates.index(one.name), f"body/joint[{one.name}]"
+            if one.friction and not self.settings["smooth"]:
+                yield Remark(
+                    message=f"frictionloss of {one.name} is {one.friction:g};"
+                    f" {self.title} ignores it",
+                    fault=True,
+                    address=f"{address}@frictionloss",
+                    value=one.friction,
+                )
+            if np.isfinite(stops[i]).any():
+                yield from limit_remarks(
+                    one.name,
+                    bounds=(float(stops[i, 0]), float(stops[i, 1])),
+                    reached=(float(z[:, i].min()), float(z[:, i].max())),
+                    address=f"{address}@range",
+                )

@@ -1,0 +1,110 @@
+"""An MJCF as a whole: what it includes put in its place, and where everything stands."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from harness.engines.protocol import EngineError, ModelSpec
+from harness.engines.remark import Remark
+from harness.engines.source import finite_numbers, read_source, read_xml
+
+OPTIONS: Mapping[str, tuple[str, object]] = {
+    "step": ("timestep", 0.002),
+    "gravity": ("gravity", [0.0, 0.0, -9.81]),
+}
+"""Settings, the attributes of `<option>` that state them, and what they are elsewhere."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MjcfSource:
+    """A file and all that it includes.
+
+    Attributes:
+        path: of the file.
+        root: its `<mujoco>`, with the children of included files where they are included.
+        places: file and line of every element.
+    """
+
+    path: Path
+    root: ET.Element
+    places: Mapping[ET.Element, str]
+
+    def refused(self, element: ET.Element, sentence: str) -> EngineError:
+        """An error about an element."""
+        return EngineError(f"{self.places.get(element, self.path)}: {sentence}")
+
+    def stated(self, tag: str, attribute: str, otherwise: str = "") -> str:
+        """What the last `<option>`, `<compiler>` or the like says of an attribute."""
+        said = [one.attrib[attribute] for one in self.root.findall(tag) if attribute in one.attrib]
+        return said[-1] if said else otherwise
+
+    def disabled(self, *flags: str) -> bool:
+        """Whether a `<flag>` disables any of these."""
+        return any(self.stated("option/flag", flag) == "disable" for flag in flags)
+
+
+def read_source_mjcf(path: Path) -> MjcfSource:
+    """An MJCF with what it includes, which stands beside the first.
+
+    Raises:
+        EngineError: naming file and line.
+    """
+    places: dict[ET.Element, str] = {}
+    root = _expanded(path, path.parent, (), places)
+    if root.tag != "mujoco":
+        raise EngineError(f"{places[root]}: the root is <{root.tag}>, not <mujoco>: no MJCF")
+    return MjcfSource(path=path, root=root, places=places)
+
+
+def _expanded(
+    path: Path, folder: Path, above: tuple[Path, ...], places: dict[ET.Element, str]
+) -> ET.Element:
+    source = read_xml(read_source(path, mend=True), path)
+    places.update({one: f"{path}:{line}" for one, line in source.lines.items()})
+    for parent in list(source.root.iter()):
+        for i, child in reversed(list(enumerate(parent))):
+            if child.tag == "include":
+                name = child.get("file", "")
+                file = folder / name
+                if not name or file in (*above, path):
+                    raise source.refused(child, f"<include file> is {name!r}, which is no other")
+                parent.remove(child)
+                for one in reversed(list(_expanded(file, folder, (*above, path), places))):
+                    parent.insert(i, one)
+    return source.root
+
+
+def with_options(spec: ModelSpec) -> ModelSpec:
+    """The file's step and gravity as settings, where the sidecar states none.
+
+    Raises:
+        EngineError: where they are no numbers.
+    """
+    source = read_source_mjcf(spec.path)
+    found: dict[str, object] = {}
+    for setting, (attribute, otherwise) in OPTIONS.items():
+        text = source.stated("option", attribute)
+        numbers = finite_numbers(text) if text else None
+        if text and (numbers is None or len(numbers) != (3 if setting == "gravity" else 1)):
+            raise EngineError(f"{spec.path}: <option {attribute}> is {text!r}")
+        found[setting] = otherwise if numbers is None else numbers
+    if isinstance(found["step"], list):
+        (found["step"],) = found["step"]
+    off = {"gravity": [0.0, 0.0, 0.0]} if source.disabled("gravity") else {}
+    given = {**found, **spec.settings, **off}
+    if not isinstance(given["step"], (int, float)) or not given["step"] > 0:
+        raise EngineError(f"{spec.path}: the step is {given['step']} s, where more than 0 belongs")
+    return replace(spec, settings=given)
+
+
+def option_remarks(source: MjcfSource, title: str, attributes: frozenset[str]) -> Iterator[Remark]:
+    """What `<option>` says that an engine reads over and its adapter sets."""
+    for attribute, _ in OPTIONS.values():
+        if attribute in attributes and source.stated("option", attribute):
+            yield Remark(
+                message=f"{title} reads over <option {attribute}>: the adapter sets what it says",
+                address=f"option@{attribute}",
+            )

@@ -1,0 +1,123 @@
+"""An MJCF in Pinocchio.
+
+Its parser reads the first root body alone, asks for names of the model and of bodies, takes geoms
+that touch nothing for looks, and counts a free joint twice from where its body is drawn.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from harness.engines import tree_model
+from harness.engines.attitude import coordinates
+from harness.engines.mjcf_copy import POSE, TOUCHES, copied, without_pose, written
+from harness.engines.mjcf_declared import DeclaredMjcf
+from harness.engines.mjcf_defaults import bodies_of, shaped
+from harness.engines.mjcf_engine import MjcfModel
+from harness.engines.mjcf_joints import FREE, rows_of
+from harness.engines.pinocchio.model import PinocchioModel
+from harness.engines.pinocchio.reading import GROUND, read_mjcf
+from harness.engines.protocol import Array, EngineError, ModelSpec
+from harness.engines.remark import Remark
+
+ROOTS = "Pinocchio's reading of the first root body alone"
+GEOMS = "Pinocchio's leaving out of geoms that touch nothing"
+
+
+class PinocchioMjcf(PinocchioModel, MjcfModel):
+    """An MJCF."""
+
+    body_kind = "body"
+
+    def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool]) -> None:
+        MjcfModel.__init__(self, spec, "Pinocchio", defaults, frozenset({"timestep", "gravity"}))
+        resolved = bool(self.settings["resolved"])
+        root = copied(self.declared, limits=False, touches=True, resolved=resolved, refs=False)
+        self._one_root = not self.settings["all_roots"] and len(root.findall("worldbody/body")) > 1
+        self._few_geoms = not self.settings["all_geoms"] and root.find(".//body/geom") is not None
+        if self.settings["all_roots"]:
+            _grounded(root)
+        if self.settings["all_geoms"]:
+            _touching(root)
+        if self.floats:
+            self.drawn = _drawn(self._read(root), self.root)
+        model = self._read(without_pose(root))
+        names = self._names(model)
+        refs = {one.name: one.ref for one in self.declared.singles}
+        self.take(model, names, np.array([refs[n] for row in names for n in row]), self.mimics)
+        self.misread = not resolved and (self._other(model) or any(_unread(self.declared)))
+
+    def _read(self, root: ET.Element) -> Any:
+        with written(root, self.path) as path:
+            return read_mjcf(path, self.path)
+
+    def _other(self, model: Any) -> bool:
+        """Whether joints have other dampers and armatures than their classes say."""
+        said = {one.name: one for one in self.declared.singles}
+        own = [said[name] for name in self.coordinates[tree_model.FREE if self.floats else 0 :]]
+        pairs = ((model.damping, "damping"), (model.armature, "armature"))
+        # What floats has none of either.
+        return any(
+            sorted(filter(None, map(float, found)))
+            != sorted(filter(None, (getattr(one, key) for one in own)))
+            for found, key in pairs
+        )
+
+    def _names(self, model: Any) -> Sequence[Sequence[str]]:
+        """Of the slides and hinges of each joint; several of one body are one joint."""
+        rows = {row[0].name: row for _, row in rows_of(self.declared.joints)}
+        found = []
+        for name in list(model.names)[1:]:
+            row = rows.get(name) or rows.get(name.removeprefix("Composite_"))
+            if row is None:
+                raise EngineError(f"{self.path}: Pinocchio makes a joint {name!r}, which is none")
+            found.append([one.name for one in row if one.kind != FREE])
+        return found
+
+    @property
+    def remedies(self) -> dict[str, Mapping[str, object]]:
+        """What Pinocchio leaves out and the settings let stand, with what undoes it."""
+        found = {**self.remedied, **self.undamped}
+        if self._one_root:
+            found[ROOTS] = {"all_roots": True}
+        return {**found, GEOMS: {"all_geoms": True}} if self._few_geoms else found
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What the MJCF says in vain, and dampers that are left out."""
+        yield from MjcfModel.remarks(self, z, w)
+        yield from self.damping_remarks()
+
+
+def _unread(declared: DeclaredMjcf) -> Iterator[bool]:
+    """Whether geoms get from their classes what Pinocchio reads of themselves alone."""
+    for body, inherited in bodies_of(declared.source):
+        for geom in body.findall("geom") if shaped(declared.source, body) else ():
+            said = declared.defaults.of(geom, inherited)
+            yield bool({"mass", *POSE} & set(said) - set(geom.attrib))
+
+
+def _grounded(root: ET.Element) -> None:
+    """Hang all root bodies on one that stands still."""
+    for world in root.findall("worldbody"):
+        bodies = list(world)
+        for body in bodies:
+            world.remove(body)
+        ET.SubElement(world, "body", name=GROUND).extend(bodies)
+
+
+def _touching(root: ET.Element) -> None:
+    for geom in root.findall(".//body/geom"):
+        for key in TOUCHES:
+            geom.set(key, "1")
+
+
+def _drawn(model: Any, name: str) -> Array:
+    """Coordinates of a body that floats, where the file draws it: there Pinocchio starts it."""
+    at = model.joints[model.getJointId(name)].idx_q
+    own = np.array(model.referenceConfigurations["qpos0"])[at : at + 7]
+    turn = np.roll(own[3:], 1)
+    return np.concatenate([own[:3], coordinates(turn, turn)])

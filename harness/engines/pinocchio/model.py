@@ -1,0 +1,201 @@
+"""A tree in Pinocchio, whatever its file's format: its accelerations, and where its bodies are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from harness.engines.attitude import cross, matrix
+from harness.engines.following import held_accelerations, leading
+from harness.engines.pinocchio.reading import frames
+from harness.engines.protocol import Array, EngineError
+from harness.engines.remark import Remark
+from harness.engines.runge_kutta import RungeKutta, to_state
+from harness.engines.step_rule import StepRule
+from harness.engines.tree_model import FREE, TreeModel
+from harness.engines.urdf import Mimic
+
+DAMPING = "Pinocchio's leaving out of joints' dampers"
+
+
+class PinocchioModel(TreeModel):
+    """A tree of slides and hinges, fixed or not, stepped by the classical rule of order four."""
+
+    integrator = "Runge-Kutta 4"
+    body_kind = "link"
+    """What a body is called in places."""
+
+    def take(
+        self, model: Any, names: Sequence[Sequence[str]], refs: Array, mimics: Sequence[Mimic]
+    ) -> None:
+        """Take what was read of the file.
+
+        Args:
+            model: Pinocchio's.
+            names: of the slides and hinges of each of its joints but the universe; none of a root.
+            refs: what positions of slides and hinges are where it has zero.
+            mimics: joints that are held to those that they follow.
+        """
+        import pinocchio
+
+        self._model, self._refs = model, refs
+        model.gravity.linear = np.array(self.gravity)
+        self._aba = pinocchio.aba
+        self._data = model.createData()
+        singles = [name for row in names for name in row]
+        first = FREE if self.floats else 0
+        places: list[tuple[int, int]] = []
+        speeds: list[int] = []
+        self._turns: list[tuple[int, int]] = []
+        self._root_q, root_v = 0, 0
+        for joint, row in zip(list(model.joints)[1:], names, strict=True):
+            if not row:
+                self._root_q, root_v = joint.idx_q, joint.idx_v
+                continue
+            if joint.nv != len(row) or joint.nq not in (joint.nv, 2):
+                raise EngineError(f"{self.path}: joint {row[0]!r} is no slide or hinge")
+            # Cosine and sine stand for the angle of a hinge without limits.
+            if joint.nq > joint.nv:
+                self._turns.append((len(speeds), joint.idx_q))
+            else:
+                places += [(len(speeds) + i, joint.idx_q + i) for i in range(joint.nq)]
+            speeds += range(joint.idx_v, joint.idx_v + joint.nv)
+        self._here, self._there = np.array(places, dtype=int).reshape(-1, 2).T
+        at = np.array([*range(root_v, root_v + first), *speeds], dtype=int)
+        # Where each of Pinocchio's velocities is among those here, unless it is there itself.
+        self._order = None if np.array_equal(at, np.arange(model.nv)) else np.argsort(at)
+        damping = np.array(model.damping)[at[first:]]
+        self._springs = self.name(singles, damping if self.settings["damping"] else None)
+        self._undamped = not self.settings["damping"] and bool(damping.any())
+        self._along = leading(mimics, self.coordinates, self.path) if mimics else None
+        self._upper = np.triu(np.ones((model.nv, model.nv)))
+        self._above = np.triu(self._upper, 1)
+        own = not (self.floats or self._turns or refs.any())
+        self._straight = own and np.array_equal(self._there, np.arange(len(singles)))
+        self._permuted = np.argsort(self._there) if own else None
+        bare = self._straight and self._along is None and self._order is None
+        self.forward = self._plain if bare else self._accelerations
+        self.stepper = RungeKutta(self.forward, self.floats)
+        z = np.zeros((1, len(self.coordinates)))
+        x, m = to_state(z, z) if self.floats else (z, z)
+        if not np.isfinite(self.forward(x, m, z)).all():
+            raise EngineError(f"{self.path}: a joint moves nothing that has inertia")
+
+    def _plain(self, x: Array, m: Array, f: Array) -> Array:
+        """Of a tree of slides and hinges with limits, whose positions are Pinocchio's own."""
+        pull = f if self._springs.empty else f + self._springs.at(x, m)
+        aba, model, data = self._aba, self._model, self._data
+        return np.array([aba(model, data, *row) for row in zip(x, m, pull, strict=True)])
+
+    def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
+        """Of positions, velocities and forces, as `RungeKutta` has them."""
+        free = FREE if self.floats else 0
+        own, pull = m, f.copy()
+        if not self._springs.empty:
+            pull[:, free:] += self._springs.at(x[:, free + bool(free) :], m[:, free:])
+        if self.floats:
+            turn = matrix(x[:, 3:7])
+            own = np.concatenate([_turned_back(turn, m[:, :3]), m[:, 3:]], axis=1)
+            pull[:, :3] = _turned_back(turn, pull[:, :3])
+        a = self._own(self._configuration(x), own, pull)
+        if self.floats:
+            inward = a[:, :3] + cross(own[:, 3:6], own[:, :3])
+            a[:, :3] = (turn @ inward[..., None])[..., 0]
+        return a
+
+    def _own(self, q: Array, v: Array, pull: Array) -> Array:
+        """Pinocchio's, of its positions, and of velocities and forces in the order here."""
+        order = self._order
+        if order is not None:
+            v, pull = v[:, order], pull[:, order]
+        rows = zip(q, v, pull, strict=True)
+        if self._along is None:
+            aba, model, data = self._aba, self._model, self._data
+            a = np.array([aba(model, data, *row) for row in rows])
+        else:
+            a = self._led(rows, self._along if order is None else self._along[order])
+        if order is None:
+            return a
+        found = np.empty_like(a)
+        found[:, order] = a
+        return found
+
+    def _led(self, rows: Iterable[tuple[Array, Array, Array]], along: Array) -> Array:
+        """Where joints follow others, on the mass matrix: Pinocchio tells its upper half."""
+        import pinocchio as pin
+
+        model, data = self._model, self._data
+        found = [
+            (pin.crba(model, data, q), pull - pin.nonLinearEffects(model, data, q, v))
+            for q, v, pull in rows
+        ]
+        upper = np.array([mass for mass, _ in found]) * self._upper
+        mass = upper + (upper * self._above).swapaxes(1, 2)
+        return held_accelerations(mass, np.array([pull for _, pull in found]), along)
+
+    def _configuration(self, x: Array) -> Array:
+        """Positions (B, nq) as Pinocchio has them; the real part of a quaternion is its last."""
+        if self._straight:
+            return x
+        if self._permuted is not None:
+            return x[:, self._permuted]
+        q, joints = np.empty((len(x), self._model.nq)), x
+        if self.floats:
+            turn = x[:, 3:7] / np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+            at = self._root_q
+            q[:, at : at + 3], q[:, at + 3 : at + 6] = x[:, :3], turn[:, 1:]
+            q[:, at + 6], joints = turn[:, 0], x[:, 7:]
+        joints = joints - self._refs
+        q[:, self._there] = joints[:, self._here]
+        for i, at in self._turns:
+            q[:, at], q[:, at + 1] = np.cos(joints[:, i]), np.sin(joints[:, i])
+        return q
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """Order 4, until an input is held over the step."""
+        return (1 if varying_input else 4), 1
+
+    @property
+    def step_rule(self) -> StepRule:
+        """All forces at each stage."""
+        return StepRule(scheme="Runge-Kutta 4")
+
+    @property
+    def undamped(self) -> dict[str, Mapping[str, object]]:
+        """That dampers are left out, where they are, with what undoes it."""
+        return {DAMPING: {"damping": True}} if self._undamped else {}
+
+    def damping_remarks(self) -> Iterator[Remark]:
+        """Dampers that are left out."""
+        if self._undamped:
+            yield Remark(
+                message=f"{DAMPING}, by the setting damping: nothing brakes a joint",
+                address="sidecar:settings.damping",
+                shows_in=("damping",),
+            )
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Bodies; and centres of mass of those with which no other moves as one."""
+        return tuple(frames(self._model, self.body_kind))
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """By its forward kinematics."""
+        import pinocchio as pin
+
+        known, found = frames(self._model, self.body_kind), []
+        for q in self._configuration(to_state(z, 0 * z)[0] if self.floats else z):
+            pin.framesForwardKinematics(self._model, self._data, q)
+            at = [(self._data.oMf[known[place][0]], known[place][1]) for place in places]
+            found.append([(frame.act(point), np.array(frame.rotation)) for frame, point in at])
+        origins, turns = ([[pair[k] for pair in row] for row in found] for k in (0, 1))
+        shape = len(z), len(places)
+        return np.array(origins).reshape(*shape, 3), np.array(turns).reshape(*shape, 3, 3)
+
+
+def _turned_back(turn: Array, of: Array) -> Array:
+    """Vectors (B, 3) of the world's axes along those of what `turn` (B, 3, 3) has turned."""
+    found: Array = (turn.swapaxes(1, 2) @ of[..., None])[..., 0]
+    return found

@@ -1,0 +1,49 @@
+"""A URDF in Pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from harness.engines.pinocchio.model import PinocchioModel
+from harness.engines.pinocchio.reading import built
+from harness.engines.protocol import Array, ModelSpec
+from harness.engines.remark import Remark
+from harness.engines.urdf import UrdfReader
+from harness.engines.urdf_copy import rewritten, without_shapes
+from harness.engines.urdf_engine import UrdfModel
+
+MIMICS = "Pinocchio's leaving out of <mimic>"
+
+READER = UrdfReader(
+    name="pinocchio",
+    no_inertial="no mass and no moments",
+    no_friction="Pinocchio",
+    no_stops="Pinocchio",
+)
+
+
+class PinocchioUrdf(PinocchioModel, UrdfModel):
+    """A URDF."""
+
+    def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool]) -> None:
+        UrdfModel.__init__(self, spec, "Pinocchio", READER, defaults, (without_shapes,))
+        with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
+            model = built(path, spec.path, self.root if self.floats else "")
+        moving = list(model.names)[1:]
+        names = [[] if self.floats and i == 0 else [name] for i, name in enumerate(moving)]
+        self._held = self.mimics if self.settings["hold_mimics"] else ()
+        count = sum(map(len, names))
+        self.take(model, names, np.zeros(count), self._held)
+
+    @property
+    def remedies(self) -> dict[str, Mapping[str, object]]:
+        """What Pinocchio leaves out and the settings let stand, with what undoes it."""
+        lost: Mapping[str, object] = {"hold_mimics": True}
+        return {**self.undamped, **({MIMICS: lost} if self.mimics and not self._held else {})}
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What the URDF says in vain, and dampers that are left out."""
+        yield from UrdfModel.remarks(self, z, w)
+        yield from self.damping_remarks()

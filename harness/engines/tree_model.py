@@ -1,0 +1,87 @@
+"""A tree of slides and hinges whose engine has one state at a time, whatever its file's format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from harness.engines.attitude import place_names, rotation_names
+from harness.engines.one_by_one import Stepper, rollout
+from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Spring
+from harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
+from harness.engines.source import engine_errors
+from harness.engines.springs import SpringForces
+from harness.engines.urdf import Mimic
+
+FREE = 6
+"""Coordinates of a root that floats; they come first."""
+
+
+class TreeModel(Model):
+    """A tree, fixed or on a root that floats; a subclass reads it, and makes the `stepper`.
+
+    Args:
+        spec: the file, with step and gravity among its settings.
+        title: of the engine.
+        settings: all of them, with those that are unsaid.
+
+    Attributes:
+        floats: whether the first six coordinates are those of a free root.
+        root: what its joint is called.
+        springs: that act, of the file and of its sidecar.
+        mimics: joints that follow others.
+        pushes: what is held on joints, by their names, N or N m.
+    """
+
+    stepper: Stepper | RungeKutta
+    forward: Accelerations | None = None
+    """The engine's accelerations, where nothing soft holds joints."""
+    floats: bool = False
+    root: str = ""
+    springs: tuple[Spring, ...] = ()
+    mimics: tuple[Mimic, ...] = ()
+    pushes: Mapping[str, float] = {}
+
+    def __init__(self, spec: ModelSpec, title: str, settings: Mapping[str, object]) -> None:
+        self.path, self.title, self.settings = spec.path, title, dict(settings)
+        self.step = float(settings["step"])  # type: ignore[arg-type]  # checked
+        self.gravity = tuple(map(float, settings["gravity"]))  # type: ignore[call-overload]
+
+    def name(self, joints: Sequence[str], damping: Array | None = None) -> SpringForces:
+        """Take the names of slides and hinges, in the engine's order.
+
+        Args:
+            joints: their names.
+            damping: of each, where springs are to take it along.
+
+        Returns:
+            The forces along them of springs, and of what is held.
+        """
+        free = (*place_names(self.root), *rotation_names(self.root)) if self.floats else ()
+        self.coordinates = (*free, *joints)
+        if not self.coordinates:
+            raise EngineError(f"{self.path}: it has no moving joint")
+        pushed = np.array([self.pushes.get(joint, 0.0) for joint in joints])
+        return SpringForces(self.springs, tuple(joints), self.path, damping, pushed)
+
+    @property
+    def stated_limits(self) -> Array:
+        """Between which the file says that positions are, (nz, 2); infinite where it doesn't."""
+        raise NotImplementedError
+
+    def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
+        """By the engine's forward dynamics."""
+        if self.forward is None:
+            return None
+        with engine_errors(self.path, self.title), np.errstate(all="ignore"):
+            return self.forward(*(to_state(z, w) if self.floats else (z, w)), force)
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        """Step by step; state by state, but where the engine's accelerations are stepped here."""
+        with engine_errors(self.path, self.title):
+            if isinstance(self.stepper, RungeKutta):
+                return self.stepper.rollout(q, v, h, n, force, every)
+            return rollout(self.stepper, q, v, h, n, force, every)

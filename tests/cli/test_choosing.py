@@ -1,0 +1,115 @@
+"""Which cases a command line chooses, and in which form it tells what became of them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.records.read import read_results
+from tests.faults.known_folder import environment, known_folder
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """Where `models/oscillator` has a model that is right, and one whose spring is wrong."""
+    known_folder(tmp_path / "models" / "oscillator", {"good": "", "wrong": ""})
+    wrong = tmp_path / "models" / "oscillator" / "wrong.known"
+    wrong.write_text(wrong.read_text().replace("47.0", "48.0"))
+    return tmp_path
+
+
+def crosscheck(place: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "harness", *arguments],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+        env=environment(),
+    )
+
+
+def ran(place: Path) -> list[str]:
+    return [str(case.id) for case in read_results(place / "reports" / "results.json").cases]
+
+
+def test_cases_are_listed_without_being_run(place: Path) -> None:
+    done = crosscheck(place, "list", "models", "-k", "free")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        "oscillator/good.known/free [known]",
+        "oscillator/wrong.known/free [known]",
+    ]
+    assert not (place / "reports").exists()
+    rows = json.loads(crosscheck(place, "list", "models", "--format", "json").stdout)
+    assert [row["scenario"] for row in rows] == ["free", "driven"] * 2
+    assert {row["folder"] for row in rows} == {"models/oscillator"}
+
+
+def test_a_case_is_run_by_its_model_scenario_and_engine(place: Path) -> None:
+    done = crosscheck(place, "run", "models/oscillator/good.known/driven [known]")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert ran(place) == ["oscillator/good.known/driven [known]"]
+
+
+def test_what_failed_is_run_again_and_nothing_else(place: Path) -> None:
+    first = crosscheck(place, "run", "models", "-k", "free")
+    assert first.returncode == 1, first.stdout + first.stderr
+    assert first.stdout.splitlines()[-1] == "then  crosscheck run --last-failed"
+    wrong = place / "models" / "oscillator" / "wrong.known"
+    wrong.write_text(wrong.read_text().replace("48.0", "47.0"))
+    second = crosscheck(place, "run", "--last-failed")
+    assert second.returncode == 0, second.stdout + second.stderr
+    assert ran(place) == ["oscillator/wrong.known/free [known]"]
+    third = crosscheck(place, "run", "--last-failed")
+    assert (third.returncode, third.stdout) == (0, "")
+    assert "the last run has nothing that failed" in third.stderr
+
+
+def test_results_go_to_a_program_as_json_alone(place: Path) -> None:
+    done = crosscheck(place, "run", "models/oscillator/good.known/free", "--format", "json")
+    assert done.returncode == 0, done.stderr
+    (case,) = json.loads(done.stdout)["cases"]
+    assert case["outcome"] == "AGREES"
+    log = json.loads(crosscheck(place, "run", "models", "-k", "wrong", "--format", "sarif").stdout)
+    files = {
+        one["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
+        for one in log["runs"][0]["results"]
+        if one["ruleId"] == "differs"
+    }
+    assert files == {"models/oscillator/wrong.known"}
+
+
+@pytest.mark.parametrize(("arguments", "told"), [
+    (("run", "models", "-k", "nothing"), "no case has such a name; `crosscheck list` prints those"),
+    (("run", "models", "-k", "free and"), "-k 'free and' can't be read"),
+    (("list", "models", "-k", "(free"), "-k '(free' can't be read"),
+    (("run", "--last-failed"), "results.json: can't be read"),
+    (("list", "nowhere"), "nowhere: no such folder"),
+])  # fmt: skip
+def test_what_means_nothing_is_wrong_usage(
+    place: Path, arguments: tuple[str, ...], told: str
+) -> None:
+    done = crosscheck(place, *arguments)
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (place / "reports" / "results.json").exists()
+
+
+def test_a_folder_that_can_not_be_listed_is_told(place: Path) -> None:
+    (place / "models" / "oscillator" / "system.py").write_text("oops\n")
+    done = crosscheck(place, "list", "models")
+    assert done.returncode == 2
+    assert "system.py:1: NameError" in done.stderr
+
+
+def test_the_version_is_told() -> None:
+    done = crosscheck(Path.cwd(), "--version")
+    assert done.returncode == 0
+    assert done.stdout.startswith("crosscheck ")

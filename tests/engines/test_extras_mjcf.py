@@ -1,0 +1,329 @@
+"""What Pinocchio and Drake make of an MJCF, as `docs/engines.md` tabulates it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.engines.protocol import EngineError
+from tests.engines.mjcf import AWAY, EXACT, READERS, ends, hinge, mjcf, off, write
+
+CONTINUOUS: Mapping[str, Mapping[str, object]] = {
+    "pinocchio": {},
+    "drake": {"stepping": "continuous"},
+}
+TWO = f'<body>{hinge()}{AWAY}<body pos="0.1 0 -0.4">{hinge("k")}{AWAY}</body></body>'
+ONE = f"<body>{hinge()}{AWAY}</body>"
+TENDON = (
+    '<tendon><fixed name="t" {}><joint joint="j" coef="2"/><joint joint="k" coef="-1"/></fixed>'
+)
+STILL = np.zeros((1, 1))
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_step_gravity_and_zero_are_the_files_unless_the_sidecar_says_otherwise(
+    name: str, tmp_path: Path
+) -> None:
+    bodies = ONE.replace(hinge(), hinge(more='ref="0.4"'))
+    path = write(tmp_path, bodies, '<option timestep="0.003" gravity="0 0 -5"/>')
+    model = mjcf(name, path)
+    assert (model.step, model.gravity) == (0.003, (0.0, 0.0, -5.0))
+    assert model.home == pytest.approx([0.4])
+    assert off(model, mjcf("mujoco", path)) < 1e-14
+    told = sum("reads over <option" in one.message for one in model.remarks(STILL, STILL))
+    assert told == {"pinocchio": 2, "drake": 1}[name]
+    other = mjcf(name, path, {"step": 0.001, "gravity": [0.0, 0.0, -1.0]})
+    assert (other.step, other.gravity) == (0.001, (0.0, 0.0, -1.0))
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_flag_takes_gravity_away(name: str, tmp_path: Path) -> None:
+    path = write(tmp_path, ONE, '<option><flag gravity="disable"/></option>')
+    model = mjcf(name, path)
+    assert model.gravity == (0.0, 0.0, 0.0)
+    assert off(model, mjcf("mujoco", path)) < 1e-14
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(("setting", "more", "beside"), [
+    ("springs", 'stiffness="3" springref="0.2"', ""),
+    ("tendons", "", TENDON.format('stiffness="3" damping="0.2" springlength="0.1"') + "</tendon>"),
+    ("tendons", 'springref="0.3"', TENDON.format('stiffness="3"') + "</tendon>"),
+])  # fmt: skip
+def test_springs_and_tendons_are_added_unless_told(
+    name: str, setting: str, more: str, beside: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path, TWO.replace(hinge(), hinge(more=more)), beside)
+    known, model = mjcf("mujoco", path), mjcf(name, path)
+    assert off(model, known) < 1e-14
+    assert model.remedies == {}
+    without = mjcf(name, path, {setting: False})
+    assert off(without, known) > 1e-3
+    assert list(without.remedies.values()) == [{setting: True}]
+    two = np.zeros((1, 2))
+    assert any(one.fault for one in without.remarks(two, two))
+
+
+@pytest.mark.parametrize(("name", "settings", "within"), [
+    ("pinocchio", {}, 1e-12), ("drake", {"stepping": "continuous"}, 1e-12), ("drake", {}, 1e-5),
+    ("drake", {"stepping": "tamsi"}, None), ("pinocchio", {"equalities": False}, None),
+])  # fmt: skip
+def test_joints_follow_others_as_an_equality_says(
+    name: str, settings: dict[str, object], within: float | None, tmp_path: Path
+) -> None:
+    beside = '<equality><joint joint1="k" joint2="j" polycoef="0.1 2 0 0 0"/></equality>'
+    bodies = TWO.replace(hinge("k"), hinge("k", 'ref="0.3"'))
+    model = mjcf(name, write(tmp_path, bodies, beside), settings)
+    (z, w) = ends(model, np.array([0.1, 0.1 + 0.3 + 0.2]), np.array([0.5, 1.0]))
+    follows = float(abs(z[1] - (0.3 + 0.1 + 2 * z[0])) + abs(w[1] - 2 * w[0]))
+    assert (follows < (within or 1e-3)) is (within is not None)
+    assert bool(model.remedies) is (within is None)
+    let = mjcf(name, tmp_path / "sample.xml", {**settings, "couplings": False})
+    assert let.remedies == {}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_defaults_are_those_of_the_class_or_of_what_is_around(name: str, tmp_path: Path) -> None:
+    beside = (
+        '<default><joint stiffness="1" damping="0.1"/><default class="a"><joint stiffness="4"/>'
+        '<default class="b"><joint springref="0.3" damping="0.3"/></default></default></default>'
+    )
+    bodies = TWO.replace("<body>", '<body childclass="a">', 1).replace(
+        hinge("k"), hinge("k", 'class="b"')
+    )
+    path = write(tmp_path, bodies, beside)
+    assert off(mjcf(name, path), mjcf("mujoco", path)) < 1e-14
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_what_a_file_includes_is_read_and_its_lines_are_told(name: str, tmp_path: Path) -> None:
+    (tmp_path / "part.xml").write_text(f"<mujocoinclude>\n{ONE}\n</mujocoinclude>")
+    path = write(tmp_path, '<include file="part.xml"/>')
+    assert off(mjcf(name, path), mjcf("mujoco", path)) < 1e-14
+    ball = ONE.replace(hinge(), '<joint type="ball"/>')
+    (tmp_path / "part.xml").write_text(f"<mujocoinclude>\n{ball}</mujocoinclude>")
+    with pytest.raises(EngineError, match=r"part\.xml:2: a ball joint"):
+        mjcf(name, path)
+    (tmp_path / "part.xml").write_text('<mujocoinclude><include file="part.xml"/></mujocoinclude>')
+    with pytest.raises(EngineError, match=r"part\.xml:1: <include file>"):
+        mjcf(name, path)
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(("bodies", "beside", "why"), [
+    (ONE, '<option density="1.2"/>', "1: a medium"),
+    (ONE.replace("<body>", '<body gravcomp="1">'), "", "2: gravity compensation"),
+    (ONE.replace('"hinge"', '"ball"'), "", "2: a ball joint"),
+    (f'<body><freejoint/>{AWAY}</body>\n<body><freejoint/>{AWAY}</body>', "",
+     "3: a second body that floats"),
+    (f'<body><joint type="free" stiffness="2"/>{AWAY}</body>', "", "2: a spring or damper"),
+    (f'<body><joint type="free" armature="2"/>{AWAY}</body>', "", "2: armature of a free"),
+    (ONE, '<compiler settotalmass="3"/>', "1: settotalmass"),
+    (f'<frame pos="1 0 0">{ONE}</frame>', "", "2: <frame> with what moves"),
+    (ONE.replace('mass="2"', 'mass="0"'), "", "2: an inertia without mass"),
+    (ONE.replace(hinge(), hinge(more='stiffness="1 2"')), "", "no polynomials here"),
+    (ONE.replace(hinge(), hinge(more='damping="abc"')), "", "finite numbers belong"),
+    (ONE.replace(hinge(), hinge(more='class="none"')), "", "none of the defaults"),
+    (ONE, '<actuator><motor joint="j"/></actuator>', "1: it has actuators"),
+    (ONE, '<equality><weld body1="b"/></equality>', "an equality <weld>"),
+    (TWO, '<equality><joint joint1="j" joint2="k" polycoef="0 1 2"/></equality>', "no straight"),
+    (TWO, TENDON.format('stiffness="3" springlength="0 1"') + "</tendon>", "is slack between"),
+])  # fmt: skip
+def test_what_acts_and_is_not_added_is_refused_by_line(
+    name: str, bodies: str, beside: str, why: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path, bodies, beside)
+    with pytest.raises(EngineError, match=why) as told:
+        mjcf(name, path)
+    assert str(path) in str(told.value)
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("motor", [
+    '<motor joint="j" gear="3"/>', '<position joint="k" kp="5" kv="0.2" gear="2"/>',
+    '<velocity joint="j" kv="0.7"/>', '<motor tendon="t" gear="2"/>',
+    '<general joint="j" gear="2" gainprm="3" biastype="affine" biasprm="0.3 -2 -0.4"/>',
+])  # fmt: skip
+def test_actuators_pull_at_held_controls(name: str, motor: str, tmp_path: Path) -> None:
+    beside = TENDON.format("") + f"</tendon><actuator>{motor}</actuator>"
+    path = write(tmp_path, TWO, beside)
+    settings: dict[str, object] = {"smooth": True, "controls": [0.6]}
+    known, model = mjcf("mujoco", path, settings), mjcf(name, path, settings)
+    assert off(model, known) < 1e-14
+    assert off(mjcf(name, path, {**settings, "actuators": False}), known) > 1e-3
+    with pytest.raises(EngineError, match="where 1 numbers belong"):
+        mjcf(name, path, {"smooth": True, "controls": [0.6, 1.0]})
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_an_actuator_with_a_state_is_refused(name: str, tmp_path: Path) -> None:
+    beside = '<actuator><general joint="j" dyntype="filter" dynprm="1"/></actuator>'
+    with pytest.raises(EngineError, match="an actuator with a state"):
+        mjcf(name, write(tmp_path, ONE, beside), {"smooth": True})
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_joint_that_is_held_stands_where_it_is_drawn(name: str, tmp_path: Path) -> None:
+    bodies = TWO.replace(hinge("k"), hinge("k", 'ref="0.3" stiffness="7"'))
+    path = write(tmp_path, bodies, TENDON.format('stiffness="3" springlength="0"') + "</tendon>")
+    model = mjcf(name, path, {"held": ["k"]})
+    assert model.coordinates == ("j",)
+    alone = '<tendon><fixed stiffness="3" springlength="0.3"><joint joint="j" coef="2"/></fixed>'
+    known = write(tmp_path, TWO.replace(hinge("k"), ""), alone + "</tendon>", "known.xml")
+    assert off(model, mjcf("mujoco", known)) < 1e-14
+    with pytest.raises(EngineError, match="'l', which is no joint"):
+        mjcf(name, path, {"held": ["l"]})
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_body_that_floats_is_told_as_everywhere_wherever_it_is_drawn(
+    name: str, tmp_path: Path
+) -> None:
+    bodies = (
+        f'<body><joint name="s" type="slide" axis="1 0 0"/>{AWAY}</body>'
+        f'<body pos="1 2 3" euler="0.3 -0.4 0.5"><freejoint name="f"/>{AWAY}'
+        f'<body pos="0.1 0.2 0.3" euler="0.3 0.2 0.1">{hinge(axis="0 1 1")}{AWAY}</body></body>'
+    )
+    path = write(tmp_path, bodies)
+    model, known = mjcf(name, path, CONTINUOUS[name]), mjcf("mujoco", path, EXACT)
+    order = [known.coordinates.index(one) for one in model.coordinates]
+    assert model.coordinates[:3] == ("f:x", "f:y", "f:z")
+    np.testing.assert_allclose(model.home, known.home[order], atol=1e-14)
+    assert off(model, known) < 1e-13
+    rng = np.random.default_rng(1)
+    z, w = rng.normal(size=(2, len(order)))
+    for found, right in zip(ends(model, z[order], w[order]), ends(known, z, w), strict=True):
+        np.testing.assert_allclose(found, right[order], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_frames_are_where_the_file_puts_them(name: str, tmp_path: Path) -> None:
+    bodies = TWO.replace("<body>", '<body name="a" pos="0 0 1" euler="0.1 0.2 0.3">').replace(
+        '<body pos="0.1 0 -0.4">', '<body name="b" pos="0.1 0 -0.4">'
+    )
+    path = write(tmp_path, bodies)
+    model, known = mjcf(name, path), mjcf("mujoco", path)
+    places, z = ["body:a", "centre:a", "body:b", "centre:b"], np.array([[0.3, -0.8]])
+    assert set(places) <= set(model.places)
+    assert "body:world" not in model.places or name == "pinocchio"
+    for found, right in zip(model.poses(places, z), known.poses(places, z), strict=True):
+        np.testing.assert_allclose(found, right, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_friction_is_ignored_and_told(name: str, tmp_path: Path) -> None:
+    model = mjcf(name, write(tmp_path, ONE.replace(hinge(), hinge(more='frictionloss="3"'))))
+    assert any("ignores it" in one.message for one in model.remarks(STILL, STILL))
+    assert off(model, mjcf("mujoco", write(tmp_path, ONE))) < 1e-14
+
+
+def test_pinocchio_itself_leaves_damping_out_and_a_setting_asks_for_that(tmp_path: Path) -> None:
+    path = write(tmp_path, ONE.replace(hinge(), hinge(more='damping="0.3"')))
+    known = mjcf("mujoco", path)
+    assert off(mjcf("pinocchio", path), known) < 1e-14
+    model = mjcf("pinocchio", path, {"damping": False})
+    assert off(model, known) > 1e-3
+    assert list(model.remedies.values()) == [{"damping": True}]
+
+
+def test_drake_itself_leaves_armature_out_and_a_setting_asks_for_that(tmp_path: Path) -> None:
+    path = write(tmp_path, TWO.replace(hinge("k"), hinge("k", 'armature="0.3"')))
+    known = mjcf("mujoco", path)
+    assert off(mjcf("pinocchio", path), known) < 1e-14
+    assert off(mjcf("drake", path), known) < 1e-14
+    model = mjcf("drake", path, {"armature": False})
+    assert off(model, known) > 1e-3
+    assert list(model.remedies.values()) == [{"armature": True}]
+
+
+def test_pinocchio_itself_reads_the_first_root_alone(tmp_path: Path) -> None:
+    path = write(tmp_path, ONE + ONE.replace('"j"', '"k"'))
+    assert mjcf("pinocchio", path).coordinates == ("j", "k")
+    model = mjcf("pinocchio", path, {"all_roots": False})
+    assert model.coordinates == ("j",)
+    assert list(model.remedies.values()) == [{"all_roots": True}]
+
+
+def test_pinocchio_itself_takes_geoms_that_touch_nothing_for_looks(tmp_path: Path) -> None:
+    geoms = (
+        '<geom type="sphere" size="0.1" pos="0 0 0.5"/>'
+        '<geom type="box" size="0.1 0.2 0.3" pos="0.2 0 0" contype="0" conaffinity="0"/>'
+    )
+    path = write(tmp_path, f"<body>{hinge()}{geoms}</body>")
+    known = mjcf("mujoco", path)
+    assert off(mjcf("pinocchio", path), known) < 1e-14
+    assert off(mjcf("drake", path), known) < 1e-14
+    model = mjcf("pinocchio", path, {"all_geoms": False})
+    assert off(model, known) > 1e-2
+    assert list(model.remedies.values()) == [{"all_geoms": True}]
+
+
+@pytest.mark.parametrize(("name", "defaults", "of"), [
+    ("pinocchio", '<geom mass="0.3"/>', ""),
+    ("pinocchio", '<geom size="0.1"/><default class="a"><geom pos="0.3 0 0.1"/></default>', "a"),
+    ("pinocchio", '<geom size="0.1"/><default class="a"><joint damping="2"/></default>'
+     '<default class="b"/>', "a"),
+    ("drake", '<joint damping="2"/><default class="a"><geom size="0.1"/></default>', "a"),
+])  # fmt: skip
+def test_what_each_loses_of_defaults_is_a_cause_and_a_setting_brings_it(
+    name: str, defaults: str, of: str, tmp_path: Path
+) -> None:
+    inner = hinge("k", 'class="b"' if 'class="b"' in defaults else "")
+    size = "" if "size" in defaults else 'size="0.1"'
+    under = f'childclass="{of}"' if of else ""
+    bodies = (
+        f"<body {under}>{hinge()}<geom {size}/>"
+        f'<body pos="0 0 0.5">{inner}<geom {size}/></body></body>'
+    )
+    path = write(tmp_path, bodies, f"<default>{defaults}</default>")
+    known, model = mjcf("mujoco", path), mjcf(name, path)
+    assert off(model, known) > 1e-3
+    (cause,) = model.remedies
+    assert "own reading of defaults" in cause
+    told = mjcf(name, path, model.remedies[cause])
+    assert off(told, known) < 1e-14
+    assert told.remedies == {}
+    two = np.zeros((1, 2))
+    assert any("loses numbers that classes give" in one.message for one in model.remarks(two, two))
+
+
+def test_drake_misplaces_the_first_joints_of_a_body_unless_they_are_chained(
+    tmp_path: Path,
+) -> None:
+    joints = hinge() + hinge("k", 'pos="0 0 0.1" armature="0.1"', "1 0 0")
+    path = write(tmp_path, f'<body pos="0.3 0 0" euler="0.1 0 0.2">{joints}{AWAY}</body>')
+    known = mjcf("mujoco", path)
+    assert off(mjcf("pinocchio", path), known) < 1e-14
+    model = mjcf("drake", path)
+    assert off(model, known) > 1e-3
+    (undone,) = model.remedies.values()
+    assert undone == {"chained": True}
+    chained = mjcf("drake", path, undone)
+    assert off(chained, known) < 1e-13
+    assert chained.remedies == {}
+    slides = joints.replace('"hinge"', '"slide"', 1)
+    agreed = mjcf("drake", write(tmp_path, f'<body pos="0.3 0 0">{slides}{AWAY}</body>'))
+    assert agreed.remedies == {}
+    assert off(agreed, mjcf("mujoco", tmp_path / "sample.xml")) < 1e-14
+
+
+def test_limits_stop_a_joint_in_drakes_discrete_plants_and_crossed_ones_are_none(
+    tmp_path: Path,
+) -> None:
+    path = write(tmp_path, ONE.replace(hinge(), hinge(more='range="-0.5 0.5"')))
+    begin = np.array([0.49]), np.array([1.0])
+    for name, settings, stopped in (
+        ("pinocchio", {}, False), ("drake", {}, True), ("drake", {"smooth": True}, False),
+    ):  # fmt: skip
+        model = mjcf(name, path, {"gravity": [0.0, 0.0, 0.0], **settings})
+        assert (ends(model, *begin)[1][0] < 0.5) == stopped
+        assert np.isfinite(model.limits).all() == stopped
+        assert model.reach.tolist() == [[-0.5, 0.5]]
+    told = list(mjcf("drake", path).remarks(STILL + 0.7, STILL))
+    assert any("the limit stops it" in one.message for one in told)
+    crossed = write(tmp_path, ONE.replace(hinge(), hinge(more='range="0.5 -0.5"')))
+    model = mjcf("drake", crossed, {"gravity": [0.0, 0.0, 0.0]})
+    assert ends(model, *begin)[0] == pytest.approx(0.54)

@@ -1,0 +1,51 @@
+"""The table of models in terminals of any width: nothing in it is cut."""
+
+from __future__ import annotations
+
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from harness.records.outcome import Outcome
+from harness.text.models_table import print_models
+from tests.records.made import case, verdict
+
+LONG = "two_drums_on_a_slope", "robot_folded_and_turned.urdf"
+
+
+def table(width: int) -> str:
+    out = StringIO()
+    wrong = verdict(largest_discrepancy=8.5e-2, largest_uncertainty=4.4e-12)
+    cases = [
+        case(),
+        case(Outcome.DIFFERS, system=LONG[0], model=LONG[1], verdict=wrong),
+        case(Outcome.FAILED, system=LONG[0], model=LONG[1], scenario="driven"),
+    ]
+    print_models(Console(file=out, width=width), cases)
+    return out.getvalue()
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 100, 120, 160, 200])
+def test_no_name_and_no_number_is_cut_at_any_width(width: int) -> None:
+    text = table(width)
+    for word in (*LONG, "1 FAILED, 1 DIFFERS", "8.5e-02", "4.4e-12", "3.0e-13", "4.0e-12"):
+        assert word in text
+    assert "…" not in text
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 120, 160])
+def test_no_line_is_longer_than_the_terminal(width: int) -> None:
+    assert max(map(len, table(width).splitlines())) <= width
+
+
+def test_more_columns_are_shown_where_there_is_room() -> None:
+    heads = {width: table(width).splitlines()[0].split() for width in (60, 100, 160)}
+    assert heads[60] == ["outcome", "discrepancy", "uncertainty"]
+    assert "global" in heads[100]
+    assert heads[160][:3] == ["system", "model", "engine"]
+    assert heads[160][-3:] == ["0.1", "%", "at"]
+
+
+def test_names_have_lines_of_their_own_where_they_are_too_wide() -> None:
+    assert "two_drums_on_a_slope/robot_folded_and_turned.urdf [mujoco]" in table(80).splitlines()
