@@ -40,7 +40,9 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
 
 def settings_of(robot: Robot) -> Mapping[str, object]:
     """With which every engine runs it."""
-    own: dict[str, object] = {"controls": list(robot.controls)} if robot.controls else {}
+    own: dict[str, object] = dict(robot.stated)
+    if robot.controls:
+        own["controls"] = list(robot.controls)
     if robot.tree is not None and robot.tree.couplings:
         own["couplings"] = [robot.tree.links[one.follower].name for one in robot.tree.couplings]
     if robot.floats:

@@ -20,7 +20,7 @@ from harness.compare.trials import Trial, TrialTask, attribute_difference, tried
 from harness.engines.protocol import Array
 from harness.engines.registry import engines
 from harness.files.locations import LocationError
-from harness.files.locations.outline import outline
+from harness.files.locations.outline import MARKUP, outline
 from harness.numerics.evenly import evenly
 from harness.schedule.workers import Failure
 
@@ -95,7 +95,7 @@ def attributed(
 
 def _root(file: Path) -> str:
     """The tag of an XML file's first element; empty for other files."""
-    return outline(file, file.read_bytes()).tag if file.suffix in (".xml", ".urdf") else ""
+    return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
 
 
 def _is_idle(edit: Edit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:

@@ -145,6 +145,8 @@ def _robot(file: Path, settings: Mapping[str, object]) -> Robot:
     """The file as settings have it run."""
     if file.suffix == ".urdf":
         robot = read_robot(file, floating=bool(settings.get("floating", False)))
+    elif file.suffix == ".sdf":
+        robot = read_robot(file)
     else:
         robot = read_compiled_robot(file, actuated=bool(settings.get("actuators", True)))
     if settings.get("couplings", True) or robot.tree is None or not robot.tree.couplings:

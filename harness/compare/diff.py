@@ -11,7 +11,7 @@ from pathlib import Path
 
 from harness.compare.candidate import Candidate
 from harness.files.locations import Location, LocationError, find
-from harness.files.locations.outline import Element, Value, outline
+from harness.files.locations.outline import MARKUP, Element, Value, outline
 from harness.records.base import SourceLine
 
 
@@ -48,7 +48,7 @@ def edits(a: Candidate, b: Candidate) -> tuple[Edit, ...]:
     if one.suffix != other.suffix:
         return tuple(_bound(a, b))
     found: list[Edit] = []
-    if one.suffix in (".xml", ".urdf"):
+    if one.suffix in MARKUP:
         found += _Xml(one, other).edits()
     elif one.suffix == ".py":
         found += _python(one, other)

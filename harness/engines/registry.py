@@ -72,11 +72,11 @@ def absent_extras() -> dict[str, str]:
 def runners(suffix: str) -> tuple[Engine, ...]:
     """The readers of a format that a file alone is run in: the standing ones, and extras there.
 
-    Without those that run it on request only.
+    Without those that run it on request only. Where none is there, all: it is told of each.
     """
     absent = absent_extras()
-    known = (engine for engine in readers(suffix) if not engine.on_request)
-    return tuple(engine for engine in known if engine.name not in absent)
+    known = tuple(engine for engine in readers(suffix) if not engine.on_request)
+    return tuple(engine for engine in known if engine.name not in absent) or known
 
 
 def standing(suffix: str) -> tuple[Engine, ...]:

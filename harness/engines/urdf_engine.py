@@ -7,25 +7,19 @@ import importlib.util
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from harness.engines.protocol import Array, Engine, EngineError, Model, ModelSpec, Sample, within
 from harness.engines.remark import Remark
+from harness.engines.sdf_sidecar import declared_sdf, stated
 from harness.engines.source import engine_errors
 from harness.engines.tree_model import TreeModel
-from harness.engines.urdf import (
-    IDLE,
-    SETTINGS,
-    UrdfReader,
-    base_name,
-    sample_urdf,
-    urdf_remarks,
-)
+from harness.engines.urdf import IDLE, SETTINGS, UrdfReader, sample_urdf
 from harness.engines.urdf_copy import Change
-from harness.engines.urdf_sidecar import check_settings, declared_urdf
+from harness.engines.urdf_sidecar import DeclaredUrdf, check_settings, declared_urdf
 
+SDF = ".sdf"
 CONTROLS = "controls"
 """At which actuators are held."""
 
@@ -40,9 +34,9 @@ class UrdfEngine(Engine):
     """
 
     formats: tuple[str, ...] = (".urdf",)
-    takes_springs = (".urdf",)
+    takes_springs: tuple[str, ...] = (".urdf",)
     switches = frozenset({"smooth", "couplings", "held"})
-    idle = IDLE
+    idle: Mapping[str, str] = IDLE
     package: str
     defaults: Mapping[str, float | bool | str]
     words: Mapping[str, Sequence[str]] = MappingProxyType({})
@@ -57,12 +51,13 @@ class UrdfEngine(Engine):
             return "unknown"
 
     def load(self, spec: ModelSpec) -> Model:
-        """Load a URDF."""
+        """Load a file; SDFormat states some settings itself."""
+        spec = stated(spec) if spec.path.suffix == SDF else spec
         others = self.switches & {CONTROLS}
         check_settings(spec, self.title, self.unstated, self.defaults, self.words, others)
-        if spec.path.suffix == ".urdf" and spec.settings.get(CONTROLS):
+        if spec.path.suffix in (".urdf", SDF) and spec.settings.get(CONTROLS):
             told = f"[settings] controls is {spec.settings[CONTROLS]!r}"
-            raise EngineError(f"{spec.path}.toml: {told}, and a URDF has no actuators")
+            raise EngineError(f"{spec.path}.toml: {told}, and no actuators are read of it")
         with engine_errors(spec.path, self.title):
             return self.loaded(spec)
 
@@ -80,7 +75,7 @@ class UrdfEngine(Engine):
 
 
 class UrdfModel(TreeModel):
-    """A URDF in an engine; a subclass loads it, and makes the `stepper`.
+    """A URDF or an SDFormat file in an engine; a subclass loads it, and makes the `stepper`.
 
     Args:
         spec: the file.
@@ -99,20 +94,19 @@ class UrdfModel(TreeModel):
         further: Sequence[Change],
     ) -> None:
         self._reader = reader
-        self.declared = declared_urdf(spec, further)
+        declare = declared_sdf if spec.path.suffix == SDF else declared_urdf
+        self.declared: DeclaredUrdf = declare(spec, further)
         super().__init__(spec, title, {**defaults, **spec.settings})
         self.floats = bool(self.settings["floating"])
-        self.root = base_name(self.declared.robot)
+        self.root = self.declared.base
         self.springs, self.mimics = self.declared.springs, self.declared.mimics
 
     @property
     def stated_limits(self) -> Array:
         """Between which the file says that positions are, (nz, 2); infinite where it doesn't."""
         found = np.tile([-np.inf, np.inf], (len(self.coordinates), 1))
-        for joint in self.declared.robot.findall("joint"):
-            limit, name = joint.find("limit"), joint.get("name", "")
-            bounds = _bounds(limit) if limit is not None else None
-            if bounds and name in self.coordinates and joint.get("type") != "continuous":
+        for name, bounds in self.declared.bounds.items():
+            if name in self.coordinates:
                 found[self.coordinates.index(name)] = bounds
         return found
 
@@ -122,11 +116,5 @@ class UrdfModel(TreeModel):
         return within(super().reach, self.stated_limits)
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the URDF says in vain."""
-        yield from urdf_remarks(self._reader, self.path, self.coordinates, z, w)
-
-
-def _bounds(limit: ET.Element) -> tuple[float, float] | None:
-    """Those that a file states and that leave something between them."""
-    lower, upper = (float(limit.get(key, "nan")) for key in ("lower", "upper"))
-    return (lower, upper) if lower < upper else None
+        """What the file says in vain."""
+        yield from self.declared.remarks(self._reader, self.coordinates, z, w)

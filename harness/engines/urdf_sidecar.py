@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
-from harness.engines.protocol import EngineError, ModelSpec, Spring, held_joints
-from harness.engines.urdf import Mimic, joint_springs, mimics, read_urdf
-from harness.engines.urdf_copy import Change, followers_of, mimics_of, with_held, without_shapes
+from harness.engines.protocol import Array, EngineError, ModelSpec, Spring, held_joints
+from harness.engines.remark import Remark
+from harness.engines.urdf import (
+    Mimic,
+    UrdfReader,
+    base_name,
+    joint_springs,
+    mimics,
+    read_urdf,
+    root_link,
+    urdf_remarks,
+)
+from harness.engines.urdf_copy import (
+    Change,
+    changed,
+    followers_of,
+    mimics_of,
+    with_held,
+    without_shapes,
+)
 
 REQUIRED = ("step", "gravity")
 """What no URDF says, and a sidecar must."""
@@ -26,16 +44,65 @@ class DeclaredUrdf:
     """What a file and its sidecar declare.
 
     Attributes:
-        robot: the file.
+        path, robot: the file.
         springs: of joints, in Gazebo's convention, and of the sidecar; none of what is held.
         mimics: joints that follow others, of those that the setting `couplings` lets.
         changes: what settings change in the file before an engine loads it.
     """
 
+    path: Path
     robot: ET.Element
     springs: tuple[Spring, ...]
     mimics: tuple[Mimic, ...]
     changes: tuple[Change, ...]
+
+    @property
+    def root(self) -> str:
+        """The link that carries all others."""
+        return root_link(self.robot)
+
+    @property
+    def base(self) -> str:
+        """What the free joint of a root that floats is called."""
+        return base_name(self.robot)
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names, in the file's order."""
+        return tuple(link.get("name", "") for link in self._links)
+
+    @property
+    def moments(self) -> Mapping[str, float]:
+        """What links state for ixx, kg m^2; zero where they state none."""
+        found = {link.get("name", ""): link.find("inertial/inertia") for link in self._links}
+        return {n: 0.0 if i is None else float(i.get("ixx", "0")) for n, i in found.items()}
+
+    @property
+    def _links(self) -> list[ET.Element]:
+        return self.robot.findall("link")
+
+    @property
+    def text(self) -> str:
+        """What an engine loads."""
+        return ET.tostring(changed(self.robot, self.changes), encoding="unicode")
+
+    @property
+    def bounds(self) -> Mapping[str, tuple[float, float]]:
+        """Between which the file says that positions are, where that leaves something."""
+        found = {}
+        for joint in self.robot.findall("joint"):
+            limit = joint.find("limit")
+            if limit is not None and joint.get("type") != "continuous":
+                lower, upper = (float(limit.get(key, "nan")) for key in ("lower", "upper"))
+                if lower < upper:
+                    found[joint.get("name", "")] = (lower, upper)
+        return found
+
+    def remarks(
+        self, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
+    ) -> Iterator[Remark]:
+        """What is to be said of the file along the states (z, w)."""
+        return urdf_remarks(reader, self.path, joints, z, w)
 
 
 def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUrdf:
@@ -60,6 +127,7 @@ def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUr
     if held:
         changes.append(with_held(held))
     return DeclaredUrdf(
+        path=spec.path,
         robot=robot,
         springs=(*springs, *spec.springs),
         mimics=tuple(
@@ -103,7 +171,7 @@ def check_settings(
     for key in REQUIRED:
         if key not in spec.settings:
             raise EngineError(
-                f"{spec.path}.toml: [settings] must state {key}: a URDF has none, and"
+                f"{spec.path}.toml: [settings] must state {key}: the file states none, and"
                 f" {title}'s own are {unstated}"
             )
 

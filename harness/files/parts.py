@@ -22,7 +22,7 @@ _MAY_NAME = re.compile(rb"file|dir|\0")
 """What a file has in it that names others; most have not, and need no parser."""
 
 _QUOTED = re.compile(r"""(?<=["'])[^"'\0\n]{1,255}(?=["'])""")
-_MODEL = (".xml", ".urdf")
+_MODEL = (".xml", ".urdf", ".sdf")
 
 MOST_INCLUDED = 100
 """Includes within includes: at some thousands, engines crash."""

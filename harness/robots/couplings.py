@@ -36,7 +36,12 @@ def read_mimics(document: Document, joints: Mapping[str, UrdfJoint]) -> dict[str
         single = leader is not None and leader.kind in ("hinge", "slide")
         if leader is not None and single and multiplier and not offset:
             found[name] = Mimic(leader.name, multiplier)
-    return {name: one for name, one in found.items() if not _circular(name, found)}
+    return acyclic(found)
+
+
+def acyclic(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
+    """Those that do not follow themselves by way of others."""
+    return {name: one for name, one in mimics.items() if not _circular(name, mimics)}
 
 
 def _circular(name: str, mimics: Mapping[str, Mimic]) -> bool:

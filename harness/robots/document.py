@@ -115,6 +115,24 @@ class Document:
             return default
         return found
 
+    def text_numbers(
+        self, element: RawElement | None, default: tuple[float, ...], what: str
+    ) -> tuple[float, ...]:
+        """So many finite numbers of an element's text as the default has, or the default."""
+        if element is None or not element.text.strip():
+            return default
+        found = read_numbers(element.text, len(default))
+        if found is None or not all(map(math.isfinite, found)):
+            count = len(default)
+            wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
+            self.hinder(
+                element,
+                f"<{element.tag}> of {what} is {brief(element.text.strip())}, where {wanted}",
+                "write a number" if count == 1 else f"write {count}, with blanks between them",
+            )
+            return default
+        return found
+
     def number(self, element: RawElement | None, key: str, default: float, what: str) -> float:
         """One."""
         return self.numbers(element, key, (default,), what)[0]

@@ -11,14 +11,18 @@ from harness.robots.compiled import compiler, read_compiled_robot
 from harness.robots.compiled_numbers import CompiledNumbers
 from harness.robots.numerals import Numeral
 from harness.robots.robot import Robot
+from harness.robots.sdf import read_sdf_robot
+from harness.robots.sdf_numbers import SdfNumbers
 from harness.robots.system import RobotError
 from harness.robots.urdf import read_urdf_robot
 from harness.robots.urdf_numbers import UrdfNumbers
 from harness.text.visible import odd_name, visible
 from reference.multibody.tree import Tree
 
-FORMATS = (".urdf", ".xml")
+FORMATS = (".urdf", ".sdf", ".xml")
 """Endings of the files that are read as robots."""
+
+_TOLD = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
 
 
 class Numbers(Protocol):
@@ -68,7 +72,7 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             continue
         if path.suffix not in FORMATS:
             faults[name] = (
-                f"{visible(name)}: of files alone, {' and '.join(FORMATS)} are read; make a folder"
+                f"{visible(name)}: of files alone, {_TOLD} are read; make a folder"
                 f" of it, `crosscheck new --from {visible(name)} FOLDER`"
             )
         elif (why := odd_name(name)) is not None:
@@ -79,7 +83,9 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
 
 
 def read_robot(file: Path, *, floating: bool = False) -> Robot:
-    """A robot's file, by its ending; a URDF's root link may float."""
+    """A robot's file, by its ending; a URDF's root link may float, an SDFormat file says it."""
+    if file.suffix == ".sdf":
+        return read_sdf_robot(file)
     if file.suffix == ".urdf":
         return read_urdf_robot(file, floating=floating)
     return read_compiled_robot(file)
@@ -95,6 +101,8 @@ def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
     Raises:
         RobotError: where nothing that compiles the file is installed.
     """
+    if file.suffix == ".sdf":
+        return SdfNumbers(file)
     if file.suffix == ".urdf":
         held = settings.get("held", [])
         return UrdfNumbers(

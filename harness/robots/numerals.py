@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,6 +104,22 @@ def reworded(text: str, word: int, value: float) -> str:
     spans = [match.span() for match in _WORD.finditer(text)]
     start, end = spans[word]
     return text[:start] + repr(value) + text[end:]
+
+
+def put(one: Numeral, value: float, restored: ExitStack) -> None:
+    """Another value for a while."""
+    element, text = one.element, one.element.text
+    attributes = element.attributes
+    restored.callback(_restore, element, attributes, text)
+    if one.key:
+        changed = {**attributes, one.key: reworded(attributes[one.key], one.word, value)}
+        _restore(element, changed, text)
+    else:
+        _restore(element, attributes, reworded(text, one.word, value))
+
+
+def _restore(element: RawElement, attributes: Mapping[str, str], text: str) -> None:
+    element.attributes, element.text = attributes, text
 
 
 _Row = tuple[str, list[tuple[int, int]], list[float]]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +109,8 @@ class Robot:
         held: joints that stand still, since they move nothing that has inertia.
         shapes: files of meshes and the like without which the bodies can't be had, by the names
             that the file has for them.
-        floats: whether the root link of a URDF moves freely, which the format does not say.
+        floats: whether the root link moves freely, which a URDF does not say.
+        stated: settings that the file says itself, as `ModelSpec` has them.
     """
 
     name: str
@@ -125,6 +126,7 @@ class Robot:
     held: tuple[str, ...] = ()
     shapes: tuple[str, ...] = ()
     floats: bool = False
+    stated: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def bodies(self) -> tuple[tuple[str, ...], ...]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from harness.files.locations.xml import RawElement
 from harness.robots.couplings import couplings, read_mimics
 from harness.robots.document import Document
-from harness.robots.numerals import Numeral, numerals, reworded, with_values
+from harness.robots.numerals import Numeral, numerals, put, with_values
 from harness.robots.urdf import GRAVITY
 from harness.robots.urdf_parts import read_joint, read_joints, read_link, read_links, read_springs
 from harness.robots.urdf_root import IMPLICIT, root_of
@@ -65,7 +65,7 @@ class UrdfNumbers:
         known = len(document.obstacles)
         with ExitStack() as restored:
             for index, value in values.items():
-                _set(self.numerals[index], value, restored)
+                put(self.numerals[index], value, restored)
             elements = {id(owner): owner for i in values if (owner := self._owner(i)) is not None}
             links, joints = dict(self._links), dict(self._joints)
             for element in elements.values():
@@ -96,19 +96,3 @@ def _owner(element: RawElement) -> RawElement | None:
     while element.parent is not None and element.parent.parent is not None:
         element = element.parent
     return None if element.parent is None else element
-
-
-def _set(one: Numeral, value: float, restored: ExitStack) -> None:
-    """Another value for a while."""
-    element, text = one.element, one.element.text
-    attributes = element.attributes
-    restored.callback(_put, element, attributes, text)
-    if one.key:
-        changed = {**attributes, one.key: reworded(attributes[one.key], one.word, value)}
-        _put(element, changed, text)
-    else:
-        _put(element, attributes, reworded(text, one.word, value))
-
-
-def _put(element: RawElement, attributes: Mapping[str, str], text: str) -> None:
-    element.attributes, element.text = attributes, text

@@ -52,7 +52,7 @@ def _top(document: Document, links: dict[str, UrdfLink], above: dict[str, str]) 
             f"it has {len(roots)} root links, {', '.join(map(brief, roots))}",
             "give all but one a joint",
         )
-    for name in _looped(known, above):
+    for name in looped(known, above):
         document.hinder(
             links[name].element if name in links else document.root,
             f"link {brief(name)} hangs from itself, by its joints",
@@ -67,7 +67,7 @@ def _child_of(joint: RawElement) -> str:
     )
 
 
-def _looped(names: Iterable[str], above: Mapping[str, str]) -> Iterator[str]:
+def looped(names: Iterable[str], above: Mapping[str, str]) -> Iterator[str]:
     """One link of every loop."""
     passed: set[str] = set()
     for name in names:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.files.reading import read_regular
-from harness.robots.named import FORMATS, read_robot
+from harness.robots.named import read_robot
 from harness.robots.robot import Robot
 from harness.scaffold.folder import NewError, write_folder
 from harness.scaffold.from_energies import Energies, format_settings
@@ -47,7 +47,7 @@ def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
     Raises:
         NewError: naming file, line and what can't be read.
     """
-    if model.suffix not in FORMATS:
+    if model.suffix not in (".urdf", ".xml"):
         raise NewError(f"{model}: a model file is a .urdf, or an MJCF ending with .xml")
     if (why := odd_name(model.name)) is not None:
         raise NewError(f"{visible(str(model))}: its name has {why}; rename it")

@@ -160,7 +160,9 @@ def test_a_file_of_another_format_is_refused_with_the_remedy(tmp_path: Path) -> 
     (tmp_path / "arm.py").write_text("")
     done = crosscheck(tmp_path, "arm.py")
     assert done.returncode == 2
-    assert "arm.py: of files alone, .urdf and .xml are read; make a folder of it" in done.stderr
+    assert (
+        "arm.py: of files alone, .urdf, .sdf and .xml are read; make a folder of it" in done.stderr
+    )
     assert "Traceback" not in done.stderr
 
 
@@ -227,14 +229,15 @@ def test_from_the_command_line_a_root_floats_where_it_is_said(tmp_path: Path) ->
 def test_a_missing_file_is_told_as_a_file_and_the_others_are_judged(tmp_path: Path) -> None:
     (tmp_path / "bad.urdf").write_text("<sdf/>")
     (tmp_path / "arm.urdf").write_text((DATA / "cartpole.urdf").read_text())
-    (tmp_path / "arm.sdf").write_text("<sdf/>")
-    names = ("bad.urdf", "missing.urdf", "arm.sdf", "arm.urdf")
+    (tmp_path / "arm.skel").write_text("<sdf/>")
+    names = ("bad.urdf", "missing.urdf", "arm.skel", "arm.urdf")
     done = crosscheck(tmp_path, *names, "--engine", ENGINES[0])
     assert done.returncode == 3
     assert (
-        "crosscheck: arm.sdf: of files alone, .urdf and .xml are read; make a folder" in done.stderr
+        "crosscheck: arm.skel: of files alone, .urdf, .sdf and .xml are read; make a folder"
+        in done.stderr
     )
-    assert done.stderr.endswith("not run, as told at the beginning: missing.urdf, arm.sdf\n")
+    assert done.stderr.endswith("not run, as told at the beginning: missing.urdf, arm.skel\n")
     assert "crosscheck: missing.urdf: there is no such file; the others go on" in done.stderr
     results = read_results(tmp_path / "out" / "results.json")
     assert [(case.model, case.outcome) for case in results.cases] == [

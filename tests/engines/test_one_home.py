@@ -60,7 +60,7 @@ def test_readers_of_a_format_come_with_the_preferred_one_first() -> None:
         *("mujoco", "pinocchio", "drake", "newton", "mjx"),
     ]
     assert [engine.name for engine in standing(".xml")] == ["mujoco"]
-    assert readers(".sdf") == ()
+    assert readers(".skel") == ()
 
 
 def test_every_format_of_an_adapter_has_a_sample() -> None:

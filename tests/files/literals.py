@@ -34,7 +34,11 @@ NO_PHYSICS = {
     "option": "timestep",
     "joint": "axis solref solimp",
     "?xml": "version",
+    "sdf": "version",
 }
+LAYOUT = ("size", "radius", "length", "max_step_size")
+"""Elements that say so in their text."""
+
 # The first argument of each that is a number of physics.
 FIRST = {"Body": 0, "DampedSpring": 4, "DampedRotarySpring": 2}
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -55,9 +59,13 @@ def xml_numbers(text: str) -> Iterator[tuple[int, str, str]]:
             for number in re.finditer(rf"(?<!\S){NUMBER}(?!\S)", attribute[2]):
                 if float(number[0]):
                     yield first + number.start(), f"{tag[1]} {attribute[1]}", number[0]
-    for element in re.finditer(rf"<(\w+)>\s*({NUMBER})\s*</", text):
-        if float(element[2]):
-            yield element.start(2), element[1], element[2]
+    for element in re.finditer(rf"<(\w+)>\s*({NUMBER}(?:\s+{NUMBER})*)\s*</", text):
+        laid = element[1] in ("pose", "xyz") and not any(
+            a < element.start() < b for a, b in inertials
+        )  # where a thing is, or what is drawn
+        for number in re.finditer(NUMBER, element[2]) if element[1] not in LAYOUT else ():
+            if float(number[0]) and not laid and element[1] != "diffuse":
+                yield element.start(2) + number.start(), element[1], number[0]
 
 
 def python_numbers(text: str) -> Iterator[tuple[int, str, str]]:

@@ -72,7 +72,7 @@ gravity = [0,
         ("m.toml", TOML, "settings.one.gravity", 8),
         ("m.toml", TOML, "settings.gravity", None),
         ("m.toml", TOML, "settings[", None),
-        ("m.sdf", "<sdf/>", "sdf", None),
+        ("m.skel", "<skel/>", "skel", None),
     ],
 )
 def test_the_line_of_an_address_is_that_of_what_it_means(

@@ -205,7 +205,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.xml", "<a>\n<b></a>", "b@x", 2, "no XML: mismatched tag"),
     ("m.py", "A = 1\nB = (", "A", 2, "no Python"),
     ("m.toml", "a = = 1", "a", None, "no TOML"),
-    ("m.json", "{}", "a", None, r"numbers are found in \.xml, \.urdf, \.py, \.toml files"),
+    ("m.json", "{}", "a", None, r"numbers are found in \.xml, \.urdf, \.sdf, \.py, \.toml files"),
     ("m.xml", '<!DOCTYPE a [<!ENTITY k "1">]>\n<a b="&k;"/>', "a@b", 1, "declares entities"),
     ("m.xml", '<!DOCTYPE a SYSTEM "a.dtd">\n<a b="1"/>', "a@b", 1, "declares entities or a DTD"),
     ("m.xml", '<?xml version="1.0" encoding="latin-1"?>\n<a b="1"/>', "a@b", 1, "as UTF-8"),
@@ -297,3 +297,34 @@ def test_what_is_long_is_told_in_brief(tmp_path: Path, address: str) -> None:
     with pytest.raises(LocationError) as caught:
         find(file, [address])
     assert len(str(caught.value)) < 1000 + len(str(file))
+
+
+SDF = """<sdf version="1.6"><model name="m">
+<link name="a"><pose>0 0 1 0 0 0</pose><inertial><pose> 0.1 0.2
+  -0.3 0 0 0</pose><mass>2.5</mass></inertial></link>
+<link name="3"><mass>1</mass></link></model></sdf>
+"""
+
+
+@pytest.mark.parametrize(("address", "line", "value"), [
+    ("link[a]/pose[2]", 2, 1.0), ("link[a]/inertial/pose[1]", 2, 0.2),
+    ("link[a]/inertial/pose[2]", 3, -0.3), ("link[a]/inertial/mass", 3, 2.5),
+    ("link[3]/mass", 4, 1.0), ("link[3]/mass[0]", 4, 1.0),
+])  # fmt: skip
+def test_numbers_of_a_list_in_an_element_have_addresses(
+    tmp_path: Path, address: str, line: int, value: float
+) -> None:
+    file = tmp_path / "m.sdf"
+    file.write_text(SDF)
+    place = find(file, [address])[address]
+    assert (place.line, place.value) == (line, value)
+
+
+def test_a_number_beyond_such_a_list_is_refused_and_all_of_them_are_listed(tmp_path: Path) -> None:
+    file = tmp_path / "m.sdf"
+    file.write_text(SDF)
+    with pytest.raises(LocationError, match="is beyond <pose>: it has 6 numbers"):
+        find(file, ["link[a]/pose[6]"])
+    listed = numbers(file, "pose|mass")
+    assert "link[a]/inertial/pose[2]" in listed
+    assert len(find(file, listed)) == 14

@@ -197,8 +197,9 @@ def _bound(system: System, sidecar: Sidecar) -> Iterator[Binding]:
 _MECHANICS = (
     r"(joint|inertial|option|fixed|dynamics|mass|inertia|origin|mimic|body)@"
     r"(?!timestep|tolerance|range|axis|limit|lower|upper)\w+|\w*[sS]pring\w*|implicitSpringDamper"
+    r"|mass|i[xyz]{2}|pose|damping|friction|multiplier|offset"
 )
-"""Numbers of MJCF and URDF that may be part of the mechanism, not of its looks or its solver."""
+"""Numbers of XML that may be part of the mechanism, not of its looks or its solver."""
 
 
 def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Candidate]:
@@ -207,7 +208,7 @@ def _unbound(sidecar: Sidecar, bound: tuple[Binding, ...]) -> Iterator[Candidate
     with suppress(LocationError):
         addresses = numbers(sidecar.model, _MECHANICS)
         for address, place in find(sidecar.model, addresses).items():
-            looks = re.search(r"/(visual|collision)/", address)
+            looks = re.search(r"(^|/)(visual|collision)[/\[]", address)
             if place.value and not looks and (place.file, place.start) not in taken:
                 hypothesis = Hypothesis(
                     id=CauseId(kind="unbound literal", subject=(address,)),

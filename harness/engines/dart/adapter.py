@@ -1,14 +1,14 @@
-"""DART, on URDF: `World.step`, semi-implicit Euler with joints' dampers at the step's end.
+"""DART, on URDF and SDFormat: `World.step`, semi-implicit Euler.
 
-Shapes are left out: bodies of one skeleton don't touch unless that is asked for. Limits are read,
-and hold nothing unless `setLimitEnforcement` is called.
+Joints' dampers are taken at the step's end. Shapes are left out: bodies of one skeleton don't touch
+unless that is asked for. Limits are read, and hold nothing unless `setLimitEnforcement` is called.
 """
 
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -16,16 +16,26 @@ import numpy as np
 
 from harness.engines.bare import BARE, bare_cause, bare_links, weightless
 from harness.engines.captured import STDERR, STDOUT, captured
+from harness.engines.dart.sdf import (
+    as_older,
+    refuse_newer,
+    sdf_skeleton,
+    turned_cause,
+    turned_links,
+    with_turned,
+)
 from harness.engines.dart.steps import WorldSteps
-from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec
+from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Sample
 from harness.engines.remark import Remark
 from harness.engines.runge_kutta import each_alone
+from harness.engines.sdf import SDF_IDLE, read_sdf, sample_sdf
+from harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
-from harness.engines.urdf import UrdfReader
-from harness.engines.urdf_copy import changed, without_friction, without_shapes
-from harness.engines.urdf_engine import UrdfEngine, UrdfModel
-from harness.engines.urdf_sidecar import ROBOTS
+from harness.engines.urdf import IDLE, UrdfReader, sample_urdf
+from harness.engines.urdf_copy import Change, without_friction, without_shapes
+from harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
+from harness.engines.urdf_sidecar import ROBOTS, DeclaredUrdf
 
 SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
 
@@ -35,9 +45,13 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     "bare_links": True,
     # Whether <mimic> is a constraint on both joints (CouplerConstraint), or DART's own servo.
     "couplers": False,
+    # Whether an SDFormat inertial that is turned is written for it along the link's axes; DART
+    # itself takes its moments as if it were not.
+    "turned_inertials": False,
 })  # fmt: skip
 
 READER = UrdfReader(name="dart", no_inertial="a mass of 1 kg", no_stops="DART")
+SDF_READER = UrdfReader(name="dart", no_inertial="a mass of 1 kg")
 
 _COLOUR = re.compile(r"\x1b\[[\d;]*m")
 
@@ -48,17 +62,24 @@ class DartEngine(UrdfEngine):
     name = "dart"
     title = "DART"
     package, distribution, extra = "dartpy", "dartpy", "dart"
+    formats = takes_springs = (".urdf", ".sdf")
+    idle = MappingProxyType({**IDLE, **SDF_IDLE})
     defaults = DEFAULTS
     capabilities = (
-        "URDF", "slides and hinges, roots that float", "joint dampers and friction",
+        "URDF", "SDFormat to 1.6", "slides and hinges, roots that float",
+        "joint dampers and friction",
         "springs on joint combinations as forces at every step", "URDF mimic as a servo",
     )  # fmt: skip
     unstated = "1 ms and -9.81 m/s^2"
     bare_link = "1 kg"
 
     def loaded(self, spec: ModelSpec) -> Model:
-        """A URDF whose settings are in order."""
+        """A file whose settings are in order."""
         return DartModel(spec)
+
+    def samples(self) -> tuple[Sample, ...]:
+        """One of each format."""
+        return sample_urdf(), sample_sdf()
 
 
 class DartModel(UrdfModel):
@@ -69,11 +90,10 @@ class DartModel(UrdfModel):
     def __init__(self, spec: ModelSpec) -> None:
         import dartpy as dart
 
-        further = [without_shapes]
-        further += [without_friction] if spec.settings.get("smooth", False) else []
-        further += [] if spec.settings.get("bare_links", True) else [weightless]
-        super().__init__(spec, "DART", READER, DEFAULTS, further)
-        self._bare = bare_links(self.declared.robot) if self.settings["bare_links"] else []
+        reader = SDF_READER if spec.path.suffix == SDF else READER
+        super().__init__(spec, "DART", reader, DEFAULTS, _changes(spec))
+        self._sdf = spec.path.suffix == SDF
+        self._remedies = _remedies(self.declared, self.settings)
         self._body = self._skeleton()
         self._world = dart.simulation.World()
         self._world.setGravity(list(self.gravity))
@@ -87,6 +107,7 @@ class DartModel(UrdfModel):
             if mimic and self.settings["couplers"]:
                 joint.setUseCouplerConstraint(True)
         springs = self.name([joint.getName() for joint in joints])
+        self._sprung = any(joint.getSpringStiffness(0) for joint in joints)
         self._damping = np.diag([joint.getDampingCoefficient(0) for joint in joints])
         self.stepper = self._steps = WorldSteps(self._world, self._body, self.floats, springs)
         slides = any(joint.getCoulombFriction(0) for joint in joints)
@@ -94,16 +115,9 @@ class DartModel(UrdfModel):
             self.forward = each_alone(self._steps.accelerations)
 
     def _skeleton(self) -> Any:
-        import dartpy as dart
-
-        robot = changed(self.declared.robot, self.declared.changes)
-        roots = dart.utils.DartLoaderRootJointType
-        options, loader = dart.utils.DartLoaderOptions(), dart.utils.DartLoader()
-        options.mDefaultRootJointType = roots.FLOATING if self.floats else roots.FIXED
-        loader.setOptions(options)
+        load = sdf_skeleton if self._sdf else _urdf_skeleton
         with captured((STDOUT, STDERR), again=False) as said:
-            place = dart.common.Uri(self.path.resolve().as_uri())
-            found = loader.parseSkeletonString(ET.tostring(robot, encoding="unicode"), place)
+            found = load(self.declared.text, self.path, self.floats)
         told = _COLOUR.sub("", folded(" ".join(said)))
         if found is None:
             raise EngineError(f"{self.path}: DART can't load it: {told}")
@@ -120,16 +134,23 @@ class DartModel(UrdfModel):
         if self.floats:
             return None
         held = "couplings, which a servo or a constraint holds" if self.declared.mimics else ""
+        held = held or ("springs, taken at the step's end" if self._sprung else "")
         late = self._damping if self._damping.any() else None
         return StepRule(scheme="semi-implicit Euler", damping=late, besides=held)
 
     @property
+    def limits(self) -> Array:
+        """Of joints that DART holds, (nz, 2): its parser of SDFormat asks for that."""
+        stopped = self._sdf and not self.settings["smooth"]
+        return self.stated_limits if stopped else super().limits
+
+    @property
     def remedies(self) -> dict[str, Mapping[str, object]]:
         """What DART does on its own and the settings let stand, with what undoes it."""
-        return {bare_cause(self._bare, "DART"): BARE} if self._bare else {}
+        return self._remedies
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
-        """What the URDF says in vain, and what joints that follow others are."""
+        """What the file says in vain, and what joints that follow others are."""
         yield from super().remarks(z, w)
         for one in () if self.settings["couplers"] else self.declared.mimics:
             told, address = SERVO.format(one.joint), f"robot/joint[{one.joint}]"
@@ -167,3 +188,37 @@ class DartModel(UrdfModel):
         self._world.setTimeStep(h)
         with captured((STDOUT, STDERR), again=False):
             return super().rollout(q, v, h, n, force, every)
+
+
+def _changes(spec: ModelSpec) -> list[Change]:
+    """What is changed in a file before DART sees it, besides what settings say to every engine."""
+    smooth = bool(spec.settings.get("smooth", False))
+    if spec.path.suffix == SDF:
+        refuse_newer(read_sdf(spec.path))
+        changes: list[Change] = [as_older]
+        changes += [sdf_without_friction, sdf_without_bounds] if smooth else []
+        return changes + ([with_turned] if spec.settings.get("turned_inertials", False) else [])
+    further: list[Change] = [without_shapes]
+    further += [without_friction] if smooth else []
+    return further + ([] if spec.settings.get("bare_links", True) else [weightless])
+
+
+def _remedies(
+    declared: DeclaredUrdf, settings: Mapping[str, object]
+) -> dict[str, Mapping[str, object]]:
+    """What DART makes of a file that it does not say, with the settings that undo it."""
+    if declared.path.suffix == SDF:
+        turned = [] if settings["turned_inertials"] else turned_links(declared.robot)
+        return {turned_cause(turned): {"turned_inertials": True}} if turned else {}
+    bare = bare_links(declared.robot) if settings["bare_links"] else []
+    return {bare_cause(bare, "DART"): BARE} if bare else {}
+
+
+def _urdf_skeleton(text: str, path: Path, floats: bool) -> Any:
+    import dartpy as dart
+
+    roots = dart.utils.DartLoaderRootJointType
+    options, loader = dart.utils.DartLoaderOptions(), dart.utils.DartLoader()
+    options.mDefaultRootJointType = roots.FLOATING if floats else roots.FIXED
+    loader.setOptions(options)
+    return loader.parseSkeletonString(text, dart.common.Uri(path.resolve().as_uri()))

@@ -1,4 +1,4 @@
-"""Drake, on URDF and MJCF: a `MultibodyPlant` that steps itself, or whose accelerations are here.
+"""Drake, on URDF, SDFormat and MJCF: a `MultibodyPlant` that steps itself, or by RK4 here.
 
 A plant has its step from the start, so that every step has a plant of its own. It is given no
 geometry: nothing is seen, and nothing touches.
@@ -15,6 +15,7 @@ from harness.engines.drake.urdf import DrakeUrdf
 from harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
 from harness.engines.mjcf_source import with_options
 from harness.engines.protocol import Model, ModelSpec, Sample
+from harness.engines.sdf import SDF_IDLE, sample_sdf
 from harness.engines.urdf import IDLE, SETTINGS, sample_urdf
 from harness.engines.urdf_engine import UrdfEngine
 from harness.engines.urdf_sidecar import ROBOTS
@@ -39,34 +40,35 @@ class DrakeEngine(UrdfEngine):
 
     name = "drake"
     title = "Drake"
-    formats = (".urdf", ".xml")
+    formats = (".urdf", ".sdf", ".xml")
+    takes_springs = (".urdf", ".sdf")
     package, distribution, extra = "pydrake", "drake", "drake"
     defaults = DEFAULTS
     words = MappingProxyType({"stepping": (SAP, TAMSI, CONTINUOUS)})
     capabilities = (
-        "URDF and MJCF", "slides and hinges, roots that float", "joint dampers",
-        "URDF mimic (sap)", "discrete plants (sap, tamsi), continuous ones by RK4 here",
+        "URDF, SDFormat and MJCF", "slides and hinges, roots that float", "joint dampers",
+        "mimic (sap)", "discrete plants (sap, tamsi), continuous ones by RK4 here",
         "joint springs, springs on joint combinations as forces at every step",
         "armature, joint equalities, motors at held controls as added here",
     )  # fmt: skip
     unstated = "no step of its own and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
-    idle = MappingProxyType({**IDLE, **MJCF_IDLE})
+    idle = MappingProxyType({**IDLE, **SDF_IDLE, **MJCF_IDLE})
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
 
     def load(self, spec: ModelSpec) -> Model:
-        """Load a URDF, or an MJCF, which states step and gravity itself."""
-        return super().load(spec if spec.path.suffix == ".urdf" else with_options(spec))
+        """Load a file; an MJCF states step and gravity itself."""
+        return super().load(with_options(spec) if spec.path.suffix == ".xml" else spec)
 
     def loaded(self, spec: ModelSpec) -> Model:
         """A file whose settings are in order."""
-        kind = DrakeUrdf if spec.path.suffix == ".urdf" else DrakeMjcf
+        kind = DrakeMjcf if spec.path.suffix == ".xml" else DrakeUrdf
         return kind(spec, DEFAULTS)
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Step and gravity of a URDF."""
-        return SETTINGS if suffix == ".urdf" else {}
+        """Step and gravity, which an MJCF states."""
+        return {} if suffix == ".xml" else SETTINGS
 
     def samples(self) -> tuple[Sample, ...]:
         """One of each format."""
-        return sample_urdf(), sample_mjcf()
+        return sample_urdf(), sample_sdf(), sample_mjcf()

@@ -82,7 +82,7 @@ class DrakeModel(TreeModel):
                 plant.mutable_gravity_field().set_gravity_vector(self.gravity)
                 plant.Finalize()
         except RuntimeError as error:
-            told = folded(error).replace("<literal-string>.urdf", self.path.name)
+            told = folded(error).replace(f"<literal-string>.{self._kind}", self.path.name)
             raise EngineError(f"{self.path}: Drake can't load it: {told}") from None
         return plant
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,30 +15,30 @@ from harness.engines.protocol import EngineError
 from harness.engines.source import folded
 
 BALL = 0.4 * (3 / (4 * np.pi * 1000)) ** (2 / 3)
-"""Moments of the ball of 1 kg, as dense as water, that stands for what is no inertia, kg m^2."""
+"""Moments of the ball as dense as water that stands for what is no inertia: of 1 kg, kg m^2."""
 
 
-def refuse_balls(plant: Any, robot: ET.Element, path: Path) -> None:
-    """Refuse links that move and for whose inertias Drake has taken those of a ball of 1 kg.
+def refuse_balls(plant: Any, moments_of: Mapping[str, float], path: Path) -> None:
+    """Refuse links that move and for whose inertias Drake has taken those of a ball.
 
     Args:
         plant: finalized.
-        robot: the file.
+        moments_of: what its links state for ixx, kg m^2.
         path: of it.
 
     Raises:
         EngineError: naming file and link.
     """
-    for link in robot.findall("link"):
-        body = plant.GetBodyByName(link.get("name", ""))
-        inertia = link.find("inertial/inertia")
-        stated = 0.0 if inertia is None else float(inertia.get("ixx", "0"))
+    for name, stated in moments_of.items():
+        body = plant.GetBodyByName(name)
         own = body.default_spatial_inertia()
-        moments = own.CalcRotationalInertia().get_moments() if own.get_mass() else np.zeros(3)
-        ball = bool(np.all(np.abs(moments - BALL) < 1e-6 * BALL))
-        if ball and abs(stated - BALL) > 1e-4 * BALL and not plant.IsAnchored(body):
+        central = own.Shift(own.get_com()) if own.get_mass() else own  # it is put at the centre
+        moments = central.CalcRotationalInertia().get_moments() if own.get_mass() else np.zeros(3)
+        ball = BALL * own.get_mass() ** (5 / 3)
+        taken = ball > 0 and bool(np.all(np.abs(moments - ball) < 1e-6 * ball))
+        if taken and abs(stated - ball) > 1e-4 * ball and not plant.IsAnchored(body):
             raise EngineError(
-                f"{path}: Drake takes a ball of 1 kg for the inertia of link"
+                f"{path}: Drake takes a ball of {own.get_mass():.4g} kg for the inertia of link"
                 f" {body.name()!r}, which no body can have; give it one, or none"
             )
 
@@ -50,7 +50,7 @@ def logged(said: list[str]) -> Iterator[None]:
     class Kept(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             told = folded(record.getMessage())
-            said.append(told.removeprefix("<literal-string>.urdf:"))
+            said.append(re.sub(r"^<literal-string>\.\w+:", "", told))
 
     logger, handler = logging.getLogger("drake"), Kept(logging.WARNING)
     others, spread = list(logger.handlers), logger.propagate

@@ -2,10 +2,11 @@
 
 Addresses by the file's format:
 
-- XML (MJCF, URDF): `body[rod]/inertial@pos[2]`, `gazebo[x]/springStiffness`. The first step is any
-  element of that tag, each next one a child of it. A name in brackets is the element's `name`, or
-  where it has none its `reference`, `joint` or `class`. `@attribute` is an attribute, `[i]` its
-  i-th number, counted from 0; without `@` the element's text is meant.
+- XML (MJCF, URDF, SDFormat): `body[rod]/inertial@pos[2]`, `link[rod]/inertial/pose[2]`. The first
+  step is any element of that tag, each next one a child of it. A name in brackets is the element's
+  `name`, or where it has none its `reference`, `joint` or `class`. `@attribute` is an attribute,
+  `[i]` its i-th number, counted from 0; without `@` the element's text is meant, and `[i]` is a
+  number of it where no such element has a name.
 - Python: the name of a number at the top level, `MASS`.
 - TOML: `settings.gravity[2]`, `spring[0].stiffness`.
 - A format that an engine says is `written_like` one of these: as there.
@@ -65,6 +66,7 @@ class _Grammar(NamedTuple):
 _GRAMMARS = {
     ".xml": _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers),
     ".urdf": _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers),
+    ".sdf": _Grammar(xml_paths, xml_offset, xml_literals, xml_numbers),
     ".py": _Grammar(python_names, python_offset, python_literals, python_numbers),
     ".toml": _Grammar(toml_keys, toml_offset, toml_literals),
 }

@@ -54,6 +54,10 @@ class Element:
     inner_end: int
 
 
+MARKUP = (".xml", ".urdf", ".sdf")
+"""Endings of model files that are XML."""
+
+
 def outline(file: Path, data: bytes) -> Element:
     """Read a file whole.
 

@@ -71,7 +71,7 @@ def xml_paths(source: Source) -> Resolve:
         match = _ADDRESS.fullmatch(address)
         if match is None:
             raise source.error(address, "is no address; one is like 'body[rod]/inertial@pos[2]'")
-        steps = [(tag, name or None) for tag, name in _STEP.findall(match["steps"])]
+        steps, index = _steps(match, elements)
         found = _walk(elements, steps, address, source)
         attribute = match["attribute"]
         if attribute is not None:
@@ -100,9 +100,24 @@ def xml_paths(source: Source) -> Resolve:
         else:
             spans, words = text_words(found[0], source, address)
             what = f"<{found[0].tag}>"
-        return _component(spans, words, match["index"], what, address, source)
+        return _component(spans, words, match["index"] or index, what, address, source)
 
     return resolve
+
+
+def _steps(
+    match: re.Match[str], elements: list[RawElement]
+) -> tuple[list[tuple[str, str | None]], str | None]:
+    """Tags with names, and which number of the last one's text, as in `link[rod]/pose[2]`.
+
+    It is a name where an element is so called.
+    """
+    steps = [(tag, name or None) for tag, name in _STEP.findall(match["steps"])]
+    tag, name = steps[-1]
+    listed = name is not None and re.fullmatch(r"\d{1,9}", name) and not match["attribute"]
+    if not listed or any(e.tag == tag and e.identity is not None for e in elements):
+        return steps, None
+    return [*steps[:-1], (tag, None)], name
 
 
 def xml_offset(source: Source, address: str) -> int | None:
@@ -113,8 +128,9 @@ def xml_offset(source: Source, address: str) -> int | None:
     match = _ADDRESS.fullmatch(address)
     if match is None:
         return None
-    steps = [(tag, name or None) for tag, name in _STEP.findall(match["steps"])]
-    pool, found = iter(read_elements(source)), list[RawElement]()
+    elements = read_elements(source)
+    steps, _ = _steps(match, elements)
+    pool, found = iter(elements), list[RawElement]()
     for tag, name in steps:
         found = [e for e in pool if e.tag == tag and name in (None, e.identity)]
         pool = (child for e in found for child in _within(e))
@@ -141,8 +157,7 @@ def xml_numbers(source: Source, kinds: re.Pattern[str]) -> Iterator[str]:
     resolve = xml_paths(source)
     for element in read_elements(source):
         words = {f"@{name}": text.split() for name, text in element.attributes.items()}
-        text = [] if element.children else element.text.split()
-        words[""] = text if len(text) == 1 else []  # an address has no component of a text
+        words[""] = [] if element.children else element.text.split()
         for attribute, values in words.items():
             if kinds.fullmatch(element.tag + attribute):
                 for index, value in enumerate(values):

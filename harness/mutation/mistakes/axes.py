@@ -20,6 +20,9 @@ def axes(subject: Subject) -> Iterator[Mistake]:
         if subject.suffix == ".urdf":
             written = subject.numbers("axis@xyz")
             mine = {a: v for a, v in written.items() if a.startswith(f"joint[{name}]/axis@")}
+        elif subject.suffix == ".sdf":
+            written = subject.numbers("xyz")
+            mine = {a: v for a, v in written.items() if a.startswith(f"joint[{name}]/axis/xyz[")}
         else:
             written = subject.numbers("joint@axis")
             mine = {a: v for a, v in written.items() if a.split("@")[0].endswith(f"joint[{name}]")}

@@ -19,7 +19,7 @@ from harness.numerics.coordinates import CoordinateMap
 from harness.records.cause import CauseId, CauseKind
 from reference.numeric import Array
 
-XML = (".xml", ".urdf")
+XML = (".xml", ".urdf", ".sdf")
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Subject:
         """The joints that move, by name, with their elements."""
         for element in self.elements:
             name = element.attributes.get("name")
-            inside = element.parent is not None and element.parent.tag in ("body", "robot")
+            inside = element.parent is not None and element.parent.tag in ("body", "robot", "model")
             if element.tag == "joint" and inside and name in self.model.coordinates:
                 yield name, element
 

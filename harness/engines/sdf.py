@@ -1,0 +1,175 @@
+"""What an SDFormat file means to engines: one model, its links and joints, and what holds it."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+
+from harness.engines.protocol import Array, Sample
+from harness.engines.remark import Remark, limit_remarks
+from harness.engines.sdf_check import WORLD, SdfJoint, checked
+from harness.engines.source import XmlSource, finite_numbers, read_source, read_xml
+from harness.engines.urdf import Mimic, UrdfReader
+
+ENDLESS = 1e16
+"""A bound that is none: the format's own, rad or m."""
+
+Bounds = Mapping[str, tuple[float, float]]
+"""Of joints, by their names."""
+
+
+@dataclass(frozen=True)
+class SdfFile:
+    """An SDFormat file that has one model with one meaning.
+
+    Attributes:
+        source: its elements with lines.
+        model: the one.
+        world: in which it stands, or None.
+        joints: by their names; parents and children are links.
+    """
+
+    source: XmlSource
+    model: ET.Element
+    world: ET.Element | None
+    joints: Mapping[str, SdfJoint]
+
+    @cached_property
+    def links(self) -> tuple[str, ...]:
+        """Names, in the file's order."""
+        return tuple(link.get("name", "") for link in self.model.findall("link"))
+
+    @property
+    def root(self) -> str:
+        """The link that hangs from no other, or `world` where all hang from it."""
+        children = {joint.child for joint in self.joints.values()}
+        return next((name for name in self.links if name not in children), WORLD)
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """What the file says of step, gravity, and whether its root moves freely."""
+        found: dict[str, object] = {"floating": self.root != WORLD}
+        if self.world is None:
+            return found
+        for key, tag in (("step", "physics/max_step_size"), ("gravity", "gravity")):
+            numbers = finite_numbers(self.world.findtext(tag) or "")
+            if numbers:
+                found[key] = numbers if key == "gravity" else numbers[0]
+        return found
+
+    @property
+    def mimics(self) -> tuple[Mimic, ...]:
+        """Joints that follow others: multiplier * (leader - reference) + offset."""
+        found = (mimic_of(joint.element) for joint in self.joints.values())
+        return tuple(one for one in found if one is not None)
+
+    @property
+    def bounds(self) -> Bounds:
+        """Between which the file says that positions are."""
+        found = {}
+        for joint in self.joints.values():
+            limit = joint.element.find("axis/limit")
+            if limit is None or joint.kind == "continuous":
+                continue
+            lower, upper = number(limit, "lower", -ENDLESS), number(limit, "upper", ENDLESS)
+            if lower < upper and (lower > -ENDLESS or upper < ENDLESS):
+                ends = (lower, -ENDLESS, -float("inf")), (upper, ENDLESS, float("inf"))
+                low, high = (end if one in (none, end) else one for one, none, end in ends)
+                found[joint.name] = (low, high)
+        return found
+
+
+def read_sdf(path: Path) -> SdfFile:
+    """Parse an SDFormat file, entity expansion off.
+
+    Raises:
+        EngineError: naming file and line.
+    """
+    source = read_xml(read_source(path, mend=True), path)
+    return SdfFile(source, *checked(source))
+
+
+def mimic_of(joint: ET.Element) -> Mimic | None:
+    """How a joint follows another, if it does."""
+    mimic = joint.find("axis/mimic")
+    if mimic is None:
+        return None
+    ratio, offset = number(mimic, "multiplier", 1.0), number(mimic, "offset", 0.0)
+    offset -= ratio * number(mimic, "reference", 0.0)
+    return Mimic(joint.get("name", ""), mimic.get("joint", ""), ratio, offset)
+
+
+def number(element: ET.Element, tag: str, default: float) -> float:
+    """The number of a child, which is checked."""
+    text = element.findtext(tag)
+    return default if text is None or not text.strip() else float(text)
+
+
+def sdf_remarks(
+    file: SdfFile, reader: UrdfReader, joints: Sequence[str], z: Array, w: Array
+) -> Iterator[Remark]:
+    """What is to be said of an SDFormat file along the states (z, w) of its joints."""
+    for link in file.model.findall("link"):
+        name = link.get("name", "")
+        if link.find("inertial") is None:
+            yield Remark(
+                message=f"link {name} has no <inertial>: the format, and {reader.name}, take 1 kg"
+                " and 1 kg m^2",
+                address=f"model/link[{name}]",
+            )
+    for name in joints:
+        if name not in file.joints:
+            continue
+        i, element = joints.index(name), file.joints[name].element
+        if not reader.no_stops and name in file.bounds:
+            yield from limit_remarks(
+                name,
+                bounds=file.bounds[name],
+                reached=(float(z[:, i].min()), float(z[:, i].max())),
+                address=f"model/joint[{name}]",
+            )
+        dynamics = element.find("axis/dynamics")
+        friction = 0.0 if dynamics is None else number(dynamics, "friction", 0.0)
+        if friction and reader.no_friction:
+            yield Remark(
+                message=f"<friction> of {name} is {friction:g}; {reader.no_friction} ignores it",
+                fault=True,
+                address=f"joint[{name}]/axis/dynamics/friction",
+                value=friction,
+            )
+
+
+SDF_IDLE: Mapping[str, str] = MappingProxyType(
+    {
+        r".*/(visual|material)/.*": "looks",
+        r".*/collision/.*": "shapes that touch nothing",
+        r".*/limit/.*": "limits",
+        r"sdf@version": "the version of the format",
+        r".*/joint/physics/.*": "settings of solvers",
+    }
+)
+"""Numbers of an SDFormat file on which no smooth motion depends."""
+
+_INERTIA = "<inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia>"
+_SAMPLE = f"""<sdf version="1.6"><world name="here"><gravity>0 0 -9.81</gravity>
+<physics name="slow" type="ode"><max_step_size>0.004</max_step_size></physics>
+<model name="sample">
+<link name="a"><inertial><mass>2</mass>{_INERTIA}</inertial></link>
+<link name="b"><pose>0 0 0.1 0 0 0</pose><inertial><pose>0 0 -0.5 0 0 0</pose><mass>0.7</mass>
+{_INERTIA}</inertial></link>
+<joint name="q1" type="prismatic"><parent>world</parent><child>a</child><axis><xyz>1 0 0</xyz>
+<limit><lower>-1e16</lower><upper>1e16</upper></limit><dynamics><damping>1.5</damping></dynamics>
+</axis></joint>
+<joint name="q2" type="revolute"><parent>a</parent><child>b</child><axis><xyz>0 -1 0</xyz>
+<limit><lower>-1e16</lower><upper>1e16</upper></limit><dynamics><damping>0.1</damping></dynamics>
+</axis></joint></model></world></sdf>
+"""
+
+
+def sample_sdf() -> Sample:
+    """A pendulum on a damped slide, with step and gravity of its own."""
+    return Sample(file="sample.sdf", text=_SAMPLE)

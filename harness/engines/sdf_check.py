@@ -1,0 +1,219 @@
+"""What no SDFormat file may have here, refused by line: what is not covered, or means two things.
+
+Names are resolved as SDFormat 1.7 has them: a joint's parent and child may be frames, which are
+attached to links, joints or other frames (http://sdformat.org/tutorials?tut=pose_frame_semantics).
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from harness.engines.source import XmlSource, finite_numbers
+
+WORLD = "world"
+"""What joints may hang from and no file declares."""
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed")
+
+_SCALARS = (
+    "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "damping", "friction", "spring_stiffness",
+    "spring_reference", "lower", "upper", "effort", "velocity", "multiplier", "offset",
+    "reference",
+)  # fmt: skip
+_COUNTS = {**dict.fromkeys(_SCALARS, 1), "xyz": 3}
+"""How many numbers an element has."""
+
+_ONCE = {
+    "link": ("inertial", "pose"),
+    "inertial": ("pose", "mass", "inertia"),
+    "joint": ("parent", "child", "axis", "pose"),
+    "axis": ("xyz", "dynamics", "limit", "mimic"),
+    "world": ("gravity",),
+    "model": ("pose", "static"),
+}
+"""What an element may have once."""
+
+_NOT_COVERED = {
+    "include": "write the model that it includes into the file (gz sdf -p FILE)",
+    "model": "models within models are not covered; write their links into one",
+    "axis2": "joints of two axes are not covered; write two joints",
+    "gearbox_ratio": "gearboxes are not covered",
+    "thread_pitch": "screws are not covered",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SdfJoint:
+    """A joint: its type, and the links that it is between, where `world` may be the parent."""
+
+    name: str
+    element: ET.Element
+    kind: str
+    parent: str
+    child: str
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is no weld."""
+        return self.kind != "fixed"
+
+
+def checked(source: XmlSource) -> tuple[ET.Element, ET.Element | None, dict[str, SdfJoint]]:
+    """The model, its world, and its joints.
+
+    Raises:
+        EngineError: naming file and line.
+    """
+    root = source.root
+    if root.tag != "sdf":
+        raise source.refused(root, f"the root is <{root.tag}>, not <sdf>: no SDFormat file")
+    worlds = root.findall("world")
+    for other in worlds[1:]:
+        raise source.refused(other, "a second <world>: keep one a file")
+    world = worlds[0] if worlds else None
+    for holder in (root, world) if world is not None else (root,):
+        for element in holder.findall("include"):
+            raise source.refused(element, f"<include> is not covered: {_NOT_COVERED['include']}")
+    models = [one for holder in (root, *worlds) for one in holder.findall("model")]
+    for other in models[1:]:
+        raise source.refused(other, f"it has {len(models)} models, and one is covered: keep one")
+    if not models:
+        raise source.refused(root, "it has no <model>")
+    _check_parts(source, models[0], world)
+    return models[0], world, _joints(source, models[0])
+
+
+def _check_parts(source: XmlSource, model: ET.Element, world: ET.Element | None) -> None:
+    for element in model.iter():
+        if element is not model and element.tag in _NOT_COVERED:
+            raise source.refused(element, f"<{element.tag}>: {_NOT_COVERED[element.tag]}")
+    for holder in (world, *world.findall("physics")) if world is not None else ():
+        _check_once(source, holder)
+        for part in holder:
+            _check_number(source, part, {"gravity": 3, "max_step_size": 1})
+    static = model.find("static")
+    if static is not None and (static.text or "").strip().lower() in ("1", "true"):
+        raise source.refused(static, "the model is static: nothing of it moves")
+    for element in (model, *model.findall("link"), *model.findall("joint")):
+        for part in element.iter() if element is not model else (model, *model.findall("pose")):
+            _check_number(source, part)
+            _check_once(source, part)
+
+
+def _check_number(
+    source: XmlSource, element: ET.Element, counts: Mapping[str, int] = _COUNTS
+) -> None:
+    count = counts.get(element.tag)
+    words = element.text or ""
+    if element.tag == "pose":
+        count = 7 if element.get("rotation_format") == "quat_xyzw" else 6
+    if count is None or len(element) or not words.strip():
+        return
+    numbers = finite_numbers(words.replace("inf", "1e16"))
+    if numbers is None or len(numbers) != count:
+        wanted = "a finite number belongs" if count == 1 else f"{count} finite numbers belong"
+        raise source.refused(element, f"<{element.tag}> is {words.strip()!r}, where {wanted}")
+
+
+def _check_once(source: XmlSource, element: ET.Element) -> None:
+    for tag in _ONCE.get(element.tag, ()):
+        for other in element.findall(tag)[1:]:
+            raise source.refused(other, f"a second <{tag}> of one <{element.tag}>")
+
+
+def _named(source: XmlSource, model: ET.Element) -> dict[str, ET.Element]:
+    """Links, joints and frames by their names, which they share."""
+    found: dict[str, ET.Element] = {}
+    for element in model:
+        if element.tag not in ("link", "joint", "frame"):
+            continue
+        name = element.get("name", "")
+        if not name:
+            raise source.refused(element, f"a <{element.tag}> has no name")
+        if name in found:
+            raise source.refused(element, f"a second link, joint or frame is called {name!r}")
+        found[name] = element
+    return found
+
+
+def _joints(source: XmlSource, model: ET.Element) -> dict[str, SdfJoint]:
+    named = _named(source, model)
+    found: dict[str, SdfJoint] = {}
+    above: dict[str, str] = {}
+    for name, element in named.items():
+        if element.tag != "joint":
+            continue
+        kind = element.get("type", "")
+        if kind not in KINDS:
+            raise source.refused(
+                element, f"joint {name!r} is of type {kind!r}; types are {', '.join(KINDS)}"
+            )
+        parent, child = (_end(source, element, tag, named) for tag in ("parent", "child"))
+        if child in above:
+            raise source.refused(element, f"link {child!r} has a second parent, by joint {name!r}")
+        above[child] = parent
+        _check_axis(source, element, name)
+        found[name] = SdfJoint(name=name, element=element, kind=kind, parent=parent, child=child)
+    _check_tree(source, named, above)
+    return found
+
+
+def _check_axis(source: XmlSource, joint: ET.Element, name: str) -> None:
+    axis = joint.find("axis")
+    if joint.get("type") != "fixed" and axis is None:
+        raise source.refused(joint, f"joint {name!r} has no <axis>")
+    xyz = None if axis is None else axis.find("xyz")
+    if xyz is not None and not any(finite_numbers(xyz.text or "0 0 1") or ()):
+        raise source.refused(xyz, f"the axis of joint {name!r} has no length")
+
+
+def _end(source: XmlSource, joint: ET.Element, tag: str, named: Mapping[str, ET.Element]) -> str:
+    """The link that a joint's parent or child is, or is attached to."""
+    told = (joint.findtext(tag) or "").strip()
+    link = attached(told, named)
+    if not link or (link == WORLD and tag == "child"):
+        name = joint.get("name", "")
+        raise source.refused(joint, f"the {tag} of joint {name!r} is {told!r}, which is no link")
+    return link
+
+
+def attached(name: str, named: Mapping[str, ET.Element]) -> str:
+    """The link that a link, a frame or a joint moves with; empty where there is none."""
+    passed: set[str] = set()
+    while name and name not in passed and name != WORLD:
+        passed.add(name)
+        if name == "__model__":
+            return next((key for key, one in named.items() if one.tag == "link"), "")
+        element = named.get(name)
+        if element is None:
+            return ""
+        if element.tag == "link":
+            return name
+        joint = element.tag == "joint"
+        name = (element.findtext("child") or "").strip() if joint else _carrier(element)
+    return WORLD if name == WORLD else ""
+
+
+def _carrier(frame: ET.Element) -> str:
+    return frame.get("attached_to") or "__model__"
+
+
+def _check_tree(
+    source: XmlSource, named: Mapping[str, ET.Element], above: Mapping[str, str]
+) -> None:
+    links = [name for name, element in named.items() if element.tag == "link"]
+    roots = [name for name in links if name not in above]
+    grounded = [name for name, parent in above.items() if parent == WORLD]
+    if len(roots) > 1 or (roots and grounded):
+        names = ", ".join(map(repr, roots))
+        raise source.refused(
+            named[roots[-1]], f"nothing holds {names}: all links but one need a joint"
+        )
+    for name in links:
+        up, steps = name, 0
+        while up in above and steps <= len(links):
+            up, steps = above[up], steps + 1
+        if up in above:
+            raise source.refused(named[name], f"link {name!r} hangs from itself, by its joints")

@@ -1,0 +1,171 @@
+"""An SDFormat file as a tree of bodies: one model, with all that is left out or in the way said."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from harness.files.brief import brief
+from harness.files.locations.xml import RawElement
+from harness.robots.document import Document, DocumentError
+from harness.robots.robot import Robot, refused
+from harness.robots.sdf_frames import WORLD, Frames
+from harness.robots.sdf_left_out import sdf_left_out
+from harness.robots.sdf_parts import SdfJoint, SdfLink, bodies_of, read_joints, read_links
+from harness.robots.sdf_parts import read_mimics as read_sdf_mimics
+from harness.robots.settle import elements_of, part_of, robot_of, settled
+from harness.robots.urdf import GRAVITY
+from harness.robots.urdf_root import looped
+from reference.multibody.bodies import RigidBody, Triple
+
+_UNCOVERED: Mapping[str, str] = {
+    "include": "write what it includes into the file (gz sdf -p FILE)",
+    "model": "write the links of both into one model",
+    "axis2": "write two joints",
+    "gearbox_ratio": "take the gearbox out",
+    "thread_pitch": "take the screw out",
+}
+
+
+def read_sdf_robot(path: Path) -> Robot:
+    """Read an SDFormat file of one model, whole.
+
+    Poses are resolved as `sdf_frames` says. A joint moves its child along or about `<axis>`, which
+    is told in the joint's frame unless `expressed_in` names another (to 1.6:
+    `use_parent_model_frame`; to 1.4 always the model's). A model that no joint holds to `world`
+    moves freely. Links without mass or moments have 1 kg and 1 kg m^2, as the format says
+    (http://sdformat.org/spec). Step and gravity are those of a `<world>`, where it states them.
+
+    Args:
+        path: of the file.
+    """
+    try:
+        document = Document(path)
+    except DocumentError as error:
+        return refused(path, path.stem, [error.obstacle])
+    with np.errstate(all="ignore"):  # what overflows is told
+        return read_document(document)
+
+
+def read_document(document: Document) -> Robot:
+    """A file that is parsed."""
+    path = document.path
+    model, world = _model(document)
+    if model is None:
+        return refused(path, path.stem, document.obstacles)
+    name = model.attributes.get("name") or path.stem
+    frames = Frames(document, model)
+    links, joints = read_links(document, frames), read_joints(document, frames)
+    root = _root(document, model, links, joints)
+    parts = tuple(part_of(document, link.element, link.body) for link in links.values())
+    mimics = read_sdf_mimics(document, joints)
+    left_out = sdf_left_out(document, model, joints, mimics)
+    stated, gravity = _stated(document, world)
+    if not document.obstacles:
+        for one in (*links, *joints):
+            frames.place(one)
+        frames.of_model()
+    if document.obstacles or root is None:
+        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
+    ground: str = root
+
+    def bodies_with(still: Collection[str]) -> tuple[RigidBody, ...]:
+        return tuple(bodies_of(frames, ground, links, joints, still))
+
+    found = settled(document, elements_of(links), elements_of(joints), mimics, bodies_with, gravity)
+    if document.obstacles:
+        return refused(path, name, document.obstacles, parts=parts, left_out=left_out)
+    return robot_of(
+        found, name=name, file=path, parts=parts, left_out=left_out, gravity=gravity,
+        floats=root != WORLD, stated=stated,
+    )  # fmt: skip
+
+
+def _model(document: Document) -> tuple[RawElement | None, RawElement | None]:
+    """The model, and the world in which it stands; what hinders is noted."""
+    root = document.root
+    if root.tag != "sdf":
+        document.hinder(root, f"the root is <{root.tag}>, not <sdf>", "give an SDFormat file")
+        return None, None
+    worlds = [one for one in root.children if one.tag == "world"]
+    models = [one for holder in (root, *worlds) for one in holder.children if one.tag == "model"]
+    includes = [
+        one for holder in (root, *worlds) for one in holder.children if one.tag == "include"
+    ]
+    for one in includes:
+        document.hinder(one, "<include> is not covered", _UNCOVERED["include"])
+    for one in (*worlds[1:], *models[1:]):
+        document.hinder(one, f"a second <{one.tag}> of one file", "keep one, of one model")
+    if not models:
+        document.hinder(root, "it has no <model>", "a robot's file has one")
+        return None, None
+    for one in _within(models[0]):
+        if one.tag in _UNCOVERED:
+            document.hinder(one, f"<{one.tag}> is not covered", _UNCOVERED[one.tag])
+    static = document.child(models[0], "static")
+    if static is not None and static.text.strip().lower() in ("1", "true"):
+        document.hinder(static, "the model is static: nothing of it moves", "give another")
+    return models[0], worlds[0] if worlds else None
+
+
+def _within(element: RawElement) -> Iterator[RawElement]:
+    for child in element.children:
+        if child.tag != "plugin":
+            yield child
+            yield from _within(child)
+
+
+def _root(
+    document: Document,
+    model: RawElement,
+    links: Mapping[str, SdfLink],
+    joints: Mapping[str, SdfJoint],
+) -> str | None:
+    """The link that floats and carries all others, or `world`; None where neither does."""
+    above: dict[str, str] = {}
+    for joint in joints.values():
+        if joint.child in above:
+            document.hinder(
+                joint.element,
+                f"link {brief(joint.child)} has a second parent, by joint {brief(joint.name)}",
+                "a closed loop is no tree: take the joint out",
+            )
+        elif joint.child:
+            above[joint.child] = joint.parent
+    if not links:
+        document.hinder(model, "it has no <link>", "a robot has one at least")
+    for name in looped(links, above):
+        document.hinder(
+            links[name].element,
+            f"link {brief(name)} hangs from itself, by its joints",
+            "a closed loop is no tree: take a joint out",
+        )
+    loose = [name for name in links if name not in above]
+    if len(loose) > 1 or (loose and WORLD in above.values()):
+        document.hinder(
+            links[loose[-1]].element,
+            f"nothing holds {', '.join(map(brief, loose))}",
+            "give all links but one a joint",
+        )
+    return loose[0] if loose else WORLD
+
+
+def _stated(
+    document: Document, world: RawElement | None
+) -> tuple[dict[str, object], tuple[float, float, float]]:
+    """Settings that a world states, and its gravity."""
+    found: dict[str, object] = {}
+    gravity: Triple = GRAVITY
+    if world is None:
+        return found, gravity
+    told, physics = document.child(world, "gravity"), document.child(world, "physics")
+    if told is not None and told.text.strip():
+        x, y, z = document.text_numbers(told, GRAVITY, "the world")
+        gravity = x, y, z
+        found["gravity"] = [x, y, z]
+    step = None if physics is None else document.child(physics, "max_step_size")
+    if step is not None and step.text.strip():
+        found["step"] = document.text_numbers(step, (0.001,), "the world")[0]
+    return found, gravity

@@ -1,0 +1,240 @@
+"""What Drake and DART make of one SDFormat file, as `docs/engines.md` tabulates it."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.cases.prepare import prepare
+from harness.cases.robot import judge_robot, prepare_robot
+from harness.diagnosis.task import diagnose_model, diagnosis_task
+from harness.engines.protocol import EngineError, Model, ModelSpec
+from harness.engines.registry import engines
+from harness.files.locations import find
+from harness.files.model_files import model_files
+from harness.files.sidecar import Sidecar
+from harness.records.cause import Cause
+from harness.records.outcome import Outcome
+from tests.engines.extras import H, need
+
+ROOT = Path(__file__).parents[2]
+NAMES = ("drake", "dart")
+TURNED = "0 0 -0.5 0.3 0.2 0.1"
+STRAIGHT = "0 0 -0.5 0 0 0"
+
+
+def text(
+    axis: str = "", *, version: str = "1.6", pose: str = STRAIGHT, ixx: str = "0.01",
+    kind: str = "revolute", beside: str = "", xyz: str = "<xyz>0 -1 0</xyz>", link: str = "",
+) -> str:  # fmt: skip
+    return f"""<sdf version="{version}">
+<model name="m"><pose>0.1 0.2 0.3 0.2 -0.1 0.4</pose>
+<link name="a"><pose>0 0 1 0.3 0.1 -0.2</pose>{link}<inertial><pose>{pose}</pose><mass>0.5</mass>
+<inertia><ixx>{ixx}</ixx><ixy>0.001</ixy><ixz>0.002</ixz><iyy>0.02</iyy><iyz>0.001</iyz>
+<izz>0.015</izz></inertia></inertial></link>
+<joint name="j" type="{kind}"><parent>world</parent><child>a</child><pose>0.1 0 0 0.2 0 0.1</pose>
+<axis>{xyz}{axis}</axis></joint>{beside}</model></sdf>"""
+
+
+def load(name: str, sdf: str, folder: Path, **settings: object) -> Model:
+    need(name)
+    path = folder / "m.sdf"
+    path.write_text(sdf)
+    given = {"step": H, "gravity": [0.3, 0.0, -9.81], **settings}
+    return engines()[name].load(ModelSpec(path, settings=given))
+
+
+def outcome(name: str, sdf: str, folder: Path, **settings: object) -> Outcome:
+    """Of the file alone, against the equations of what is read of it."""
+    need(name)
+    path = folder / "robot.sdf"
+    path.write_text(sdf)
+    task = prepare_robot(path).task(name, 1e-9)
+    return judge_robot(replace(task, settings={**task.settings, **settings})).outcome
+
+
+DYNAMICS = (
+    "<dynamics><damping>0.02</damping><spring_stiffness>3</spring_stiffness>"
+    "<spring_reference>0.2</spring_reference></dynamics>"
+)
+IN_MODEL = "<use_parent_model_frame>1</use_parent_model_frame><xyz>0.1 -1 0.2</xyz>"
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "sdf",
+    [
+        text(DYNAMICS),
+        text(DYNAMICS, kind="prismatic", xyz="<xyz>1 0.2 -0.4</xyz>"),
+        text(xyz=IN_MODEL),
+        text(version="1.4", xyz="<xyz>0.1 -1 0.2</xyz>"),  # in the model's frame
+        text(
+            version="1.9", xyz='<xyz expressed_in="__model__">0.1 -1 0.2</xyz>', kind="continuous"
+        ),
+        text(xyz=""),
+    ],
+    ids=["spring of a hinge", "spring of a slide", "in the model", "1.4", "1.9", "no axis told"],
+)
+def test_poses_axes_springs_and_dampers_mean_what_the_format_says(
+    name: str, sdf: str, tmp_path: Path
+) -> None:
+    assert outcome(name, sdf, tmp_path) is Outcome.AGREES
+
+
+def test_dart_does_not_turn_inertials_and_its_setting_does(tmp_path: Path) -> None:
+    sdf = text(pose=TURNED)
+    assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
+    assert outcome("dart", sdf, tmp_path) is Outcome.DIFFERS
+    ((cause, undone),) = load("dart", sdf, tmp_path).remedies.items()
+    assert "<inertial>s that are turned as if they were not (a)" in cause
+    assert outcome("dart", sdf, tmp_path, **undone) is Outcome.AGREES
+    assert not load("dart", sdf, tmp_path, **undone).remedies
+    assert not load("dart", text(), tmp_path).remedies
+
+
+@pytest.mark.parametrize(("name", "falls"), [("drake", True), ("dart", False)])
+def test_a_link_without_gravity_falls_in_drake(name: str, falls: bool, tmp_path: Path) -> None:
+    sdf = text(link="<gravity>false</gravity>")
+    wanted = Outcome.DIFFERS if falls else Outcome.AGREES
+    assert outcome(name, sdf, tmp_path) is wanted
+    warned = load(name, sdf, tmp_path).warnings
+    assert any("Unsupported value for SDFormat element gravity" in one for one in warned) is falls
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_limits_stop_a_joint_in_both(name: str, tmp_path: Path) -> None:
+    sdf = text("<limit><lower>-0.5</lower><upper>0.5</upper></limit>")
+    still = {"gravity": [0.0, 0.0, 0.0]}
+    z, v = np.array([[0.495]]), np.array([[1.0]])
+    stopped = load(name, sdf, tmp_path, **still)
+    assert stopped.limits.tolist() == stopped.reach.tolist() == [[-0.5, 0.5]]
+    assert stopped.rollout(z, v, H, 1000, None, 1000)[0][0, 0, 0] < 0.51
+    smooth = load(name, sdf, tmp_path, smooth=True, **still)
+    assert not np.isfinite(smooth.limits).any()
+    assert smooth.rollout(z, v, H, 1000, None, 1000)[0][0, 0, 0] == pytest.approx(0.595, abs=1e-6)
+
+
+def test_what_dart_can_not_say_is_refused_by_line(tmp_path: Path) -> None:
+    sdf = text(version="1.9").replace("<pose>0 0 1", '<pose degrees="true">0 0 1')
+    with pytest.raises(EngineError, match=r"m\.sdf:3: DART reads SDFormat to version 1\.6"):
+        load("dart", sdf, tmp_path)
+    assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
+
+
+def test_an_inertia_that_no_body_has_is_a_ball_of_drakes(tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match=r"a ball of 0\.5 kg for the inertia of link 'a'"):
+        load("drake", text(ixx="0.5"), tmp_path)
+    assert load("dart", text(ixx="0.5"), tmp_path).coordinates == ("j",)
+
+
+FOLLOWER = (
+    "<link name='b'><inertial><mass>0.1</mass></inertial></link><joint name='k' type='revolute'>"
+    "<parent>world</parent><child>b</child><axis><xyz>0 1 0</xyz><mimic joint='j'>"
+    "<multiplier>2</multiplier></mimic></axis></joint>"
+)
+
+
+@pytest.mark.parametrize(("name", "stepping", "held"), [
+    ("drake", "sap", True), ("drake", "tamsi", False),
+])  # fmt: skip
+def test_a_mimic_is_written_for_drake_as_its_own(
+    name: str, stepping: str, held: bool, tmp_path: Path
+) -> None:
+    sdf = text(version="1.11", beside=FOLLOWER)
+    model = load(name, sdf, tmp_path, stepping=stepping)
+    still = np.zeros((1, 2))
+    z, _ = model.rollout(still, still, H, 500, None, 500)
+    j, k = (z[0, 0, model.coordinates.index(one)] for one in ("j", "k"))
+    assert abs(j) > 1e-5
+    assert bool(abs(k - 2 * j) < 1e-3 * abs(j)) is held
+    assert bool(model.remedies) is not held
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
+    name: str, tmp_path: Path
+) -> None:
+    need(name)
+    path = tmp_path / "m.sdf"
+    world = "<gravity>0 0 -3</gravity><physics type='ode'><max_step_size>0.005</max_step_size>"
+    inner = text().split("\n", 1)[1].removesuffix("</sdf>")
+    path.write_text(f"<sdf version='1.6'><world name='w'>{world}</physics>{inner}</world></sdf>")
+    engine = engines()[name]
+    own = engine.load(ModelSpec(path))
+    assert (own.step, own.gravity) == (0.005, (0.0, 0.0, -3.0))
+    said = engine.load(ModelSpec(path, settings={"gravity": [0, 0, -5], "step": 0.001}))
+    assert (said.step, said.gravity) == (0.001, (0.0, 0.0, -5.0))
+    with pytest.raises(EngineError, match="floating says otherwise than the file"):
+        engine.load(ModelSpec(path, settings={"floating": True}))
+    path.write_text(text())
+    with pytest.raises(EngineError, match="must state step: the file states none"):
+        engine.load(ModelSpec(path))
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("</sdf>", "<model name='n'/></sdf>", ":7: it has 2 models"),
+    ("</model>", "<include/></model>", ":7: <include>: write the model"),
+    ("</model>", "<model name='n'/></model>", ":7: <model>: models within models"),
+    ("revolute", "ball", ":6: joint 'j' is of type 'ball'; types are revolute"),
+    ("<mass>0.5", "<mass>0.5 kg", ":3: <mass> is '0.5 kg', where a finite number belongs"),
+    ("</model>", "<link name='b'/></model>", "nothing holds 'b'"),
+])  # fmt: skip
+def test_what_is_not_covered_is_refused_by_line(
+    name: str, old: str, new: str, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(EngineError) as error:
+        load(name, text().replace(old, new), tmp_path)
+    assert said in str(error.value)
+
+
+def diagnosed(folder: Path, engine: str) -> Cause:
+    """The first cause of what its one model does."""
+    prepared = prepare(folder)
+    (sidecar,) = model_files(folder)
+    assert isinstance(sidecar, Sidecar)
+    diagnosis = diagnose_model(diagnosis_task(prepared, sidecar, engine))
+    assert diagnosis.explained
+    (cause,) = diagnosis.explanations[0].causes
+    return cause
+
+
+@pytest.mark.parametrize(("address", "value"), [
+    ("link[pendulum]/inertial/mass", "0.47"), ("link[pendulum]/inertial/pose[2]", "-0.77"),
+])  # fmt: skip
+def test_a_wrong_number_of_a_builtin_model_is_named_by_its_line(
+    address: str, value: str, tmp_path: Path
+) -> None:
+    need("dart")
+    folder = tmp_path / "simple_pendulum"
+    folder.mkdir()
+    for name in ("system.py", "robot.sdf", "robot.sdf.toml"):
+        shutil.copy(ROOT / "models" / "simple_pendulum" / name, folder)
+    file = folder / "robot.sdf"
+    place = find(file, [address])[address]
+    data = file.read_bytes()
+    file.write_bytes(data[: place.start] + value.encode() + data[place.end :])
+    cause = diagnosed(folder, "dart")
+    assert (cause.kind, cause.subject) == ("literal", (address,))
+    assert [one.line for one in cause.where] == [place.line]
+
+
+def test_what_drake_alone_reads_is_left_out_where_a_file_is_checked_alone(tmp_path: Path) -> None:
+    rotor = "<drake:rotor_inertia>0.5</drake:rotor_inertia><drake:gear_ratio>3</drake:gear_ratio>"
+    sdf = text("<limit><effort>9</effort></limit>").replace("</joint>", rotor + "</joint>")
+    sdf = sdf.replace("<sdf ", '<sdf xmlns:drake="http://drake.mit.edu" ')
+    assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
+    assert outcome("drake", sdf, tmp_path, smooth=False) is Outcome.DIFFERS
+
+
+def test_springs_of_the_file_are_told_to_act_at_the_end_of_a_step_of_darts(tmp_path: Path) -> None:
+    besides = []
+    for axis in ("", DYNAMICS):
+        rule = load("dart", text(axis), tmp_path).step_rule
+        assert rule is not None
+        besides.append(rule.besides)
+    assert besides == ["", "springs, taken at the step's end"]

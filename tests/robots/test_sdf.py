@@ -1,0 +1,215 @@
+"""SDFormat files as trees of bodies: frames by the format's pose semantics, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness.robots.named import read_robot, robot_files, robot_numbers
+from harness.robots.robot import Robot
+from reference.multibody.algebra import from_rpy
+from reference.multibody.lump import Place
+from reference.multibody.recursion import Recursion
+from reference.multibody.tree import Tree
+from tests.robots.files import in_the_way, told, tree_of
+
+TENSOR = "<ixx>0.1</ixx><iyy>0.2</iyy><izz>0.15</izz><ixy>0.01</ixy><ixz>0.02</ixz><iyz>0.03</iyz>"
+INERTIAL = (
+    "<inertial><pose>0.1 0.2 -0.5 0.3 0.2 0.1</pose><mass>2</mass>"
+    f"<inertia>{TENSOR}</inertia></inertial>"
+)
+WELD = '<joint name="weld" type="fixed"><parent>world</parent><child>base</child></joint>'
+BASE = f'<link name="base"><pose>0.1 0.2 0.3 0.2 0.1 0.4</pose>{INERTIAL}</link>'
+ARM = f'<link name="arm"><pose>0.4 0.1 0.2 -0.3 0.5 0.1</pose>{INERTIAL}</link>'
+
+
+def joint(inner: str = "", xyz: str = "<xyz>0.2 -1 0.3</xyz>", pose: str = "") -> str:
+    return (
+        f'<joint name="q" type="revolute"><parent>base</parent><child>arm</child>{pose}'
+        f"<axis>{xyz}{inner}</axis></joint>"
+    )
+
+
+def read(folder: Path, *lines: str, version: str = "1.9", world: str = "") -> Robot:
+    """A model of these lines, the first of which is the file's second."""
+    model = "\n".join(
+        ["<model name='m'><pose>0.3 -0.2 0.1 0.2 0.1 -0.3</pose>", *lines, "</model>"]
+    )
+    inner = f"<world name='w'>{world}{model}</world>" if world else model
+    path = folder / "robot.sdf"
+    path.write_text(f"<sdf version='{version}'>{inner}</sdf>")
+    return read_robot(path)
+
+
+def place(text: str) -> Place:
+    x, y, z, roll, pitch, yaw = map(float, text.split())
+    return Place(from_rpy(roll, pitch, yaw), np.array([x, y, z]))
+
+
+MODEL = place("0.3 -0.2 0.1 0.2 0.1 -0.3")
+ARM_THERE = place("0.4 0.1 0.2 -0.3 0.5 0.1")
+LATER = "<pose>0.05 0.1 0 0.2 0.1 0.3</pose>"
+
+
+def axis(tree: Tree, at: float = 0.0) -> np.ndarray:
+    """Of its one joint, in the world, (3,)."""
+    (pose,) = Recursion(tree).poses(np.array([[at]]))
+    found: np.ndarray = pose.rotation[..., 0] @ tree.links[0].axis
+    return found
+
+
+@pytest.mark.parametrize(("version", "xyz", "frame"), [
+    ("1.4", "<xyz>0.2 -1 0.3</xyz>", "model"),
+    ("1.6", "<xyz>0.2 -1 0.3</xyz>", "joint"),
+    ("1.6", "<use_parent_model_frame>1</use_parent_model_frame><xyz>0.2 -1 0.3</xyz>", "model"),
+    ("1.9", "<xyz>0.2 -1 0.3</xyz>", "joint"),
+    ("1.9", '<xyz expressed_in="__model__">0.2 -1 0.3</xyz>', "model"),
+    ("1.9", '<xyz expressed_in="arm">0.2 -1 0.3</xyz>', "arm"),
+])  # fmt: skip
+def test_an_axis_is_told_in_the_frame_that_the_version_or_the_file_says(
+    version: str, xyz: str, frame: str, tmp_path: Path
+) -> None:
+    arm = MODEL.of(ARM_THERE)
+    turn = {"model": MODEL, "arm": arm, "joint": arm.of(place("0.05 0.1 0 0.2 0.1 0.3"))}[frame]
+    tree = tree_of(read(tmp_path, BASE, ARM, WELD, joint(xyz=xyz, pose=LATER), version=version))
+    told_axis = np.array([0.2, -1.0, 0.3])
+    wanted = turn.rotation @ told_axis / np.linalg.norm(told_axis)
+    assert axis(tree) == pytest.approx(wanted, abs=1e-15)
+
+
+def test_a_joint_turns_about_its_own_origin_and_inertials_are_turned(tmp_path: Path) -> None:
+    tree = tree_of(read(tmp_path, BASE, ARM, WELD, joint(pose=LATER)))
+    (link,) = tree.links
+    (pose,) = Recursion(tree).poses(np.zeros((1, 1)))
+    arm = MODEL.of(ARM_THERE)
+    assert pose.origin[:, 0] == pytest.approx(arm.at(np.array([0.05, 0.1, 0.0])), abs=1e-15)
+    turn = place("0.1 0.2 -0.5 0.3 0.2 0.1").rotation
+    moments = np.array([[0.1, 0.01, 0.02], [0.01, 0.2, 0.03], [0.02, 0.03, 0.15]])
+    assert link.inertia == pytest.approx(turn @ moments @ turn.T, abs=1e-15)
+    assert link.center == pytest.approx([0.05, 0.1, -0.5], abs=1e-15)
+
+
+def same(one: Tree, other: Tree) -> bool:
+    return all(
+        np.allclose(getattr(a, name), getattr(b, name), atol=1e-14)
+        for a, b in zip(one.links, other.links, strict=True)
+        for name in ("position", "rotation", "axis", "mass", "center", "inertia", "damping")
+    )
+
+
+@pytest.mark.parametrize("lines", [
+    # By a frame that is attached to another one, and through a joint.
+    ('<frame name="f" attached_to="base"><pose relative_to="__model__">0.4 0.1 0.2 0 0 0</pose>'
+     '</frame><frame name="g" attached_to="f"><pose>0 0 0 -0.3 0.5 0.1</pose></frame>',
+     f'<link name="arm"><pose relative_to="g"/>{INERTIAL}</link>', joint(pose=LATER)),
+    # Angles in degrees, and a quaternion.
+    ("", '<link name="arm"><pose degrees="true">0.4 0.1 0.2 -17.188733853924695 28.64788975654116'
+     f' 5.729577951308232</pose>{INERTIAL}</link>', joint(pose=LATER)),
+    # A joint's place told in the model's frame: the arm's and the joint's in the arm's.
+    ("", ARM, joint(pose='<pose relative_to="arm">0.05 0.1 0 0.2 0.1 0.3</pose>')),
+    # A frame for the child, and one for the parent.
+    ('<frame name="f" attached_to="arm"/><frame name="g" attached_to="base"/>', ARM,
+     joint(pose=LATER).replace(">arm<", ">f<").replace(">base<", ">g<")),
+])  # fmt: skip
+def test_poses_mean_the_same_however_they_are_told(
+    lines: tuple[str, str, str], tmp_path: Path
+) -> None:
+    plain = tree_of(read(tmp_path, BASE, ARM, WELD, joint(pose=LATER)))
+    assert same(tree_of(read(tmp_path, BASE, WELD, *lines)), plain)
+
+
+def test_a_quaternion_has_its_real_part_last(tmp_path: Path) -> None:
+    half = np.sqrt(0.5)
+    told_so = f'<pose rotation_format="quat_xyzw">0.4 0.1 0.2 {half} 0 0 {half}</pose>'
+    quarter = ARM.replace("-0.3 0.5 0.1", f"{np.pi / 2} 0 0")
+    one = tree_of(read(tmp_path, BASE, WELD, quarter, joint()))
+    arm = f'<link name="arm">{told_so}{INERTIAL}</link>'
+    assert same(tree_of(read(tmp_path, BASE, WELD, arm, joint())), one)
+
+
+def test_springs_dampers_limits_gravity_and_the_world_are_read(tmp_path: Path) -> None:
+    inner = (
+        "<dynamics><damping>0.3</damping><spring_stiffness>5</spring_stiffness>"
+        "<spring_reference>0.2</spring_reference><friction>0.1</friction></dynamics>"
+        "<limit><lower>-1</lower><upper>1e16</upper><effort>-1</effort></limit>"
+    )
+    world = "<gravity>0.1 0 -3.7</gravity><physics><max_step_size>0.004</max_step_size></physics>"
+    falls = BASE.replace("</link>", "<gravity>false</gravity></link>")
+    robot = read(tmp_path, falls, ARM, WELD, joint(inner), world=world)
+    (link,) = tree_of(robot).links
+    assert (link.damping, link.stiffness, link.rest) == (0.3, 5.0, (0.2,))
+    assert (robot.limits[0][0], robot.limits[1][0]) == (-1.0, np.inf)
+    assert robot.stated == {"gravity": [0.1, 0.0, -3.7], "step": 0.004}
+    assert tree_of(robot).gravity.tolist() == [0.1, 0.0, -3.7]
+    assert {"dry friction", "limits of position"} <= set(told(robot))
+
+
+def test_what_nothing_holds_floats_and_no_inertial_is_the_formats_one(tmp_path: Path) -> None:
+    robot = read(tmp_path, '<link name="base"/>', ARM, joint())
+    free, _ = tree_of(robot).links
+    assert robot.floats
+    assert (free.kind, free.mass) == ("free", 1.0)
+    assert free.inertia.tolist() == np.eye(3).tolist()
+    assert not read(tmp_path, BASE, ARM, WELD, joint()).floats
+
+
+def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Path) -> None:
+    mimic = '<mimic joint="q"><multiplier>0.5</multiplier>{}</mimic>'
+    more = joint().replace('"q"', '"k"').replace(">arm<", ">tip<").replace(">base<", ">arm<")
+    lines = (BASE, ARM, ARM.replace('"arm"', '"tip"'), WELD, joint())
+    held = read(tmp_path, *lines, more.replace("</axis>", mimic.format("") + "</axis>"))
+    (coupling,) = tree_of(held).couplings
+    assert (coupling.follower, coupling.leader, coupling.multiplier) == (1, 0, 0.5)
+    free = mimic.format("<offset>0.1</offset>")
+    robot = read(tmp_path, *lines, more.replace("</axis>", free + "</axis>"))
+    assert not tree_of(robot).couplings
+    assert told(robot)["mimic that no gear holds: the joint is free"] == ("k",)
+
+
+@pytest.mark.parametrize(("lines", "line", "said"), [
+    ((BASE, ARM, joint(), "<include/>"), 5, "<include> is not covered"),
+    ((BASE, ARM, joint(), "<model name='n'/>"), 5, "<model> is not covered"),
+    ((BASE, ARM, joint().replace("revolute", "screw")), 4, "joint 'q' is of type 'screw'"),
+    ((BASE, ARM), 3, "nothing holds 'base', 'arm'"),
+    ((BASE, "<static>true</static>"), 3, "the model is static"),
+    ((BASE, ARM, joint().replace(">arm<", ">leg<")), 4, "the child of joint 'q' is 'leg'"),
+    ((BASE, ARM, joint(xyz="<xyz>0 0 0</xyz>")), 4, "the axis of joint 'q' has no length"),
+    ((BASE, ARM.replace("-0.3 0.5", "x 0.5"), joint()), 3, "where 6 finite numbers belong"),
+    ((BASE, BASE, ARM, joint()), 3, "a second link, joint or frame is called 'base'"),
+    ((BASE, ARM, joint(), joint().replace('"q"', '"p"')), 5, "link 'arm' has a second parent"),
+    ((BASE, ARM.replace("<pose>", '<pose relative_to="nowhere">', 1), joint()), 3,
+     "frame 'nowhere', in which a pose is told, is none"),
+    ((BASE, ARM.replace("<pose>", '<pose relative_to="arm">', 1), joint()), 3, "stands in itself"),
+])  # fmt: skip
+def test_what_makes_no_tree_is_told_with_its_line(
+    lines: tuple[str, ...], line: int, said: str, tmp_path: Path
+) -> None:
+    found = in_the_way(read(tmp_path, *lines))
+    assert any(where == line and said in sentence for where, sentence in found), found
+
+
+def test_a_tree_of_other_numbers_is_that_of_the_file_with_them(tmp_path: Path) -> None:
+    read(tmp_path, BASE, ARM, WELD, joint(pose=LATER))
+    file = tmp_path / "robot.sdf"
+    numbers = robot_numbers(file, {})
+    named = {one.address: i for i, one in enumerate(numbers.numerals)}
+    for address in ("link[arm]/inertial/pose[3]", "link[arm]/inertial/mass", "joint[q]/pose[1]",
+                    "joint[q]/axis/xyz[0]", "model[m]/pose[5]"):  # fmt: skip
+        index = named[address]
+        assert index in numbers.saying
+        before, changed = numbers.tree({}), numbers.tree({index: 0.125})
+        assert before is not None
+        assert changed is not None
+        assert not same(before, changed)
+        (text,) = numbers.texts({index: 0.125}).values()
+        other = tmp_path / "other.sdf"
+        other.write_bytes(text)
+        assert same(tree_of(read_robot(other)), changed)
+    assert named["sdf@version"] not in numbers.saying
+
+
+def test_such_files_are_robots(tmp_path: Path) -> None:
+    read(tmp_path, BASE, ARM, WELD, joint())
+    assert robot_files([str(tmp_path / "robot.sdf")]).files == [tmp_path / "robot.sdf"]
