@@ -14,7 +14,7 @@ from pathlib import Path
 from harness.engines.registry import model_formats
 from harness.files.parts import included, named_files
 from harness.files.reading import read_regular
-from harness.files.sidecar import SidecarError, read_sidecar
+from harness.files.sidecar import SidecarError, left_to_others, read_sidecar
 from harness.numerics.version import VERSION
 
 BESIDE = "(beside)"
@@ -114,7 +114,7 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
     beside = {name: digest(folder / name) for name in _inside(folder, apart) if name not in own}
     system = digest(folder / "system.py")
     found = []
-    for name, sidecar in sidecars.items():
+    for name, sidecar in zip(sidecars, left_to_others(sidecars.values()), strict=True):
         copies = (name, f"{name}.toml", "system.py")
         hashes = {copy: digest(folder / copy) for copy in copies}
         named = {}

@@ -113,7 +113,8 @@ def main(options: argparse.Namespace) -> int:
             results = run(wanted.folders, asked, progress, interruption, wanted.robots).results
         if not (results.cases or stop.asked or asked.choice.everything):
             done.remove()
-            raise FolderError("no case has such a name; `crosscheck list` prints those that are")
+            why = "no case has such a name, or its engine is not installed"
+            raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
         write_whole(options.out / "results.json", encoded(results))
         write_report(options.out / "index.html", results)
         if not stop.asked:

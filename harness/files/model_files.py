@@ -12,7 +12,7 @@ from harness.engines.protocol import Engine
 from harness.engines.registry import absent_extras, engines, model_formats, standing
 from harness.files.locations import line_of
 from harness.files.parts import included
-from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.files.sidecar import Sidecar, SidecarError, left_to_others, read_sidecar
 from harness.text.visible import odd_name, visible
 
 
@@ -36,21 +36,24 @@ def model_files(folder: Path) -> Iterator[Sidecar | UnreadModel]:
     """
     described: set[str] = set()
     within: set[Path] = set()
+    found: list[Sidecar | UnreadModel] = []
     for path in sorted(folder.glob("*.toml")):
         name = path.with_suffix("").name
         described.add(name)
         within |= included(folder / name)
         if (why := odd_name(name)) is not None:
-            yield UnreadModel(model=visible(name), reason=_renamed(path, why))
+            found.append(UnreadModel(model=visible(name), reason=_renamed(path, why)))
             continue
         try:
             sidecar = read_sidecar(path)
             known = engines() if sidecar.springs else {}
             for engine in filter(None, map(known.get, sidecar.engines)):
                 check_springs(sidecar, engine)
-            yield sidecar
+            found.append(sidecar)
         except SidecarError as error:
-            yield UnreadModel(model=name, reason=str(error))
+            found.append(UnreadModel(model=name, reason=str(error)))
+    kept = iter(left_to_others(one for one in found if isinstance(one, Sidecar)))
+    yield from (next(kept) if isinstance(one, Sidecar) else one for one in found)
     formats = model_formats()
     for path in sorted(folder.iterdir()):
         if path.suffix in formats and path.name not in described and path not in within:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -113,6 +113,22 @@ def read_sidecar(path: Path) -> Sidecar:
         bindings=_expressions(data, "bindings", path),
         frames=_table(data, "frames", path),
     )
+
+
+def left_to_others(sidecars: Iterable[Sidecar]) -> list[Sidecar]:
+    """Those of one folder: a model whose engines are all absent extras is left to the others.
+
+    It has no engine then, where any other model has one that runs.
+    """
+    known, missing = list(sidecars), absent_extras()
+    if all(missing.keys() >= set(one.engines) for one in known):
+        return known
+    return [
+        replace(one, engines=(), absent=(*one.engines, *one.absent))
+        if missing.keys() >= set(one.engines)
+        else one
+        for one in known
+    ]
 
 
 def _absent(engines: list[str]) -> list[str]:

@@ -86,7 +86,7 @@ def test_results_go_to_a_program_as_json_alone(place: Path) -> None:
 
 
 @pytest.mark.parametrize(("arguments", "told"), [
-    (("run", "models", "-k", "nothing"), "no case has such a name; `crosscheck list` prints those"),
+    (("run", "models", "-k", "nothing"), "no case has such a name, or its engine is not installed"),
     (("run", "models", "-k", "free and"), "-k 'free and' can't be read"),
     (("list", "models", "-k", "(free"), "-k '(free' can't be read"),
     (("run", "--last-failed"), "results.json: can't be read"),
