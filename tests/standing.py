@@ -9,9 +9,16 @@ from harness.engines.registry import engines
 
 
 def standing_only(folder: Path) -> None:
-    """Take engines of extras out of the sidecars of a folder, with their settings."""
+    """Take engines of extras out of the sidecars of a folder, with their settings.
+
+    A model that runs in no others goes whole.
+    """
     extras = "|".join(name for name, engine in engines().items() if engine.extra)
     for path in folder.glob("*.toml"):
         text = re.sub(rf', "({extras})"', "", path.read_text(encoding="utf-8"))
+        if re.search(rf'^engines = \["({extras})"\]', text, flags=re.MULTILINE):
+            path.unlink()
+            path.with_suffix("").unlink()
+            continue
         own = rf"(?:^#[^\n]*\n)*^\[settings\.(?:{extras})\]\n(?:[^\n]+\n)*\n?"
         path.write_text(re.sub(own, "", text, flags=re.MULTILINE), encoding="utf-8")

@@ -15,6 +15,7 @@ from harness.audit.run import run_audit
 from harness.audit.task import audit_task
 from harness.audit.terms import Compiled
 from harness.engines.protocol import Force, Model, StateForce
+from harness.engines.registry import absent_extras
 from harness.files.bindings import bindings, with_literals
 from harness.files.folders import builtin
 from harness.files.sidecar import read_sidecar
@@ -30,6 +31,7 @@ BUILT_IN = [
     (sidecar.parent.name, sidecar.name.removesuffix(".toml"), engine)
     for sidecar in sorted(MODELS.glob("*/*.toml"))
     for engine in read_sidecar(sidecar).engines
+    if engine not in absent_extras()
 ]
 
 
