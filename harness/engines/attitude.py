@@ -7,6 +7,8 @@ velocities are in the axes of what turns. All arrays may have leading dimensions
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from harness.engines.protocol import Array
@@ -81,6 +83,19 @@ def matrix(q: Array) -> Array:
     found[..., 0, 2], found[..., 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
     found[..., 1, 2], found[..., 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
     return found / (w * w + x * x + y * y + z * z)[..., None, None]
+
+
+def from_rpy(rpy: Sequence[float] | Array) -> Array:
+    """Rz(yaw) Ry(pitch) Rx(roll), (3, 3), of roll, pitch and yaw; of none the identity."""
+    roll, pitch, yaw = rpy if len(rpy) else (0.0, 0.0, 0.0)
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
 
 
 def cross(one: Array, other: Array) -> Array:

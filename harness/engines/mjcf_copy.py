@@ -7,11 +7,7 @@ for and nothing is warned of in vain; classes of defaults stay for the parser to
 from __future__ import annotations
 
 import math
-import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 
 from harness.engines.mjcf_declared import DeclaredMjcf
 from harness.engines.mjcf_defaults import Defaults, bodies_of, shaped
@@ -84,15 +80,6 @@ def without_pose(root: ET.Element) -> ET.Element:
             for key in POSE:
                 body.attrib.pop(key, None)
     return root
-
-
-@contextmanager
-def written(root: ET.Element, path: Path) -> Iterator[Path]:
-    """A file of it, gone afterwards."""
-    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        file = Path(folder) / path.name
-        file.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
-        yield file
 
 
 class _Copy:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -65,6 +66,15 @@ def read_source(path: Path, *, mend: bool = False) -> str:
         return (mended(data) if mend and not data.startswith(UTF_16) else data).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise EngineError(f"{path}: can't be read: {error}") from None
+
+
+@contextmanager
+def written(root: ET.Element, path: Path) -> Iterator[Path]:
+    """A file of an element, by the name of another; gone afterwards."""
+    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
+        file = Path(folder) / path.name
+        file.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+        yield file
 
 
 def read_xml(text: str, path: Path) -> XmlSource:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import copy
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from harness.engines.protocol import EngineError
+from harness.engines.source import written
 
 Change = Callable[[ET.Element], None]
 """Of a `<robot>`, in place."""
@@ -29,9 +29,7 @@ def rewritten(robot: ET.Element | None, path: Path, changes: Sequence[Change]) -
         name = element.get("filename", "")
         if name and "://" not in name and (path.parent / name).is_file():
             element.set("filename", str((path.parent / name).resolve()))
-    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        file = Path(folder) / path.name
-        file.write_text(ET.tostring(robot, encoding="unicode"), encoding="utf-8")
+    with written(robot, path) as file:
         yield file
 
 

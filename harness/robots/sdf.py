@@ -10,6 +10,7 @@ import numpy as np
 from harness.files.brief import brief
 from harness.files.locations.xml import RawElement
 from harness.robots.document import Document, DocumentError
+from harness.robots.hanging import hang, hinder_loops
 from harness.robots.robot import Robot, refused
 from harness.robots.sdf_frames import WORLD, Frames
 from harness.robots.sdf_left_out import sdf_left_out
@@ -17,7 +18,6 @@ from harness.robots.sdf_parts import SdfJoint, SdfLink, bodies_of, read_joints, 
 from harness.robots.sdf_parts import read_mimics as read_sdf_mimics
 from harness.robots.settle import elements_of, part_of, robot_of, settled
 from harness.robots.urdf import GRAVITY
-from harness.robots.urdf_root import looped
 from reference.multibody.bodies import RigidBody, Triple
 
 _UNCOVERED: Mapping[str, str] = {
@@ -126,22 +126,10 @@ def _root(
     """The link that floats and carries all others, or `world`; None where neither does."""
     above: dict[str, str] = {}
     for joint in joints.values():
-        if joint.child in above:
-            document.hinder(
-                joint.element,
-                f"link {brief(joint.child)} has a second parent, by joint {brief(joint.name)}",
-                "a closed loop is no tree: take the joint out",
-            )
-        elif joint.child:
-            above[joint.child] = joint.parent
+        hang(document, above, joint.element, joint.name, (joint.parent, joint.child))
     if not links:
         document.hinder(model, "it has no <link>", "a robot has one at least")
-    for name in looped(links, above):
-        document.hinder(
-            links[name].element,
-            f"link {brief(name)} hangs from itself, by its joints",
-            "a closed loop is no tree: take a joint out",
-        )
+    hinder_loops(document, links, above, elements_of(links))
     loose = [name for name in links if name not in above]
     if len(loose) > 1 or (loose and WORLD in above.values()):
         document.hinder(

@@ -7,9 +7,9 @@ from types import MappingProxyType
 
 from harness.files.locations.xml import RawElement
 from harness.robots.document import Document, read_numbers
+from harness.robots.left_out import FREE_MIMIC, Told, tallied
 from harness.robots.robot import LeftOut
 from harness.robots.sdf_parts import SdfJoint
-from harness.robots.urdf_left_out import FREE_MIMIC
 
 _READ: Mapping[str, Collection[str]] = MappingProxyType(
     {
@@ -26,9 +26,6 @@ _READ: Mapping[str, Collection[str]] = MappingProxyType(
 
 _LOOKS = ("visual", "material", "light")
 
-Told = tuple[str, str]
-"""What, and where: the name of a joint or a link."""
-
 
 def sdf_left_out(
     document: Document,
@@ -37,16 +34,7 @@ def sdf_left_out(
     followers: Collection[str],
 ) -> tuple[LeftOut, ...]:
     """All of it; looks are no loss, and are not told."""
-    counts: dict[str, int] = {}
-    places: dict[str, dict[str, None]] = {}
-    for what, where in _all(document, model, joints):
-        if what == FREE_MIMIC and where in followers:
-            continue
-        counts[what] = counts.get(what, 0) + 1
-        places.setdefault(what, {}).update({where: None} if where else {})
-    return tuple(
-        LeftOut(what=what, count=count, where=tuple(places[what])) for what, count in counts.items()
-    )
+    return tallied(_all(document, model, joints), followers)
 
 
 def _all(document: Document, model: RawElement, joints: Mapping[str, SdfJoint]) -> Iterator[Told]:

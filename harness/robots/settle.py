@@ -13,8 +13,8 @@ from harness.files.locations.xml import RawElement
 from harness.robots.couplings import Mimic, couplings
 from harness.robots.document import Document
 from harness.robots.inertias import resting
+from harness.robots.left_out import HELD
 from harness.robots.robot import LeftOut, Part, Robot, Told, home_of
-from harness.robots.urdf_left_out import HELD
 from reference.multibody.assemble import Assembled, assembled
 from reference.multibody.bodies import Coupling, RigidBody, Triple
 from reference.multibody.tree import Tree
@@ -198,5 +198,5 @@ def robot_of(
         told=Told(bodies=tuple(one.bodies), gravity=gravity, couplings=one.couplings),
         held=still,
         floats=floats,
-        stated=stated,
+        stated=dict(stated),  # a proxy can not be sent between processes
     )

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from harness.files.locations.xml import RawElement
 from harness.robots.document import Document, read_numbers
+from harness.robots.left_out import FREE_MIMIC, Told, tallied
 from harness.robots.robot import LeftOut
 from harness.robots.urdf_parts import UrdfJoint
 
@@ -34,13 +35,6 @@ _SAID: Mapping[str, Collection[str]] = MappingProxyType(
 )
 """Attributes that have a meaning."""
 
-HELD = "joints that move nothing that has inertia, held still"
-
-FREE_MIMIC = "mimic that no gear holds: the joint is free"
-
-Told = tuple[str, str]
-"""What, and where: the name of a joint or a link."""
-
 
 def urdf_left_out(
     document: Document,
@@ -56,16 +50,7 @@ def urdf_left_out(
         springs: names of the joints that springs are told of.
         followers: names of the joints whose mimics are held.
     """
-    counts: dict[str, int] = {}
-    places: dict[str, dict[str, None]] = {}
-    for what, where in _all(document, joints, springs):
-        if what == FREE_MIMIC and where in followers:
-            continue
-        counts[what] = counts.get(what, 0) + 1
-        places.setdefault(what, {}).update({where: None} if where else {})
-    return tuple(
-        LeftOut(what=what, count=count, where=tuple(places[what])) for what, count in counts.items()
-    )
+    return tallied(_all(document, joints, springs), followers)
 
 
 def _all(

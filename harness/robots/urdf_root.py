@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-
 from harness.files.brief import brief
 from harness.files.locations.xml import RawElement
 from harness.robots.document import Document
+from harness.robots.hanging import hang, hinder_loops
 from harness.robots.urdf_parts import UrdfJoint, UrdfLink
 
 IMPLICIT = "world"
@@ -26,14 +25,7 @@ def root_of(
                     f"the {tag} of joint {brief(joint.name)} is {brief(end)}, which is no link",
                     "declare the link, or correct its name",
                 )
-        if joint.child in above:
-            document.hinder(
-                joint.element,
-                f"link {brief(joint.child)} has a second parent, by joint {brief(joint.name)}",
-                "a closed loop is no tree: take the joint out",
-            )
-        elif joint.child:
-            above[joint.child] = joint.parent
+        hang(document, above, joint.element, joint.name, (joint.parent, joint.child))
     return _top(document, links, above)
 
 
@@ -52,12 +44,7 @@ def _top(document: Document, links: dict[str, UrdfLink], above: dict[str, str]) 
             f"it has {len(roots)} root links, {', '.join(map(brief, roots))}",
             "give all but one a joint",
         )
-    for name in looped(known, above):
-        document.hinder(
-            links[name].element if name in links else document.root,
-            f"link {brief(name)} hangs from itself, by its joints",
-            "a closed loop is no tree: take a joint out",
-        )
+    hinder_loops(document, known, above, {name: one.element for name, one in links.items()})
     return roots[0] if roots else None
 
 
@@ -65,16 +52,3 @@ def _child_of(joint: RawElement) -> str:
     return next(
         (one.attributes.get("link", "") for one in joint.children if one.tag == "child"), ""
     )
-
-
-def looped(names: Iterable[str], above: Mapping[str, str]) -> Iterator[str]:
-    """One link of every loop."""
-    passed: set[str] = set()
-    for name in names:
-        way: set[str] = set()
-        while name in above and name not in passed:
-            passed.add(name)
-            way.add(name)
-            name = above[name]
-        if name in way:
-            yield name

@@ -34,7 +34,8 @@ def test_a_body_called_nut_and_bolt_with_a_wrong_mass_is_named_with_its_line(
     assert "Traceback" not in done.stderr
     lines = (folder / "mujoco.xml").read_text().splitlines()
     line = next(i for i, text in enumerate(lines, 1) if 'mass="1.313' in text)
-    told = f"body[nut and bolt]/inertial@mass (mujoco.xml:{line}) is 1.313, the motion wants 1.3 ±"
+    place = f"bolted/mujoco.xml:{line}"
+    told = f"body[nut and bolt]/inertial@mass ({place}) is 1.313, the motion wants 1.3 ±"
     assert told in done.stdout
     (model,) = read_results(tmp_path / "out" / "results.json").models
     assert model.diagnosis is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from harness.engines.attitude import from_rpy
 from harness.engines.protocol import Array, EngineError
 from harness.engines.sdf import SdfFile, number
 from harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
+from harness.engines.source import written
 
 _KNOWN = ("1.4", "1.5", "1.6")
 _IN_MODEL = ("1.0", "1.1", "1.2", "1.3", "1.4")
@@ -26,14 +27,12 @@ def sdf_skeleton(text: str, path: Path, floats: bool) -> Any:
     parser = dart.utils.SdfParser
     options, roots = parser.Options(), parser.RootJointType
     options.mDefaultRootJointType = roots.FLOATING if floats else roots.FIXED
-    with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        file = Path(folder) / path.name
-        root = ET.fromstring(text)  # it is of what was parsed with entities off
-        if root.get("version") in _IN_MODEL:
-            _axes_in_model(root)
-        if root.get("version") not in _KNOWN:
-            root.set("version", VERSION)
-        file.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+    root = ET.fromstring(text)  # it is of what was parsed with entities off
+    if root.get("version") in _IN_MODEL:
+        _axes_in_model(root)
+    if root.get("version") not in _KNOWN:
+        root.set("version", VERSION)
+    with written(root, path) as file:
         found = parser.readSkeleton(dart.common.Uri(file.as_uri()), options)
     if found is not None:
         _mend(found, root, floats)
@@ -66,7 +65,7 @@ def turned_links(model: ET.Element) -> list[str]:
         inertial = link.find("inertial")
         if inertial is not None and np.any(_pose(inertial)[3:]):
             moments = _tensor(inertial)
-            turn = _rotation(_pose(inertial)[3:])
+            turn = from_rpy(_pose(inertial)[3:])
             if np.abs(turn @ moments @ turn.T - moments).max() > 1e-15 * np.abs(moments).max():
                 found.append(link.get("name", ""))
     return found
@@ -85,7 +84,7 @@ def with_turned(model: ET.Element) -> None:
         if inertial is None or not np.any(_pose(inertial)[3:]):
             continue
         pose, moments = _pose(inertial), _tensor(inertial)
-        turn = _rotation(pose[3:])
+        turn = from_rpy(pose[3:])
         moments = turn @ moments @ turn.T
         for part in (*inertial.findall("pose"), *inertial.findall("inertia")):
             inertial.remove(part)
@@ -178,14 +177,4 @@ def _tensor(inertial: ET.Element) -> Array:
         i, j = ("xyz".index(axis) for axis in key[1:])
         value = float(i == j) if inertia is None else number(inertia, key, float(i == j))
         found[i, j] = found[j, i] = value
-    return found
-
-
-def _rotation(rpy: Array) -> Array:
-    """About the fixed x, then y, then z axis, (3, 3)."""
-    (a, b, c), (r, p, y) = np.cos(rpy), np.sin(rpy)
-    about_x = np.array([[1, 0, 0], [0, a, -r], [0, r, a]])
-    about_y = np.array([[b, 0, p], [0, 1, 0], [-p, 0, b]])
-    about_z = np.array([[c, -y, 0], [y, c, 0], [0, 0, 1]])
-    found: Array = about_z @ about_y @ about_x
     return found

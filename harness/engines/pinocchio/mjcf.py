@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.engines import tree_model
 from harness.engines.attitude import coordinates
-from harness.engines.mjcf_copy import POSE, TOUCHES, copied, without_pose, written
+from harness.engines.mjcf_copy import POSE, TOUCHES, copied, without_pose
 from harness.engines.mjcf_declared import DeclaredMjcf
 from harness.engines.mjcf_defaults import bodies_of, shaped
 from harness.engines.mjcf_engine import MjcfModel
@@ -23,6 +23,7 @@ from harness.engines.pinocchio.model import PinocchioModel
 from harness.engines.pinocchio.reading import GROUND, read_mjcf
 from harness.engines.protocol import Array, EngineError, ModelSpec
 from harness.engines.remark import Remark
+from harness.engines.source import written
 
 ROOTS = "Pinocchio's reading of the first root body alone"
 GEOMS = "Pinocchio's leaving out of geoms that touch nothing"

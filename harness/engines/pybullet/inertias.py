@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from harness.engines.attitude import from_rpy
 from harness.engines.protocol import Array, EngineError
 from harness.engines.remark import Remark
 from harness.engines.source import finite_numbers
@@ -40,7 +41,7 @@ def lost_inertias(robot: ET.Element, held: Mapping[str, Array]) -> dict[str, flo
     for link in robot.findall("link"):
         name, inertial = link.get("name", ""), _with_products(link)
         if inertial is not None and name in held:
-            turn = _rotation(_origin(inertial))
+            turn = from_rpy(_origin(inertial))
             stated = turn @ _tensor(inertial) @ turn.T
             off = float(np.max(np.abs(held[name] - stated)) / np.max(np.abs(stated)))
             if off > ROUNDING:
@@ -187,19 +188,6 @@ def _origin(inertial: ET.Element) -> list[float]:
     return finite_numbers("" if origin is None else origin.get("rpy", "")) or []
 
 
-def _rotation(rpy: list[float]) -> Array:
-    """Rz(yaw) Ry(pitch) Rx(roll)."""
-    roll, pitch, yaw = rpy or [0.0, 0.0, 0.0]
-    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
 def _roll_pitch_yaw(turn: Array) -> tuple[float, float, float]:
     """Of a rotation. Where the pitch is upright yaw is any angle, and the roll goes with it."""
     yaw = np.arctan2(turn[1, 0], turn[0, 0])
@@ -217,7 +205,7 @@ def _diagonalize(inertial: ET.Element) -> None:
     beyond = float(moments[2] - (moments[0] + moments[1]))
     if 0 < beyond <= ROUNDING * float(moments[2]):
         moments[2] = moments[0] + moments[1]
-    turn = _rotation(_origin(inertial)) @ axes
+    turn = from_rpy(_origin(inertial)) @ axes
     roll, pitch, yaw = _roll_pitch_yaw(turn)
     origin, inertia = inertial.find("origin"), inertial.find("inertia")
     if origin is None:
