@@ -79,29 +79,24 @@ def _run(options: argparse.Namespace) -> int:
         return FAIL
 
 
-class _Parser(argparse.ArgumentParser):
-    """One that says its version without a command; metadata costs more than all help."""
+class _Version(argparse.Action):
+    """Says the version; metadata costs more to import than all help."""
 
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As ever, but for `--version` alone."""
-        if list(args or ())[:1] == ["--version"]:
-            from importlib.metadata import version
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
 
-            print(f"crosscheck {version('physics-crosscheck')}")
-            self.exit()
-        return super().parse_args(args, namespace)
+        print(f"crosscheck {version('physics-crosscheck')}")
+        parser.exit()
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = argparse.ArgumentParser(
         prog="crosscheck",
         description="Tells whether a physics model file is right, to nine digits.",
         epilog=EXIT_CODES,
     )
-    parser.add_argument("--version", action="store_true", help="print the version, and end")
-    commands = parser.add_subparsers(
-        dest="command", required=True, metavar="COMMAND", parser_class=argparse.ArgumentParser
-    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version, and end")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, says in COMMANDS.items():
         command = commands.add_parser(name, help=says, epilog=EXIT_CODES)
         # Only the command that is meant is imported: sympy or bokeh cost most of a second.
