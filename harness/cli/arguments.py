@@ -19,10 +19,25 @@ def folders(command: argparse.ArgumentParser, *, some: bool) -> None:
     )
 
 
+class Gathered(argparse.Action):
+    """Gathers values; unlike `append`, the first puts the default aside."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,
+    ) -> None:
+        """Add a value."""
+        now = getattr(namespace, self.dest)
+        setattr(namespace, self.dest, [*(() if now is self.default else now), values])
+
+
 def engine(command: argparse.ArgumentParser) -> None:
     """Add --engine NAME, repeatable."""
     command.add_argument(
-        "--engine", action="append", default=[], metavar="NAME", help="only this engine; repeatable"
+        "--engine", action=Gathered, default=[], metavar="NAME", help="only this engine; repeatable"
     )
 
 

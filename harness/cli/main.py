@@ -102,7 +102,18 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         # Only the command that is meant is imported: sympy or bokeh cost most of a second.
         if name in given[:1]:
             _module(name).add(command)
+            _with_settings(command, name)
     return parser
+
+
+def _with_settings(command: argparse.ArgumentParser, name: str) -> None:
+    """A project's own defaults."""
+    from harness.cli.settings import SettingsError, apply
+
+    try:
+        apply(command, name)
+    except SettingsError as error:
+        command.exit(USAGE, f"crosscheck: {error}\n")
 
 
 def _module(name: str) -> Any:
