@@ -1,4 +1,4 @@
-"""The shell steps of a GitHub workflow, run as GitHub runs them; what they use of others is told."""
+"""The shell steps of a GitHub workflow, run as GitHub runs them."""
 
 from __future__ import annotations
 
