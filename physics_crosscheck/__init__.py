@@ -2,7 +2,8 @@
 
 This is the one name to import from: in a `system.py`, in tests, in notebooks.
 
-    from physics_crosscheck import Constant, Coordinate, Scenario, System, check
+    from physics_crosscheck import Constant, Coordinate, Scenario, System
+    from physics_crosscheck import check, compare, reference, simulate
 
 `physics_crosscheck.records` has the types of what comes out, `physics_crosscheck.engine` what an
 adapter of another engine is made of.
@@ -63,7 +64,15 @@ def _ours(file: str | None, name: str) -> bool:
 claim()
 
 if TYPE_CHECKING:
-    from harness.api import Results, check
+    from harness.api import (
+        Comparison,
+        Results,
+        Trajectory,
+        check,
+        compare,
+        reference,
+        simulate,
+    )
     from reference import (
         Angle,
         Body,
@@ -94,7 +103,9 @@ if TYPE_CHECKING:
     from reference.kinematics import Frame, ground, rotation
 
 _FROM = {
-    "harness.api": ("Results", "check"),
+    "harness.api": (
+        "Comparison", "Results", "Trajectory", "check", "compare", "reference", "simulate",
+    ),
     "reference": (
         "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
         "Equilibrium", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
@@ -105,10 +116,11 @@ _FROM = {
 }  # fmt: skip
 
 __all__ = [
-    "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
-    "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
-    "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "Results",
-    "RigidBody", "Scenario", "Site", "System", "check", "ground", "rotation", "t",
+    "Angle", "Body", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
+    "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
+    "Link", "Medium", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity",
+    "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory", "check", "compare",
+    "ground", "reference", "rotation", "simulate", "t",
 ]  # fmt: skip
 
 

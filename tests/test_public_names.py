@@ -14,10 +14,11 @@ import physics_crosscheck.records
 ROOT = Path(__file__).parents[1]
 
 TOP = {
-    "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
-    "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
-    "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "Results",
-    "RigidBody", "Scenario", "Site", "System", "check", "ground", "rotation", "t",
+    "Angle", "Body", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
+    "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
+    "Link", "Medium", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity",
+    "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory", "check", "compare",
+    "ground", "reference", "rotation", "simulate", "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",

@@ -1,0 +1,178 @@
+"""The results of `check` as a table, a page and plots."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from html import escape
+from io import StringIO
+from typing import TYPE_CHECKING, Any, Literal
+
+from rich.console import Console
+
+from harness.notebook.markup import badge, block, line, shown, table
+from harness.notebook.optional import new_axes
+from harness.records.base import Number
+from harness.records.case import Case
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+from harness.text.table import summary
+from harness.text.troubles import print_troubles
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+What = Literal["verdicts", "steps"]
+
+MOST_ROWS = 60
+"""Of a page; `to_frame` has all."""
+
+_OUTCOME = re.compile(rf"({'|'.join(Outcome)}) (.*)")
+_HEADING = re.compile(r"cause in |audit|FAILED|next")
+
+
+def columns(cases: Iterable[Case]) -> Mapping[str, list[object]]:
+    """A row a case; numbers that a case has not are nan."""
+    rows = [_row(case) for case in cases]
+    heads = list(rows[0] if rows else _row(_NONE))
+    return {head: [row[head] for row in rows] for head in heads}
+
+
+_NONE = Case(system="", model="", scenario="", engine="", folder="", outcome=Outcome.ABSENT)
+
+
+def _row(case: Case) -> dict[str, object]:
+    verdict, run = case.verdict, case.full_run
+    wanted = {} if run is None else {one.target: one.step for one in run.steps_for}
+    return {
+        "system": case.system,
+        "model": case.model,
+        "engine": case.engine,
+        "scenario": case.scenario,
+        "outcome": str(case.outcome),
+        "discrepancy": _number(None if verdict is None else verdict.discrepancy),
+        "uncertainty": _number(None if verdict is None else verdict.uncertainty),
+        "component": "" if verdict is None else verdict.component,
+        "global error": _number(None if run is None else run.global_error),
+        "step (s)": _number(None if run is None else run.shipped_step),
+        "order": _number(None if run is None else run.order),
+        "step for 0.1 % (s)": _number(wanted.get(0.001)),
+        "energy error": _number(None if run is None else run.energy_error),
+        "integrator": "" if run is None else run.integrator,
+        "accepted": case.accepted,
+        "reason": case.reason,
+        "run time (s)": case.seconds,
+    }
+
+
+def _number(value: Number) -> float:
+    return float("nan") if value is None else value
+
+
+def page(results: Results) -> str:
+    """The table with verdicts, and beneath it what does not agree, with the causes."""
+    heads = [
+        *("system", "model", "engine", "scenario", "outcome"),
+        *("discrepancy", "uncertainty", "global error", "step (s)", "order", "0.1 % at (s)"),
+    ]
+    cases = results.cases[:MOST_ROWS]
+    left = len(results.cases) - len(cases)
+    more = [line(f"and {left} more, in .cases and .to_frame()", faint=True)] if left else []
+    return block(
+        table(heads, map(_cells, cases), left=5),
+        *more,
+        *(_told(text) for text in _troubles(results)),
+        line(summary(results), strong=True),
+    )
+
+
+def _cells(case: Case) -> list[str]:
+    verdict, run = case.verdict, case.full_run
+    steps = {} if run is None else {one.target: one.step for one in run.steps_for}
+    return [
+        *(escape(x) for x in (case.system, case.model, case.engine, case.scenario)),
+        badge(case.outcome) + (" accepted" if case.accepted else ""),
+        shown(None if verdict is None else verdict.discrepancy, "{:.1e}"),
+        shown(None if verdict is None else verdict.uncertainty, "{:.1e}"),
+        shown(None if run is None else run.global_error, "{:.2%}"),
+        shown(None if run is None else run.shipped_step, "{:g}"),
+        shown(None if run is None else run.order, "{:.2f}"),
+        shown(steps.get(0.001), "{:.2g}"),
+    ]
+
+
+def _troubles(results: Results) -> list[str]:
+    """As the terminal has them."""
+    text = StringIO()
+    print_troubles(Console(file=text, width=10_000, color_system=None), results)
+    return text.getvalue().splitlines()
+
+
+def _told(text: str) -> str:
+    found = _OUTCOME.fullmatch(text)
+    if found is not None:
+        return f'<div style="margin:8px 0 0">{badge(Outcome(found[1]))} {escape(found[2])}</div>'
+    if not text.strip():
+        return ""
+    inner = len(text) - len(text.lstrip())
+    strong = "font-weight:600;margin-top:8px;" if not inner else ""
+    return (
+        f'<div style="{strong}padding-left:{inner * 0.6:.1f}em;overflow-wrap:anywhere;white-space:pre-wrap">'
+        f"{escape(text.strip())}</div>"
+    )
+
+
+def plot(results: Results, what: What, ax: Axes | None) -> Axes:
+    """Draw verdicts, or errors by step.
+
+    Raises:
+        ValueError: for anything else, or where no case has any.
+        ImportError: without matplotlib.
+    """
+    if what not in ("verdicts", "steps"):
+        raise ValueError(f"{what!r} can't be drawn; 'verdicts' and 'steps' can")
+    drawn = [case for case in results.cases if case.verdict is not None]
+    if what == "steps":
+        drawn = [case for case in drawn if case.series is not None]
+    if not drawn:
+        raise ValueError(f"no case has {what}, so there is nothing to draw")
+    if ax is None:
+        height = 0.28 * len(drawn) + 0.8 if what == "verdicts" else 3.4
+        ax = new_axes(1, height)[0]
+    (_verdicts if what == "verdicts" else _steps)(results, drawn, ax)
+    return ax
+
+
+def _verdicts(results: Results, cases: list[Case], ax: Any) -> None:
+    """Discrepancy and uncertainty of each case, on one logarithmic axis."""
+    rows = range(len(cases))
+    known = [case.verdict for case in cases if case.verdict is not None]
+    ax.plot([_number(v.discrepancy) for v in known], rows, "o", label="discrepancy")
+    ax.plot([_number(v.uncertainty) for v in known], rows, "|", markersize=12, label="uncertainty")
+    ax.axvline(results.resolution, linestyle=":", color="grey", label="resolution asked")
+    ax.set_xscale("log")
+    ax.set_yticks(rows, [f"{case.id}  {case.outcome}" for case in cases], fontsize="small")
+    ax.invert_yaxis()
+    ax.set_xlabel("of how far a component moves over a segment")
+    ax.legend(fontsize="small", loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=3)
+    ax.grid(alpha=0.3, axis="x")
+
+
+def _steps(_: Results, cases: list[Case], ax: Any) -> None:
+    """Global errors by step, and with a ring the shipped one."""
+    for case in cases:
+        assert case.series is not None
+        runs = case.series.full_runs
+        h, error = ([_number(x) for x in row] for row in (runs.h, runs.error))
+        (curve,) = ax.plot(h, error, "o-", markersize=3, linewidth=1, label=str(case.id))
+        run = case.full_run
+        if run is not None:
+            at = [_number(run.shipped_step)], [_number(run.global_error)]
+            ax.plot(*at, "o", markersize=9, fillstyle="none", color=curve.get_color())
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlabel("step (s)")
+    ax.set_ylabel("global error, of the amplitude")
+    if len(cases) <= 12:
+        ax.legend(fontsize="x-small", loc="upper left", bbox_to_anchor=(1.01, 1.0))
+    ax.grid(alpha=0.3, which="both")
