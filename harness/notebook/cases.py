@@ -8,9 +8,7 @@ from html import escape
 from io import StringIO
 from typing import TYPE_CHECKING, Any, Literal
 
-from rich.console import Console
-
-from harness.notebook.markup import badge, block, line, shown, table
+from harness.notebook.markup import badge, block, line, paper, shown, table
 from harness.notebook.optional import new_axes
 from harness.records.base import Number
 from harness.records.case import Case
@@ -104,7 +102,7 @@ def _cells(case: Case) -> list[str]:
 def _troubles(results: Results) -> list[str]:
     """As the terminal has them."""
     text = StringIO()
-    print_troubles(Console(file=text, width=10_000, color_system=None), results)
+    print_troubles(paper(text, 10_000), results)
     return text.getvalue().splitlines()
 
 
@@ -115,11 +113,9 @@ def _told(text: str) -> str:
     if not text.strip():
         return ""
     inner = len(text) - len(text.lstrip())
-    strong = "font-weight:600;margin-top:8px;" if not inner else ""
-    return (
-        f'<div style="{strong}padding-left:{inner * 0.6:.1f}em;overflow-wrap:anywhere;white-space:pre-wrap">'
-        f"{escape(text.strip())}</div>"
-    )
+    style = f"padding-left:{inner * 0.6:.1f}em;overflow-wrap:anywhere;white-space:pre-wrap"
+    style += "" if inner else ";font-weight:600;margin-top:8px"
+    return f'<div style="{style}">{escape(text.strip())}</div>'
 
 
 def plot(results: Results, what: What, ax: Axes | None) -> Axes:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from rich.console import Console
 
 from harness.compare.candidate import CompareError, candidate
 from harness.compare.compare import CompareOptions
@@ -22,7 +21,7 @@ from harness.compare.execute import FailureError
 from harness.compare.executor import in_workers
 from harness.compare.record import comparison_record, failed_record
 from harness.files.choice import named_model
-from harness.notebook.markup import badge, block, line, shown, table
+from harness.notebook.markup import badge, block, line, paper, shown, table
 from harness.notebook.optional import frame
 from harness.notebook.subject import Name
 from harness.records import comparison
@@ -129,7 +128,7 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
 
     def __str__(self) -> str:
         text = StringIO()
-        print_comparison(Console(file=text, width=160, color_system=None), self)
+        print_comparison(paper(text, 160), self)
         return text.getvalue().rstrip()
 
     __repr__ = __str__

@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from html import escape
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.console import Console
 
 from harness.records.outcome import Outcome
 from reference.numeric import Array
@@ -33,6 +35,11 @@ WIDTH, HEIGHT = 240, 34
 """Of a small curve, pixels."""
 
 _BUCKETS = 120
+
+
+def paper(text: TextIO, width: int) -> Console:
+    """A console that writes plain text, and not into the cell of a notebook, as rich would."""
+    return Console(file=text, width=width, color_system=None, force_jupyter=False)
 
 
 def badge(outcome: Outcome) -> str:
