@@ -65,7 +65,9 @@ claim()
 
 if TYPE_CHECKING:
     from harness.api import (
+        CompareError,
         Comparison,
+        MotionError,
         Results,
         Trajectory,
         check,
@@ -104,7 +106,8 @@ if TYPE_CHECKING:
 
 _FROM = {
     "harness.api": (
-        "Comparison", "Results", "Trajectory", "check", "compare", "reference", "simulate",
+        "CompareError", "Comparison", "MotionError", "Results", "Trajectory", "check", "compare",
+        "reference", "simulate",
     ),
     "reference": (
         "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
@@ -116,11 +119,11 @@ _FROM = {
 }  # fmt: skip
 
 __all__ = [
-    "Angle", "Body", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
+    "Angle", "Body", "CompareError", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
     "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
-    "Link", "Medium", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity",
-    "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory", "check", "compare",
-    "ground", "reference", "rotation", "simulate", "t",
+    "Link", "Medium", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
+    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
+    "check", "compare", "ground", "reference", "rotation", "simulate", "t",
 ]  # fmt: skip
 
 

@@ -14,11 +14,11 @@ import physics_crosscheck.records
 ROOT = Path(__file__).parents[1]
 
 TOP = {
-    "Angle", "Body", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
+    "Angle", "Body", "CompareError", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
     "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
-    "Link", "Medium", "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity",
-    "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory", "check", "compare",
-    "ground", "reference", "rotation", "simulate", "t",
+    "Link", "Medium", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
+    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
+    "check", "compare", "ground", "reference", "rotation", "simulate", "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",

@@ -70,6 +70,11 @@ class Trajectory:
             if array is not None:
                 array.flags.writeable = False
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Arrays come from another process as ones that can be written to.
+        self.__dict__.update(state)
+        self.__post_init__()
+
     def __len__(self) -> int:
         return len(self.t)
 
