@@ -51,16 +51,19 @@ def test_new_and_run_work_beside_packages_called_like_ours(
 
 
 def test_python_has_motions_and_comparisons_beside_packages_called_like_ours(
-    installed: Installed, place: Path
+    installed: Installed, tmp_path: Path
 ) -> None:
+    for name in ("harness", "reference"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(TRAP)
     script = """from physics_crosscheck import compare, reference, simulate
 run = simulate("simple_pendulum/mujoco.xml", "free", duration=1)
 errors = run - reference("simple_pendulum", "free", times=run.t, duration=1)
 print(abs(errors["theta"]).max() < 0.01, errors.uncertainty_of("theta").max() < 1e-10)
 print(compare("simple_pendulum/mujoco.xml", "simple_pendulum/robot.urdf", engine="mujoco").agree)
 """
-    (place / "script.py").write_text(script)
-    done = installed.shell("python -P script.py", place, PYTHONPATH=str(place))
+    (tmp_path / "script.py").write_text(script)
+    done = installed.shell("python script.py", tmp_path)
     assert done.stdout == "True True\nTrue\n", done.stderr
 
 
