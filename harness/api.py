@@ -18,13 +18,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from harness.baseline.store import DEFAULT
-from harness.compare.candidate import CompareError
 from harness.files.folders import check_engines, system_folders
 from harness.notebook import cases as shown
-from harness.notebook.ask import reference, simulate
-from harness.notebook.comparison import Comparison, compare
 from harness.notebook.optional import frame
-from harness.notebook.trajectory import MotionError, Trajectory
 from harness.records import results
 from harness.records.case import Case
 from harness.run import Options, run
@@ -38,11 +34,6 @@ from harness.text.table import summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-__all__ = [
-    "CompareError", "Comparison", "MotionError", "Results", "Trajectory", "check", "compare",
-    "reference", "simulate",
-]  # fmt: skip
 
 
 class Results(results.Results, frozen=True, kw_only=True):

@@ -64,17 +64,11 @@ def _ours(file: str | None, name: str) -> bool:
 claim()
 
 if TYPE_CHECKING:
-    from harness.api import (
-        CompareError,
-        Comparison,
-        MotionError,
-        Results,
-        Trajectory,
-        check,
-        compare,
-        reference,
-        simulate,
-    )
+    from harness.api import Results, check
+    from harness.compare.candidate import CompareError
+    from harness.notebook.ask import reference, simulate
+    from harness.notebook.comparison import Comparison, compare
+    from harness.notebook.trajectory import MotionError, Trajectory
     from reference import (
         Angle,
         Body,
@@ -105,10 +99,11 @@ if TYPE_CHECKING:
     from reference.kinematics import Frame, ground, rotation
 
 _FROM = {
-    "harness.api": (
-        "CompareError", "Comparison", "MotionError", "Results", "Trajectory", "check", "compare",
-        "reference", "simulate",
-    ),
+    "harness.api": ("Results", "check"),
+    "harness.compare.candidate": ("CompareError",),
+    "harness.notebook.ask": ("reference", "simulate"),
+    "harness.notebook.comparison": ("Comparison", "compare"),
+    "harness.notebook.trajectory": ("MotionError", "Trajectory"),
     "reference": (
         "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
         "Equilibrium", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",

@@ -59,6 +59,17 @@ def test_importing_the_public_name_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_tables_and_plots_are_not_imported_before_they_are_asked_for() -> None:
+    code = (
+        "import sys; from physics_crosscheck import check, compare, reference, simulate;"
+        " print(sorted({'pandas', 'polars', 'matplotlib', 'IPython'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
 def test_models_and_template_import_from_the_public_name_alone() -> None:
     for file in (*ROOT.glob("models/*/*.py"), *ROOT.glob("template/*.py")):
         text = file.read_text()
