@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from harness.cli import arguments
-from harness.cli.asked import asked_for
+from harness.cli.asked import Asked, asked_for
 from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
 from harness.cli.missing import tell_missing, with_missing
+from harness.cli.watch import Ran, watch
 from harness.files.folders import FolderError, check_engines
 from harness.files.model_files import absent_lines
 from harness.records.journal import Journal, journal
@@ -74,6 +76,11 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on with a run that was stopped: what it did is kept, unless its files changed",
     )
+    command.add_argument(
+        "--watch",
+        action="store_true",
+        help="go on: when a file is saved, run the models again that are made of it; Ctrl-C ends",
+    )
     arguments.baseline(command)
     command.add_argument(
         "--require-engines", action="store_true", help="exit 3 where an engine is not installed"
@@ -97,6 +104,15 @@ def main(options: argparse.Namespace) -> int:
     wanted = asked_for(options)
     if not (wanted.folders or wanted.robots):
         return AGREE
+    if not options.watch:
+        return _run(options, wanted, lambda results: results).code
+    if options.format != "text":
+        raise FolderError(f"--watch prints what a person reads, no {options.format}")
+    return watch(wanted, partial(_run, options))
+
+
+def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], Results]) -> Ran:
+    """Run once; `among` puts the results among those that stay, which are written with them."""
     tell_missing(wanted.named)
     asked = Options(
         engines=tuple(options.engine),
@@ -115,8 +131,9 @@ def main(options: argparse.Namespace) -> int:
             done.remove()
             why = "no case has such a name, or its engine is not installed"
             raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
-        write_whole(options.out / "results.json", encoded(results))
-        write_report(options.out / "index.html", results)
+        whole = among(results)
+        write_whole(options.out / "results.json", encoded(whole))
+        write_report(options.out / "index.html", whole)
         if not stop.asked:
             done.remove()
     _tell(results, options, wanted.robots)
@@ -129,7 +146,7 @@ def main(options: argparse.Namespace) -> int:
     if options.strict and (left := [*left_out(results.models), *refused(results)]):
         print("\n".join(f"crosscheck: --strict: {line}" for line in left), file=sys.stderr)
         code = FAIL
-    return SIGNALLED + stop.number if stop.asked else code
+    return Ran(whole, SIGNALLED + stop.number if stop.asked else code, bool(stop.asked))
 
 
 def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path]) -> None:

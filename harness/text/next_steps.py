@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from harness.records.case import Case
 from harness.records.cause import Cause
 from harness.records.model import Model
 from harness.records.results import Results
@@ -29,15 +28,10 @@ def next_steps(results: Results, out: Path) -> list[str]:
     lines = [f"change {one}" for one in changes[:MOST]]
     if len(changes) > MOST:
         lines.append(f"and {len(changes) - MOST} more, on the page: {out / 'index.html'}")
-    if any(not _passes(results, case) for case in results.cases):
+    if results.failed:
         there = "" if out == DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
         lines.append(f"then  crosscheck run --last-failed{there}")
     return lines
-
-
-def _passes(results: Results, case: Case) -> bool:
-    model = results.model_of(case)
-    return case.passes and (model is None or model.passes)
 
 
 def _explained(results: Results) -> list[Model]:
