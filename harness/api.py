@@ -70,6 +70,23 @@ class Results(results.Results, frozen=True, kw_only=True):
         which = ", ".join(str(case.id) for case in found or self.cases)
         raise LookupError(f"{what} {said}: {which}")
 
+    def trajectories(
+        self,
+        scenario: str | None = None,
+        model: str | None = None,
+        engine: str | None = None,
+        system: str | None = None,
+    ) -> shown.Trajectories:
+        """The motions of the one case that has what is given: `simulated`, `reference`, `errors`.
+
+        Each is a `Trajectory` with the coordinates and their rates, at the shipped step.
+
+        Raises:
+            LookupError: as `case`.
+            MotionError: where the case was not judged, with the reason.
+        """
+        return shown.trajectories(self, self.case(scenario, model, engine, system))
+
     def to_frame(self, library: str = "") -> Any:
         """A table, a row a case: its names, outcome, numbers, and the reason.
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from html import escape
 from io import StringIO
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from harness.notebook.markup import badge, block, line, paper, shown, table
 from harness.notebook.optional import new_axes
-from harness.records.base import Number
+from harness.notebook.trajectory import MotionError, Trajectory, units_of_rates
+from harness.records.base import Number, Rows
 from harness.records.case import Case
 from harness.records.outcome import Outcome
 from harness.records.results import Results
@@ -26,7 +30,6 @@ MOST_ROWS = 60
 """Of a page; `to_frame` has all."""
 
 _OUTCOME = re.compile(rf"({'|'.join(Outcome)}) (.*)")
-_HEADING = re.compile(r"cause in |audit|FAILED|next")
 
 
 def columns(cases: Iterable[Case]) -> Mapping[str, list[object]]:
@@ -116,6 +119,57 @@ def _told(text: str) -> str:
     style = f"padding-left:{inner * 0.6:.1f}em;overflow-wrap:anywhere;white-space:pre-wrap"
     style += "" if inner else ";font-weight:600;margin-top:8px"
     return f'<div style="{style}">{escape(text.strip())}</div>'
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectories:
+    """The motions of a case at the shipped step, as far as `results.json` has them.
+
+    Attributes:
+        simulated: of the model in its engine.
+        reference: of the equations, at the same times.
+        errors: the one minus the other.
+    """
+
+    simulated: Trajectory
+    reference: Trajectory
+    errors: Trajectory
+
+
+def trajectories(results: Results, case: Case) -> Trajectories:
+    """The motions of a case.
+
+    Raises:
+        MotionError: where it has none, with the reason.
+    """
+    if case.series is None or case.full_run is None:
+        raise MotionError(f"{case.id} has no motion: {case.outcome}, {case.reason}")
+    series, run = case.series, case.full_run
+    system = next((one for one in results.systems if one.folder == case.folder), None)
+    own = [] if system is None else [c.unit or "1" for c in system.coordinates]
+    units = (*own, *units_of_rates(own)) if own else ("?",) * len(series.components)
+    step = _number(run.shipped_step)
+    engine = f"{case.model} in {case.engine}, {run.integrator}, a step of {step:g} s"
+
+    def of(rows: Rows, origin: str) -> Trajectory:
+        columns = [[_number(value) for value in row] for row in rows]
+        return Trajectory(
+            t=np.array([_number(time) for time in series.t]),
+            names=series.components,
+            units=units,
+            values=np.array(columns).T,
+            uncertainty=None,
+            system=case.system,
+            scenario=case.scenario,
+            origin=origin,
+            step=step,
+        )
+
+    return Trajectories(
+        simulated=of(series.engine, engine),
+        reference=of(series.reference, "the equations"),
+        errors=of(series.error, f"{engine} minus the equations"),
+    )
 
 
 def plot(results: Results, what: What, ax: Axes | None) -> Axes:

@@ -163,6 +163,42 @@ def test_a_robots_file_alone_has_equations_too(tmp_path: Path) -> None:
     assert largest(other - exact, "pin") > 5e-3
 
 
+BODIES = """\
+from physics_crosscheck import Joint, MultibodySystem, RigidBody
+
+system = MultibodySystem(
+    name="bodies",
+    title="a rod on a pin",
+    source="made up",
+    gravity=(0.0, 0.0, -9.81),
+    bodies=(
+        RigidBody(
+            name="rod", parent=None, position=(0.0, 0.0, 0.0),
+            joints=(Joint(name="pin", kind="hinge", axis=(0.0, 1.0, 0.0)),),
+            mass=2.0, center=(0.0, 0.0, -0.5), inertia=(0.1, 0.1, 0.1, 0.0, 0.0, 0.0),
+        ),
+    ),
+)
+"""
+
+
+def test_a_folder_that_declares_bodies_runs_as_its_sidecar_says(tmp_path: Path) -> None:
+    (tmp_path / "system.py").write_text(BODIES)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    sidecar = 'engines = ["mujoco"]\n[settings]\nstep = 0.001\ngravity = [0, 0, -9.81]\n'
+    (tmp_path / "arm.urdf.toml").write_text(sidecar)
+    start = {"pin": 0.5}
+    run = simulate(tmp_path / "arm.urdf", start, duration=0.2)
+    assert (run.system, run.step) == ("bodies", 0.001)
+    errors = run - reference(tmp_path, start, times=run.t, duration=0.2)
+    assert 0 < largest(errors, "pin") < 1e-3
+    with pytest.raises(MotionError, match=r"it declares none; give a start, .*\"pin\": 0\.1"):
+        simulate(tmp_path / "arm.urdf", "free")
+    (tmp_path / "arm.urdf.toml").write_text(sidecar + '[coordinates]\npin = "2 * pin"\n')
+    with pytest.raises(MotionError, match=r"\[coordinates\]: system.py declares bodies"):
+        simulate(tmp_path / "arm.urdf", start, duration=0.2)
+
+
 def test_a_reference_is_remembered_until_its_declaration_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from harness.notebook.markup import GROUNDS
 from harness.records.outcome import Outcome
-from physics_crosscheck import Results
+from physics_crosscheck import MotionError, Results
 from tests.report import samples
 
 
@@ -76,6 +76,28 @@ def test_of_many_cases_the_page_shows_some_and_says_how_many_more(mixed: Results
     many = msgspec.structs.replace(mixed, cases=mixed.cases * 5)
     html = many._repr_html_()
     assert f"and {len(many.cases) - 60} more, in .cases and .to_frame()" in html
+
+
+def test_a_case_has_its_motions_as_trajectories_with_units(mixed: Results) -> None:
+    given = {"scenario": "free", "model": "mujoco.xml", "system": "system_1"}
+    case, found = mixed.case(**given), mixed.trajectories(**given)
+    assert case.series is not None
+    assert found.simulated.names == case.series.components
+    half = len(found.simulated.names) // 2
+    coordinates = mixed.systems[1].coordinates
+    assert found.simulated.units[:half] == tuple(one.unit for one in coordinates)
+    assert found.simulated.units[half:] == tuple(f"{one.unit}/s" for one in coordinates)
+    name = found.simulated.names[0]
+    assert found.simulated[name].tolist() == list(case.series.engine[0])
+    assert found.reference[name].tolist() == list(case.series.reference[0])
+    assert found.errors[name].tolist() == list(case.series.error[0])
+    assert "mujoco.xml in mujoco" in found.errors.origin
+    broken = mixed.trajectories("driven", "robot.urdf", "mujoco", "system_0").simulated
+    assert "not finite from t = " in broken._repr_html_()
+    with pytest.raises(MotionError, match="has no motion: ABSENT, pybullet is not installed"):
+        mixed.trajectories("large", "mujoco.xml", "mujoco", "system_0")
+    with pytest.raises(LookupError, match="more than one case has scenario='free'"):
+        mixed.trajectories("free")
 
 
 def luminance(colour: str) -> float:
