@@ -148,9 +148,23 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
             line(f"B  {b}"),
             f'<div style="margin:6px 0">{badge(self.outcome)}{said}</div>',
             line(self.reason) if self.reason else "",
+            *map(line, _besides(found)),
             table(heads, rows, left=5) if rows else "",
             *(line(note, faint=True) for note in notes),
         )
+
+
+def _besides(found: comparison.Compared | None) -> Iterator[str]:
+    """What is in no row of the table: joints that turn the other way, inertias of no body."""
+    if found is None:
+        return
+    for name in found.turned:
+        left = shown(found.left_when_turned, "{:.1e}")
+        yield (
+            f"{name} turns the other way in B (mapped so, {left} is left): turn its axis, or map it"
+            f' with joints={{"{name}": "-..."}}'
+        )
+    yield from found.impossible
 
 
 def _cells(one: Difference) -> list[str]:
