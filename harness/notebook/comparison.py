@@ -205,9 +205,11 @@ def compare(
     """Hold two model files against each other, without equations, as `crosscheck compare` does.
 
     Args:
-        a, b: the files; also of a built-in system, as `"simple_pendulum/robot.urdf"`.
+        a: a model file; also of a built-in system, as `"simple_pendulum/robot.urdf"`.
+        b: another, or the same before an edit.
         engine: of both; None: the first that is installed of those that read each.
-        engine_a, engine_b: of one of them.
+        engine_a: of A alone.
+        engine_b: of B alone.
         joints: those of A by those of B, such as `{"hip": "j1", "knee": "-j2"}`; None: by name,
             order or place.
         starts: states to start from, `{"hip": 1.0, "hip_dot": 0}`; none: they are drawn.
