@@ -18,8 +18,9 @@ from markupsafe import Markup
 from harness.records.results import Results
 from harness.records.write import write_whole
 from harness.report.view import report
+from harness.text.next_steps import DEFAULT_OUT
 
-SCRIPTS = ("packs", "looks", "plots", "figures", "motion", "overview", "routes", "start")
+SCRIPTS = ("packs", "looks", "plots", "figures", "motion", "overview", "copying", "routes", "start")
 """Files of `script/`, in the order in which they follow each other in one function."""
 
 EARLY = 'document.documentElement.classList.add("js");'
@@ -28,16 +29,21 @@ EARLY = 'document.documentElement.classList.add("js");'
 
 def write_report(path: Path, results: Results) -> None:
     """Write the report of results as one HTML file that asks for nothing else."""
-    write_whole(path, render(results))
+    write_whole(path, render(results, path.parent))
 
 
-def render(results: Results) -> str:
-    """The report of results as HTML; the same results give the same text."""
+def render(results: Results, out: Path = DEFAULT_OUT) -> str:
+    """The report of results as HTML; the same results give the same text.
+
+    Args:
+        results: of a run.
+        out: folder that it lies in, as its commands name it.
+    """
     scripts = [_inline(text) for text in (_bokeh(), _own())]
     return template(
         "report.html",
         scripts,
-        report=report(results),
+        report=report(results, out),
         early=Markup(EARLY),
         scripts=[Markup(text) for text in scripts],
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from harness.records.case import Case, ModelKey
 from harness.records.model import Model
@@ -15,9 +16,18 @@ from harness.report.cases import SYMBOLS, CaseView, case_view, severity
 from harness.report.content import Content
 from harness.report.diagnoses import DiagnosisView, diagnosis_view
 from harness.report.matrix import Matrix, Pair, matrix
-from harness.report.overview import Change, Trouble, changes, troubles
+from harness.report.overview import (
+    Change,
+    Standing,
+    Trouble,
+    changes,
+    gathered,
+    standing_out,
+    verdict,
+)
 from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
+from harness.text.next_steps import DEFAULT_OUT, run_again
 from harness.text.table import summary
 
 
@@ -73,7 +83,10 @@ class Report:
     Attributes:
         settings: (what, value) of the run.
         absent: engines that are not installed.
-        troubles: what needs a look, worst first.
+        verdict: whether all is right, and what to do if not, in words.
+        troubles: what to act on.
+        again: the command that tells whether it helped; empty where all passes.
+        standing: cases that stand out of those that agree.
         changes: since the baseline; None without one.
         baseline: which one.
         matrix: models by engines.
@@ -83,11 +96,14 @@ class Report:
     """
 
     title: str
+    verdict: str
     summary: str
     settings: tuple[tuple[str, str], ...]
     absent: tuple[str, ...]
     counts: tuple[Count, ...]
     troubles: tuple[Trouble, ...]
+    again: str
+    standing: tuple[Standing, ...]
     changes: tuple[Change, ...] | None
     baseline: str
     matrix: Matrix
@@ -98,8 +114,8 @@ class Report:
     packs: Mapping[str, str]
 
 
-def report(results: Results) -> Report:
-    """The view of results."""
+def report(results: Results, out: Path = DEFAULT_OUT) -> Report:
+    """The view of results, whose page lies in the folder `out`."""
     systems = {system.folder: system for system in results.systems}
     names = _names(results, systems)
     ids = _Ids()
@@ -110,10 +126,12 @@ def report(results: Results) -> Report:
     diagnoses = _diagnoses(results.models, pairs, ids, content)
     worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
     counts = Counter(case.outcome for case in results.cases)
+    found = gathered(results, {id(case): view for case, view in pairs}, diagnoses)
     shown_names = {folder: name for folder, (_, name) in names.items()}
     baseline = results.baseline
     return Report(
         title=f"{counts[Outcome.AGREES]} of {len(views)} cases agree",
+        verdict=verdict(results, found),
         summary=shown(summary(results)),
         settings=(
             ("created", shown(results.created)),
@@ -124,7 +142,9 @@ def report(results: Results) -> Report:
         counts=tuple(
             Count(outcome=o, symbol=SYMBOLS[o], meaning=o.meaning, cases=counts[o]) for o in Outcome
         ),
-        troubles=troubles(worst_first, results.models, diagnoses),
+        troubles=found,
+        again=shown(run_again(results, out)),
+        standing=standing_out(pairs),
         changes=None if baseline is None else changes(baseline, pairs),
         baseline="" if baseline is None else shown(baseline.name or "the baseline"),
         matrix=matrix(pairs, results.models, pages, shown_names),

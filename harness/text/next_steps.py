@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
 
+from harness.records.base import SourceLine
 from harness.records.case import Case
 from harness.records.cause import Cause
 from harness.records.model import Model
@@ -18,6 +20,25 @@ MOST = 3
 DEFAULT_OUT = Path("reports")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A number of a file, or copies of one, that is to be another.
+
+    Attributes:
+        subject: its address, or theirs.
+        where: its line, or theirs, with paths from where one stands.
+        old, new: what stands there, and what is to.
+    """
+
+    subject: tuple[str, ...]
+    where: tuple[SourceLine, ...]
+    old: float
+    new: str
+
+    def __str__(self) -> str:
+        return f"{self.where[0]} from {self.old:.10g} to {self.new}"
+
+
 def next_steps(results: Results, out: Path) -> list[str]:
     """Lines, each a thing to do; none where all agrees.
 
@@ -25,14 +46,22 @@ def next_steps(results: Results, out: Path) -> list[str]:
         results: of the run.
         out: the folder that it wrote to.
     """
-    changes = list(dict.fromkeys(one for model in _explained(results) for one in _changes(model)))
+    explained = _explained(results)
+    changes = list(dict.fromkeys(str(one) for model in explained for one in changes_of(model)))
     lines = [f"change {one}" for one in changes[:MOST]]
     if len(changes) > MOST:
         lines.append(f"and {len(changes) - MOST} more, on the page: {out / 'index.html'}")
-    if any(not _passes(results, case) for case in results.cases):
-        there = "" if out == DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
-        lines.append(f"then  crosscheck run --last-failed{there}")
+    if command := run_again(results, out):
+        lines.append(f"then  {command}")
     return lines
+
+
+def run_again(results: Results, out: Path) -> str:
+    """The command that tells whether a change has helped; empty where all passes."""
+    if all(_passes(results, case) for case in results.cases):
+        return ""
+    there = "" if out == DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
+    return f"crosscheck run --last-failed{there}"
 
 
 def _passes(results: Results, case: Case) -> bool:
@@ -48,13 +77,18 @@ def _explained(results: Results) -> list[Model]:
     ]
 
 
-def _changes(model: Model) -> list[str]:
-    """`file:line from 3.3 to 3.6`, of the numbers that stand in a file."""
-    assert model.diagnosis is not None
-    causes = model.diagnosis.explanations[0].causes
+def changes_of(model: Model) -> list[Change]:
+    """The numbers in files that explain a model's motions; none where nothing does."""
+    if model.diagnosis is None or not model.diagnosis.explained:
+        return []
     return [
-        f"{shown_line(model.folder, cause.where[0])} from {cause.nominal:.10g} to {value}"
-        for cause in causes
+        Change(
+            subject=cause.subject,
+            where=tuple(shown_line(model.folder, one) for one in cause.where),
+            old=cause.nominal,
+            new=value,
+        )
+        for cause in model.diagnosis.explanations[0].causes
         if (value := _wanted(cause)) and cause.where and cause.nominal is not None
     ]
 

@@ -216,7 +216,9 @@ def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report)
     )
     assert differs.id == "diagnosis-system_0/mujoco.xml/mujoco"
     absent = [one for one in seen.troubles if one.outcome == "ABSENT"]
-    assert [(one.cases, one.sentence) for one in absent] == [("1", "pybullet is not installed")]
+    assert [(one.cases, one.sentence) for one in absent] == [
+        ("1 case", "pybullet is not installed")
+    ]
 
 
 def test_an_audit_finding_is_told_though_every_case_agrees() -> None:

@@ -1,5 +1,6 @@
 addEventListener("DOMContentLoaded", () => {
   overview();
+  copying();
   route();
   addEventListener("hashchange", route);
   document.addEventListener("click", (event) => {
