@@ -13,6 +13,7 @@ from rich.console import Console
 from harness.cli import arguments
 from harness.cli.asked import asked_for
 from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
+from harness.cli.keeping import keep_history
 from harness.cli.missing import tell_missing, with_missing
 from harness.files.folders import FolderError, check_engines
 from harness.files.model_files import absent_lines
@@ -74,6 +75,11 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on with a run that was stopped: what it did is kept, unless its files changed",
     )
+    command.add_argument(
+        "--history",
+        action="store_true",
+        help="keep a line a case in DIR/history, for the page to draw; later runs go on with it",
+    )
     arguments.baseline(command)
     command.add_argument(
         "--require-engines", action="store_true", help="exit 3 where an engine is not installed"
@@ -116,7 +122,8 @@ def main(options: argparse.Namespace) -> int:
             why = "no case has such a name, or its engine is not installed"
             raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
         write_whole(options.out / "results.json", encoded(results))
-        write_report(options.out / "index.html", results)
+        past = keep_history(options.out, results, begin=options.history)
+        write_report(options.out / "index.html", results, past)
         if not stop.asked:
             done.remove()
     _tell(results, options, wanted.robots)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.records.case import Case, ModelKey
+from harness.records.history import Past
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
@@ -92,6 +93,7 @@ class Report:
         matrix: models by engines.
         cases: every case, worst first.
         groups: in the order of the run.
+        history: id of the pack of past runs; empty where there are none.
         packs: numbers and plots, by the ids of their elements.
     """
 
@@ -111,15 +113,16 @@ class Report:
     engines: tuple[str, ...]
     systems: tuple[str, ...]
     groups: tuple[Group, ...]
+    history: str
     packs: Mapping[str, str]
 
 
-def report(results: Results, out: Path = DEFAULT_OUT) -> Report:
-    """The view of results, whose page lies in the folder `out`."""
+def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> Report:
+    """The view of results, whose page lies in the folder `out`, and of past runs."""
     systems = {system.folder: system for system in results.systems}
     names = _names(results, systems)
     ids = _Ids()
-    content = Content(results)
+    content = Content(results, history)
     pages = {folder: ids.new(f"system-{slug(name)}") for folder, (name, _) in names.items()}
     views = _views(results.cases, systems, ids, content)
     pairs = list(zip(results.cases, views, strict=True))
@@ -152,6 +155,7 @@ def report(results: Results, out: Path = DEFAULT_OUT) -> Report:
         engines=tuple(sorted({view.engine for view in views})),
         systems=tuple(dict.fromkeys(view.system for view in views)),
         groups=_groups(results, pages, shown_names, pairs, diagnoses, content),
+        history=content.history_pack,
         packs=content.packs(),
     )
 

@@ -13,7 +13,6 @@ from harness.report import write_report
 from tests.report.chromium import Browser, Tab
 from tests.report.steps import (
     BOTH,
-    BUILT,
     CASE,
     DIAGNOSIS,
     PLOTS,
@@ -24,6 +23,7 @@ from tests.report.steps import (
     rows,
     shown,
     sound,
+    unfold,
 )
 from tests.report.test_page import HOSTILE, hostile
 
@@ -31,14 +31,14 @@ pytestmark = needs_browser
 
 
 def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> None:
+    tab.window(height=TALL)
     tab.open(f"{address}#{CASE}")
     colours = """[getComputedStyle(document.body).backgroundColor,
       [...Bokeh.index].filter((view) => view.frame).map((view) => view.model.xaxes[0])
         .map((axis) => axis.axis_label_text_color.value ?? axis.axis_label_text_color)]"""
-    drawn = "document.querySelectorAll('.view.current [data-drawn]').length > 1"
-    tab.until(drawn)
+    unfold(tab)
     light = tab.run(colours)
-    tab.window(scheme="dark")
+    tab.window(height=TALL, scheme="dark")
     tab.until(
         f"JSON.stringify({colours}[1]) !== {json.dumps(json.dumps(light[1]))}"
         f" && {colours}[1].length >= {len(light[1])}"
@@ -46,7 +46,7 @@ def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> No
     dark = tab.run(colours)
     assert light[0] == "rgb(255, 255, 255)"
     assert sum(map(int, re.findall(r"\d+", dark[0]))) < 120
-    tab.window(scheme="light")
+    tab.window(height=TALL, scheme="light")
     tab.until(
         f"{colours}[1].length >= {len(light[1])}"
         f" && {colours}[1].every((c) => c === {light[1][0]!r})"
@@ -132,7 +132,7 @@ def test_hostile_names_neither_run_nor_break_the_plots(
             view = tab.run(f"document.querySelector('.view[id^={kind}]').id")
             tab.run(f"location.hash = {json.dumps(view)}")
             tab.until(f"document.getElementById({json.dumps(view)}).checkVisibility()")
-            tab.until(BUILT)
+            unfold(tab)
         assert tab.run("document.querySelectorAll('img, b:not([class]) b').length") == 0
         text = tab.run("document.body.innerText")
         assert "<script>alert(1)</script>" in text
