@@ -55,9 +55,11 @@ def unified(edits: Sequence[Edit], texts: Iterable[tuple[str, str]]) -> str:
 
 
 def lines_of(patch: str) -> tuple[str, ...]:
-    """The lines of a diff that go and come, each with its sign."""
+    """The lines of a diff that go and come, each with its sign, and not far to the right."""
     rows = (row for row in patch.splitlines() if not row.startswith(("---", "+++")))
-    return tuple(row for row in rows if row.startswith(("-", "+")))
+    told = [(row[0], row[1:]) for row in rows if row.startswith(("-", "+"))]
+    margin = min((len(text) - len(text.lstrip()) for _, text in told), default=0)
+    return tuple(f"{sign} {text[margin:]}" for sign, text in told)
 
 
 def _same_file(path: str, name: str) -> bool:

@@ -54,7 +54,7 @@ def test_one_planted_fault_is_found_and_mended_from_the_first_screen(
         "robot.urdf:21",
         "38.25",
         "39.5",
-        f"-{STIFFNESS}",
+        f"- {STIFFNESS.strip()}",
         f"crosscheck run --last-failed --out {tmp_path / 'reports'}",
         "Copy patch",
     ):

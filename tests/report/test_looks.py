@@ -65,11 +65,34 @@ def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(tab: Tab, addr
     tab.window(scheme="dark", media="print")
     tab.open(address)
     assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
-    for hidden in (".filters", ".bar nav", ".skip"):
+    for hidden in (".filters", ".bar nav", ".skip", ".copy"):
         assert not tab.run(f"document.querySelector('{hidden}').checkVisibility()")
     assert tab.run("document.querySelector('.matrix').checkVisibility()")
     pdf = tab.send("Page.printToPDF", landscape=True)["data"]
     assert len(pdf) > 10_000
+
+
+def test_paper_has_what_is_folded_as_text_and_the_screen_folds_it_again(
+    tab: Tab, address: str
+) -> None:
+    tab.open(f"{address}#{CASE}")
+    look(tab)
+    tab.run("""(() => { window.seen = [];
+      addEventListener("beforeprint", () => {
+        seen.push([...document.querySelectorAll(".view.current .topic")].map((t) => t.open)); });
+    })()""")
+    tab.send("Page.printToPDF")
+    tab.until("window.seen.length > 0")
+    assert tab.run("seen[0]") == [False] * 5 + [True], "numbers, and no plots that nobody opened"
+    topics = "[...document.querySelectorAll('.view.current .topic')]"
+    tab.until(f"{topics}.every((t) => !t.open)")
+    tab.window(1050, 740, media="print")
+    beside = (
+        "['.motion', '.lead .group'].map((n) => document.querySelector(`.view.current ${n}`)"
+        ".getBoundingClientRect().top)"
+    )
+    top, other = tab.run(beside)
+    assert top == other, "motion and plot beside each other"
 
 
 def test_plots_that_were_drawn_on_a_dark_ground_keep_it_on_paper(tab: Tab, address: str) -> None:

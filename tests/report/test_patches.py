@@ -43,7 +43,7 @@ MASS = edit("link[rod]/inertial/mass@value", (4,), 0.9, "0.8")
 def test_a_patch_changes_the_number_and_nothing_else() -> None:
     told = patched(MASS)
     assert told.startswith("--- a/models/disc/robot.urdf\n+++ b/models/disc/robot.urdf\n@@ -1,7 ")
-    assert lines_of(told) == ('-      <mass value="0.9"/>', '+      <mass value="0.8"/>')
+    assert lines_of(told) == ('- <mass value="0.9"/>', '+ <mass value="0.8"/>')
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
@@ -64,9 +64,7 @@ def test_git_applies_a_patch_of_a_file_and_of_its_sidecar_without_a_last_newline
 
 def test_of_equal_numbers_in_a_line_the_one_that_is_meant_is_changed() -> None:
     one = edit("link[rod]/inertial/inertia@iyy", (5,), 0.024, "0.03")
-    assert lines_of(patched(one))[1] == (
-        '+      <inertia ixx="0.024" iyy="0.03" izz="0.0001" ixy="0"/>'
-    )
+    assert lines_of(patched(one))[1] == ('+ <inertia ixx="0.024" iyy="0.03" izz="0.0001" ixy="0"/>')
     both = edit(("link[rod]//inertia@ixx", "link[rod]//inertia@iyy"), (5,), 0.024, "0.03")
     assert 'ixx="0.03" iyy="0.03" izz="0.0001"' in lines_of(patched(both))[1]
 
