@@ -16,7 +16,7 @@ from harness.report.matrix import Pair
 from harness.report.patches import Edit, lines_of, unified
 from harness.report.text import shown
 from harness.text.next_steps import Change as Wanted
-from harness.text.next_steps import changes_of
+from harness.text.next_steps import changes_of, stated_changes
 from harness.text.status import counted
 from harness.text.troubles import (
     audited_alike,
@@ -44,6 +44,21 @@ class Fix:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Remedy:
+    """What to change.
+
+    Attributes:
+        fixes: numbers; empty where none is known.
+        lines: of the change, each with the sign of a diff.
+        patch: a unified diff; empty where none is certain.
+    """
+
+    fixes: tuple[Fix, ...] = ()
+    lines: tuple[str, ...] = ()
+    patch: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Trouble:
     """Something to act on, once, however many cases it is seen in.
 
@@ -52,10 +67,8 @@ class Trouble:
         outcome, symbol: of its cases; AUDIT for what was found by reading alone.
         name: of what it is wrong with.
         cases: how many.
-        fixes: what to change; empty where that is not known.
-        lines: of the change, each with the sign of a diff.
-        patch: a unified diff; empty where none is certain.
         sentence: what is wrong.
+        remedy: what to change.
         links: cases in which it is seen.
         more: how many it is seen in beyond these.
     """
@@ -66,9 +79,7 @@ class Trouble:
     name: str
     cases: str
     sentence: str
-    fixes: tuple[Fix, ...] = ()
-    lines: tuple[str, ...] = ()
-    patch: str = ""
+    remedy: Remedy = Remedy()
     links: tuple[Link, ...] = ()
     more: int = 0
 
@@ -110,7 +121,7 @@ def gathered(
     for group in found:
         left = [case for case in group if not _told(case, told)]
         if left:
-            rest.append(_unexplained(left, views, diagnoses))
+            rest.append(_unexplained(left, results, views, diagnoses))
     failures = (_failure(*one) for one in untold_failures(results))
     audits = _audits(results.models, diagnoses, told)
     return (*(one for one, _ in causes), *rest, *failures, *audits)
@@ -142,7 +153,7 @@ def _causes(
             continue
         view = diagnoses[alike[0].key]
         changes = changes_of(alike[0])
-        patch = _patch(changes, alike[0]) if _whole(changes, alike[0]) else ""
+        whole = len(changes) == len(diagnosis.explanations[0].causes)
         yield (
             Trouble(
                 id=view.id,
@@ -151,9 +162,7 @@ def _causes(
                 name=shown(named_models(alike)),
                 cases=counted(len(cases), "case"),
                 sentence=view.sentence,
-                fixes=tuple(map(_fix, changes)),
-                lines=tuple(map(shown, lines_of(patch))),
-                patch=shown(patch),
+                remedy=_remedy(changes, alike[0], whole=whole),
                 links=_linked(cases, views),
                 more=max(0, len(cases) - SCENARIOS_LINKED),
             ),
@@ -161,17 +170,18 @@ def _causes(
         )
 
 
-def _whole(changes: Sequence[Wanted], model: Model) -> bool:
-    """Whether changes are all that the diagnosis says: half a cause would be no remedy."""
-    assert model.diagnosis is not None
-    return len(changes) == len(model.diagnosis.explanations[0].causes)
-
-
-def _patch(changes: Sequence[Wanted], model: Model) -> str:
+def _remedy(changes: Sequence[Wanted], model: Model, *, whole: bool) -> Remedy:
+    """Changes, and the patch that makes them; `whole`: are they all? Half a cause is no remedy."""
     edits = [
         Edit(subject=one.subject, where=one.where, old=one.old, new=one.new) for one in changes
     ]
-    return unified(edits, ((model.model, model.text), (f"{model.model}.toml", model.sidecar)))
+    texts = ((model.model, model.text), (f"{model.model}.toml", model.sidecar))
+    patch = unified(edits, texts) if whole and edits else ""
+    return Remedy(
+        fixes=tuple(map(_fix, changes)),
+        lines=tuple(map(shown, lines_of(patch))),
+        patch=shown(patch),
+    )
 
 
 def _fix(change: Wanted) -> Fix:
@@ -194,6 +204,7 @@ def _linked(cases: Sequence[Case], views: Mapping[int, CaseView]) -> tuple[Link,
 
 def _unexplained(
     cases: Sequence[Case],
+    results: Results,
     views: Mapping[int, CaseView],
     diagnoses: Mapping[ModelKey, DiagnosisView],
 ) -> Trouble:
@@ -213,9 +224,15 @@ def _unexplained(
         name=shown(name),
         cases=counted(len(cases), "case"),
         sentence=sentence or view.reason,
+        remedy=Remedy() if diagnosis is None else _stated(results.model_of(worst)),
         links=_linked(cases, views) if ran else (),
         more=max(0, len(cases) - SCENARIOS_LINKED) if ran else 0,
     )
+
+
+def _stated(model: Model | None) -> Remedy:
+    """What reading finds is to be changed."""
+    return Remedy() if model is None else _remedy(stated_changes(model), model, whole=True)
 
 
 def _failure(model: Model, what: str, why: str) -> Trouble:
@@ -247,6 +264,7 @@ def _audits(
             name=shown(named_models(alike)),
             cases=counted(len(model.findings), "finding"),
             sentence=view.sentence,
+            remedy=_stated(model),
         )
 
 
@@ -268,7 +286,7 @@ def verdict(results: Results, found: Sequence[Trouble]) -> str:
         parts.append(f"{accepted} accepted as known")
     told = ", ".join(parts) or "every motion is that of the equations"
     told = f"{told[0].upper()}{told[1:]}."
-    if fixes := sum(len(one.fixes) for one in found):
+    if fixes := sum(len(one.remedy.fixes) for one in found):
         return f"{told} {counted(fixes, 'number')} to change."
     return told if found else f"{told} Nothing to change."
 

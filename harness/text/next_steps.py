@@ -93,6 +93,21 @@ def changes_of(model: Model) -> list[Change]:
     ]
 
 
+def stated_changes(model: Model) -> list[Change]:
+    """The numbers in files that are others than their bindings say, by reading alone."""
+    return [
+        Change(
+            subject=(one.message.partition(" is ")[0],),
+            where=(shown_line(model.folder, one.where),),
+            old=one.found,
+            new=repr(one.expected),
+        )
+        for one in model.findings
+        if one.kind == "literal" and one.where is not None and one.where.line is not None
+        if one.found is not None and one.expected is not None
+    ]
+
+
 def _wanted(cause: Cause) -> str:
     """The number that the motion wants in a file; empty where it says none."""
     if cause.kind not in IN_FILE or cause.estimate is None or cause.standard_error is None:

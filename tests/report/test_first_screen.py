@@ -6,11 +6,22 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
+from harness.records.base import SourceLine
+from harness.records.finding import AuditFinding
+from harness.records.outcome import Outcome
 from harness.report import write_report
 from harness.report.view import report
 from tests.report.chromium import Browser, Tab
-from tests.report.samples import STIFFNESS, planted, results
+from tests.report.samples import (
+    STIFFNESS,
+    changed_model,
+    diagnosis,
+    judged,
+    planted,
+    results,
+)
 from tests.report.steps import needs_browser, sound
 
 EIGHT = ("mujoco", "pybullet", "mjx", "dart", "drake", "newton", "pinocchio", "pymunk")
@@ -93,8 +104,53 @@ def test_a_cause_is_one_trouble_however_many_engines_and_scenarios_show_it() -> 
     (trouble,) = report(planted(EIGHT)).troubles
     assert (trouble.cases, trouble.more, len(trouble.links)) == ("24 cases", 18, 6)
     assert trouble.name == f"system_0/robot.urdf [{', '.join(EIGHT)}]"
-    (fix,) = trouble.fixes
+    (fix,) = trouble.remedy.fixes
     assert (fix.place, fix.old, fix.new) == ("robot.urdf:21", "38.25", "39.5")
+
+
+def test_several_numbers_that_reading_finds_wrong_are_all_to_be_changed() -> None:
+    """No one cause explains the motions; or nothing moves otherwise at all."""
+    found = results(1)
+    text = "<a>\n  <b mass='2' size='0.1 0.2'/>\n  <c mass='4.5'/>\n</a>\n"
+    findings = tuple(
+        AuditFinding(
+            kind="literal", message=f"{name}@mass is {old} where m = {new}", found=old,
+            expected=new, where=SourceLine(file="robot.urdf", line=line), severity="finding",
+        )
+        for name, line, old, new in (("b", 2, 2.0, 3.0), ("c", 3, 4.5, 0.1 + 0.2))
+    )  # fmt: skip
+    agreeing = changed_model(found, 1, audit=findings, text=text)
+    (trouble,) = report(agreeing).troubles
+    assert trouble.outcome == "AUDIT"
+    assert [(fix.place, fix.old, fix.new) for fix in trouble.remedy.fixes] == [
+        ("robot.urdf:2", "2", "3.0"),
+        ("robot.urdf:3", "4.5", "0.30000000000000004"),
+    ]
+    assert "+  <b mass='3.0' size='0.1 0.2'/>\n" in trouble.remedy.patch
+    told = diagnosis(found.cases[3])
+    differs = judged(found.cases[3], Outcome.DIFFERS, "off", discrepancy=0.1)
+    unexplained = replace(
+        changed_model(agreeing, 1, diagnosis=replace(told, explained=False)),
+        cases=(*found.cases[:3], differs, *found.cases[4:]),
+    )
+    (trouble,) = report(unexplained).troubles
+    assert trouble.outcome == "DIFFERS"
+    assert len(trouble.remedy.fixes) == 2
+    assert trouble.sentence.startswith("No one or two causes explain the motions")
+
+
+def test_half_of_a_cause_is_no_patch() -> None:
+    """An axis that is turned as well stands in no number: the page says it, and patches nothing."""
+    found = planted(("mujoco",))
+    told = found.models[1].diagnosis
+    assert told is not None
+    best = told.explanations[0]
+    turned = replace(best.causes[0], kind="axis", subject=("x",), where=())
+    both = replace(best, causes=(*best.causes, turned))
+    found = changed_model(found, 1, diagnosis=replace(told, explanations=(both,)))
+    (trouble,) = report(found).troubles
+    assert (len(trouble.remedy.fixes), trouble.remedy.patch) == (1, "")
+    assert "axis of x reversed explains the motion" in trouble.sentence
 
 
 def test_where_all_agrees_the_page_says_so_and_what_stands_out() -> None:

@@ -133,12 +133,12 @@ def test_an_accessibility_checker_finds_nothing_serious(
     tab: Tab, address: str, scheme: str
 ) -> None:
     axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
-    tab.window(scheme=scheme)
+    tab.window(height=TALL, scheme=scheme)
     tab.open(address)
     tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
     for view in ("overview", SYSTEM, CASE, BOTH, DIAGNOSIS):
         tab.go(view)
-        look(tab)
+        unfold(tab)
         assert tab.run(CHECK) == [], view
 
 
