@@ -8,13 +8,17 @@ from datetime import UTC, datetime
 from harness.records.base import Number
 from harness.records.case import Case, CaseId
 from harness.records.history import Past
+from harness.report.cases import is_sensitive
 from harness.report.packs import Chart, Curve, Pack
 from harness.report.text import percent, shown
 
 HISTORY = "Over time"
 
-MOST = 6
+MOST = 12
 """Curves in one plot at most: more can't be told apart."""
+
+LAST = 6
+"""Commits that are named, the last ones."""
 
 Rows = Sequence[tuple[float, float]]
 """(days, value)."""
@@ -48,7 +52,7 @@ def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
         }
 
     commits = list(dict.fromkeys(one.commit[:9] for _, one in dated if one.commit))
-    told = f" Commits: {shown(', '.join(commits[-MOST:]))}." if commits else ""
+    told = f" Commits: {shown(', '.join(commits[-LAST:]))}." if commits else ""
     return _charts(
         pack,
         rows(lambda one: one.digits),
@@ -76,6 +80,7 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
     if len(whole) < 2:
         return ()
     start = min(whole)
+    sensitive = {case.id for case in cases if is_sensitive(case)}
     engines = list(dict.fromkeys(case.engine for case in cases))[:MOST]
 
     def rows(worst: Callable[[Iterable[float]], float], name: str) -> dict[str, Rows]:
@@ -83,7 +88,11 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
         for engine in engines:
             points = []
             for when, past in sorted(whole.items()):
-                values: list[Number] = [getattr(p, name) for p in past if p.engine == engine]
+                values: list[Number] = [
+                    getattr(one, name)
+                    for one in past
+                    if one.engine == engine and (name == "digits" or one.id not in sensitive)
+                ]
                 known = [value for value in values if value is not None]
                 if known:
                     points.append((_days(when, start), worst(known)))
@@ -94,7 +103,8 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
         pack,
         rows(min, "digits"),
         rows(max, "global_error"),
-        f"{len(whole)} runs since {start:%Y-%m-%d}; of each engine the worst case.",
+        f"{len(whole)} runs since {start:%Y-%m-%d}; of each engine the worst case, and of errors"
+        " the worst of a motion that a step can follow.",
         start,
     )
 

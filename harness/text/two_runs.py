@@ -7,11 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from msgspec.structs import replace
 from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
-from harness.records.base import Number
+from harness.records.base import Number, SourceLine
 from harness.records.case import Case, CaseId
 from harness.records.history import digits_known
 from harness.records.outcome import Outcome
@@ -132,10 +133,18 @@ def print_two_runs(console: Console, found: TwoRuns) -> None:
     """Print what moved, worst first, and a summary last."""
     for what, then, now in found.versions:
         _say(console, f"{what} {then} -> {now}")
-    if told := found.moved[:MOST_TOLD]:
+    both = [case for case in found.moved if case.before is not None and case.after is not None]
+    if told := both[:MOST_TOLD]:
         _print_table(console, told)
-    if len(found.moved) > MOST_TOLD:
-        _say(console, f"and {len(found.moved) - MOST_TOLD} more, on the page")
+    if len(both) > MOST_TOLD:
+        _say(console, f"and {len(both) - MOST_TOLD} more, on the page")
+    for kind in ("gone", "new"):
+        models: dict[str, list[str]] = {}
+        for case in found.moved:
+            if kind in case.kinds:
+                models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
+        for model, scenarios in models.items():
+            _say(console, f"{kind}  {model}: {', '.join(scenarios)}")
     for line in found.mended:
         _say(console, f"mended  {line}")
     for line in found.broken:
@@ -188,12 +197,13 @@ def _movement(name: CaseId, was: Case | None, now: Case | None) -> Movement:
         kinds.append("new" if before is None else "gone")
     else:
         if before is not after:
-            kinds.append("verdict")
-        if None not in digits and abs((digits[1] or 0.0) - (digits[0] or 0.0)) >= DIGITS_MOVED:
-            kinds.append("digits")
-        if _apart(*errors):
-            kinds.append("global error")
-        if steps[0] != steps[1]:
+            kinds.append("verdict")  # digits and error go with it
+        else:
+            if None not in digits and abs((digits[1] or 0.0) - (digits[0] or 0.0)) >= DIGITS_MOVED:
+                kinds.append("digits")
+            if _apart(*errors):
+                kinds.append("global error")
+        if None not in steps and steps[0] != steps[1]:
             kinds.append("step")
     return Movement(
         id=name,
@@ -224,11 +234,16 @@ def _apart(then: Number, now: Number) -> bool:
 def _causes(results: Results) -> list[str]:
     """What each explained model file has wrong, a line a number."""
     lines = (
-        f"{alike[0].system}/{alike[0].model}: {change}"
+        f"{alike[0].system}/{_short(change.where[0])} from {change.old:.10g} to {change.new}"
         for alike in explained_alike(results.models)
         for change in changes_of(alike[0])
     )
     return list(dict.fromkeys(lines))
+
+
+def _short(where: SourceLine) -> SourceLine:
+    """A line without its folders: they may be others in the other run."""
+    return replace(where, file=where.file.replace("\\", "/").rpartition("/")[2])
 
 
 def _versions(

@@ -15,7 +15,7 @@ from harness.records.results import Results
 from harness.report import render, write_report
 from harness.report.content import Content
 from tests.report.chromium import Browser
-from tests.report.samples import results
+from tests.report.samples import changed_case, results
 from tests.report.steps import CASE, needs_browser, sound, unfold
 
 
@@ -64,6 +64,16 @@ def test_the_overview_shows_the_worst_of_each_engine_in_runs_of_most_cases(
     days = [0.0, 1.0, 2.0]
     assert found["Digits that agree"]["pybullet"] == [days, [11.9, 11.9, 10.9]]
     assert set(found["Digits that agree"]) == {"mujoco", "pybullet"}
+
+
+def test_an_error_of_a_motion_that_no_step_follows_hides_no_other(agreeing: Results) -> None:
+    full_run = agreeing.cases[0].full_run
+    assert full_run is not None
+    lost = changed_case(agreeing, 0, full_run=replace(full_run, global_error=0.944))
+    found = charts(lost, past(lost), "pack-history")
+    assert found["Global error at the shipped step"]["mujoco"][1] == [0.00911] * 3
+    own = charts(lost, past(lost), "pack-case-0")
+    assert own["Global error at the shipped step"]["mujoco 4.0"][1] == [0.944]
 
 
 def test_without_two_runs_there_is_no_history(agreeing: Results) -> None:

@@ -49,7 +49,7 @@ def test_what_moved_is_seen_and_leads_to_both_reports(browser: Browser, address:
         worse, gone = tab.run(ROWS)
         name = "system_0/robot.urdf/driven [mujoco]"
         assert worse[:5] == [
-            name, "verdict, digits worse", "✓ AGREES", "≠ DIFFERS", "11.9 → 5.5",
+            name, "verdict worse", "✓ AGREES", "≠ DIFFERS", "11.9 → 5.5",
         ]  # fmt: skip
         assert gone[1:4] == ["gone", "✓ AGREES", "none"]
         links = tab.run("[...document.querySelectorAll('tr.worse a')].map((a) => a.href)")

@@ -64,6 +64,17 @@ def test_cases_that_are_new_and_gone_are_told_and_those_of_one_name_kept_apart()
     assert headline(found) == "4 cases: 2 gone, 1 new"
 
 
+def test_cases_that_are_gone_and_new_are_a_line_a_model() -> None:
+    out = StringIO()
+    gone = case(model="a.xml"), case(model="a.xml", scenario="far")
+    print_two_runs(Console(file=out), two_runs(results(*gone), results(case(engine="x"))))
+    assert out.getvalue().splitlines() == [
+        "gone  disc/a.xml [mujoco]: free, far",
+        "new  disc/mujoco.xml [x]: free",
+        "3 cases: 2 gone, 1 new",
+    ]
+
+
 def test_what_was_mended_and_what_is_wrong_now_is_told_with_its_line() -> None:
     cause = Cause(
         kind="literal", subject=("body@mass",), nominal=3.3, estimate=3.6, standard_error=1e-12,
@@ -72,8 +83,12 @@ def test_what_was_mended_and_what_is_wrong_now_is_told_with_its_line() -> None:
     told = Diagnosis(explanations=(Explanation(causes=(cause,), remaining=0.0),), explained=True)
     wrong = results(case(Outcome.DIFFERS), models=(model(diagnosis=told),), versions={"a": "1"})
     right = results(case(), models=(model(),), versions={"a": "2", "b": None})
-    line = "disc/mujoco.xml: mujoco.xml:21 from 3.3 to 3.6"
+    line = "disc/mujoco.xml:21 from 3.3 to 3.6"
     assert two_runs(wrong, right).mended == (line,)
+    elsewhere = replace(cause, where=(SourceLine(file="/b/disc/mujoco.xml", line=21),))
+    again = replace(told, explanations=(Explanation(causes=(elsewhere,), remaining=0.0),))
+    other = replace(wrong, models=(model(diagnosis=again, folder="/b/disc"),))
+    assert two_runs(wrong, other).mended == two_runs(wrong, other).broken == ()
     assert two_runs(right, wrong).broken == (line,)
     out = StringIO()
     print_two_runs(Console(file=out, width=80), two_runs(wrong, right))
