@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
+    from harness.pytest_plugin.fixture import Checker
     from harness.records.case import Case
 
 
@@ -56,6 +57,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default="reports/baseline",
         help="where known differences are looked up, in the root folder (reports/baseline)",
     )
+    group.addoption(
+        "--crosscheck-accept",
+        metavar="REASON",
+        help="accept what the selected cases do now as the baseline, with a reason; refused in CI",
+    )
     parser.addini(
         "crosscheck_paths",
         type="paths",
@@ -80,6 +86,22 @@ class CrosscheckHooks:
         the sentences that are returned, one or a list. A conftest.py is asked for the system
         folders below it.
         """
+
+
+@pytest.fixture(scope="session")
+def crosscheck(request: pytest.FixtureRequest) -> Checker:
+    """What runs models in a test of yours, as `physics_crosscheck.check` does.
+
+    `result = crosscheck("models/arm", engines=["mujoco"])`, then `assert result, str(result)`. The
+    resolution, limits and baseline are those of the command line, paths are from the root folder.
+    The test is skipped where no engine of the models is installed, but under --require-engines.
+    """
+    import physics_crosscheck
+
+    physics_crosscheck.claim()
+    from harness.pytest_plugin.fixture import Checker
+
+    return Checker(request.config)
 
 
 # Last, so that every other plugin's markers are known when ours are named.

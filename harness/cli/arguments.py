@@ -6,24 +6,42 @@ import argparse
 from pathlib import Path
 
 from harness.baseline.store import DEFAULT
+from harness.cli.completion import completed_by, engine_names, systems_and_files
 from harness.schedule.limits import MEMORY, SECONDS, Limits
 
 
 def folders(command: argparse.ArgumentParser, *, some: bool) -> None:
     """Add FOLDER ...; `some`: at least one."""
-    command.add_argument(
+    action = command.add_argument(
         "folders",
         nargs="+" if some else "*",
         metavar="FOLDER",
         help="system folders" if some else "system folders, or model files in them; none: built-in",
     )
+    completed_by(action, systems_and_files)
+
+
+class Gathered(argparse.Action):
+    """Gathers values; unlike `append`, the first puts the default aside."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option_string: str | None = None,
+    ) -> None:
+        """Add a value."""
+        now = getattr(namespace, self.dest)
+        setattr(namespace, self.dest, [*(() if now is self.default else now), values])
 
 
 def engine(command: argparse.ArgumentParser) -> None:
     """Add --engine NAME, repeatable."""
-    command.add_argument(
-        "--engine", action="append", default=[], metavar="NAME", help="only this engine; repeatable"
+    action = command.add_argument(
+        "--engine", action=Gathered, default=[], metavar="NAME", help="only this engine; repeatable"
     )
+    completed_by(action, engine_names)
 
 
 def words(command: argparse.ArgumentParser) -> None:

@@ -10,9 +10,7 @@ from pathlib import Path
 
 from harness.files.choice import Choice, NamedModel, chosen_models, matching
 from harness.files.folders import FolderError, NamedFolders, named_folders
-from harness.records.case import CaseId
 from harness.records.read import read_results
-from harness.records.results import Results
 from harness.robots.named import robot_files
 
 
@@ -47,16 +45,15 @@ def asked_for(options: argparse.Namespace) -> Asked:
     names, only = list(options.folders), None
     if options.last_failed:
         last = read_results(options.out / "results.json")
-        only = failed(last)
+        only = [(case.folder, case.id) for case in last.failed]
         if not only:
             print("the last run has nothing that failed", file=sys.stderr)
             return Asked(NamedFolders([], {}), [], Choice(only=only))
         names = names or list(dict.fromkeys(folder for folder, _ in only))
-    alone = robot_files(names) if options.alone else None
     models: dict[str, tuple[NamedModel, ...]] = {}
-    if alone is None:
+    if not options.alone:
         names, models = chosen_models(names)
-        alone = robot_files(names)
+    alone = robot_files(names)
     choice = Choice(models=models, words=options.words, only=only)
     if alone.others or not (alone.files or alone.faults):
         named = named_folders(alone.others, beside=bool(alone.files or alone.faults))
@@ -66,9 +63,3 @@ def asked_for(options: argparse.Namespace) -> Asked:
     if not alone.files and not named.folders:
         raise FolderError("; ".join(faults.values()))
     return Asked(NamedFolders(named.folders, faults), alone.files, choice)
-
-
-def failed(results: Results) -> list[tuple[str, CaseId]]:
-    """Cases that don't pass, or whose model's audit doesn't, with their folders."""
-    amiss = {model.key for model in results.models if not model.passes}
-    return [(c.folder, c.id) for c in results.cases if not c.passes or c.key in amiss]

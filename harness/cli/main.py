@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import signal
 import sys
 from collections.abc import Sequence
 from typing import Any
 
+from harness.cli.completion import COMPLETING, complete, words_before
 from harness.cli.exit_codes import FAIL, SIGNALLED, USAGE
 from harness.cli.streams import claim_streams, unprinted
 from harness.schedule.stop import Stopped, raising
@@ -17,6 +19,7 @@ COMMANDS = {
     "run": "run every model of the folders against their equations",
     "list": "the cases that a run has, by their names; nothing is run",
     "gate": "run what changed, and compare it with what was accepted",
+    "review": "go through what the gate finds, one by one, and accept or reject it",
     "accept": "accept the present results as the baseline, with a reason",
     "report": "HTML from results, without running anything",
     "derive": "equations, linearization, modes and errata",
@@ -26,6 +29,7 @@ COMMANDS = {
     "mutate": "what the check would catch: literals and known mistakes",
     "new": "a commented folder that runs, or one from a model file of yours",
     "engines": "what is installed, versions, capabilities",
+    "completion": "a shell's script that completes what is typed with Tab",
 }
 
 
@@ -48,10 +52,15 @@ def program() -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     given = sys.argv[1:] if arguments is None else list(arguments)
+    if COMPLETING in os.environ:
+        given = words_before()
     try:
         with raising():
             # Within: a command's modules are imported here, which takes a while on a busy machine.
-            return _run(_parser(given).parse_args(given))
+            parser = _parser(given)
+            if COMPLETING in os.environ:
+                complete(parser)
+            return _run(parser.parse_args(given))
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         print(f"crosscheck: {where}{error.strerror or error}", file=sys.stderr)
@@ -79,35 +88,41 @@ def _run(options: argparse.Namespace) -> int:
         return FAIL
 
 
-class _Parser(argparse.ArgumentParser):
-    """One that says its version without a command; metadata costs more than all help."""
+class _Version(argparse.Action):
+    """Says the version; metadata costs more to import than all help."""
 
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As ever, but for `--version` alone."""
-        if list(args or ())[:1] == ["--version"]:
-            from importlib.metadata import version
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
 
-            print(f"crosscheck {version('physics-crosscheck')}")
-            self.exit()
-        return super().parse_args(args, namespace)
+        print(f"crosscheck {version('physics-crosscheck')}")
+        parser.exit()
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = argparse.ArgumentParser(
         prog="crosscheck",
         description="Tells whether a physics model file is right, to nine digits.",
         epilog=EXIT_CODES,
     )
-    parser.add_argument("--version", action="store_true", help="print the version, and end")
-    commands = parser.add_subparsers(
-        dest="command", required=True, metavar="COMMAND", parser_class=argparse.ArgumentParser
-    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version, and end")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, says in COMMANDS.items():
         command = commands.add_parser(name, help=says, epilog=EXIT_CODES)
         # Only the command that is meant is imported: sympy or bokeh cost most of a second.
         if name in given[:1]:
             _module(name).add(command)
+            _with_settings(command, name)
     return parser
+
+
+def _with_settings(command: argparse.ArgumentParser, name: str) -> None:
+    """A project's own defaults."""
+    from harness.cli.settings import SettingsError, apply
+
+    try:
+        apply(command, name)
+    except SettingsError as error:
+        command.exit(USAGE, f"crosscheck: {error}\n")
 
 
 def _module(name: str) -> Any:

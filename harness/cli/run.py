@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from harness.cli import arguments
-from harness.cli.asked import asked_for
+from harness.cli.asked import Asked, asked_for
 from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
 from harness.cli.keeping import keep_history
 from harness.cli.missing import tell_missing, with_missing
+from harness.cli.watch import Ran, watch
 from harness.files.folders import FolderError, check_engines
 from harness.files.model_files import absent_lines
 from harness.records.journal import Journal, journal
@@ -76,6 +78,11 @@ def add(command: argparse.ArgumentParser) -> None:
         help="go on with a run that was stopped: what it did is kept, unless its files changed",
     )
     command.add_argument(
+        "--watch",
+        action="store_true",
+        help="go on: when a file is saved, run the models again that are made of it; Ctrl-C ends",
+    )
+    command.add_argument(
         "--history",
         action="store_true",
         help="keep a line a case in DIR/history, for the page to draw; later runs go on with it",
@@ -103,6 +110,15 @@ def main(options: argparse.Namespace) -> int:
     wanted = asked_for(options)
     if not (wanted.folders or wanted.robots):
         return AGREE
+    if not options.watch:
+        return _run(options, wanted, lambda results: results).code
+    if options.format != "text":
+        raise FolderError(f"--watch prints what a person reads, no {options.format}")
+    return watch(wanted, partial(_run, options))
+
+
+def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], Results]) -> Ran:
+    """Run once; `among` puts the results among those that stay, which are written with them."""
     tell_missing(wanted.named)
     asked = Options(
         engines=tuple(options.engine),
@@ -121,9 +137,10 @@ def main(options: argparse.Namespace) -> int:
             done.remove()
             why = "no case has such a name, or its engine is not installed"
             raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
-        write_whole(options.out / "results.json", encoded(results))
+        whole = among(results)
+        write_whole(options.out / "results.json", encoded(whole))
         past = keep_history(options.out, results, begin=options.history)
-        write_report(options.out / "index.html", results, past)
+        write_report(options.out / "index.html", whole, past)
         if not stop.asked:
             done.remove()
     _tell(results, options, wanted.robots)
@@ -136,7 +153,7 @@ def main(options: argparse.Namespace) -> int:
     if options.strict and (left := [*left_out(results.models), *refused(results)]):
         print("\n".join(f"crosscheck: --strict: {line}" for line in left), file=sys.stderr)
         code = FAIL
-    return SIGNALLED + stop.number if stop.asked else code
+    return Ran(whole, SIGNALLED + stop.number if stop.asked else code, bool(stop.asked))
 
 
 def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path]) -> None:

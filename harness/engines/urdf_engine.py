@@ -5,11 +5,12 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
+from harness.engines.mjcf_source import with_options
 from harness.engines.protocol import Array, Engine, EngineError, Model, ModelSpec, Sample, within
 from harness.engines.remark import Remark
 from harness.engines.sdf_sidecar import declared_sdf, stated
@@ -20,8 +21,14 @@ from harness.engines.urdf_copy import Change
 from harness.engines.urdf_sidecar import DeclaredUrdf, check_settings, declared_urdf
 
 SDF = ".sdf"
+MJCF = ".xml"
 CONTROLS = "controls"
 """At which actuators are held."""
+
+_STATED: Mapping[str, Callable[[ModelSpec], ModelSpec]] = MappingProxyType(
+    {SDF: stated, MJCF: with_options}
+)
+"""What formats say themselves of what is a setting elsewhere."""
 
 
 class UrdfEngine(Engine):
@@ -51,11 +58,12 @@ class UrdfEngine(Engine):
             return "unknown"
 
     def load(self, spec: ModelSpec) -> Model:
-        """Load a file; SDFormat states some settings itself."""
-        spec = stated(spec) if spec.path.suffix == SDF else spec
+        """Load a file, with the settings that it states itself."""
+        if own := _STATED.get(spec.path.suffix):
+            spec = own(spec)
         others = self.switches & {CONTROLS}
         check_settings(spec, self.title, self.unstated, self.defaults, self.words, others)
-        if spec.path.suffix in (".urdf", SDF) and spec.settings.get(CONTROLS):
+        if spec.path.suffix != MJCF and spec.settings.get(CONTROLS):
             told = f"[settings] controls is {spec.settings[CONTROLS]!r}"
             raise EngineError(f"{spec.path}.toml: {told}, and no actuators are read of it")
         with engine_errors(spec.path, self.title):
@@ -66,8 +74,8 @@ class UrdfEngine(Engine):
         """The model of a file whose settings are in order."""
 
     def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Step and gravity."""
-        return SETTINGS
+        """Step and gravity, which an MJCF states."""
+        return {} if suffix == MJCF else SETTINGS
 
     def samples(self) -> tuple[Sample, ...]:
         """A URDF."""

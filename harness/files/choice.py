@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 from harness.files.folders import FolderError, builtin
@@ -106,6 +107,7 @@ def chosen_models(names: Sequence[str]) -> tuple[list[str], dict[str, tuple[Name
     return [*whole, *partly], partly
 
 
+@cache
 def matching(words: str) -> Match:
     """Whether a name has words in it, whatever their case: `driven and not (robot or free)`.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -20,6 +20,7 @@ from harness.baseline.store import write_baseline
 from harness.files.folders import FolderError
 from harness.gate.result import GateResult
 from harness.records.baseline import AcceptedCase, Declared
+from harness.records.case import CaseId
 from harness.records.outcome import Outcome
 from harness.records.results import Results
 
@@ -56,15 +57,28 @@ def accept(found: GateResult, patterns: Sequence[str], reason: str, baseline: Pa
         FolderError: for a pattern that matches nothing; nothing was written.
         OSError: as the file system has it; nothing was written then either.
     """
-    asked = _asked_for(found, patterns)
+    asked = [change.id for change in _asked_for(found, patterns)]
+    return accept_each(found, dict.fromkeys(asked, reason), asked if patterns else (), baseline)
+
+
+def accept_each(
+    found: GateResult, reasons: Mapping[CaseId, str], named: Collection[CaseId], baseline: Path
+) -> Accepted:
+    """The same for some cases, each with its reason, which takes the old one's place if `named`.
+
+    Raises:
+        AcceptError: for a file that changed meanwhile; nothing was written.
+        OSError: as the file system has it; nothing was written then either.
+    """
+    asked = [change for change in found.changes if change.id in reasons]
     chosen = [change for change in asked if change.status is not Status.NOT_RUN]
     systems = dict(found.baseline)
     said: list[str] = []
     for change in chosen:
-        name = change.id.system
+        name, reason = change.id.system, reasons[change.id]
         one = systems.get(name) or _empty(name)
         old = one.cases.get(change.id)
-        systems[name], new = _with(one, change, _entry(change, reason, bool(patterns)))
+        systems[name], new = _with(one, change, _entry(change, reason, change.id in named))
         before, systems[name] = systems[name], _with_audit(systems[name], change, found, reason)
         if new != old or systems[name] != before:
             said.append(str(change.id))

@@ -46,6 +46,10 @@ class FileDiff:
     lines: tuple[ChangedLine, ...]
     more: int = 0
 
+    def concerns(self, change: Change) -> bool:
+        """Whether a case depends on the file."""
+        return change.id.system == self.system and change.id.model in self.models
+
 
 def file_diffs(
     changes: Sequence[Change], folders: Mapping[str, FolderFiles], baseline: Path

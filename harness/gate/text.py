@@ -8,6 +8,7 @@ from pathlib import Path
 
 from harness.baseline.changes import Status
 from harness.baseline.classify import Change
+from harness.gate.file_diffs import FileDiff
 from harness.gate.result import GateResult
 from harness.text.causes import cause_sentences
 from harness.text.visible import visible_lines
@@ -24,20 +25,29 @@ def gate_lines(found: GateResult) -> list[str]:
     lines = []
     told = [change for change in found.changes if change.status not in QUIET]
     for change in told[:MOST_TOLD]:
-        kinds = f" ({', '.join(change.kinds)})" if change.kinds else ""
-        lines.append(f"{change.status.upper()} {change.id}{kinds}")
-        lines += [f"  {sentence}" for sentence in sentences(change)]
+        lines += change_lines(change)
     if len(told) > MOST_TOLD:
         lines.append(f"and {len(told) - MOST_TOLD} more")
     for diff in found.file_diffs:
-        models = f" (for {', '.join(diff.models)})" if diff.models != (diff.name,) else ""
-        lines.append(f"changed file of {diff.system}: {diff.name}{models}")
-        lines += [f"  {_relative(one.file)}:{one.line}: {one.message}" for one in diff.lines]
-        if diff.more:
-            lines.append(f"  and {diff.more} lines more")
+        lines += diff_lines(diff)
     lines += _causes(found)
     lines += [f"FAILED {failure}" for failure in found.failures]
     return [*lines, total(found)]
+
+
+def change_lines(change: Change) -> list[str]:
+    """What became of a case."""
+    kinds = f" ({', '.join(change.kinds)})" if change.kinds else ""
+    told = [f"  {sentence}" for sentence in sentences(change)]
+    return [f"{change.status.upper()} {change.id}{kinds}", *told]
+
+
+def diff_lines(diff: FileDiff) -> list[str]:
+    """What changed in a file."""
+    models = f" (for {', '.join(diff.models)})" if diff.models != (diff.name,) else ""
+    lines = [f"changed file of {diff.system}: {diff.name}{models}"]
+    lines += [f"  {_relative(one.file)}:{one.line}: {one.message}" for one in diff.lines]
+    return [*lines, f"  and {diff.more} lines more"] if diff.more else lines
 
 
 def total(found: GateResult) -> str:

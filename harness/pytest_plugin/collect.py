@@ -119,7 +119,7 @@ class CrosscheckItem(pytest.Item):
         required = self.config.getoption("crosscheck_require_engines")
         decision = status_of(record, require_engines=required, demands=self._demands(record))
         if isinstance(record, Case):
-            self.user_properties += properties(record).items()
+            self.user_properties += [("case", str(record.id)), *properties(record).items()]
         if record.accepted:
             self.user_properties.append(("accepted", record.accepted))
         if decision.status is TestStatus.SKIP:
@@ -127,8 +127,16 @@ class CrosscheckItem(pytest.Item):
             # Told as a skip of the model file, not of this line.
             skipped._use_item_location = True
             raise skipped
-        if decision.status is TestStatus.FAIL:
+        if decision.status is TestStatus.FAIL and not self._is_accepted(record):
             self._fail(record, decision)
+
+    def _is_accepted(self, record: Case | Model) -> bool:
+        """Whether what was found is what is to be accepted: all but what could not be run."""
+        if not self.config.getoption("crosscheck_accept"):
+            return False
+        if isinstance(record, Model):
+            return not record.failures
+        return record.outcome in (Outcome.DIFFERS, Outcome.UNRESOLVED)
 
     def _demands(self, record: Case | Model) -> list[str]:
         """What the project asks beyond agreement, and this case does not meet."""

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
 from harness.baseline.store import BaselineError
-from harness.cli import arguments
 from harness.files.model_files import absent_lines
+from harness.pytest_plugin.accepting import Accepting
 from harness.pytest_plugin.collect import SystemFile
 from harness.pytest_plugin.keys import RUNNER
 from harness.pytest_plugin.paths import DECLARATION, meant, to_collect
 from harness.pytest_plugin.runner import CaseRunner
 from harness.pytest_plugin.summary import summarize, untested
-from harness.schedule.limits import Limits
+from harness.pytest_plugin.terms import terms
 
 ABOUT = (
     "crosscheck(system, model, engine, scenario): a case or an audit of --crosscheck; select with"
@@ -28,26 +27,18 @@ class CrosscheckSession:
     """The part of the plugin that is registered where there is something to check."""
 
     def __init__(self, config: pytest.Config) -> None:
-        try:
-            resolution = arguments.resolution(config.getoption("crosscheck_resolution"))
-            limits = Limits(
-                seconds=arguments.seconds(config.getoption("crosscheck_limit")),
-                memory=arguments.memory(config.getoption("crosscheck_memory")),
-                options="--crosscheck-",
-            )
-        except (argparse.ArgumentTypeError, ValueError) as error:
-            raise pytest.UsageError(f"--crosscheck: {error}") from None
+        asked = terms(config)
         folders = meant(config)
         config.args = to_collect(config, folders)
         config.args_source = config.ArgsSource.ARGS
         self._folders = {f.resolve() for found in folders.values() for f in found}
         try:
-            baseline = config.rootpath / config.getoption("crosscheck_baseline")
-            self._runner = CaseRunner(resolution, limits, baseline)
+            self._runner = CaseRunner(asked.resolution, asked.limits, asked.baseline)
         except BaselineError as error:
             raise pytest.UsageError(f"--crosscheck: {error}") from None
         config.stash[RUNNER] = self._runner
         config.addinivalue_line("markers", ABOUT)
+        self._accepting = Accepting(config, sorted(self._folders), asked)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_collect_file(
@@ -66,9 +57,13 @@ class CrosscheckSession:
         self._runner.close()
         if session.exitstatus == pytest.ExitCode.OK and untested(session.config):
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        if self._accepting.accept(session.config) is False:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Tell how the cases came out, what was accepted, and what was not run."""
         summarize(terminalreporter)
+        for line in self._accepting.told:
+            terminalreporter.write_line(line)
         for line in absent_lines(sorted(self._folders)):
             terminalreporter.write_line(f"crosscheck: {line}")

@@ -105,6 +105,12 @@ class Results(Record, frozen=True, kw_only=True):
         judged = {(case.folder, case.scenario) for case in self.cases if case.verdict is not None}
         return tuple(c for c in self.cases if c.refused and (c.folder, c.scenario) in judged)
 
+    @property
+    def failed(self) -> tuple[Case, ...]:
+        """Cases that don't pass, or whose model doesn't."""
+        amiss = {model.key for model in self.models if not model.passes}
+        return tuple(c for c in self.cases if not c.passes or c.key in amiss)
+
     def model_of(self, case: Case) -> Model | None:
         """The record of a case's model in its engine; None where it was not run at all."""
         return next((model for model in self.models if model.key == case.key), None)

@@ -15,7 +15,7 @@ from harness.text.status import Decision
 def failure_message(
     record: Case | Model, decision: Decision, diagnosis: Diagnosis | None = None
 ) -> str:
-    """What a failing test prints: the verdict, its numbers, the cause, what the engine printed."""
+    """What a failing test prints: the cause, the verdict, its numbers, what the engine printed."""
     if isinstance(record, Model):
         findings = audit_lines(record.findings)
         return "\n".join([f"audit: {decision.reason}", *(f"  {text}" for text in findings)])
@@ -27,7 +27,8 @@ def failure_message(
         lines.append("  " + ", ".join(f"{name} {text}" for name, text in numbers.items()))
     if diagnosis is not None:
         cause, *more = diagnosis_lines(diagnosis)
-        lines += [cause, *(f"  {text}" for text in more)]
+        told = [cause, *(f"  {text}" for text in more)]
+        lines = [*told, *lines] if diagnosis.explained else [*lines, *told]
     lines += [f"  | {text}" for text in record.stdout.splitlines()]
     return "\n".join(lines)
 

@@ -101,25 +101,26 @@ def _row(model: ModelId, cases: Sequence[Case]) -> Row:
     verdicts: list[Verdict] = [case.verdict for case in cases if case.verdict is not None]
     runs: list[FullRun] = [case.full_run for case in cases if case.full_run is not None]
     steps = [one.step for run in runs for one in run.steps_for if one.target == TENTH]
-    tenth = _known(steps)
+    tenth = known(steps)
     return (model.system, model.model, model.engine), [
         outcome,
         _most((verdict.largest_discrepancy for verdict in verdicts), "{:.1e}"),
         _most((verdict.largest_uncertainty for verdict in verdicts), "{:.1e}"),
         _most((run.global_error for run in runs), "{:.2%}"),
         _most((run.shipped_step for run in runs), "{:g} s"),
-        _range(_known(run.order for run in runs)),
+        _range(known(run.order for run in runs)),
         f"{min(tenth):.2g} s" + "*" * (len(tenth) < len(steps)) if tenth else "-",
     ]
 
 
-def _known(values: Iterable[Number]) -> list[float]:
+def known(values: Iterable[Number]) -> list[float]:
+    """Those that are."""
     return [value for value in values if value is not None]
 
 
 def _most(values: Iterable[Number], form: str) -> str:
-    known = _known(values)
-    return form.format(max(known)) if known else "-"
+    found = known(values)
+    return form.format(max(found)) if found else "-"
 
 
 def _range(values: Sequence[float]) -> str:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.records.base import SourceLine
-from harness.records.case import Case
 from harness.records.cause import Cause
 from harness.records.model import Model
 from harness.records.results import Results
@@ -58,15 +57,10 @@ def next_steps(results: Results, out: Path) -> list[str]:
 
 def run_again(results: Results, out: Path) -> str:
     """The command that tells whether a change has helped; empty where all passes."""
-    if all(_passes(results, case) for case in results.cases):
+    if not results.failed:
         return ""
     there = "" if out == DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
     return f"crosscheck run --last-failed{there}"
-
-
-def _passes(results: Results, case: Case) -> bool:
-    model = results.model_of(case)
-    return case.passes and (model is None or model.passes)
 
 
 def _explained(results: Results) -> list[Model]:

@@ -13,7 +13,7 @@ from pathlib import Path
 from harness.records.outcome import Outcome
 from harness.records.results import Results
 from harness.text.github import Annotation, case_notes
-from harness.text.troubles import shown_line
+from harness.text.troubles import shown_line, shown_path
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 
@@ -91,7 +91,5 @@ def _result(rule: str, note: Annotation) -> dict[str, object]:
 
 
 def _uri(file: Path) -> str:
-    whole, here = Path(os.path.abspath(file)), Path.cwd()
-    if whole.is_relative_to(here):
-        return whole.relative_to(here).as_posix()
-    return whole.as_uri()
+    shown = Path(shown_path(file))
+    return Path(os.path.abspath(file)).as_uri() if shown.is_absolute() else shown.as_posix()

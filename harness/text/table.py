@@ -15,7 +15,7 @@ from harness.records.results import BaselineChanges, Results
 from harness.text.coverage import coverage_lines
 from harness.text.dynamics import dynamics_lines
 from harness.text.markup import escape
-from harness.text.models_table import print_models
+from harness.text.models_table import known, print_models
 from harness.text.stepping import stepping_lines
 from harness.text.troubles import MOST_TOLD, print_troubles
 
@@ -54,9 +54,9 @@ def summary(results: Results) -> str:
     counts = Counter(case.outcome for case in results.cases)
     parts = [f"{counts[o]} {o}" for o in Outcome if counts[o]]
     agreeing = [case for case in results.cases if case.outcome is Outcome.AGREES]
-    known = sum(bool(case.accepted) for case in results.cases)
-    accepted = f"; {known} accepted as known differences" if known else ""
-    worst = max(_known(largest(case) for case in agreeing), default=None)
+    differing = sum(bool(case.accepted) for case in results.cases)
+    accepted = f"; {differing} accepted as known differences" if differing else ""
+    worst = max(known(largest(case) for case in agreeing), default=None)
     told = agreement(worst)
     return (
         f"{len(results.cases)} cases: {', '.join(parts)}{accepted}{_unfinished(results)}{told};"
@@ -81,7 +81,7 @@ def largest(case: Case) -> Number:
     """The largest discrepancy or uncertainty of a case, over all components and segments."""
     if case.verdict is None:
         return None
-    sizes = _known((case.verdict.largest_discrepancy, case.verdict.largest_uncertainty))
+    sizes = known((case.verdict.largest_discrepancy, case.verdict.largest_uncertainty))
     return max(sizes, default=None)
 
 
@@ -101,10 +101,6 @@ def case_line(done: int, total: int, case: Case) -> str:
 
 def _or_infinite(value: Number) -> float:
     return float("inf") if value is None else value
-
-
-def _known(values: Iterable[Number]) -> list[float]:
-    return [value for value in values if value is not None]
 
 
 def _print_linear(console: Console, models: Iterable[Model]) -> None:

@@ -79,9 +79,9 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     done.stdout.fnmatch_lines(
         [
             "*_ mass_spring_damper/mujoco.xml/free [[]mujoco] _*",
+            cause,
             "DIFFERS: x_dot ends the segment at t = * of its movement off; *",
             "  discrepancy *e-06, uncertainty *",
-            cause,
             "*_ mass_spring_damper/mujoco.xml/audit [[]mujoco] _*",
             f"*mujoco.xml:{line}: joint[[]x]@stiffness is 47.000047 where k = 47.0 *",
             f"FAILED {MSD}/mujoco.xml/free - DIFFERS*",

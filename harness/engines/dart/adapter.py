@@ -28,8 +28,9 @@ from harness.engines.dart.steps import WorldSteps
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Sample
 from harness.engines.remark import Remark
 from harness.engines.runge_kutta import each_alone
-from harness.engines.sdf import SDF_IDLE, read_sdf, sample_sdf
+from harness.engines.sdf import SDF_IDLE, sample_sdf
 from harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
+from harness.engines.sdf_sidecar import DeclaredSdf
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
 from harness.engines.urdf import IDLE, UrdfReader, sample_urdf
@@ -93,6 +94,8 @@ class DartModel(UrdfModel):
         reader = SDF_READER if spec.path.suffix == SDF else READER
         super().__init__(spec, "DART", reader, DEFAULTS, _changes(spec))
         self._sdf = spec.path.suffix == SDF
+        if isinstance(self.declared, DeclaredSdf):
+            refuse_newer(self.declared.file)
         self._remedies = _remedies(self.declared, self.settings)
         self._body = self._skeleton()
         self._world = dart.simulation.World()
@@ -194,7 +197,6 @@ def _changes(spec: ModelSpec) -> list[Change]:
     """What is changed in a file before DART sees it, besides what settings say to every engine."""
     smooth = bool(spec.settings.get("smooth", False))
     if spec.path.suffix == SDF:
-        refuse_newer(read_sdf(spec.path))
         changes: list[Change] = [as_older]
         changes += [sdf_without_friction, sdf_without_bounds] if smooth else []
         return changes + ([with_turned] if spec.settings.get("turned_inertials", False) else [])

@@ -13,10 +13,9 @@ from harness.engines.drake.mjcf import DrakeMjcf
 from harness.engines.drake.model import CONTINUOUS, SAP, TAMSI
 from harness.engines.drake.urdf import DrakeUrdf
 from harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
-from harness.engines.mjcf_source import with_options
 from harness.engines.protocol import Model, ModelSpec, Sample
 from harness.engines.sdf import SDF_IDLE, sample_sdf
-from harness.engines.urdf import IDLE, SETTINGS, sample_urdf
+from harness.engines.urdf import IDLE, sample_urdf
 from harness.engines.urdf_engine import UrdfEngine
 from harness.engines.urdf_sidecar import ROBOTS
 
@@ -56,18 +55,10 @@ class DrakeEngine(UrdfEngine):
     idle = MappingProxyType({**IDLE, **SDF_IDLE, **MJCF_IDLE})
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
 
-    def load(self, spec: ModelSpec) -> Model:
-        """Load a file; an MJCF states step and gravity itself."""
-        return super().load(with_options(spec) if spec.path.suffix == ".xml" else spec)
-
     def loaded(self, spec: ModelSpec) -> Model:
         """A file whose settings are in order."""
         kind = DrakeMjcf if spec.path.suffix == ".xml" else DrakeUrdf
         return kind(spec, DEFAULTS)
-
-    def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Step and gravity, which an MJCF states."""
-        return {} if suffix == ".xml" else SETTINGS
 
     def samples(self) -> tuple[Sample, ...]:
         """One of each format."""

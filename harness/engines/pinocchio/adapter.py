@@ -12,12 +12,11 @@ from types import MappingProxyType
 
 from harness.engines.mistake import DefaultLeftOn
 from harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
-from harness.engines.mjcf_source import with_options
 from harness.engines.pinocchio.mjcf import PinocchioMjcf
 from harness.engines.pinocchio.model import DAMPING
 from harness.engines.pinocchio.urdf import PinocchioUrdf
 from harness.engines.protocol import Model, ModelSpec, Sample
-from harness.engines.urdf import IDLE, SETTINGS, sample_urdf
+from harness.engines.urdf import IDLE, sample_urdf
 from harness.engines.urdf_engine import UrdfEngine
 from harness.engines.urdf_sidecar import ROBOTS
 
@@ -59,18 +58,10 @@ class PinocchioEngine(UrdfEngine):
         ),
     )
 
-    def load(self, spec: ModelSpec) -> Model:
-        """Load a URDF, or an MJCF, which states step and gravity itself."""
-        return super().load(spec if spec.path.suffix == ".urdf" else with_options(spec))
-
     def loaded(self, spec: ModelSpec) -> Model:
         """A file whose settings are in order."""
         kind = PinocchioUrdf if spec.path.suffix == ".urdf" else PinocchioMjcf
         return kind(spec, DEFAULTS)
-
-    def settings_for(self, suffix: str) -> Mapping[str, object]:
-        """Step and gravity of a URDF."""
-        return SETTINGS if suffix == ".urdf" else {}
 
     def samples(self) -> tuple[Sample, ...]:
         """One of each format."""

@@ -69,7 +69,9 @@ class PinocchioModel(TreeModel):
         damping = np.array(model.damping)[at[first:]]
         self._springs = self.name(singles, damping if self.settings["damping"] else None)
         self._undamped = not self.settings["damping"] and bool(damping.any())
-        self._along = leading(mimics, self.coordinates, self.path) if mimics else None
+        along = leading(mimics, self.coordinates, self.path) if mimics else None
+        # In Pinocchio's order.
+        self._along = along if along is None or self._order is None else along[self._order]
         self._upper = np.triu(np.ones((model.nv, model.nv)))
         self._above = np.triu(self._upper, 1)
         own = not (self.floats or self._turns or refs.any())
@@ -115,7 +117,7 @@ class PinocchioModel(TreeModel):
             aba, model, data = self._aba, self._model, self._data
             a = np.array([aba(model, data, *row) for row in rows])
         else:
-            a = self._led(rows, self._along if order is None else self._along[order])
+            a = self._led(rows, self._along)
         if order is None:
             return a
         found = np.empty_like(a)

@@ -1,0 +1,71 @@
+"""Completion with Tab: `eval "$(crosscheck completion bash)"` in a shell's start-up file.
+
+The shell asks `crosscheck` itself, through argcomplete: so engines and built-in systems are those
+that there are.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+from collections.abc import Callable, Iterable
+
+COMPLETING = "_ARGCOMPLETE"
+"""Set where a shell asks for completions."""
+
+SHELLS = ("bash", "zsh", "fish", "powershell")
+
+Completer = Callable[..., Iterable[str]]
+"""Completions of a `prefix`, among other things that are told."""
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    command.add_argument("shell", choices=SHELLS, help="whose script is printed")
+
+
+def main(options: argparse.Namespace) -> int:
+    """Print the script."""
+    from argcomplete.shell_integration import shellcode
+
+    print(shellcode(["crosscheck"], shell=options.shell))
+    return 0
+
+
+def words_before() -> list[str]:
+    """The words that are typed already, without the name of the program."""
+    line = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "0"))]
+    try:
+        return shlex.split(line)[1:]
+    except ValueError:  # a quotation that is open
+        return line.split()[1:]
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Tell the shell, and end the process."""
+    import argcomplete
+
+    argcomplete.autocomplete(parser)
+
+
+def completed_by(action: argparse.Action, completer: Completer) -> None:
+    """Have an argument completed by a function."""
+    action.completer = completer  # type: ignore[attr-defined]
+
+
+def engine_names(**_: object) -> Iterable[str]:
+    """Names of engines."""
+    from harness.engines.registry import engines
+
+    return sorted(engines())
+
+
+def systems_and_files(prefix: str, **_: object) -> Iterable[str]:
+    """Names of built-in systems, and files."""
+    from argcomplete.completers import FilesCompleter
+
+    from harness.files.folders import builtin
+
+    systems = sorted(path.parent.name for path in builtin().glob("*/system.py"))
+    return [*systems, *FilesCompleter()(prefix)]

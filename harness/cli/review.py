@@ -1,0 +1,88 @@
+"""`crosscheck review`: go through what the gate finds, one by one, and accept or reject it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from harness.baseline.changes import Status
+from harness.cli import arguments
+from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from harness.cli.gate import LateProgress, meant
+from harness.files.folders import check_engines
+from harness.gate.accept import AcceptError, accept_each
+from harness.gate.gate import gate
+from harness.gate.result import GateResult
+from harness.gate.review import Decisions, Review
+from harness.gate.text import change_lines
+from harness.text.github import in_ci
+from harness.text.visible import visible
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    arguments.folders(command, some=False)
+    arguments.engine(command)
+    arguments.resolution_of(command)
+    arguments.limits(command)
+    arguments.jobs(command)
+    arguments.baseline(command)
+    command.add_argument(
+        "--diagnose",
+        action="store_true",
+        help="name the cause where a model differs; takes a while",
+    )
+
+
+def main(options: argparse.Namespace) -> int:
+    """Run what changed, ask, and write what was accepted; Ctrl-C writes nothing."""
+    if in_ci() or not sys.stdin.isatty():
+        print(
+            "crosscheck: review asks a person at a terminal; `crosscheck accept` takes names and a"
+            " reason, and `crosscheck gate` asks nobody",
+            file=sys.stderr,
+        )
+        return USAGE
+    check_engines(options.engine)
+    folders, what = meant(options)
+    with LateProgress() as progress:
+        found = gate(folders, what, progress)
+    decided = Review(found, input, _tell).walk()
+    _tell("")
+    for change in found.of(Status.NOT_RUN):
+        for line in change_lines(change):
+            _tell(line)
+    try:
+        done = accept_each(
+            found, decided.reasons, decided.reasons.keys() - decided.kept, options.baseline
+        )
+    except AcceptError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return FAIL
+    for path in done.files:
+        _tell(str(path))
+    _summarize(found, decided)
+    if found.of(Status.NOT_RUN) or found.failures:
+        return FAIL
+    return DIFFER if decided.rejected or decided.left else AGREE
+
+
+def _summarize(found: GateResult, decided: Decisions) -> None:
+    """What was decided, and what is to be done of it."""
+    counts = {
+        "accepted": len(decided.reasons),
+        "rejected": len(decided.rejected),
+        "left": len(decided.left),
+        "could not run": len(found.of(Status.NOT_RUN)),
+    }
+    told = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    _tell(told or "every case is as accepted; nothing to review")
+    files = {(change.id.system, change.id.model) for change in decided.rejected}
+    for diff in found.file_diffs:
+        if any(system == diff.system and model in diff.models for system, model in files):
+            for one in diff.lines:
+                _tell(f"change back {one.file}:{one.line}: {one.message}")
+
+
+def _tell(line: str) -> None:
+    print(visible(line), flush=True)

@@ -1,0 +1,63 @@
+"""What a shell is told when Tab is pressed, asked as a shell asks."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.cli.completion import SHELLS
+from tests.faults.known_folder import environment
+
+
+def completions(line: str, here: Path) -> list[str]:
+    told = here / "told"
+    subprocess.run(
+        [sys.executable, "-m", "harness"],
+        cwd=here,
+        check=False,
+        timeout=300,
+        env=environment()
+        | {
+            "_ARGCOMPLETE": "1",
+            "_ARGCOMPLETE_STDOUT_FILENAME": str(told),
+            "_ARGCOMPLETE_IFS": "\n",
+            "COMP_LINE": line,
+            "COMP_POINT": str(len(line)),
+        },
+    )
+    return told.read_text().split("\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("crosscheck ver", ["versions"]),
+        ("crosscheck run --last", ["--last-failed"]),
+        ("crosscheck run --engine mujo", ["mujoco"]),
+        ("crosscheck run torsi", ["torsional_disc"]),
+        ("crosscheck run --format gi", ["github"]),
+        ("crosscheck completion z", ["zsh"]),
+        ("crosscheck run 'my ar", ["my arm/"]),
+    ],
+)
+def test_what_is_typed_is_completed(tmp_path: Path, line: str, wanted: list[str]) -> None:
+    (tmp_path / "my arm").mkdir()
+    found = [one.strip() for one in completions(line, tmp_path)]
+    assert [one.replace("\\ ", " ").strip("'") for one in found] == wanted
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_each_shell_has_its_script(shell: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "harness", "completion", shell],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=300,
+        env=environment(),
+    )
+    assert "crosscheck" in done.stdout
+    assert not done.stderr

@@ -1,0 +1,104 @@
+"""A project's settings are the defaults of the command line, and a wrong one is told by name."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import pytest
+
+from harness.cli import gate, list, run
+from harness.cli.settings import SettingsError, apply
+from tests.cli.test_choosing import crosscheck, place
+
+__all__ = ["place"]
+
+COMMANDS = {"run": run, "list": list, "gate": gate}
+
+
+def settings(folder: Path, text: str) -> None:
+    (folder / "pyproject.toml").write_text(f"[project]\nname = 'x'\n{text}")
+
+
+def parsed(name: str, *given: str) -> argparse.Namespace:
+    command = argparse.ArgumentParser()
+    COMMANDS[name].add(command)
+    apply(command, name)
+    return command.parse_args(given)
+
+
+def test_settings_are_defaults_and_arguments_go_before_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings(
+        tmp_path,
+        "[tool.crosscheck]\nengines = ['one', 'two']\nresolution = 1e-7\nlimit = 90\n"
+        "memory = 2\njobs = 3\nstrict = true\nout = 'found'\nbaseline = 'kept'\n",
+    )
+    found = parsed("run")
+    assert (found.engine, found.resolution, found.limit) == (["one", "two"], 1e-7, 90.0)
+    assert (found.memory, found.jobs, found.strict) == (2.0, 3, True)
+    assert (found.out, found.baseline) == (Path("found"), Path("kept"))
+    told = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
+    assert (told.engine, told.jobs) == (["three", "four"], 1)
+    # A gate writes elsewhere, and asks the folders of its baseline.
+    other = parsed("gate")
+    assert (other.out, other.baseline) == (Path("reports/gate"), Path("kept"))
+
+
+def test_settings_of_the_folder_above_are_found_with_paths_from_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    below = tmp_path / "tools" / "deep"
+    below.mkdir(parents=True)
+    (tmp_path / "arms").mkdir()
+    monkeypatch.chdir(below)
+    settings(tmp_path, "[tool.crosscheck]\nfolders = ['arms', 'simple_pendulum']\nout = 'found'\n")
+    (tmp_path / "tools" / "pyproject.toml").write_text("[tool.other]\nresolution = 1\n")
+    found = parsed("run")
+    assert found.folders == ["../../arms", "simple_pendulum"]
+    assert found.out == Path("../../found")
+    assert parsed("run", "mine").folders == ["mine"]
+    assert parsed("list").folders == found.folders
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "resolutoin = 1e-9",
+            "has no setting 'resolutoin'; there are folders, engines,",
+        ),
+        ("resolution = 2.0", "resolution is 2.0: 2.0 is not between 1e-13 and 1e-2"),
+        ("resolution = 'fine'", "resolution is 'fine': a number belongs there"),
+        ("jobs = true", "jobs is True: a number belongs there"),
+        ("jobs = 1.5", "jobs is 1.5: "),
+        ("engines = 'one'", "engines is 'one': a list of names belongs there"),
+        ("strict = 1", "strict is 1: true or false belongs there"),
+        ("out = ''", "out is '': a path belongs there"),
+    ],
+)
+def test_a_setting_that_can_not_be_taken_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings(tmp_path, f"[tool.crosscheck]\n{text}\n")
+    with pytest.raises(SettingsError) as told:
+        parsed("run")
+    assert str(told.value).startswith("pyproject.toml: ")
+    assert said in str(told.value)
+
+
+def test_the_command_line_takes_settings_and_tells_a_wrong_one(place: Path) -> None:
+    settings(place, "[tool.crosscheck]\nfolders = ['models']\n")
+    assert len(crosscheck(place, "list").stdout.splitlines()) == 4
+    assert "Defaults from pyproject.toml: folders." in crosscheck(place, "list", "--help").stdout
+    settings(place, "[tool.crosscheck]\nfolder = ['models']\n")
+    done = crosscheck(place, "run")
+    assert done.returncode == 2
+    assert done.stderr.startswith("crosscheck: pyproject.toml: [tool.crosscheck] has no setting")
+    (place / "pyproject.toml").write_text("[tool\n")
+    done = crosscheck(place, "run")
+    assert (done.returncode, "Traceback" in done.stderr) == (2, False)
+    assert "pyproject.toml: can't be read: " in done.stderr

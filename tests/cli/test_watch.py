@@ -1,0 +1,112 @@
+"""What is saved is run again, alone, and the others' results stay beside it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from queue import Queue
+
+import pytest
+
+from harness.records.outcome import Outcome
+from harness.records.read import read_results
+from tests.cli.test_choosing import crosscheck, place
+from tests.faults.known_folder import environment
+
+__all__ = ["place"]
+
+
+class Watching:
+    """A `run --watch` whose lines are read as they come."""
+
+    def __init__(self, place: Path, *arguments: str) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "harness", "run", "--watch", *arguments],
+            cwd=place,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment(),
+        )
+        self._lines: Queue[str] = Queue()
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        with self._process.stdout as lines:
+            for line in lines:
+                self._lines.put(line)
+
+    def until(self, words: str) -> str:
+        """All that is said up to a line with these words."""
+        said = ""
+        while words not in said:
+            said += self._lines.get(timeout=300)
+        return said
+
+    def end(self) -> int:
+        self._process.send_signal(signal.SIGINT)
+        return self._process.wait(timeout=300)
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._reader.join()
+
+
+@pytest.fixture
+def watching(place: Path) -> Iterator[Watching]:
+    found = Watching(place, "models", "-k", "free")
+    yield found
+    found.kill()
+
+
+def outcomes(place: Path) -> dict[str, Outcome]:
+    results = read_results(place / "reports" / "results.json")
+    return {case.model: case.outcome for case in results.cases}
+
+
+def test_a_saved_file_is_run_again_with_its_results_among_the_others(
+    place: Path, watching: Watching
+) -> None:
+    watching.until("watching")
+    assert outcomes(place) == {"good.known": Outcome.AGREES, "wrong.known": Outcome.DIFFERS}
+    folder = place / "models" / "oscillator"
+    good, wrong = folder / "good.known", folder / "wrong.known"
+    good.write_text(good.read_text())  # as it was: nothing is run for it
+    wrong.write_text(wrong.read_text().replace("48.0", "47.0"))
+    said = watching.until("watching")
+    assert "changed: models/oscillator/wrong.known\n" in said
+    assert "1 cases: 1 AGREES" in said
+    assert outcomes(place) == dict.fromkeys(("good.known", "wrong.known"), Outcome.AGREES)
+    (folder / "system.py").write_text((folder / "system.py").read_text().replace("1.3", "1.4"))
+    said = watching.until("watching")
+    assert "changed: models/oscillator/system.py\n" in said
+    assert outcomes(place) == dict.fromkeys(("good.known", "wrong.known"), Outcome.DIFFERS)
+    good.write_text("names = [")
+    watching.until("watching")
+    assert outcomes(place)["good.known"] is Outcome.FAILED
+    assert watching.end() == 130
+
+
+def test_a_new_model_is_run_and_one_that_is_gone_is_left_out(
+    place: Path, watching: Watching
+) -> None:
+    watching.until("watching")
+    folder = place / "models" / "oscillator"
+    for name in ("wrong.known", "wrong.known.toml"):
+        (folder / name).rename(folder / name.replace("wrong", "other"))
+    said = watching.until("watching")
+    assert "other.known" in said
+    assert outcomes(place) == {"good.known": Outcome.AGREES, "other.known": Outcome.DIFFERS}
+
+
+def test_a_program_is_not_told_what_a_person_watches(place: Path) -> None:
+    done = crosscheck(place, "run", "--watch", "models", "--format", "json")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "--watch prints what a person reads, no json" in done.stderr

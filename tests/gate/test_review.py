@@ -1,0 +1,138 @@
+"""A person goes through what changed: what is accepted is written, and nothing else."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from harness.baseline.changes import Status
+from harness.cli.exit_codes import AGREE, DIFFER, USAGE
+from harness.gate.accept import accept_each
+from harness.gate.result import GateResult
+from harness.gate.review import Decisions, Review
+from tests.faults.known_folder import environment
+from tests.gate.conftest import SYSTEM, Repository
+
+
+class Person:
+    """Answers in turn, and hears what is told; then nobody is there."""
+
+    def __init__(self, *answers: str) -> None:
+        self._answers: Iterator[str] = iter(answers)
+        self.heard: list[str] = []
+
+    def ask(self, question: str) -> str:
+        self.heard.append(question)
+        answer = next(self._answers, None)
+        if answer is None:
+            raise EOFError
+        return answer
+
+    def review(self, found: GateResult) -> Decisions:
+        return Review(found, self.ask, self.heard.append).walk()
+
+
+@pytest.fixture
+def changed(repository: Repository) -> GateResult:
+    """The damper of `space.py` is another: three cases changed."""
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    return repository.gate("pymunk")
+
+
+def test_each_is_decided_with_its_reason_and_its_files_are_told_once(changed: GateResult) -> None:
+    person = Person("?", "a", "", "a new  damper", "r", "s")
+    decided = person.review(changed)
+    first, second, third = changed.of(Status.CHANGED)
+    assert decided.reasons == {first.id: "a new damper"}
+    assert (decided.rejected, decided.left) == ([second], [third])
+    text = "\n".join(person.heard)
+    assert text.count(f"changed file of {SYSTEM}: space.py") == 1
+    assert "DAMPING 0.9 -> 0.91" in text
+    assert "1 of 3  CHANGED" in text
+    assert "3 of 3  CHANGED" in text
+
+
+def test_the_others_of_a_file_are_accepted_with_it(changed: GateResult) -> None:
+    decided = Person("A", "a new damper").review(changed)
+    assert len(decided.reasons) == 3
+    assert set(decided.reasons.values()) == {"a new damper"}
+    assert decided.rejected == decided.left == []
+
+
+def test_who_quits_has_decided_what_was_decided(changed: GateResult) -> None:
+    first, *rest = changed.of(Status.CHANGED)
+    for answers in (["a", "right", "q"], ["a", "right"]):
+        decided = Person(*answers).review(changed)
+        assert (list(decided.reasons), decided.left) == ([first.id], rest)
+
+
+def test_an_empty_reason_is_the_last_one(changed: GateResult) -> None:
+    decided = Person("a", "a new damper", "a", "", "s").review(changed)
+    assert list(decided.reasons.values()) == ["a new damper"] * 2
+
+
+def test_what_moves_as_accepted_is_asked_of_once_and_keeps_its_reasons(
+    repository: Repository,
+) -> None:
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.90 ")
+    found = repository.gate("pymunk")
+    decided = Person("a").review(found)
+    assert len(decided.reasons) == len(decided.kept) == 3
+    named = decided.reasons.keys() - decided.kept
+    accept_each(found, decided.reasons, named, repository.baseline)
+    again = repository.gate("pymunk")
+    assert {change.status for change in again.changes} == {Status.SAME}
+    assert {change.entry.reason for change in again.changes if change.entry} == {"first baseline"}
+    assert not Person("s").review(found).reasons
+
+
+def test_nobody_is_asked_where_nobody_sits(repository: Repository) -> None:
+    for given in (environment(), environment() | {"CI": ""}):
+        done = subprocess.run(
+            [sys.executable, "-m", "harness", "review"],
+            cwd=repository.root,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+            env=given,
+        )
+        assert (done.returncode, done.stdout) == (USAGE, "")
+        assert "review asks a person at a terminal" in done.stderr
+
+
+def test_at_a_terminal_what_is_accepted_is_in_the_baseline(repository: Repository) -> None:
+    repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
+    code, said = _at_a_terminal(repository, "a\na new damper\nr\ns\n")
+    assert code == DIFFER, said
+    assert "1 accepted, 1 rejected, 1 left" in said
+    assert f"change back models/{SYSTEM}/space.py:" in said
+    statuses = [change.status for change in repository.gate("pymunk").changes]
+    assert sorted(statuses) == sorted([Status.KNOWN, Status.CHANGED, Status.CHANGED])
+    code, said = _at_a_terminal(repository, "A\n\na new damper\n")
+    assert code == AGREE, said
+
+
+def _at_a_terminal(repository: Repository, typed: str) -> tuple[int, str]:
+    ours, theirs = pty.openpty()
+    try:
+        os.write(ours, typed.encode())
+        done = subprocess.run(
+            [sys.executable, "-m", "harness", "review", "--engine", "pymunk"],
+            cwd=repository.root,
+            stdin=theirs,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=600,
+            env={key: value for key, value in environment().items() if key != "CI"},
+        )
+    finally:
+        os.close(ours)
+        os.close(theirs)
+    return done.returncode, done.stdout + done.stderr
