@@ -57,6 +57,11 @@ class Remedy:
     lines: tuple[str, ...] = ()
     patch: str = ""
 
+    @property
+    def words(self) -> str:
+        """The numbers, a line each, where there is no patch."""
+        return "\n".join(f"{fix.place} from {fix.old} to {fix.new}" for fix in self.fixes)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trouble:

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from harness.records.base import SourceLine
 from harness.records.finding import AuditFinding
 from harness.records.outcome import Outcome
-from harness.report import write_report
+from harness.report import render, write_report
 from harness.report.view import report
 from tests.report.chromium import Browser, Tab
 from tests.report.samples import (
@@ -150,6 +150,8 @@ def test_half_of_a_cause_is_no_patch() -> None:
     found = changed_model(found, 1, diagnosis=replace(told, explanations=(both,)))
     (trouble,) = report(found).troubles
     assert (len(trouble.remedy.fixes), trouble.remedy.patch) == (1, "")
+    assert trouble.remedy.words == "robot.urdf:21 from 38.25 to 39.5"
+    assert 'data-copy="robot.urdf:21 from 38.25 to 39.5"' in render(found)
     assert "axis of x reversed explains the motion" in trouble.sentence
 
 
