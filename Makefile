@@ -3,7 +3,7 @@ PYTHON ?= python3.11
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: report test check bench soak fuzz clean
+.PHONY: report test check docs bench soak fuzz clean
 
 report: .venv/.report
 	$(BIN)/crosscheck run --out reports
@@ -16,6 +16,10 @@ check: .venv/.test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# The documentation as a site, build/site/index.html.
+docs: .venv/.docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 
 bench: .venv/.report
 	$(BIN)/python -m benchmarks.bench
@@ -38,6 +42,10 @@ fuzz: .venv/.fuzz
 .venv/.test: .venv/bin/python pyproject.toml constraints.txt
 	$(PIP) install --constraint constraints.txt --editable '.[dev]'
 	touch $@ .venv/.report
+
+.venv/.docs: .venv/bin/python pyproject.toml constraints.txt
+	$(PIP) install --constraint constraints.txt --editable '.[docs]'
+	touch $@
 
 .venv/.fuzz: .venv/.test
 	$(PIP) install --constraint constraints.txt --editable '.[fuzz]'

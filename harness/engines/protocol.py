@@ -151,7 +151,8 @@ class Model(ABC):
         where a soft constraint acts, such as a contact, they are nan.
 
         Args:
-            z, w: positions and their rates, (B, nz) each.
+            z: positions, (B, nz).
+            w: their rates, (B, nz).
             force: on the coordinates, (B, nz).
         """
         return None
@@ -208,7 +209,8 @@ class Model(ABC):
         """What the engine or the format adds or drops, read from the model and not from a motion.
 
         Args:
-            z, w: positions and velocities that the motions pass, (K, nz) each.
+            z: positions that the motions pass, (K, nz).
+            w: velocities there, (K, nz).
         """
         return ()
 

@@ -41,6 +41,12 @@ def test_cases_that_people_had_are_told_as_the_page_says(
     follow("docs/cases.md", installed, tmp_path)
 
 
+@pytest.mark.parametrize("page", ["files-differ", "which-step", "engine-reads", "own-engine"])
+def test_how_to_pages_do_what_they_say(installed: Installed, tmp_path: Path, page: str) -> None:
+    shutil.copytree(ROOT / "docs" / "cases", tmp_path, dirs_exist_ok=True)
+    follow(f"docs/how-to/{page}.md", installed, tmp_path)
+
+
 def test_the_commands_of_the_readme_work(installed: Installed, tmp_path: Path) -> None:
     template = ROOT / "template"
     (tmp_path / "path" / "to").mkdir(parents=True)

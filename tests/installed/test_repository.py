@@ -6,9 +6,15 @@ import re
 import shutil
 from pathlib import Path
 
+import yaml
+
 from tests.installed.conftest import Installed
+from tests.installed.workflow import run_job, steps_of
 
 REPOSITORY = Path(__file__).parent / "repository"
+ROOT = Path(__file__).parents[2]
+WORKFLOW = ROOT / "docs" / "ci" / "github-workflow.yml"
+HOOKS = ROOT / ".pre-commit-hooks.yaml"
 
 
 def test_a_fresh_repository_is_run_tested_accepted_and_gated(
@@ -35,8 +41,34 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(
     noted = re.findall(r"^::error file=(.*?),line=(\d+),", told, re.MULTILINE)
     assert noted == [("models/cart_pole/mujoco.xml", str(line))]
     assert "body[pole]/inertial@mass 0.25 -> 0.2501, bound to m" in told
+    _the_workflow_fails_and_tells(installed, place, tmp_path / "tools")
     # A decision of a person: CI can't take it.
     does("crosscheck accept --reason no", 2, CI="1")
 
+    # Nor does a commit go through, where the shipped hook is installed.
+    commit = "git -c user.name=a -c user.email=b commit --quiet --all --message "
+    hook = next(h for h in yaml.safe_load(HOOKS.read_text()) if h["language"] == "system")
+    installs = f"printf '#!/bin/sh\nexec {hook['entry']}\n' > .git/hooks/pre-commit"
+    does(f"git add . && {installs} && chmod +x .git/hooks/pre-commit")
+    does(f"{commit} wrong", 1)
     does("crosscheck accept --reason 'weighed again'")
+    does(f"git add . && {commit} right")
     assert "the gate passes" in does("crosscheck gate", CI="1", GITHUB_ACTIONS="true")
+    job = run_job(steps_of(WORKFLOW, "gate"), installed, place, tmp_path / "tools")
+    assert job.passes
+    assert "Report of everything, where the gate failed" not in job.ran
+
+
+def _the_workflow_fails_and_tells(installed: Installed, place: Path, tools: Path) -> None:
+    """The shipped workflow annotates, comments, and makes a report."""
+    job = run_job(steps_of(WORKFLOW, "gate"), installed, place, tools)
+    assert not job.passes
+    assert "::error file=models/cart_pole/mujoco.xml" in job.stdout
+    assert "## crosscheck gate: fails" in job.summary
+    install, comment = job.called
+    assert install.startswith("pip install --constraint constraints.txt physics-crosscheck[")
+    body = "reports/gate/summary.md"
+    assert comment == f"gh pr comment 7 --body-file {body} --edit-last --create-if-none"
+    assert (place / body).read_text() == job.summary
+    assert "cause in cart_pole/mujoco.xml [mujoco]" in job.summary
+    assert (place / "reports" / "index.html").is_file()

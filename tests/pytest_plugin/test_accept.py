@@ -8,6 +8,8 @@ from harness.baseline.store import read_baseline
 from harness.records.outcome import Outcome
 from tests.pytest_plugin.conftest import Project
 
+pytest_plugins = ("pytester",)
+
 
 @pytest.fixture(autouse=True)
 def outside_ci(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,5 +75,5 @@ def test_unknown(crosscheck):
     )
     done = project.run("test_mine.py", "--crosscheck-resolution", "1e-5")
     done.assert_outcomes(passed=1, failed=2)
-    done.stdout.fnmatch_lines(["*joint[[]x]@stiffness (mujoco.xml:*) is 47.000047*"])
+    done.stdout.fnmatch_lines(["*mujoco.xml:*: joint[[]x]@stiffness is 47.000047*"])
     done.stdout.fnmatch_lines(["*FolderError: *nowhere*"])
