@@ -21,7 +21,7 @@ COMMANDS = {
     "gate": "run what changed, and compare it with what was accepted",
     "review": "go through what the gate finds, one by one, and accept or reject it",
     "accept": "accept the present results as the baseline, with a reason",
-    "report": "HTML from results, without running anything",
+    "report": "HTML from results, without running anything; of two runs, what moved",
     "derive": "equations, linearization, modes and errata",
     "audit": "no motion: literals, compiled terms, accelerations",
     "compare": "two models, no equations: do they move alike, and what differs",

@@ -1,31 +1,70 @@
-"""`crosscheck report`: HTML from results, without running anything."""
+"""`crosscheck report`: HTML from results, without running anything; of two runs, what moved."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
-from harness.cli.exit_codes import AGREE
+from rich.console import Console
+
+from harness.cli.exit_codes import AGREE, DIFFER
+from harness.files.folders import FolderError
+from harness.records.history import read_history
 from harness.records.read import read_results
 from harness.report import write_report
+from harness.report.badge import write_badge
+from harness.report.two_runs import write_two_runs
+from harness.text.two_runs import print_two_runs, two_runs
+
+DEFAULT = Path("reports/results.json")
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     command.add_argument(
         "results",
-        nargs="?",
+        nargs="*",
         type=Path,
-        default=Path("reports/results.json"),
-        metavar="RESULTS.json",
+        metavar="RESULTS",
+        help="results.json, or the folder that it lies in (reports); two, the earlier first: what"
+        " moved from one to the other; exit code 1 where anything did",
     )
-    command.add_argument("--out", type=Path, default=None, metavar="DIR", help="beside the results")
+    command.add_argument(
+        "--out", type=Path, default=None, metavar="DIR", help="beside the results, or the later"
+    )
+    command.add_argument(
+        "--badge",
+        type=Path,
+        default=None,
+        metavar="FILE",
+        help="write a badge too: .svg is a picture, .json what shields.io draws one from",
+    )
 
 
 def main(options: argparse.Namespace) -> int:
-    """Write index.html."""
-    results = read_results(options.results)
-    out = (options.out or options.results.parent) / "index.html"
-    write_report(out, results)
-    print(out)
-    return AGREE
+    """Write index.html of one run, or changes.html of two.
+
+    Raises:
+        FolderError: for more than two.
+        ResultsError: for results that can't be read.
+    """
+    files = [one / "results.json" if one.is_dir() else one for one in options.results] or [DEFAULT]
+    if len(files) > 2:
+        raise FolderError(f"report takes one run, or two to compare, and not {len(files)}")
+    runs = [read_results(file) for file in files]
+    out = options.out or files[-1].parent
+    if len(runs) == 2:
+        page = out / "changes.html"
+        found = two_runs(*runs)
+        write_two_runs(page, found, (files[0].parent, files[1].parent))
+        print_two_runs(Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160), found)
+        code = DIFFER if found.moved else AGREE
+    else:
+        page = out / "index.html"
+        write_report(page, runs[0], read_history(files[0].parent))
+        code = AGREE
+    if options.badge is not None:
+        write_badge(options.badge, runs[-1])
+    print("  ".join(str(one) for one in (page, options.badge) if one is not None))
+    return code

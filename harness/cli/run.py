@@ -14,6 +14,7 @@ from rich.console import Console
 from harness.cli import arguments
 from harness.cli.asked import Asked, asked_for
 from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
+from harness.cli.keeping import keep_history
 from harness.cli.missing import tell_missing, with_missing
 from harness.cli.watch import Ran, watch
 from harness.files.folders import FolderError, check_engines
@@ -81,6 +82,11 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="go on: when a file is saved, run the models again that are made of it; Ctrl-C ends",
     )
+    command.add_argument(
+        "--history",
+        action="store_true",
+        help="keep a line a case in DIR/history, for the page to draw; later runs go on with it",
+    )
     arguments.baseline(command)
     command.add_argument(
         "--require-engines", action="store_true", help="exit 3 where an engine is not installed"
@@ -133,7 +139,8 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
             raise FolderError(f"{why}; `crosscheck list` prints those that can be run")
         whole = among(results)
         write_whole(options.out / "results.json", encoded(whole))
-        write_report(options.out / "index.html", whole)
+        past = keep_history(options.out, results, begin=options.history)
+        write_report(options.out / "index.html", whole, past)
         if not stop.asked:
             done.remove()
     _tell(results, options, wanted.robots)

@@ -150,6 +150,7 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType({
     "baseline": Setting(argument="baseline", read=_path, commands=_RUNNING),
     "out": Setting(argument="out", read=_path, commands=frozenset({"run"})),
     "strict": Setting(argument="strict", read=_switch, commands=frozenset({"run"})),
+    "history": Setting(argument="history", read=_switch, commands=frozenset({"run"})),
     "require-engines": Setting(
         argument="require_engines", read=_switch, commands=frozenset({"run"})
     ),

@@ -15,29 +15,48 @@ import jinja2
 from bokeh.resources import Resources
 from markupsafe import Markup
 
+from harness.records.history import Past
 from harness.records.results import Results
 from harness.records.write import write_whole
 from harness.report.view import report
+from harness.text.next_steps import DEFAULT_OUT
 
-SCRIPTS = ("packs", "looks", "plots", "figures", "motion", "overview", "routes", "start")
+SCRIPTS = (
+    "packs",
+    "looks",
+    "plots",
+    "legends",
+    "figures",
+    "motion",
+    "overview",
+    "copying",
+    "routes",
+    "start",
+)
 """Files of `script/`, in the order in which they follow each other in one function."""
 
 EARLY = 'document.documentElement.classList.add("js");'
 """What runs before anything is shown: without it, everything stays readable."""
 
 
-def write_report(path: Path, results: Results) -> None:
+def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> None:
     """Write the report of results as one HTML file that asks for nothing else."""
-    write_whole(path, render(results))
+    write_whole(path, render(results, path.parent, history))
 
 
-def render(results: Results) -> str:
-    """The report of results as HTML; the same results give the same text."""
+def render(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> str:
+    """The report of results as HTML; the same results and history give the same text.
+
+    Args:
+        results: of a run.
+        out: folder that it lies in, as its commands name it.
+        history: cases in past runs.
+    """
     scripts = [_inline(text) for text in (_bokeh(), _own())]
     return template(
         "report.html",
         scripts,
-        report=report(results),
+        report=report(results, out, history),
         early=Markup(EARLY),
         scripts=[Markup(text) for text in scripts],
     )

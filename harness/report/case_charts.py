@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,10 +31,16 @@ def case_charts(
     """
     half = len(run.reference) // 2
     shown_others = others[:OVERLAID]
+    names = run.series.components
+    telling = names.index(run.verdict.component) if run.verdict.component in names else 0
+    motions = [_motion(run, shown_others, i, units[i]) for i in range(half)]
+    motions[telling % half] = replace(motions[telling % half], lead=True)
+    errors = [_error(run, i, units[i], reach[i]) for i in range(2 * half)]
+    errors[telling] = replace(errors[telling], lead=True)
     return (
-        *(_motion(run, shown_others, i, units[i]) for i in range(half)),
+        *motions,
         *(_phase(run, i, units) for i in range(half)),
-        *(_error(run, i, units[i], reach[i]) for i in range(2 * half)),
+        *errors,
         *_energy(run),
         _convergence(run),
         *_work(run, shown_others),
@@ -120,7 +127,7 @@ def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
     segment_t = run.pack.column(series.segment_t, 6)
     return Chart(
         part=ERROR,
-        title=f"{name}: error, global and extrapolated",
+        title=f"{name}: error against uncertainty",
         x_label="t [s]",
         y_label="relative error",
         curves=(
@@ -147,6 +154,7 @@ def _error(run: Run, i: int, unit: str, reach: float) -> Chart:
         f" extrapolated segment {sci(largest(defect))}, its uncertainty {sci(largest(bound))}.",
         log_y=True,
         over_time=True,
+        over_error=True,
     )
 
 

@@ -6,11 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.records.case import Case, ModelKey
+from harness.records.history import Past
 from harness.records.model import Model
 from harness.records.results import Results
 from harness.report.case_charts import OVERLAID, case_charts
 from harness.report.model_charts import corrected, hypotheses, reaches, responses
 from harness.report.packs import Chart, Column, Pack
+from harness.report.past_charts import by_case, case_history, run_history
 from harness.report.runs import Run, largest, runs
 
 
@@ -45,7 +47,7 @@ class Content:
     Charts of one pack may show numbers of another, so they are all made before any is packed.
     """
 
-    def __init__(self, results: Results) -> None:
+    def __init__(self, results: Results, history: Sequence[Past] = ()) -> None:
         self._systems = {system.folder: system for system in results.systems}
         self._runs = runs(results.cases)
         self._packs: dict[str, tuple[Pack, tuple[Chart, ...], Mapping[str, object]]] = {}
@@ -61,7 +63,9 @@ class Content:
             pack = Pack(f"pack-system-{place}")
             self._system_packs[system.folder] = pack.id
             self._keep(pack, reaches(pack, system), sketch=system.sketch)
+        self._history = by_case(history)
         self._keep_cases(_reach(results.cases))
+        self.history_pack = self._kept_history(results, history)
         self._diagnosis_packs = {
             place: self._diagnosed(place, model) for place, model in enumerate(results.models)
         }
@@ -101,7 +105,17 @@ class Content:
             charts = case_charts(run, others, self._units(run), reach[folder])
             linear = self._linear.get(run.case.key, ())
             reaching = self._packs[self._system_packs[folder]][1] if folder in self._systems else ()
+            past = case_history(run.pack, self._history.get(run.case.id, ()))
+            charts = (*charts, *past)
             self._keep(run.pack, (*charts, *linear, *reaching), motion=self._motion(run, others))
+
+    def _kept_history(self, results: Results, history: Sequence[Past]) -> str:
+        """Id of the pack that has what became of all cases; empty where nothing is to be drawn."""
+        pack = Pack("pack-history")
+        charts = run_history(pack, results.cases, history)
+        if charts:
+            self._keep(pack, charts)
+        return pack.id if charts else ""
 
     def _motion(self, run: Run, others: Sequence[Run]) -> Motion | None:
         """Where the page finds what it animates; None without a sketch."""

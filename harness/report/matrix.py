@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from harness.records.case import Case
 from harness.records.model import Model
-from harness.report.cases import SYMBOLS, CaseView, digits_of, severity
+from harness.report.cases import SENSITIVE, SYMBOLS, CaseView, digits_of, severity
 from harness.report.text import NOTHING, percent, shown
 
 Pair = tuple[Case, CaseView]
@@ -30,7 +30,7 @@ class Cell:
         counts: how many scenarios have its outcome, of how many.
         digits: the fewest.
         tint: as many, for the colour; empty where none agree.
-        global_error: the largest.
+        global_error: the largest, of motions that a step can follow.
         cost: wall-clock time per second simulated, the longest; empty where none was kept.
         summary: all of these in words.
         about: system, model and engine, as the list of cases has them.
@@ -160,12 +160,7 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
     digits = [digits_of(case) for case in judged]
     known = [d for d in digits if d not in (NOTHING, "all")]
     fewest = min(known, key=float, default="all" if "all" in digits else NOTHING)
-    errors = [
-        case.full_run.global_error
-        for case in judged
-        if case.full_run is not None and case.full_run.global_error is not None
-    ]
-    largest = percent(max(errors, default=None))
+    largest = _largest_error(pairs)
     costs = [took for case in judged if (took := _cost(case)) is not None]
     cost = _pace(max(costs)) if costs else ""
     counts = f"{alike} of {len(pairs)}"
@@ -183,6 +178,19 @@ def _cell(pairs: Sequence[Pair] | None) -> Cell | None:
         ),
         about=f"{view.system} {view.model} {view.engine}",
     )
+
+
+def _largest_error(pairs: Sequence[Pair]) -> str:
+    """The largest global error that says something of the step."""
+    errors = [
+        case.full_run.global_error
+        for case, view in pairs
+        if view.judged and not view.sensitive and case.full_run is not None
+    ]
+    known = [error for error in errors if error is not None]
+    if not known and any(view.sensitive for _, view in pairs):
+        return SENSITIVE
+    return percent(max(known, default=None))
 
 
 def _pace(cost: float) -> str:

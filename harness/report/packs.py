@@ -60,6 +60,8 @@ class Chart:
         log_x, log_y: which axes are logarithmic.
         over_time: whether x is the time of the motion, shared with the other charts of the pack.
         y_limits: part of the y axis to show at first; None shows all.
+        lead: whether it is shown at first, before all others of its pack.
+        over_error: whether it shows errors.
         names: of the places on the y axis, where they are names: y counts them from 0.
     """
 
@@ -73,6 +75,8 @@ class Chart:
     log_x: bool = False
     log_y: bool = False
     over_time: bool = False
+    over_error: bool = False
+    lead: bool = False
     y_limits: tuple[float, float] | None = None
     names: tuple[str, ...] = ()
 

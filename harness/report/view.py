@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from harness.records.case import Case, ModelKey
+from harness.records.history import Past
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
@@ -15,9 +17,18 @@ from harness.report.cases import SYMBOLS, CaseView, case_view, severity
 from harness.report.content import Content
 from harness.report.diagnoses import DiagnosisView, diagnosis_view
 from harness.report.matrix import Matrix, Pair, matrix
-from harness.report.overview import Change, Trouble, changes, troubles
+from harness.report.overview import (
+    Change,
+    Standing,
+    Trouble,
+    changes,
+    gathered,
+    standing_out,
+    verdict,
+)
 from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
+from harness.text.next_steps import DEFAULT_OUT, run_again
 from harness.text.table import summary
 
 
@@ -73,21 +84,28 @@ class Report:
     Attributes:
         settings: (what, value) of the run.
         absent: engines that are not installed.
-        troubles: what needs a look, worst first.
+        verdict: whether all is right, and what to do if not, in words.
+        troubles: what to act on.
+        again: the command that tells whether it helped; empty where all passes.
+        standing: cases that stand out of those that agree.
         changes: since the baseline; None without one.
         baseline: which one.
         matrix: models by engines.
         cases: every case, worst first.
         groups: in the order of the run.
+        history: id of the pack of past runs; empty where there are none.
         packs: numbers and plots, by the ids of their elements.
     """
 
     title: str
+    verdict: str
     summary: str
     settings: tuple[tuple[str, str], ...]
     absent: tuple[str, ...]
     counts: tuple[Count, ...]
     troubles: tuple[Trouble, ...]
+    again: str
+    standing: tuple[Standing, ...]
     changes: tuple[Change, ...] | None
     baseline: str
     matrix: Matrix
@@ -95,25 +113,28 @@ class Report:
     engines: tuple[str, ...]
     systems: tuple[str, ...]
     groups: tuple[Group, ...]
+    history: str
     packs: Mapping[str, str]
 
 
-def report(results: Results) -> Report:
-    """The view of results."""
+def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> Report:
+    """The view of results, whose page lies in the folder `out`, and of past runs."""
     systems = {system.folder: system for system in results.systems}
     names = _names(results, systems)
     ids = _Ids()
-    content = Content(results)
+    content = Content(results, history)
     pages = {folder: ids.new(f"system-{slug(name)}") for folder, (name, _) in names.items()}
     views = _views(results.cases, systems, ids, content)
     pairs = list(zip(results.cases, views, strict=True))
     diagnoses = _diagnoses(results.models, pairs, ids, content)
     worst_first = sorted(pairs, key=lambda pair: severity(pair[0]))
     counts = Counter(case.outcome for case in results.cases)
+    found = gathered(results, {id(case): view for case, view in pairs}, diagnoses)
     shown_names = {folder: name for folder, (_, name) in names.items()}
     baseline = results.baseline
     return Report(
         title=f"{counts[Outcome.AGREES]} of {len(views)} cases agree",
+        verdict=verdict(results, found),
         summary=shown(summary(results)),
         settings=(
             ("created", shown(results.created)),
@@ -124,7 +145,9 @@ def report(results: Results) -> Report:
         counts=tuple(
             Count(outcome=o, symbol=SYMBOLS[o], meaning=o.meaning, cases=counts[o]) for o in Outcome
         ),
-        troubles=troubles(worst_first, results.models, diagnoses),
+        troubles=found,
+        again=shown(run_again(results, out)),
+        standing=standing_out(pairs),
         changes=None if baseline is None else changes(baseline, pairs),
         baseline="" if baseline is None else shown(baseline.name or "the baseline"),
         matrix=matrix(pairs, results.models, pages, shown_names),
@@ -132,6 +155,7 @@ def report(results: Results) -> Report:
         engines=tuple(sorted({view.engine for view in views})),
         systems=tuple(dict.fromkeys(view.system for view in views)),
         groups=_groups(results, pages, shown_names, pairs, diagnoses, content),
+        history=content.history_pack,
         packs=content.packs(),
     )
 

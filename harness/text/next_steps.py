@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
 
+from harness.records.base import SourceLine
 from harness.records.cause import Cause
 from harness.records.model import Model
 from harness.records.results import Results
@@ -17,6 +19,25 @@ MOST = 3
 DEFAULT_OUT = Path("reports")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A number of a file, or copies of one, that is to be another.
+
+    Attributes:
+        subject: its address, or theirs.
+        where: its line, or theirs, with paths from where one stands.
+        old, new: what stands there, and what is to.
+    """
+
+    subject: tuple[str, ...]
+    where: tuple[SourceLine, ...]
+    old: float
+    new: str
+
+    def __str__(self) -> str:
+        return f"{self.where[0]} from {self.old:.10g} to {self.new}"
+
+
 def next_steps(results: Results, out: Path) -> list[str]:
     """Lines, each a thing to do; none where all agrees.
 
@@ -24,14 +45,22 @@ def next_steps(results: Results, out: Path) -> list[str]:
         results: of the run.
         out: the folder that it wrote to.
     """
-    changes = list(dict.fromkeys(one for model in _explained(results) for one in _changes(model)))
+    explained = _explained(results)
+    changes = list(dict.fromkeys(str(one) for model in explained for one in changes_of(model)))
     lines = [f"change {one}" for one in changes[:MOST]]
     if len(changes) > MOST:
         lines.append(f"and {len(changes) - MOST} more, on the page: {out / 'index.html'}")
-    if results.failed:
-        there = "" if out == DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
-        lines.append(f"then  crosscheck run --last-failed{there}")
+    if command := run_again(results, out):
+        lines.append(f"then  {command}")
     return lines
+
+
+def run_again(results: Results, out: Path) -> str:
+    """The command that tells whether a change has helped; empty where all passes."""
+    if not results.failed:
+        return ""
+    there = "" if out == DEFAULT_OUT else f" --out {shlex.quote(str(out))}"
+    return f"crosscheck run --last-failed{there}"
 
 
 def _explained(results: Results) -> list[Model]:
@@ -42,14 +71,34 @@ def _explained(results: Results) -> list[Model]:
     ]
 
 
-def _changes(model: Model) -> list[str]:
-    """`file:line from 3.3 to 3.6`, of the numbers that stand in a file."""
-    assert model.diagnosis is not None
-    causes = model.diagnosis.explanations[0].causes
+def changes_of(model: Model) -> list[Change]:
+    """The numbers in files that explain a model's motions; none where nothing does."""
+    if model.diagnosis is None or not model.diagnosis.explained:
+        return []
     return [
-        f"{shown_line(model.folder, cause.where[0])} from {cause.nominal:.10g} to {value}"
-        for cause in causes
+        Change(
+            subject=cause.subject,
+            where=tuple(shown_line(model.folder, one) for one in cause.where),
+            old=cause.nominal,
+            new=value,
+        )
+        for cause in model.diagnosis.explanations[0].causes
         if (value := _wanted(cause)) and cause.where and cause.nominal is not None
+    ]
+
+
+def stated_changes(model: Model) -> list[Change]:
+    """The numbers in files that are others than their bindings say, by reading alone."""
+    return [
+        Change(
+            subject=(one.message.partition(" is ")[0],),
+            where=(shown_line(model.folder, one.where),),
+            old=one.found,
+            new=repr(one.expected),
+        )
+        for one in model.findings
+        if one.kind == "literal" and one.where is not None and one.where.line is not None
+        if one.found is not None and one.expected is not None
     ]
 
 

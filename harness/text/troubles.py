@@ -62,6 +62,29 @@ def explained_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
     return [tuple(one) for one in found.values()]
 
 
+def audited_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
+    """Models with findings, those of one file and the same findings together."""
+    found: dict[Hashable, list[Model]] = {}
+    for model in models:
+        if model.findings:
+            lines = tuple(audit_lines(model.findings))
+            found.setdefault((model.folder, model.model, lines), []).append(model)
+    return [tuple(one) for one in found.values()]
+
+
+def untold_failures(results: Results) -> list[tuple[Model, str, str]]:
+    """What could not be done of a model, and why, but for what its cases say already."""
+    told: dict[ModelKey, set[str]] = {}
+    for case in results.cases:
+        told.setdefault(case.key, set()).add(case.reason)
+    return [
+        (model, what, why)
+        for model in results.models
+        for what, why in model.failures
+        if why not in told.get(model.key, ())
+    ]
+
+
 def shown_path(path: str | Path) -> str:
     """A path from where one stands, if it lies below; else as it is."""
     here, whole = Path.cwd(), Path(os.path.abspath(path))
@@ -137,7 +160,7 @@ def _print_diagnosis(console: Console, alike: Sequence[Model]) -> None:
     model = alike[0]
     diagnosis = model.diagnosis
     assert diagnosis is not None
-    console.print(f"\n[bold]cause[/] in {escape(_named(alike))}", soft_wrap=True)
+    console.print(f"\n[bold]cause[/] in {escape(named_models(alike))}", soft_wrap=True)
     if not diagnosis.explanations:
         console.print(f"  none found: {escape(diagnosis.failure)}", soft_wrap=True)
         return
@@ -151,31 +174,20 @@ def _print_diagnosis(console: Console, alike: Sequence[Model]) -> None:
 
 
 def _print_audits(console: Console, models: Iterable[Model]) -> None:
-    found: dict[Hashable, list[Model]] = {}
-    for model in models:
-        if model.findings:
-            lines = tuple(audit_lines(model.findings))
-            found.setdefault((model.folder, model.model, lines), []).append(model)
-    for alike in found.values():
-        console.print(f"\n[bold]audit[/] of {escape(_named(alike))}", soft_wrap=True)
+    for alike in audited_alike(models):
+        console.print(f"\n[bold]audit[/] of {escape(named_models(alike))}", soft_wrap=True)
         for text in audit_lines(alike[0].findings):
             console.print(f"  {escape(text)}", soft_wrap=True)
 
 
 def _print_failures(console: Console, results: Results) -> None:
-    """What could not be done, but for what its cases say already."""
-    told: dict[ModelKey, set[str]] = {}
-    for case in results.cases:
-        told.setdefault(case.key, set()).add(case.reason)
-    for model in results.models:
-        for what, why in model.failures:
-            if why in told.get(model.key, ()):
-                continue
-            style = STYLES[Outcome.FAILED]
-            console.print(f"\n[{style}]FAILED[/] {what} of {escape(str(model.id))}")
-            console.print(f"  {escape(why)}", soft_wrap=True)
+    for model, what, why in untold_failures(results):
+        style = STYLES[Outcome.FAILED]
+        console.print(f"\n[{style}]FAILED[/] {what} of {escape(str(model.id))}")
+        console.print(f"  {escape(why)}", soft_wrap=True)
 
 
-def _named(alike: Sequence[Model]) -> str:
+def named_models(alike: Sequence[Model]) -> str:
+    """A model file, and the engines that it is meant in."""
     engines = ", ".join(model.engine for model in alike)
     return f"{alike[0].system}/{alike[0].model} [{engines}]"

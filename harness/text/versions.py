@@ -91,17 +91,18 @@ def _print_table(console: Console, cases: Sequence[VersionCase]) -> None:
         table.add_row(
             escape(str(case.id)),
             ", ".join(case.kinds),
-            _verdict(case),
+            verdicts(case.before, case.after),
             limits(case),
             global_error(case),
         )
     console.print(table)
 
 
-def _verdict(case: VersionCase) -> str:
-    if case.before is case.after:
-        return _styled(case.after)
-    return f"{_styled(case.before)} -> {_styled(case.after)}"
+def verdicts(before: Outcome | None, after: Outcome | None) -> str:
+    """What becomes of a verdict, in the terminal's colours."""
+    if before is after:
+        return _styled(after)
+    return f"{_styled(before)} -> {_styled(after)}"
 
 
 def _styled(outcome: Outcome | None) -> str:
@@ -117,7 +118,11 @@ def limits(case: VersionCase) -> str:
 
 def global_error(case: VersionCase) -> str:
     """What becomes of the error at the shipped step, and its ratio."""
-    then, now = case.global_error_before, case.global_error_after
+    return error_change(case.global_error_before, case.global_error_after)
+
+
+def error_change(then: Number, now: Number) -> str:
+    """What becomes of a global error, and its ratio."""
     if then is None and now is None:
         return "-"
     if then == now:

@@ -34,11 +34,11 @@ def test_settings_are_defaults_and_arguments_go_before_them(
     settings(
         tmp_path,
         "[tool.crosscheck]\nengines = ['one', 'two']\nresolution = 1e-7\nlimit = 90\n"
-        "memory = 2\njobs = 3\nstrict = true\nout = 'found'\nbaseline = 'kept'\n",
+        "memory = 2\njobs = 3\nstrict = true\nhistory = true\nout = 'found'\nbaseline = 'kept'\n",
     )
     found = parsed("run")
     assert (found.engine, found.resolution, found.limit) == (["one", "two"], 1e-7, 90.0)
-    assert (found.memory, found.jobs, found.strict) == (2.0, 3, True)
+    assert (found.memory, found.jobs, found.strict, found.history) == (2.0, 3, True, True)
     assert (found.out, found.baseline) == (Path("found"), Path("kept"))
     told = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
     assert (told.engine, told.jobs) == (["three", "four"], 1)

@@ -10,7 +10,7 @@ import pytest
 from harness.records.results import Results
 from tests.report.chromium import Tab
 from tests.report.samples import array, series_of
-from tests.report.steps import BOTH, BUILT, CASE, PLOTS, TALL, needs_browser, rows, shown
+from tests.report.steps import BOTH, BUILT, CASE, PLOTS, TALL, needs_browser, rows, shown, unfold
 
 pytestmark = needs_browser
 
@@ -25,7 +25,7 @@ def test_every_case_system_and_diagnosis_opens_with_all_its_plots(
     drawn = []
     for view in views:
         tab.go(view)
-        tab.until(BUILT)
+        unfold(tab)
         assert shown(tab) == [view]
         drawn += tab.run("[...document.querySelectorAll('[data-drawn]')].map(f => f.dataset.drawn)")
     # Seven cases of one coordinate, two of them of a model without linearization; nine of two
@@ -91,6 +91,49 @@ def test_cases_are_filtered_searched_and_sorted(tab: Tab, address: str) -> None:
     assert tab.run(head) == "descending"
 
 
+def test_a_case_opens_with_the_motion_and_the_one_plot_that_tells_and_folds_the_rest(
+    tab: Tab, address: str
+) -> None:
+    tab.window(1440, 900)
+    tab.open(f"{address}#{CASE}")
+    tab.until(BUILT)
+    bottoms = tab.run("""[".moving", ".lead .plot", ".lead .legend"].map((name) =>
+      document.querySelector(`.view.current ${name}`).getBoundingClientRect().bottom)""")
+    assert max(bottoms) < 900, "without scrolling"
+    assert tab.run("document.querySelectorAll('.view.current figure:has(.plot)').length") == 1
+    title = "document.querySelector('.view.current .lead figure h4').textContent"
+    assert tab.run(title) == "q0: error against uncertainty"
+    topics = "[...document.querySelectorAll('.view.current .topic > summary')]"
+    names = ["Motion 2", "Error over time 1", "Energy 1", "What the step costs 2"]
+    assert tab.run(f"{topics}.map((s) => s.textContent)")[:4] == names
+    tab.run(f"{topics}[2].click()")
+    tab.until("document.querySelector('.view.current .topic [data-drawn]')")
+    # What one wants to see of one case, one wants to see of the next.
+    tab.go(BOTH)
+    tab.until("document.querySelector('.view.current .topic [data-drawn]')")
+    assert tab.run(f"{topics}.filter((s) => s.parentElement.open).map((s) => s.textContent)") == [
+        "Energy 1"
+    ]
+
+
+def test_one_legend_hides_a_curve_in_every_plot_of_its_topic(tab: Tab, address: str) -> None:
+    tab.window(height=TALL)
+    tab.open(f"{address}#{BOTH}")
+    unfold(tab)
+    topic = """[...document.querySelectorAll(".view.current .topic")]
+      .find((t) => t.textContent.startsWith("Motion"))"""
+    reference = f"""{PLOTS}.filter((v) => {topic}.contains(v.el))
+      .map((v) => v.model.renderers.find((r) => r.glyph.line_width.value === 5).visible)"""
+    assert tab.run(f"{topic}.querySelectorAll('.legend').length") == 1
+    assert tab.run(reference) == [True] * 3
+    tab.run(f"{topic}.querySelector('.legend button').click()")
+    assert tab.run(reference) == [False] * 3
+    assert tab.run(f"{topic}.querySelector('.legend button').ariaPressed") == "false"
+    # A plot that is drawn again is drawn as the legend says.
+    tab.window(height=TALL, scheme="dark")
+    tab.until(f"{reference}.length === 3 && {reference}.every((shown) => !shown)")
+
+
 RANGES = f"""{PLOTS}.map((view) => view.model)
   .filter((model) => model.xaxes[0].axis_label === "t [s]")
   .map((model) => [model.x_range.start, model.x_range.end])"""
@@ -115,7 +158,7 @@ def test_zooming_one_plot_zooms_all_over_time_and_resetting_all_resets(
 ) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
-    tab.until(BUILT)
+    unfold(tab)
     before = tab.run(RANGES)
     assert len(before) == 2 + 4 + 1
     at = box(tab)
@@ -144,7 +187,7 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
 ) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{BOTH}")
-    tab.until(BUILT)
+    unfold(tab)
     record = next(
         c
         for c in troubled.cases
@@ -168,8 +211,8 @@ def test_hovering_shows_the_values_of_the_data_in_every_plot(
         "[...document.querySelectorAll('.view.current .readout')].map(r => r.textContent)"
     )
     assert len(texts) == 7, "every plot over time tells its own"
-    for i in (0, 1):
-        told = dict(re.findall(r"(?:: |; )([^;]+?) (\S+)(?=;|$)", texts[i]))
+    for i, text in ((0, texts[0]), (1, texts[2])):
+        told = dict(re.findall(r"(?:: |; )([^;]+?) (\S+)(?=;|$)", text))
         assert float(told["reference"]) == pytest.approx(series.reference[i][k], rel=1e-4)
         mine = next(value for name, value in told.items() if name.startswith("this"))
         assert float(mine) == pytest.approx(series.engine[i][k], rel=1e-4)
@@ -228,11 +271,13 @@ def test_each_plot_has_words_and_a_table_of_its_numbers(
     tab: Tab, address: str, troubled: Results
 ) -> None:
     tab.open(f"{address}#{CASE}")
-    tab.until("document.querySelector('.view.current .data')")
+    unfold(tab)
     told = tab.run("[...document.querySelectorAll('.view.current .plot')].map(p => p.ariaLabel)")
     assert all(len(text) > 40 for text in told)
-    tab.run("document.querySelector('.view.current .data').open = true")
-    tab.until("document.querySelector('.view.current .data table')")
+    assert not tab.run("document.querySelector('.view.current .told').checkVisibility()")
+    motion = ".view.current .topic .data"
+    tab.run(f"document.querySelector('{motion}').open = true")
+    tab.until(f"document.querySelector('{motion} table')")
     cells = tab.run(
         "[...document.querySelectorAll('.view.current .data table')].map(t =>"
         " [...t.tBodies[0].rows].map(r => [...r.cells].map(c => Number(c.textContent))))"

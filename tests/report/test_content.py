@@ -47,7 +47,7 @@ def curves(packs: dict[str, Any], own: str, title: str) -> dict[str, Any]:
 def test_the_charts_of_a_case_hold_its_series(packs: dict[str, Any], troubled: Results) -> None:
     series = series_of(troubled.cases[0])
     motion = curves(packs, "pack-case-0", "q0: reference")
-    errors = curves(packs, "pack-case-0", "q0: error")
+    errors = curves(packs, "pack-case-0", "q0: error against")
     energy = curves(packs, "pack-case-0", "Energy")
     convergence = curves(packs, "pack-case-0", "Convergence")
     work = curves(packs, "pack-case-0", "Work")
@@ -101,7 +101,7 @@ def test_global_errors_are_relative_to_no_less_than_a_share_of_the_largest_ampli
     found = changed_case(found, 0, series=replace(still, reference=reference, error=error))
     packs = {name: unpacked(text) for name, text in Content(found).packs().items()}
     # FLOOR is one per cent of the other scenarios' amplitude of one.
-    drawn = curves(packs, "pack-case-0", "q0: error")["global_error 0"][1]
+    drawn = curves(packs, "pack-case-0", "q0: error against")["global_error 0"][1]
     assert drawn[5] == pytest.approx(0.02 / 0.01, rel=1e-3)
 
 
@@ -204,3 +204,12 @@ def test_a_cause_whose_name_has_an_and_in_it_is_one_row_of_the_ranking(troubled:
     assert len(curves(packs, own, "Ranked")["lollipop 0"][0]) == 3
     labels = [c["label"] for c in chart(packs, own, "free: q0, corrected")["curves"]]
     assert labels[1] == f"equations with {body} = 39.5 and joint[x]@stiffness = 2.5"
+
+
+def test_the_plot_that_tells_is_that_of_the_component_that_decides(troubled: Results) -> None:
+    verdict = troubled.cases[9].verdict
+    assert verdict is not None
+    found = changed_case(troubled, 9, verdict=replace(verdict, component="q1_dot"))
+    packs = {name: unpacked(text) for name, text in Content(found).packs().items()}
+    leading = [one["title"] for one in packs["pack-case-9"]["charts"] if one["lead"]]
+    assert leading == ["q1: reference and engines", "q1_dot: error against uncertainty"]

@@ -13,7 +13,6 @@ from harness.report import write_report
 from tests.report.chromium import Browser, Tab
 from tests.report.steps import (
     BOTH,
-    BUILT,
     CASE,
     DIAGNOSIS,
     PLOTS,
@@ -24,6 +23,7 @@ from tests.report.steps import (
     rows,
     shown,
     sound,
+    unfold,
 )
 from tests.report.test_page import HOSTILE, hostile
 
@@ -31,14 +31,14 @@ pytestmark = needs_browser
 
 
 def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> None:
+    tab.window(height=TALL)
     tab.open(f"{address}#{CASE}")
     colours = """[getComputedStyle(document.body).backgroundColor,
       [...Bokeh.index].filter((view) => view.frame).map((view) => view.model.xaxes[0])
         .map((axis) => axis.axis_label_text_color.value ?? axis.axis_label_text_color)]"""
-    drawn = "document.querySelectorAll('.view.current [data-drawn]').length > 1"
-    tab.until(drawn)
+    unfold(tab)
     light = tab.run(colours)
-    tab.window(scheme="dark")
+    tab.window(height=TALL, scheme="dark")
     tab.until(
         f"JSON.stringify({colours}[1]) !== {json.dumps(json.dumps(light[1]))}"
         f" && {colours}[1].length >= {len(light[1])}"
@@ -46,7 +46,7 @@ def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> No
     dark = tab.run(colours)
     assert light[0] == "rgb(255, 255, 255)"
     assert sum(map(int, re.findall(r"\d+", dark[0]))) < 120
-    tab.window(scheme="light")
+    tab.window(height=TALL, scheme="light")
     tab.until(
         f"{colours}[1].length >= {len(light[1])}"
         f" && {colours}[1].every((c) => c === {light[1][0]!r})"
@@ -65,11 +65,34 @@ def test_on_paper_it_is_light_and_without_what_can_not_be_pressed(tab: Tab, addr
     tab.window(scheme="dark", media="print")
     tab.open(address)
     assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
-    for hidden in (".filters", ".bar nav", ".skip"):
+    for hidden in (".filters", ".bar nav", ".skip", ".copy"):
         assert not tab.run(f"document.querySelector('{hidden}').checkVisibility()")
     assert tab.run("document.querySelector('.matrix').checkVisibility()")
     pdf = tab.send("Page.printToPDF", landscape=True)["data"]
     assert len(pdf) > 10_000
+
+
+def test_paper_has_what_is_folded_as_text_and_the_screen_folds_it_again(
+    tab: Tab, address: str
+) -> None:
+    tab.open(f"{address}#{CASE}")
+    look(tab)
+    tab.run("""(() => { window.seen = [];
+      addEventListener("beforeprint", () => {
+        seen.push([...document.querySelectorAll(".view.current .topic")].map((t) => t.open)); });
+    })()""")
+    tab.send("Page.printToPDF")
+    tab.until("window.seen.length > 0")
+    assert tab.run("seen[0]") == [False] * 5 + [True], "numbers, and no plots that nobody opened"
+    topics = "[...document.querySelectorAll('.view.current .topic')]"
+    tab.until(f"{topics}.every((t) => !t.open)")
+    tab.window(1050, 740, media="print")
+    beside = (
+        "['.motion', '.lead .group'].map((n) => document.querySelector(`.view.current ${n}`)"
+        ".getBoundingClientRect().top)"
+    )
+    top, other = tab.run(beside)
+    assert top == other, "motion and plot beside each other"
 
 
 def test_plots_that_were_drawn_on_a_dark_ground_keep_it_on_paper(tab: Tab, address: str) -> None:
@@ -110,12 +133,12 @@ def test_an_accessibility_checker_finds_nothing_serious(
     tab: Tab, address: str, scheme: str
 ) -> None:
     axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
-    tab.window(scheme=scheme)
+    tab.window(height=TALL, scheme=scheme)
     tab.open(address)
     tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
     for view in ("overview", SYSTEM, CASE, BOTH, DIAGNOSIS):
         tab.go(view)
-        look(tab)
+        unfold(tab)
         assert tab.run(CHECK) == [], view
 
 
@@ -132,7 +155,7 @@ def test_hostile_names_neither_run_nor_break_the_plots(
             view = tab.run(f"document.querySelector('.view[id^={kind}]').id")
             tab.run(f"location.hash = {json.dumps(view)}")
             tab.until(f"document.getElementById({json.dumps(view)}).checkVisibility()")
-            tab.until(BUILT)
+            unfold(tab)
         assert tab.run("document.querySelectorAll('img, b:not([class]) b').length") == 0
         text = tab.run("document.body.innerText")
         assert "<script>alert(1)</script>" in text

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 
 from harness.records.base import SourceLine
 from harness.records.finding import AuditFinding, Diagnosis
+from harness.records.outcome import Outcome
 from harness.records.results import Results
 from harness.report import render
 from harness.report.cases import CaseView
@@ -216,7 +217,9 @@ def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report)
     )
     assert differs.id == "diagnosis-system_0/mujoco.xml/mujoco"
     absent = [one for one in seen.troubles if one.outcome == "ABSENT"]
-    assert [(one.cases, one.sentence) for one in absent] == [("1", "pybullet is not installed")]
+    assert [(one.cases, one.sentence) for one in absent] == [
+        ("1 case", "pybullet is not installed")
+    ]
 
 
 def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
@@ -380,3 +383,23 @@ def test_an_audit_that_failed_is_told_beside_its_file() -> None:
     about = report(found).groups[0].about
     assert about is not None
     assert about.files[0].failures == ("mujoco.xml was not audited. mujoco: the engine died",)
+
+
+def test_a_sensitive_motion_that_agrees_does_not_read_like_a_fault() -> None:
+    found = results(1)
+    full_run = found.cases[0].full_run
+    assert full_run is not None
+    lost = replace(full_run, global_error=0.944, decomposition=None, resolved_until=3.5)
+    seen = report(changed_case(found, 0, full_run=lost))
+    view = of(seen, "case-system_0/mujoco.xml/mujoco/free")
+    assert view.global_error == "sensitive"
+    assert view.cost.startswith("A sensitive motion: two that begin a hair apart are far apart")
+    assert "here until 3.5\u00a0s" in view.cost
+    assert "no fault of the model" in view.cost
+    cell = seen.matrix.rows[0].cells[0]
+    assert cell is not None
+    assert cell.global_error == "0.911\u00a0%", "of the other scenarios"
+    assert [one.value for one in seen.standing] == ["11.9", "0.911\u00a0%", "1"]
+    differs = replace(found.cases[0], outcome=Outcome.DIFFERS, full_run=lost)
+    seen = report(replace(found, cases=(differs, *found.cases[1:])))
+    assert of(seen, view.id).global_error == "94.4\u00a0%", "no excuse for what differs"

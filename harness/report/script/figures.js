@@ -41,19 +41,56 @@ async function build(box) {
     .map((chart) => column(id, chart.curves[0].x)));
   const end = Math.max(0, ...times.map((row) => row[row.length - 1]));
   const clock = new Clock(end);
-  if (end && motion !== undefined) box.append(await player(id, motion, clock), controls(clock));
-  let part = "", grid = null;
-  for (const chart of charts) {
-    if (chart.part !== part) {
-      part = chart.part;
-      grid = make("div", { class: "grid" });
-      box.append(make("h3", {}, part), grid);
+  const leading = charts.filter((chart) => chart.lead);
+  if (end && motion !== undefined) box.append(controls(clock));
+  if (leading.length) {
+    const lead = make("div", { class: "lead" });
+    box.append(lead);
+    if (motion) lead.append(await player(id, motion, clock));
+    // Without a picture of the mechanism, the motion of the coordinate is the next best.
+    for (const chart of leading) {
+      if (!motion || chart.over_error) lead.append(await group(id, [chart], clock, "together"));
     }
-    grid.append(await figure(id, chart, clock));
+    if (!motion) box.append(make("p", { class: "muted" }, "The system declares no sketch, so there is no picture of it; the time above is that of the plots' cursor."));
+  }
+  const parts = new Map();
+  for (const chart of charts) {
+    if (leading.includes(chart) && (!motion || chart.over_error)) continue;
+    if (!parts.has(chart.part)) parts.set(chart.part, []);
+    parts.get(chart.part).push(chart);
+  }
+  for (const [part, inside] of parts) {
+    if (leading.length) box.append(topic(id, part, inside, clock));
+    else box.append(make("h3", {}, part), await group(id, inside, clock));
   }
   clock.set(0);
   box.dataset.built = `${charts.length} plots`;
   drawRest(box);
+}
+
+const unfolded = new Set();
+
+/** Plots of one kind, folded until somebody wants them; then so in every case. */
+function topic(id, part, charts, clock) {
+  const element = make("details", { class: "topic" }, make("summary", {}, part, make("span", { class: "muted" }, ` ${charts.length}`)));
+  element.addEventListener("toggle", async () => {
+    if (element.open) unfolded.add(part); else unfolded.delete(part);
+    if (!element.open || element.dataset.begun) return;
+    element.dataset.begun = "yes";
+    element.append(await group(id, charts, clock));
+    clock.set(clock.t);
+    element.dataset.built = "yes";
+    drawRest(element);
+  });
+  element.open = unfolded.has(part);
+  return element;
+}
+
+/** Plots that have a legend together: what it hides is hidden in all of them. */
+async function group(id, charts, clock, kind = "grid") {
+  const shared = { hidden: new Set(), items: new Set() };
+  const figures = await Promise.all(charts.map((chart) => figure(id, chart, clock, shared)));
+  return make("div", { class: "group" }, make("div", { class: kind }, ...figures), legend(charts, shared));
 }
 
 const IDLE = 1500;
@@ -69,23 +106,26 @@ function drawRest(box) {
   setTimeout(next, IDLE);
 }
 
-async function figure(id, chart, clock) {
+async function figure(id, chart, clock, shared) {
   const content = await filled(id, chart);
   const canvas = make("div", { class: "plot", role: "img", "aria-label": `${chart.title}. ${chart.summary}` });
   const readout = make("p", { class: "readout" });
   const data = make("details", { class: "data" }, make("summary", {}, "Data"));
   data.addEventListener("toggle", () => { if (data.open && data.children.length === 1) data.append(...tables(content)); });
+  const about = make("details", { class: "about" }, make("summary", {}, "What it shows"),
+    make("p", { class: "told" }, chart.summary), make("p", {}, chart.key));
   const element = make("figure", {}, make("h4", {}, chart.title), canvas,
-    ...(chart.over_time ? [readout] : []),
-    make("figcaption", {}, make("span", { class: "told" }, chart.summary), " ", chart.key), data);
-  const state = { view: null, range: null, place: null };
+    ...(chart.over_time ? [readout] : []), make("figcaption", {}, about, data));
+  const state = { view: null, range: null, place: null, items: null };
   state.draw = async () => {
     waiting.delete(element);
     near.unobserve(element);
     canvas.replaceChildren();
     canvas.dataset.scheme = dark.matches ? "dark" : "light";
     state.range = chart.over_time ? clock.range() : null;
-    state.view = await plot(content, canvas, state.range);
+    ({ view: state.view, items: state.items } = await plot(content, canvas, state.range));
+    shared.items.add(state.items);
+    hide(shared);
     if (chart.over_time) state.place = follow(canvas, state.view, clock);
     const points = content.curves.reduce((sum, curve) => sum + curve.x.length, 0);
     element.dataset.drawn = `${content.curves.length} curves, ${points} points`;
@@ -99,6 +139,7 @@ async function figure(id, chart, clock) {
     state.view = null;
     clock.listeners.delete(state.place);
     clock.ranges.delete(state.range);
+    shared.items.delete(state.items);
     canvas.replaceChildren();
     delete element.dataset.drawn;
     wait();

@@ -34,6 +34,7 @@ const LOOKS = {
   ],
   before: () => both(VERMILION, "square", [6, 3]),
   after: () => both(GREEN, "circle", []),
+  past: (place) => both(pick(PALETTE, place), pick(MARKERS, place + Math.floor(place / 6)), pick(DASHES, place + Math.floor(place / 6))),
   share: (place) => [line(pick(PALETTE, place), 1.8, pick(DASHES, place))],
   rungs: () => both(BLUE, "circle", []),
   full_run: () => both(VERMILION, "square", [7, 3]),

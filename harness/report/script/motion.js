@@ -1,5 +1,3 @@
-const SVG = "http://www.w3.org/2000/svg";
-
 /** The value of a tree of results.json at positions q. */
 function evaluate(tree, q) {
   if (typeof tree === "number") return tree;
@@ -43,11 +41,7 @@ async function track(id, role, t, columns) {
 
 /** The picture of the motion. */
 async function player(id, motion, clock) {
-  const box = make("section", { class: "motion", "aria-label": "Motion" }, make("h3", {}, "The mechanism in motion"));
-  if (!motion) {
-    box.append(make("p", { class: "muted" }, "The system declares no sketch, so there is no picture; the time below is that of the plots' cursor."));
-    return box;
-  }
+  const box = make("section", { class: "motion", "aria-label": "Motion" }, make("h4", {}, "The mechanism in motion"));
   const tracks = await Promise.all([
     track(id, "reference", motion.t, motion.reference),
     ...motion.others.map((other) => track(id, "other", other.t, other.engine)),

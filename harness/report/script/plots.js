@@ -1,15 +1,12 @@
 const HEIGHT = 250;
 
-/** Draw a chart, its numbers in it, into an element; gives Bokeh's view of it. */
+/** Draw a chart, its numbers in it, into an element; gives Bokeh's view of it, and what it drew. */
 async function plot(chart, element, xRange) {
-  const { Plotting, Legend, LegendItem, DataRange1d, Range1d, HoverTool } = Bokeh.bk ?? Bokeh;
+  const { Plotting, DataRange1d, Range1d, HoverTool } = Bokeh.bk ?? Bokeh;
   const kind = (log) => (log ? "log" : "linear");
   const y = chart.names.length ? [0, chart.names.length] : chart.y_limits;
-  const labels = [...new Set(chart.curves.map((curve) => curve.label))];
-  const longest = Math.max(...labels.map((label) => label.length));
-  const columns = Math.max(1, Math.min(4, Math.floor(element.clientWidth / (50 + 7 * longest))));
   const figure = Plotting.figure({
-    height: HEIGHT + 19 * Math.ceil(labels.length / columns) + 12 * chart.names.length, sizing_mode: "stretch_width", tools: [],
+    height: HEIGHT + 12 * chart.names.length, sizing_mode: "stretch_width", tools: [],
     x_axis_type: kind(chart.log_x), y_axis_type: kind(chart.log_y),
     x_range: xRange ?? new DataRange1d(), y_range: y ? new Range1d({ start: y[0], end: y[1] }) : new DataRange1d(),
     x_axis_label: chart.x_label, y_axis_label: chart.y_label,
@@ -28,13 +25,6 @@ async function plot(chart, element, xRange) {
       drawn[curve.role === "reference" ? "reference" : "own"].push(renderer);
     }
   }
-  const entries = [...items].map(([label, renderers]) => new LegendItem({ label: { value: label }, renderers }));
-  figure.add_layout(new Legend({
-    items: entries, click_policy: "hide", orientation: "horizontal", ncols: columns, padding: 0, margin: 2,
-    spacing: columns > 1 ? 4 : 0, label_standoff: 4, glyph_width: 26, background_fill_alpha: 0,
-    border_line_alpha: 0, label_text_color: ink("--ink"), label_text_font: "system-ui", label_text_font_size: "12px",
-    label_height: 15, glyph_height: 15,
-  }), "below");
   dress(figure, chart);
   const x = chart.over_time ? "t" : "x";
   // Tips of curves that lie on each other would cover each other: the reference's goes to the left.
@@ -45,7 +35,7 @@ async function plot(chart, element, xRange) {
       formatters: { "@x": "printf", "@told": "printf" }, toggleable: false,
     }));
   }
-  return Plotting.show(figure, element);
+  return { view: await Plotting.show(figure, element), items };
 }
 
 /** What a band reaches down to, where the axis has no zero. */

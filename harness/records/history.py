@@ -1,0 +1,120 @@
+"""What became of each case in past runs: a line of JSON a case and a run, appended.
+
+`OUT/history/cases.jsonl`; a line that is torn, or of another shape, is passed over.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import msgspec
+
+from harness.records.base import Number, Record
+from harness.records.case import Case, CaseId
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+
+FOLDER = "history"
+NAME = "cases.jsonl"
+
+
+class Past(Record, frozen=True, kw_only=True):
+    """A case in a past run.
+
+    Attributes:
+        time: of the run, UTC, ISO 8601.
+        commit: of the repository that it was in; empty for none.
+        version: of the engine; empty where it was not installed.
+        system, model, scenario, engine: the case.
+        outcome: what became of it.
+        digits: that agree in every component; None where none is known.
+        global_error: at the shipped step, relative to the amplitude.
+    """
+
+    time: str
+    commit: str = ""
+    version: str = ""
+    system: str
+    model: str
+    scenario: str
+    engine: str
+    outcome: Outcome
+    digits: Number = None
+    global_error: Number = None
+
+    @property
+    def id(self) -> CaseId:
+        """The case's name."""
+        return CaseId(
+            system=self.system, model=self.model, scenario=self.scenario, engine=self.engine
+        )
+
+
+def digits_known(case: Case | None) -> Number:
+    """Digits that agree in every component, rounded down to a tenth; None where none is known."""
+    if case is None or case.verdict is None or case.outcome is Outcome.FAILED:
+        return None
+    sizes = case.verdict.largest_discrepancy, case.verdict.largest_uncertainty
+    if sizes[0] is None or sizes[1] is None:
+        return None
+    worst = max(sizes[0], sizes[1])
+    # Equal to the last bit: as many digits as a double has.
+    return max(0.0, math.floor(-10 * math.log10(worst)) / 10) if worst > 0 else 16.0
+
+
+def past_of(results: Results, commit: str) -> tuple[Past, ...]:
+    """What a run's cases leave behind."""
+    return tuple(
+        Past(
+            time=results.created,
+            commit=commit,
+            version=results.versions.get(case.engine) or "",
+            system=case.system,
+            model=case.model,
+            scenario=case.scenario,
+            engine=case.engine,
+            outcome=case.outcome,
+            digits=digits_known(case),
+            global_error=None if case.full_run is None else case.full_run.global_error,
+        )
+        for case in results.cases
+    )
+
+
+def append_history(out: Path, lines: Iterable[Past]) -> None:
+    """Append lines in one write, so that those of two runs at once do not mix.
+
+    A line that an earlier run has left torn is ended first.
+
+    Raises:
+        OSError: as the file system has it.
+    """
+    data = b"".join(msgspec.json.encode(line) + b"\n" for line in lines)
+    path = out / FOLDER / NAME
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "a+b", buffering=0) as file:
+        size = file.seek(0, os.SEEK_END)
+        if size:
+            file.seek(size - 1)
+            data = data if file.read(1) == b"\n" else b"\n" + data
+        view = memoryview(data)
+        while view:
+            view = view[file.write(view) or 0 :]
+
+
+def read_history(out: Path) -> tuple[Past, ...]:
+    """Past runs, in the order in which they were kept; none where there is no history."""
+    try:
+        data = (out / FOLDER / NAME).read_bytes()
+    except OSError:
+        return ()
+    found = []
+    for line in data.splitlines():
+        try:
+            found.append(msgspec.json.decode(line, type=Past))
+        except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):
+            continue
+    return tuple(found)

@@ -1,0 +1,266 @@
+"""Two runs side by side: what moved from one to the other, and by how much."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from msgspec.structs import replace
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
+
+from harness.records.base import Number, SourceLine
+from harness.records.case import Case, CaseId
+from harness.records.history import digits_known
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+from harness.text.markup import escape
+from harness.text.next_steps import changes_of
+from harness.text.status import counted
+from harness.text.troubles import explained_alike
+from harness.text.versions import MOST_TOLD, error_change, verdicts
+
+Kind = Literal["verdict", "new", "gone", "digits", "global error", "step"]
+"""What moves of a case; the worst first."""
+
+KINDS: tuple[Kind, ...] = ("verdict", "gone", "new", "digits", "global error", "step")
+
+DIGITS_MOVED = 0.5
+"""Digits that come or go before a case has moved: rounding takes a few tenths on its own."""
+
+ERROR_MOVED = 0.01
+"""Share of a global error by which it has moved: what an engine's version does to rounding, and a
+sensitive motion of rounding, is less."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movement:
+    """A case in two runs.
+
+    Attributes:
+        id: its name.
+        kinds: what moves; empty: nothing.
+        before, after: outcomes; None: there is no such case.
+        digits: that agree in every component, in each; None where none is known.
+        global_error: in each.
+        step: the shipped one, in each, seconds.
+        reason: what the later run says of it.
+    """
+
+    id: CaseId
+    kinds: tuple[Kind, ...]
+    before: Outcome | None
+    after: Outcome | None
+    digits: tuple[Number, Number]
+    global_error: tuple[Number, Number]
+    step: tuple[Number, Number]
+    reason: str
+
+    @property
+    def worse(self) -> bool:
+        """Whether its verdict is a worse one, or fewer digits agree."""
+        if self.before is None or self.after is None:
+            return False
+        if self.before is not self.after:
+            return self.after.severity > self.before.severity
+        return "digits" in self.kinds and (self.digits[1] or 0.0) < (self.digits[0] or 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoRuns:
+    """What moved from one run to another.
+
+    Attributes:
+        before, after: when they were, UTC.
+        versions: (what, before, after) of those that are others; "none" where not installed.
+        mended, broken: causes that the earlier run names alone, and the later one: a line each.
+        cases: all, those that moved first.
+    """
+
+    before: str
+    after: str
+    versions: tuple[tuple[str, str, str], ...]
+    mended: tuple[str, ...]
+    broken: tuple[str, ...]
+    cases: tuple[Movement, ...]
+
+    @property
+    def moved(self) -> tuple[Movement, ...]:
+        """The cases of which something moved."""
+        return tuple(case for case in self.cases if case.kinds)
+
+
+def two_runs(before: Results, after: Results) -> TwoRuns:
+    """Hold a run against an earlier one, by the names of their cases, wherever they lie."""
+    was, now = _named(before.cases), _named(after.cases)
+    cases = [_movement(key[0], was.get(key), now.get(key)) for key in dict.fromkeys([*was, *now])]
+    then, today = _causes(before), _causes(after)
+    return TwoRuns(
+        before=before.created,
+        after=after.created,
+        versions=tuple(_versions(before.versions, after.versions)),
+        mended=tuple(one for one in then if one not in today),
+        broken=tuple(one for one in today if one not in then),
+        cases=tuple(sorted(cases, key=_first)),
+    )
+
+
+def headline(found: TwoRuns) -> str:
+    """One line: how many cases moved, and how."""
+    counts = Counter(kind for case in found.moved for kind in case.kinds)
+    said = {
+        "verdict": "of another verdict", "new": "new", "gone": "gone", "digits": "of other digits",
+        "global error": "of another global error", "step": "of another step",
+    }  # fmt: skip
+    parts = [f"{counts[kind]} {said[kind]}" for kind in KINDS if counts[kind]]
+    worse = sum(case.worse for case in found.cases)
+    told = f"{counted(len(found.cases), 'case')}: {', '.join(parts) or 'nothing moved'}"
+    return f"{told}; {worse} for the worse" if worse else told
+
+
+def digits_change(then: Number, now: Number) -> str:
+    """What becomes of the digits that agree."""
+    if then is None and now is None:
+        return "-"
+    before, after = ("-" if one is None else f"{one:.1f}" for one in (then, now))
+    return before if before == after else f"{before} -> {after}"
+
+
+def print_two_runs(console: Console, found: TwoRuns) -> None:
+    """Print what moved, worst first, and a summary last."""
+    for what, then, now in found.versions:
+        _say(console, f"{what} {then} -> {now}")
+    both = [case for case in found.moved if case.before is not None and case.after is not None]
+    if told := both[:MOST_TOLD]:
+        _print_table(console, told)
+    if len(both) > MOST_TOLD:
+        _say(console, f"and {len(both) - MOST_TOLD} more, on the page")
+    for kind in ("gone", "new"):
+        models: dict[str, list[str]] = {}
+        for case in found.moved:
+            if kind in case.kinds:
+                models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
+        for model, scenarios in models.items():
+            _say(console, f"{kind}  {model}: {', '.join(scenarios)}")
+    for line in found.mended:
+        _say(console, f"mended  {line}")
+    for line in found.broken:
+        _say(console, f"wrong now  {line}")
+    _say(console, headline(found))
+
+
+def _print_table(console: Console, cases: Sequence[Movement]) -> None:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("case", "what moved", "verdict"):
+        table.add_column(name, no_wrap=True)
+    for name in ("digits", "global error"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for case in cases:
+        table.add_row(
+            escape(str(case.id)),
+            ", ".join(case.kinds),
+            verdicts(case.before, case.after),
+            digits_change(*case.digits),
+            error_change(*case.global_error),
+        )
+    wide = Measurement.get(console, console.options.update_width(10_000), table).maximum
+    if wide <= console.width:
+        console.print(table)
+        return
+    # Nothing is cut: where names alone are too wide, what moved stands below each.
+    for case in cases:
+        _say(console, str(case.id))
+        verdict, error = verdicts(case.before, case.after), error_change(*case.global_error)
+        numbers = f"digits {digits_change(*case.digits)}  global error {error}"
+        console.print(f"  {', '.join(case.kinds)}: {verdict}  {numbers}", soft_wrap=True)
+
+
+def _named(cases: Iterable[Case]) -> Mapping[tuple[CaseId, int], Case]:
+    """Cases by name; those of one name by their order."""
+    times: Counter[CaseId] = Counter()
+    found = {}
+    for case in cases:
+        found[case.id, times[case.id]] = case
+        times[case.id] += 1
+    return found
+
+
+def _movement(name: CaseId, was: Case | None, now: Case | None) -> Movement:
+    digits = digits_known(was), digits_known(now)
+    errors, steps = _of_run("global_error", was, now), _of_run("shipped_step", was, now)
+    before, after = (None if one is None else one.outcome for one in (was, now))
+    kinds: list[Kind] = []
+    if before is None or after is None:
+        kinds.append("new" if before is None else "gone")
+    else:
+        if before is not after:
+            kinds.append("verdict")  # digits and error go with it
+        else:
+            if None not in digits and abs((digits[1] or 0.0) - (digits[0] or 0.0)) >= DIGITS_MOVED:
+                kinds.append("digits")
+            if _apart(*errors):
+                kinds.append("global error")
+        if None not in steps and steps[0] != steps[1]:
+            kinds.append("step")
+    return Movement(
+        id=name,
+        kinds=tuple(kinds),
+        before=before,
+        after=after,
+        digits=digits,
+        global_error=errors,
+        step=steps,
+        reason="" if now is None else now.reason,
+    )
+
+
+def _of_run(name: str, was: Case | None, now: Case | None) -> tuple[Number, Number]:
+    then, today = (
+        None if one is None or one.full_run is None else getattr(one.full_run, name)
+        for one in (was, now)
+    )
+    return then, today
+
+
+def _apart(then: Number, now: Number) -> bool:
+    if then is None or now is None:
+        return then is not now
+    return abs(now - then) > ERROR_MOVED * max(abs(then), abs(now))
+
+
+def _causes(results: Results) -> list[str]:
+    """What each explained model file has wrong, a line a number."""
+    lines = (
+        f"{alike[0].system}/{_short(change.where[0])} from {change.old:.10g} to {change.new}"
+        for alike in explained_alike(results.models)
+        for change in changes_of(alike[0])
+    )
+    return list(dict.fromkeys(lines))
+
+
+def _short(where: SourceLine) -> SourceLine:
+    """A line without its folders: they may be others in the other run."""
+    return replace(where, file=where.file.replace("\\", "/").rpartition("/")[2])
+
+
+def _versions(
+    before: Mapping[str, str | None], after: Mapping[str, str | None]
+) -> Iterator[tuple[str, str, str]]:
+    for name in dict.fromkeys([*before, *after]):
+        then, now = before.get(name) or "none", after.get(name) or "none"
+        if then != now:
+            yield name, then, now
+
+
+def _first(case: Movement) -> tuple[bool, int, float]:
+    """Sorts what moved for the worse first, then by what moved, and how far."""
+    rank = min((KINDS.index(kind) for kind in case.kinds), default=len(KINDS))
+    digits = abs((case.digits[1] or 0.0) - (case.digits[0] or 0.0))
+    return not case.worse, rank, -digits
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(escape(text), soft_wrap=True)

@@ -1,0 +1,103 @@
+"""`crosscheck report`: one run, two runs, a badge; folders or files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from harness.cli.keeping import keep_history
+from harness.cli.main import main
+from harness.records.history import append_history, past_of, read_history
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+from harness.records.write import encoded
+from tests.records.made import case, results, verdict
+
+
+def kept(folder: Path, run: Results) -> Path:
+    folder.mkdir()
+    (folder / "results.json").write_text(encoded(run))
+    return folder
+
+
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    return kept(tmp_path / "old", results(case(), case(scenario="far")))
+
+
+def test_a_folder_means_the_results_in_it(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", str(old)]) == 0
+    assert capsys.readouterr().out == f"{old / 'index.html'}\n"
+    assert "2 of 2 cases agree" in (old / "index.html").read_text()
+
+
+def test_two_runs_are_compared_and_what_moved_is_an_exit_code(
+    old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    worse = case(Outcome.DIFFERS, verdict=verdict(largest_discrepancy=0.01), reason="x is off")
+    new = kept(tmp_path / "new", results(worse, case(scenario="far")))
+    assert main(["report", str(old), str(new / "results.json")]) == 1
+    told = capsys.readouterr().out
+    assert "AGREES -> DIFFERS" in told
+    assert "11.3 -> 2.0" in told
+    assert "2 cases: 1 of another verdict; 1 for the worse" in told
+    assert told.endswith(f"{new / 'changes.html'}\n")
+    assert "x is off" in (new / "changes.html").read_text()
+    assert main(["report", str(old), str(old), "--out", str(tmp_path / "same")]) == 0
+    assert "2 cases: nothing moved" in capsys.readouterr().out
+    assert (tmp_path / "same" / "changes.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        (("old", "none"), "none: can't be read: No such file or directory"),
+        (("old", "empty"), "empty/results.json: can't be read"),
+        (("old", "torn.json"), "torn.json: no JSON"),
+        (("old", "other.json"), "other.json: not results of schema 1; run `crosscheck run` again"),
+        (("old", "old", "old"), "report takes one run, or two to compare, and not 3"),
+    ],
+)
+def test_what_is_no_run_is_refused_with_its_name_and_writes_nothing(
+    old: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    names: tuple[str, ...],
+    sentence: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "torn.json").write_text('{"schema": 1, "cases": [')
+    (tmp_path / "other.json").write_text('{"schema": 7}')
+    assert main(["report", *names]) == 2
+    assert sentence in capsys.readouterr().err
+    assert [path.name for path in tmp_path.rglob("*.html")] == []
+
+
+def test_a_badge_is_written_beside(old: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    badge = old / "badge.svg"
+    assert main(["report", str(old), "--badge", str(badge)]) == 0
+    assert capsys.readouterr().out == f"{old / 'index.html'}  {badge}\n"
+    assert "2 of 2 agree to 11.3 digits" in badge.read_text()
+
+
+def test_a_report_draws_the_history_that_lies_beside_its_results(old: Path) -> None:
+    run = results(case(), case(scenario="far"))
+    for day in (1, 2):
+        append_history(old, past_of(replace(run, created=f"2026-01-0{day}T00:00:00+00:00"), ""))
+    assert main(["report", str(old)]) == 0
+    assert 'id="pack-history"' in (old / "index.html").read_text()
+
+
+def test_a_history_is_kept_where_it_is_begun_or_was_and_nowhere_else(tmp_path: Path) -> None:
+    run = results(case())
+    assert keep_history(tmp_path, run, begin=False) == ()
+    assert list(tmp_path.iterdir()) == []
+    assert len(keep_history(tmp_path, run, begin=True)) == 1
+    assert len(keep_history(tmp_path, run, begin=False)) == 2
+    stopped = results(case(), stopped="SIGINT")
+    assert len(keep_history(tmp_path, stopped, begin=False)) == 2, "half a run is none"
+    assert read_history(tmp_path)[0].commit == read_history(tmp_path)[1].commit

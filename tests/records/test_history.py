@@ -1,0 +1,51 @@
+"""A line a case and a run: appended whole, read whatever else is there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.records.history import append_history, digits_known, past_of, read_history
+from harness.records.outcome import Outcome
+from tests.records.made import case, results, verdict
+
+
+def test_what_is_appended_is_read_in_order(tmp_path: Path) -> None:
+    run = results(case(), case(Outcome.FAILED, scenario="far"), versions={"mujoco": "3.2"})
+    for commit in ("abc", "def"):
+        append_history(tmp_path, past_of(run, commit))
+    found = read_history(tmp_path)
+    assert [(one.scenario, one.commit) for one in found] == [
+        ("free", "abc"), ("far", "abc"), ("free", "def"), ("far", "def"),
+    ]  # fmt: skip
+    assert found[:2] == past_of(run, "abc")
+    assert (found[0].version, found[0].digits, found[0].global_error) == ("3.2", 11.3, 0.005)
+    assert (found[1].outcome, found[1].digits, found[1].global_error) == ("FAILED", None, None)
+
+
+@pytest.mark.parametrize("torn", [b'{"time":"2026', b"\xff\xfe", b"[1]", b"null\n{}", b""])
+def test_a_torn_line_loses_itself_alone(tmp_path: Path, torn: bytes) -> None:
+    past = past_of(results(case()), "")
+    append_history(tmp_path, past)
+    with open(tmp_path / "history" / "cases.jsonl", "ab") as file:
+        file.write(torn)
+    assert read_history(tmp_path) == past
+    append_history(tmp_path, past)
+    assert read_history(tmp_path) == (*past, *past)
+
+
+def test_no_history_is_none(tmp_path: Path) -> None:
+    assert read_history(tmp_path) == ()
+
+
+def test_a_line_is_small(tmp_path: Path) -> None:
+    append_history(tmp_path, past_of(results(case(), versions={"mujoco": "3.2.7"}), "a" * 40))
+    assert (tmp_path / "history" / "cases.jsonl").stat().st_size < 300
+
+
+def test_digits_are_of_the_worst_component_and_none_is_claimed_of_a_failure() -> None:
+    assert digits_known(case()) == 11.3
+    assert digits_known(case(Outcome.FAILED)) is None
+    assert digits_known(case(verdict=verdict(largest_uncertainty=None))) is None
+    assert digits_known(case(verdict=verdict(largest_discrepancy=0, largest_uncertainty=0))) == 16

@@ -1,0 +1,165 @@
+"""The first screen: is it right, and if not, what to change; read as a person does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from harness.records.base import SourceLine
+from harness.records.finding import AuditFinding
+from harness.records.outcome import Outcome
+from harness.report import render, write_report
+from harness.report.view import report
+from tests.report.chromium import Browser, Tab
+from tests.report.samples import (
+    STIFFNESS,
+    changed_model,
+    diagnosis,
+    judged,
+    planted,
+    results,
+)
+from tests.report.steps import needs_browser, sound
+
+EIGHT = ("mujoco", "pybullet", "mjx", "dart", "drake", "newton", "pinocchio", "pymunk")
+
+VISIBLE = """(() => {
+  const found = [];
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const inside = (r) => r.width > 1 && r.top >= 0 && r.left >= 0
+    && r.bottom <= innerHeight && r.right <= document.documentElement.clientWidth;
+  while (walk.nextNode()) {
+    const node = walk.currentNode, range = document.createRange();
+    if (!node.data.trim() || !node.parentElement.checkVisibility()) continue;
+    if (["SCRIPT", "STYLE"].includes(node.parentElement.tagName)) continue;
+    range.selectNodeContents(node);
+    if ([...range.getClientRects()].every(inside)) found.push(node.data.trim());
+  }
+  return found.join("\\n");
+})()"""
+"""What stands within the window, without scrolling."""
+
+
+@pytest.fixture
+def planted_tab(browser: Browser, tmp_path: Path) -> Iterator[Tab]:
+    path = tmp_path / "reports" / "index.html"
+    write_report(path, planted(EIGHT))
+    with browser.tab() as tab:
+        tab.window(1440, 900)
+        tab.open(path.as_uri())
+        yield tab
+        sound(tab, path.as_uri())
+
+
+@needs_browser
+def test_one_planted_fault_is_found_and_mended_from_the_first_screen(
+    planted_tab: Tab, tmp_path: Path
+) -> None:
+    text = planted_tab.run(VISIBLE)
+    for wanted in (
+        "72 of 96 cases agree",
+        "24 differ. 1 number to change.",
+        "robot.urdf:21",
+        "38.25",
+        "39.5",
+        f"- {STIFFNESS.strip()}",
+        f"crosscheck run --last-failed --out {tmp_path / 'reports'}",
+        "Copy patch",
+    ):
+        assert wanted in text, wanted
+    # The matrix stands beside it, whole: every engine's column, and what it says in words.
+    for engine in EIGHT:
+        assert engine in text
+    assert "≠ DIFFERS" in text
+    assert "11.9" in text
+    wide = "[document.documentElement, document.querySelector('.scroll:has(.matrix)')]"
+    assert planted_tab.run(f"{wide}.map((e) => e.scrollWidth - e.clientWidth)") == [0, 0]
+
+
+@needs_browser
+def test_the_buttons_copy_the_patch_and_the_command(planted_tab: Tab) -> None:
+    """What lands in the clipboard, where the browser allows it, and where it does not."""
+    planted_tab.run("""(() => { window.kept = [];
+      navigator.clipboard.writeText = async (text) => { kept.push(text); }; })()""")
+    for place in (0, 1):
+        planted_tab.run(f"document.querySelectorAll('button[data-copy]')[{place}].click()")
+    planted_tab.until("kept.length === 2")
+    patch, command = planted_tab.run("kept")
+    assert patch.startswith("--- a/robot.urdf\n+++ b/robot.urdf\n@@ -18,7 +18,7 @@\n")
+    assert f"-{STIFFNESS}\n+{STIFFNESS.replace('38.25', '39.5')}\n" in patch
+    assert command.startswith("crosscheck run --last-failed")
+    planted_tab.until("document.querySelector('button[data-copy]').textContent === 'Copied'")
+    planted_tab.run("""(() => { navigator.clipboard.writeText = async () => { throw new Error(); };
+      document.execCommand = () => { kept.push(getSelection().toString()
+        || document.activeElement.value); return true; };
+      document.querySelector("button[data-copy]").click(); })()""")
+    planted_tab.until("kept.length === 3")
+    assert planted_tab.run("kept[2]") == patch
+
+
+def test_a_cause_is_one_trouble_however_many_engines_and_scenarios_show_it() -> None:
+    (trouble,) = report(planted(EIGHT)).troubles
+    assert (trouble.cases, trouble.more, len(trouble.links)) == ("24 cases", 18, 6)
+    assert trouble.name == f"system_0/robot.urdf [{', '.join(EIGHT)}]"
+    (fix,) = trouble.remedy.fixes
+    assert (fix.place, fix.old, fix.new) == ("robot.urdf:21", "38.25", "39.5")
+
+
+def test_several_numbers_that_reading_finds_wrong_are_all_to_be_changed() -> None:
+    """No one cause explains the motions; or nothing moves otherwise at all."""
+    found = results(1)
+    text = "<a>\n  <b mass='2' size='0.1 0.2'/>\n  <c mass='4.5'/>\n</a>\n"
+    findings = tuple(
+        AuditFinding(
+            kind="literal", message=f"{name}@mass is {old} where m = {new}", found=old,
+            expected=new, where=SourceLine(file="robot.urdf", line=line), severity="finding",
+        )
+        for name, line, old, new in (("b", 2, 2.0, 3.0), ("c", 3, 4.5, 0.1 + 0.2))
+    )  # fmt: skip
+    agreeing = changed_model(found, 1, audit=findings, text=text)
+    (trouble,) = report(agreeing).troubles
+    assert trouble.outcome == "AUDIT"
+    assert [(fix.place, fix.old, fix.new) for fix in trouble.remedy.fixes] == [
+        ("robot.urdf:2", "2", "3.0"),
+        ("robot.urdf:3", "4.5", "0.30000000000000004"),
+    ]
+    assert "+  <b mass='3.0' size='0.1 0.2'/>\n" in trouble.remedy.patch
+    told = diagnosis(found.cases[3])
+    differs = judged(found.cases[3], Outcome.DIFFERS, "off", discrepancy=0.1)
+    unexplained = replace(
+        changed_model(agreeing, 1, diagnosis=replace(told, explained=False)),
+        cases=(*found.cases[:3], differs, *found.cases[4:]),
+    )
+    (trouble,) = report(unexplained).troubles
+    assert trouble.outcome == "DIFFERS"
+    assert len(trouble.remedy.fixes) == 2
+    assert trouble.sentence.startswith("No one or two causes explain the motions")
+
+
+def test_half_of_a_cause_is_no_patch() -> None:
+    """An axis that is turned as well stands in no number: the page says it, and patches nothing."""
+    found = planted(("mujoco",))
+    told = found.models[1].diagnosis
+    assert told is not None
+    best = told.explanations[0]
+    turned = replace(best.causes[0], kind="axis", subject=("x",), where=())
+    both = replace(best, causes=(*best.causes, turned))
+    found = changed_model(found, 1, diagnosis=replace(told, explanations=(both,)))
+    (trouble,) = report(found).troubles
+    assert (len(trouble.remedy.fixes), trouble.remedy.patch) == (1, "")
+    assert trouble.remedy.words == "robot.urdf:21 from 38.25 to 39.5"
+    assert 'data-copy="robot.urdf:21 from 38.25 to 39.5"' in render(found)
+    assert "axis of x reversed explains the motion" in trouble.sentence
+
+
+def test_where_all_agrees_the_page_says_so_and_what_stands_out() -> None:
+    seen = report(results(2))
+    assert seen.verdict == "Every motion is that of the equations. Nothing to change."
+    assert seen.again == ""
+    assert [(one.what, one.value) for one in seen.standing] == [
+        ("fewest digits that agree", "11.9"),
+        ("most that a shipped step costs (0.002\u00a0s)", "0.911\u00a0%"),
+    ]
