@@ -92,7 +92,7 @@ class CrosscheckHooks:
 def crosscheck(request: pytest.FixtureRequest) -> Checker:
     """What runs models in a test of yours, as `physics_crosscheck.check` does.
 
-    `result = crosscheck("models/arm", engines=["mujoco"])`, then `assert result, str(result)`. The
+    `result = crosscheck("models/arm", engines=["NAME"])`, then `assert result, str(result)`. The
     resolution, limits and baseline are those of the command line, paths are from the root folder.
     The test is skipped where no engine of the models is installed, but under --require-engines.
     """

@@ -2,7 +2,7 @@
 
 [tool.crosscheck]
 folders = ["models"]
-engines = ["mujoco"]
+engines = ["NAME"]
 resolution = 1e-9
 
 The file is the nearest one above where one stands that has such a table; its paths are from the
