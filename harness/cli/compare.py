@@ -75,7 +75,9 @@ def main(options: argparse.Namespace) -> int:
         return _stop(str(error), FAIL)
     except FailureError as error:
         found = failed_record(pair, error.failure, created)
-    print_comparison(Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160), found)
+    print_comparison(
+        Console(soft_wrap=False, highlight=False, width=None if sys.stdout.isatty() else 160), found
+    )
     if options.json:
         write_whole(options.json, encoded(found, indent=1))
         print(options.json)

@@ -58,7 +58,10 @@ def main(options: argparse.Namespace) -> int:
         page = out / "changes.html"
         found = two_runs(*runs)
         write_two_runs(page, found, (files[0].parent, files[1].parent))
-        print_two_runs(Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160), found)
+        print_two_runs(
+            Console(soft_wrap=False, highlight=False, width=None if sys.stdout.isatty() else 160),
+            found,
+        )
         code = DIFFER if found.moved else AGREE
     else:
         page = out / "index.html"

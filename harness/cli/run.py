@@ -166,7 +166,7 @@ def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path])
     if options.format == "github":
         print("\n".join(note.command(Path.cwd()) for note in case_notes(results)))
         return
-    console = Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160)
+    console = Console(soft_wrap=False, highlight=False, width=None if sys.stdout.isatty() else 160)
     for system in results.systems:
         if system.folder in {str(file) for file in robots}:
             print(f"{system.source}: {system.name}, {system.title}")

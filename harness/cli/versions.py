@@ -92,7 +92,9 @@ def main(options: argparse.Namespace) -> int:
     write_versions(options.out / "index.html", found)
     if options.json:
         write_whole(options.json, encoded(found, indent=1))
-    print_versions(Console(soft_wrap=False, width=None if sys.stdout.isatty() else 160), found)
+    print_versions(
+        Console(soft_wrap=False, highlight=False, width=None if sys.stdout.isatty() else 160), found
+    )
     print("  ".join(map(str, filter(None, (options.out / "index.html", options.json)))))
     return code(found)
 

@@ -63,11 +63,11 @@ def explained_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
 
 
 def audited_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
-    """Models with findings, those of one file and the same findings together."""
+    """Models with findings, those of one file and the same findings but for numbers together."""
     found: dict[Hashable, list[Model]] = {}
     for model in models:
         if model.findings:
-            lines = tuple(audit_lines(model.findings))
+            lines = tuple(_NUMBER.sub("#", line) for line in audit_lines(model.findings))
             found.setdefault((model.folder, model.model, lines), []).append(model)
     return [tuple(one) for one in found.values()]
 

@@ -1,0 +1,56 @@
+"""What `crosscheck run` prints, as a picture: RESULTS WIDTH OUT.svg.
+
+    crosscheck run my_folder --out found
+    python -m campaigns.terminal_picture found/results.json 80 docs/terminal.svg
+
+`--light` has dark letters on white. The documentation's picture is made so.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import re
+import sys
+from pathlib import Path
+
+from rich._export_format import CONSOLE_SVG_FORMAT
+from rich.console import Console
+from rich.terminal_theme import DEFAULT_TERMINAL_THEME, DIMMED_MONOKAI
+from rich.text import Text
+
+from harness.records.read import read_results
+from harness.text.next_steps import next_steps
+from harness.text.table import print_results
+
+_FACES = re.compile(r"@font-face \{\{.*?\}\}", re.DOTALL)
+
+
+def main(arguments: list[str]) -> int:
+    """Write the picture."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path)
+    parser.add_argument("width", type=int)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--light", action="store_true")
+    options = parser.parse_args(arguments)
+    results = read_results(options.results)
+    told = io.StringIO()
+    console = Console(width=options.width, file=told, force_terminal=True, highlight=False)
+    console.print("[bold]$ crosscheck run[/]")
+    print_results(console, results, quiet=True)
+    console.print(f"{options.results}  {options.results.with_name('index.html')}")
+    for line in next_steps(results, options.results.parent):
+        console.print(line)
+    # Lines longer than the terminal go on in the next, which a recording would cut.
+    console = Console(record=True, width=options.width, file=io.StringIO(), force_terminal=True)
+    console.print(Text.from_ansi(told.getvalue().rstrip()), highlight=False)
+    theme = DEFAULT_TERMINAL_THEME if options.light else DIMMED_MONOKAI
+    # Whatever letters of one width there are: a picture asks nothing of the network.
+    form = _FACES.sub("", CONSOLE_SVG_FORMAT).replace("Fira Code", "monospace")
+    options.out.write_text(console.export_svg(title="", theme=theme, code_format=form))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
