@@ -13,11 +13,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from harness.baseline.store import DEFAULT
 from harness.files.folders import check_engines, system_folders
+from harness.notebook import cases as shown
+from harness.notebook.optional import frame
 from harness.records import results
 from harness.records.case import Case
 from harness.run import Options, run
@@ -28,6 +31,9 @@ from harness.text.failure import diagnosis_lines, failure_message
 from harness.text.findings import audit_lines
 from harness.text.status import status_of
 from harness.text.table import summary
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class Results(results.Results, frozen=True, kw_only=True):
@@ -63,6 +69,54 @@ class Results(results.Results, frozen=True, kw_only=True):
         what = "more than one case has" if found else "no case has"
         which = ", ".join(str(case.id) for case in found or self.cases)
         raise LookupError(f"{what} {said}: {which}")
+
+    def trajectories(
+        self,
+        scenario: str | None = None,
+        model: str | None = None,
+        engine: str | None = None,
+        system: str | None = None,
+    ) -> shown.Trajectories:
+        """The motions of the one case that has what is given: `simulated`, `reference`, `errors`.
+
+        Each is a `Trajectory` with the coordinates and their rates, at the shipped step.
+
+        Raises:
+            LookupError: as `case`.
+            MotionError: where the case was not judged, with the reason.
+        """
+        return shown.trajectories(self, self.case(scenario, model, engine, system))
+
+    def to_frame(self, library: str = "") -> Any:
+        """A table, a row a case: its names, outcome, numbers, and the reason.
+
+        Discrepancy and uncertainty are relative to how far a component moves over a segment, the
+        global error to the amplitude; steps are in seconds. What a case has not is nan.
+
+        Args:
+            library: "pandas" or "polars"; empty: the first of these that is installed.
+
+        Raises:
+            ImportError: where none is installed; says what installs it.
+        """
+        return frame(shown.columns(self.cases), library)
+
+    def plot(self, what: shown.What = "verdicts", ax: Axes | None = None) -> Axes:
+        """Draw the cases.
+
+        Args:
+            what: "verdicts", discrepancy beside uncertainty of each case; or "steps", the global
+                error over the step, with a ring around the shipped one.
+            ax: where to draw; None: a figure of its own.
+
+        Raises:
+            ValueError: for anything else, or where no case has any.
+            ImportError: without matplotlib; says what installs it.
+        """
+        return shown.plot(self, what, ax)
+
+    def _repr_html_(self) -> str:
+        return shown.page(self)
 
     def __str__(self) -> str:
         blocks = []

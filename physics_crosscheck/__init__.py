@@ -2,7 +2,8 @@
 
 This is the one name to import from: in a `system.py`, in tests, in notebooks.
 
-    from physics_crosscheck import Constant, Coordinate, Scenario, System, check
+    from physics_crosscheck import Constant, Coordinate, Scenario, System
+    from physics_crosscheck import check, compare, reference, simulate
 
 `physics_crosscheck.records` has the types of what comes out, `physics_crosscheck.engine` what an
 adapter of another engine is made of.
@@ -64,6 +65,10 @@ claim()
 
 if TYPE_CHECKING:
     from harness.api import Results, check
+    from harness.compare.candidate import CompareError
+    from harness.notebook.ask import reference, simulate
+    from harness.notebook.comparison import Comparison, compare
+    from harness.notebook.trajectory import MotionError, Trajectory
     from reference import (
         Angle,
         Body,
@@ -95,6 +100,10 @@ if TYPE_CHECKING:
 
 _FROM = {
     "harness.api": ("Results", "check"),
+    "harness.compare.candidate": ("CompareError",),
+    "harness.notebook.ask": ("reference", "simulate"),
+    "harness.notebook.comparison": ("Comparison", "compare"),
+    "harness.notebook.trajectory": ("MotionError", "Trajectory"),
     "reference": (
         "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
         "Equilibrium", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
@@ -105,10 +114,11 @@ _FROM = {
 }  # fmt: skip
 
 __all__ = [
-    "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
-    "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
-    "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "Results",
-    "RigidBody", "Scenario", "Site", "System", "check", "ground", "rotation", "t",
+    "Angle", "Body", "CompareError", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
+    "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
+    "Link", "Medium", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
+    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
+    "check", "compare", "ground", "reference", "rotation", "simulate", "t",
 ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import sympy as sp
 
 from reference.bounds import bounds
 from reference.closed_form import solve_closed_form
-from reference.declaration import DeclarationError, Equilibrium, Scenario, about
+from reference.declaration import Declaration, DeclarationError, Equilibrium, Scenario, about
 from reference.derive import Equations
 from reference.equations import EquationsOfMotion
 from reference.integrate import ReferenceError, solve_numerically, trajectory
@@ -26,7 +26,7 @@ MOST_SEGMENTS = 1_000_000
 LEAST_TURN = 1e-6
 """Motion of so few rad is lost in the rounding of its states."""
 
-__all__ = ["ReferenceError", "solve"]
+__all__ = ["ReferenceError", "solve", "start_of"]
 
 
 def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
@@ -50,17 +50,21 @@ def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
         return motion
 
 
-def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Motion:
-    system = equations.system
-    signals = pieces(system, scenario)
-    values = system.values
-    start = np.array(
+def start_of(system: Declaration, scenario: Scenario) -> Array:
+    """The state from which a scenario starts, (2n,)."""
+    return np.array(
         [
-            float(sp.sympify(given[c]).subs(values))
+            float(sp.sympify(given[c]).subs(system.values))
             for given in (scenario.q, scenario.v)
             for c in system.coordinates
         ]
     )
+
+
+def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Motion:
+    system = equations.system
+    signals = pieces(system, scenario)
+    start = start_of(system, scenario)
     duration = float(scenario.duration)
     fastest = _fastest_rate(equations, signals, np.zeros(1), start[None])
     _check_duration(fastest, duration, place)

@@ -14,10 +14,11 @@ import physics_crosscheck.records
 ROOT = Path(__file__).parents[1]
 
 TOP = {
-    "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
-    "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
-    "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "Results",
-    "RigidBody", "Scenario", "Site", "System", "check", "ground", "rotation", "t",
+    "Angle", "Body", "CompareError", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
+    "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
+    "Link", "Medium", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
+    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
+    "check", "compare", "ground", "reference", "rotation", "simulate", "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",
@@ -52,6 +53,17 @@ def test_the_packages_say_that_they_are_typed() -> None:
 def test_importing_the_public_name_imports_nothing_heavy() -> None:
     heavy = "{'sympy', 'numpy', 'msgspec', 'mujoco', 'pybullet', 'pymunk', 'harness', 'reference'}"
     code = f"import sys, physics_crosscheck; print(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_tables_and_plots_are_not_imported_before_they_are_asked_for() -> None:
+    code = (
+        "import sys; from physics_crosscheck import check, compare, reference, simulate;"
+        " print(sorted({'pandas', 'polars', 'matplotlib', 'IPython'} & set(sys.modules)))"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )

@@ -46,6 +46,9 @@ def test_the_reference_has_the_public_names_with_their_docstrings(site: Path) ->
         "relative discrepancy to resolve",  # check
         "Whether every case and every audit does",  # Results
         "An adapter: its name, whether its engine is there",  # Engine
+        "Run a model once, from start to end, and nothing else",  # simulate
+        "with a bound of the error of every value",  # reference
+        "joints without a partner; with the remedy",  # compare
     ):
         assert words in " ".join(page.split()), words
 

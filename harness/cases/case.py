@@ -148,7 +148,7 @@ def run_case(task: CaseTask) -> Case:
     began = time.perf_counter()
     model, coordinates = load(task.system, task.sidecar, task.engine)
     motion = task.motion
-    if why := why_no_run(motion, model.step):
+    if why := why_no_run(motion.duration, model.step):
         raise StepError(f"{_place_of_step(task.sidecar, task.engine)}: {why}")
     claimed = model.exponents(motion.varying)[0]
     batch = Batch.of(motion, task.scale)

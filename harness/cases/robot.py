@@ -399,11 +399,20 @@ def order_of(task: RobotTask, model: Model) -> list[int]:
     Raises:
         EngineError: naming those that only one of them has.
     """
-    here, there = set(task.followers.names), set(model.coordinates)
+    return joints_of(task.followers, model, task.file, task.engine)
+
+
+def joints_of(followers: Followers, model: Model, file: Path, engine: str) -> list[int]:
+    """Which of a tree's coordinates each of the engine's is.
+
+    Raises:
+        EngineError: naming those that only one of them has.
+    """
+    here, there = set(followers.names), set(model.coordinates)
     if here != there or len(there) != len(model.coordinates):
         missing, more = sorted(here - there), sorted(there - here)
         parts = [f"it has no {', '.join(missing)}"] if missing else []
         parts += [f"it has {', '.join(more)} besides"] if more else []
         told = " and ".join(parts) or "two of its joints have one name"
-        raise EngineError(f"{task.file}: {task.engine} makes other joints of it: {told}")
-    return [task.followers.names.index(name) for name in model.coordinates]
+        raise EngineError(f"{file}: {engine} makes other joints of it: {told}")
+    return [followers.names.index(name) for name in model.coordinates]

@@ -14,6 +14,7 @@ from harness.numerics.energy import EnergyBalance, energy_balance
 from harness.numerics.ladder import EPSILON
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
+from reference.signal import Inputs
 
 SAMPLES = 1000
 
@@ -75,28 +76,28 @@ class FullRun(SampledRun):
         return self.balance.error
 
 
-def steps_of(motion: Motion, h: float) -> int:
+def steps_of(duration: float, h: float) -> int:
     """Whole steps that fit into a motion."""
-    return math.floor(motion.duration / h * (1 + 1e-12))
+    return math.floor(duration / h * (1 + 1e-12))
 
 
-def why_no_run(motion: Motion, h: float) -> str:
+def why_no_run(duration: float, h: float) -> str:
     """Why no run with step h can show anything of a motion; empty where one can.
 
     One step alone shows nothing of how a motion goes on, whatever its rates.
     """
     if not (math.isfinite(h) and h > 0):
         return f"a step of {h:g} s is none; state one above zero"
-    count = (motion.duration + h * 1e-12) / h
+    count = (duration + h * 1e-12) / h
     if count < 2:
         taken = "no step is taken at all" if count < 1 else "one step is taken"
         return (
-            f"of a motion of {motion.duration:g} s a step of {h:g} s shows nothing: {taken};"
+            f"of a motion of {duration:g} s a step of {h:g} s shows nothing: {taken};"
             " state a shorter one"
         )
     if count > MOST_STEPS:
         return (
-            f"a motion of {motion.duration:g} s takes {count:.3g} steps of {h:g} s, more than the"
+            f"a motion of {duration:g} s takes {count:.3g} steps of {h:g} s, more than the"
             f" {MOST_STEPS:.0e} that a run from start to end may take; state a longer one"
         )
     return ""
@@ -136,7 +137,7 @@ def beginning(
     model: Model, coordinates: CoordinateMap, motion: Motion, h: float, every: int, most: int
 ) -> SampledRun:
     """The beginning of a run with step h, sampled every so many steps, of at most so many."""
-    steps = min(steps_of(motion, h), most)
+    steps = min(steps_of(motion.duration, h), most)
     extent = _Extent(steps - steps % every, every, motion.start[0])
     return _rolled(model, coordinates, motion, h, extent)[0]
 
@@ -163,6 +164,29 @@ def follow(
     return run.t, run.states
 
 
+def simulated(
+    model: Model,
+    coordinates: CoordinateMap,
+    start: Array,
+    inputs: Inputs,
+    duration: float,
+    h: float,
+    every: int = 0,
+) -> tuple[Array, Array]:
+    """Sample times (S,) and states (S, 2n) of a run whose reference motion nobody asked for.
+
+    Args:
+        start: the first state, (2n,).
+        inputs: held over each step.
+        duration: seconds.
+        h: step, seconds.
+        every: steps from sample to sample; 0: as it fits.
+    """
+    extent = _Extent.of(duration, start, h, every)
+    run = _stepped(model, coordinates, inputs, duration, h, extent)
+    return run.t, run.states
+
+
 @dataclass(frozen=True)
 class _Extent:
     """How many steps are taken, how many from sample to sample, and from which state, (2n,)."""
@@ -173,33 +197,58 @@ class _Extent:
 
     @staticmethod
     def whole(motion: Motion, h: float, every: int) -> _Extent:
-        steps = steps_of(motion, h)
+        return _Extent.of(motion.duration, motion.start[0], h, every)
+
+    @staticmethod
+    def of(duration: float, start: Array, h: float, every: int) -> _Extent:
+        steps = steps_of(duration, h)
         every = every or max(1, steps // SAMPLES)
-        return _Extent(steps - steps % every, every, motion.start[0])
+        return _Extent(steps - steps % every, every, start)
 
 
 def _rolled(
     model: Model, coordinates: CoordinateMap, motion: Motion, h: float, extent: _Extent
 ) -> tuple[SampledRun, Array, float]:
     """A run, its samples in the engine's coordinates, (S, nz), and the seconds that it took."""
+    own = _stepped(model, coordinates, motion.inputs, motion.duration, h, extent)
+    run = SampledRun(
+        h=h,
+        steps=extent.steps,
+        every=extent.every,
+        t=own.t,
+        states=own.states,
+        error=own.states - motion.at(own.t),
+        epsilon=model.epsilon,
+    )
+    return run, own.zs, own.seconds
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Samples:
+    """Of a run: times (S,), states (S, 2n), the engine's positions (S, nz), and what it took."""
+
+    t: Array
+    states: Array
+    zs: Array
+    seconds: float
+
+
+def _stepped(
+    model: Model,
+    coordinates: CoordinateMap,
+    inputs: Inputs,
+    duration: float,
+    h: float,
+    extent: _Extent,
+) -> _Samples:
     steps, every, start = extent.steps, extent.every, extent.start
-    inputs = motion.inputs(h * np.arange(steps, dtype=np.float64), slack=1e-6 * h)[None]
+    held = inputs(h * np.arange(steps, dtype=np.float64), slack=1e-6 * h)[None]
     z, w = coordinates.to_engine(start[None])
-    force = coordinates.force(inputs)
+    force = coordinates.force(held)
     began = time.perf_counter()
     zs, ws = model.rollout(z, w, h, steps, force, every)
     seconds = time.perf_counter() - began
     grid: Array = h * every * np.arange(steps // every + 1, dtype=np.float64)
-    t: Array = np.minimum(grid, motion.duration)
+    t: Array = np.minimum(grid, duration)
     zs, ws = np.concatenate([z, zs[0]]), np.concatenate([w, ws[0]])
-    states = coordinates.follow(zs, ws, start)
-    run = SampledRun(
-        h=h,
-        steps=steps,
-        every=every,
-        t=t,
-        states=states,
-        error=states - motion.at(t),
-        epsilon=model.epsilon,
-    )
-    return run, zs, seconds
+    return _Samples(t=t, states=coordinates.follow(zs, ws, start), zs=zs, seconds=seconds)

@@ -50,6 +50,23 @@ def test_new_and_run_work_beside_packages_called_like_ours(
     assert (place / "reports" / "index.html").stat().st_size > 10_000
 
 
+def test_python_has_motions_and_comparisons_beside_packages_called_like_ours(
+    installed: Installed, tmp_path: Path
+) -> None:
+    for name in ("harness", "reference"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(TRAP)
+    script = """from physics_crosscheck import compare, reference, simulate
+run = simulate("simple_pendulum/mujoco.xml", "free", duration=1)
+errors = run - reference("simple_pendulum", "free", times=run.t, duration=1)
+print(abs(errors["theta"]).max() < 0.01, errors.uncertainty_of("theta").max() < 1e-10)
+print(compare("simple_pendulum/mujoco.xml", "simple_pendulum/robot.urdf", engine="mujoco").agree)
+"""
+    (tmp_path / "script.py").write_text(script)
+    done = installed.shell("python script.py", tmp_path)
+    assert done.stdout == "True True\nTrue\n", done.stderr
+
+
 def test_a_module_in_the_folder_is_not_taken_for_an_engine(
     installed: Installed, place: Path
 ) -> None:

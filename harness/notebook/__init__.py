@@ -1,0 +1,1 @@
+"""What a notebook asks for: trajectories, tables, plots, and two models held against each other."""

@@ -1,0 +1,120 @@
+"""The notebooks of `examples/`, executed; and the examples of `docs/python.md`."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.installed.documents import plain
+
+ROOT = Path(__file__).parents[2]
+NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
+PAGE = ROOT / "docs" / "python.md"
+
+
+def cells(notebook: Path) -> list[str]:
+    """What its cells say that are code."""
+    read = json.loads(notebook.read_text(encoding="utf-8"))
+    return ["".join(one["source"]) for one in read["cells"] if one["cell_type"] == "code"]
+
+
+def run(code: list[str], place: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Run cells one after the other in a folder; returns what they print."""
+    pytest.importorskip("matplotlib").use("Agg")
+    import matplotlib.pyplot as plt
+
+    monkeypatch.chdir(place)
+    names: dict[str, Any] = {}
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said):
+            for cell in code:
+                exec(cell, names)
+    finally:
+        plt.close("all")
+    return said.getvalue()
+
+
+def test_there_are_three_and_none_has_outputs() -> None:
+    assert [one.stem for one in NOTEBOOKS] == [
+        "choosing_a_time_step", "pendulum", "urdf_against_mjcf",
+    ]  # fmt: skip
+    for notebook in NOTEBOOKS:
+        read = json.loads(notebook.read_text(encoding="utf-8"))
+        code = [one for one in read["cells"] if one["cell_type"] == "code"]
+        assert all(one["outputs"] == [] and one["execution_count"] is None for one in code)
+        assert sum("assert" in "".join(one["source"]) for one in code) >= 3
+
+
+@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_in_a_kernel_and_shows_pictures_and_tables(
+    notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    for name in ("IPYTHONDIR", "JUPYTER_RUNTIME_DIR"):
+        monkeypatch.setenv(name, str(tmp_path / name))
+    read = nbformat.read(notebook, 4)
+    nbformat.validate(read)
+    client = nbclient.NotebookClient(
+        read, timeout=300, resources={"metadata": {"path": str(tmp_path)}}
+    )
+    client.execute()
+    shown = [one for cell in read.cells for one in cell.get("outputs", [])]
+    data = [one["data"] for one in shown if "data" in one]
+    assert any("image/png" in one for one in data)
+    assert any("text/html" in one for one in data)
+    # Rich would print into the page what is only put into a string.
+    assert all("image/png" in one["data"] for one in shown if one.output_type == "display_data")
+    assert not [one for one in shown if one.get("name") == "stderr"]
+
+
+FAULTS = {
+    "pendulum": [
+        ("LENGTH, GRAVITY = 0.75, 9.81", "LENGTH, GRAVITY = 0.76, 9.81"),
+        ('"simple_pendulum/mujoco.xml"', '"simple_pendulum/space.py"'),
+    ],
+    "urdf_against_mjcf": [
+        ('<mass value="1.2"/>', '<mass value="1.2000001"/>'),
+        ("'mass=\"0.71\"'", "'mass=\"0.7\"'"),
+    ],
+    "choosing_a_time_step": [
+        ("reference(rod, \"free\", motion.t)", "reference(rod, \"large\", motion.t)"),
+        ("(wanted / finest)", "(2 * wanted / finest)"),
+    ],
+}  # fmt: skip
+"""By notebook: what is right, and what its asserts must notice."""
+
+
+@pytest.mark.parametrize(
+    ("name", "right", "wrong"),
+    [(name, *pair) for name, pairs in FAULTS.items() for pair in pairs],
+    ids=lambda text: text[:24],
+)
+def test_a_fault_in_a_notebook_is_noticed(
+    name: str, right: str, wrong: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pandas")
+    code = cells(ROOT / "examples" / f"{name}.ipynb")
+    assert any(right in cell for cell in code)
+    with pytest.raises(AssertionError):
+        run([cell.replace(right, wrong) for cell in code], tmp_path, monkeypatch)
+
+
+def test_the_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pandas")
+    blocks = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE.read_text(), re.DOTALL | re.MULTILINE)
+    code = [body for language, body in blocks if language == "python"]
+    assert len(code) >= 6
+    said = "\n".join(map(plain, run(code, tmp_path, monkeypatch).splitlines()))
+    told = [line for language, body in blocks if not language for line in body.splitlines()]
+    assert len(told) >= 6
+    for line in told:
+        assert plain(line) in said, f"the page shows {line!r}:\n{said}"

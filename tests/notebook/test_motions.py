@@ -1,0 +1,299 @@
+"""`simulate` and `reference` in real engines, each against what is known of the motion."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from harness.files.folders import FolderError, builtin
+from harness.notebook import ask
+from physics_crosscheck import MotionError, Trajectory, reference, simulate
+from tests.standing import standing_only
+
+START = {"theta": 1.5}
+
+ARM = """\
+<robot name="arm">
+  <link name="base"/>
+  <link name="rod">
+    <inertial>
+      <origin xyz="0 0 -0.5"/><mass value="2"/>
+      <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <joint name="pin" type="continuous">
+    <parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+  </joint>
+</robot>
+"""
+
+
+def largest(errors: Trajectory, name: str) -> float:
+    return float(np.max(np.abs(errors[name])))
+
+
+def copy(system: str, place: Path) -> Path:
+    shutil.copytree(builtin() / system, place)
+    standing_only(place)
+    return place
+
+
+def test_the_reference_has_the_digits_that_it_claims() -> None:
+    # Energy is kept; and the quarter period of a large swing is Gauss's.
+    found = reference("simple_pendulum", START, duration=4)
+    assert found.names == ("theta", "theta_dot", "energy")
+    assert found.units == ("rad", "rad/s", "J")
+    a, b = 1.0, np.cos(START["theta"] / 2)
+    for _ in range(6):
+        a, b = (a + b) / 2, np.sqrt(a * b)
+    period = 2 * np.pi * np.sqrt(0.75 / 9.81) / a
+    at = reference("simple_pendulum", START, times=[period / 4, period / 2, period], duration=4)
+    bounds = at.uncertainty_of("theta")
+    misses = np.abs(at["theta"] - [0.0, -1.5, 1.5])
+    assert np.all(misses <= bounds + 1e-15)
+    assert np.all(bounds < 1e-11)
+    energy = -0.45 * 9.81 * 0.75 * np.cos(1.5)
+    off = np.abs(found["energy"] - energy)
+    assert np.all(off <= found.uncertainty_of("energy"))
+    assert 0 < np.max(found.uncertainty_of("energy")) < 1e-10
+
+
+def test_a_run_converges_to_the_reference_at_the_order_of_its_integrator(tmp_path: Path) -> None:
+    folder = copy("simple_pendulum", tmp_path / "pendulum")
+    exact = reference(folder, "free", duration=4)
+
+    def order(model: str) -> float:
+        coarse, fine = (
+            largest(simulate(folder / model, "free", h, duration=4) - exact, "theta")
+            for h in (0.008, 0.004)
+        )
+        return float(np.log2(coarse / fine))
+
+    assert order("mujoco.xml") == pytest.approx(1, abs=0.05)
+    assert order("space.py") == pytest.approx(1, abs=0.05)
+    text = (folder / "mujoco.xml").read_text()
+    (folder / "mujoco.xml").write_text(text.replace('integrator="Euler"', 'integrator="RK4"'))
+    assert order("mujoco.xml") == pytest.approx(4, abs=0.1)
+
+
+def test_a_wrong_length_stays_in_the_errors_whatever_the_step(tmp_path: Path) -> None:
+    folder = copy("simple_pendulum", tmp_path / "pendulum")
+    model = folder / "mujoco.xml"
+    exact = reference(folder, "free", duration=4)
+    right = largest(simulate(model, "free", 0.0005, duration=4) - exact, "theta")
+    model.write_text(model.read_text().replace('pos="0 0 -0.75" mass', 'pos="0 0 -0.77" mass'))
+    wrong = [
+        largest(simulate(model, "free", h, duration=4) - exact, "theta") for h in (0.001, 0.0005)
+    ]
+    assert wrong[1] > 50 * right
+    assert wrong[1] == pytest.approx(wrong[0], rel=0.05)
+
+
+def test_names_and_units_are_those_of_the_system_and_not_of_the_engine() -> None:
+    found = simulate("drum_pendulum/space.py", "free", duration=1)
+    assert found.names == ("x", "theta", "x_dot", "theta_dot", "energy")
+    assert found.units == ("m", "rad", "m/s", "rad/s", "J")
+    assert (found.system, found.scenario, found.step) == ("drum_pendulum", "free", 0.002)
+    assert "space.py in pymunk" in found.origin
+    assert "a step of 0.002 s" in found.origin
+    assert found.uncertainty is None
+    exact = reference("drum_pendulum", "free", times=found.t, duration=1)
+    errors = found - exact
+    assert 1e-6 < largest(errors, "x") < 1e-2
+    assert np.max(errors.uncertainty_of("x")) < 1e-11
+
+
+def test_outputs_of_other_names_are_columns_too(tmp_path: Path) -> None:
+    folder = copy("simple_pendulum", tmp_path / "pendulum")
+    declared = (folder / "system.py").read_text()
+    more = 'Output("theta", theta.q, "rad", "angle"), Output("height", -l * cos(theta.q), "m", ""),'
+    more += ' Output("energy", theta.v, "rad/s", "no energy at all"), '
+    (folder / "system.py").write_text(
+        declared.replace('Output("theta", theta.q, "rad", "angle"),', more)
+    )
+    found = reference(folder, START, times=[0.0, 0.3], duration=1)
+    assert found.names == ("theta", "theta_dot", "height", "energy", "T + V")
+    assert found.label("height") == "height (m)"
+    assert np.allclose(found["height"], -0.75 * np.cos(found["theta"]), rtol=0, atol=1e-15)
+    assert np.array_equal(found["energy"], found["theta_dot"])
+    # The height is known as the angle is, times the slope, and its own rounding.
+    slope = 0.75 * np.abs(np.sin(found["theta"]))
+    bound = found.uncertainty_of("height") - slope * found.uncertainty_of("theta")
+    assert np.all(bound > 0)
+    assert np.all(bound < 2e-15)
+    run = simulate(folder / "mujoco.xml", START, duration=0.3)
+    assert run.names == found.names
+    with pytest.raises(ValueError, match="read-only"):
+        run["height"][0] = 1.0
+
+
+def test_a_driven_motion_has_its_inputs() -> None:
+    run = simulate("simple_pendulum/mujoco.xml", "driven", 0.001, duration=3)
+    errors = run - reference("simple_pendulum", "driven", times=run.t, duration=3)
+    undriven = reference("simple_pendulum", {"theta": 0.2}, times=run.t, duration=3)
+    assert largest(errors, "theta") < 0.005
+    assert np.max(np.abs(run["theta"] - undriven["theta"])) > 0.1
+
+
+def test_an_engine_is_chosen_by_its_name() -> None:
+    found = simulate("simple_pendulum/robot.urdf", START, duration=0.1, engine="mujoco")
+    assert "robot.urdf in MuJoCo" in found.origin
+    first = simulate("simple_pendulum/robot.urdf", START, duration=0.1)
+    assert "robot.urdf in PyBullet" in first.origin
+
+
+def test_a_robots_file_alone_has_equations_too(tmp_path: Path) -> None:
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(ARM)
+    start = {"pin": 0.5, "pin_dot": 1.0}
+    run = simulate(arm, start, 0.0005, duration=0.3, engine="mujoco")
+    exact = reference(arm, start, times=run.t, duration=0.3)
+    assert exact.names == ("pin", "pin_dot", "energy")
+    # A rigid pendulum: m g l sin(pin) = -(I + m l^2) pin_ddot.
+    assert exact["energy"][0] == pytest.approx(0.5 * 0.6 - 2 * 9.81 * 0.5 * np.cos(0.5))
+    assert np.ptp(exact["energy"]) < 1e-10
+    assert largest(run - exact, "pin") < 5e-4
+    heavier = tmp_path / "heavier.urdf"
+    heavier.write_text(ARM.replace('iyy="0.1"', 'iyy="0.2"'))
+    other = simulate(heavier, start, 0.0005, duration=0.3, engine="mujoco")
+    assert largest(other - exact, "pin") > 5e-3
+
+
+BODIES = """\
+from physics_crosscheck import Joint, MultibodySystem, RigidBody
+
+system = MultibodySystem(
+    name="bodies",
+    title="a rod on a pin",
+    source="made up",
+    gravity=(0.0, 0.0, -9.81),
+    bodies=(
+        RigidBody(
+            name="rod", parent=None, position=(0.0, 0.0, 0.0),
+            joints=(Joint(name="pin", kind="hinge", axis=(0.0, 1.0, 0.0)),),
+            mass=2.0, center=(0.0, 0.0, -0.5), inertia=(0.1, 0.1, 0.1, 0.0, 0.0, 0.0),
+        ),
+    ),
+)
+"""
+
+
+def test_a_folder_that_declares_bodies_runs_as_its_sidecar_says(tmp_path: Path) -> None:
+    (tmp_path / "system.py").write_text(BODIES)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    sidecar = 'engines = ["mujoco"]\n[settings]\nstep = 0.001\ngravity = [0, 0, -9.81]\n'
+    (tmp_path / "arm.urdf.toml").write_text(sidecar)
+    start = {"pin": 0.5}
+    run = simulate(tmp_path / "arm.urdf", start, duration=0.2)
+    assert (run.system, run.step) == ("bodies", 0.001)
+    errors = run - reference(tmp_path, start, times=run.t, duration=0.2)
+    assert 0 < largest(errors, "pin") < 1e-3
+    with pytest.raises(MotionError, match=r"it declares none; give a start, .*\"pin\": 0\.1"):
+        simulate(tmp_path / "arm.urdf", "free")
+    (tmp_path / "arm.urdf.toml").write_text(sidecar + '[coordinates]\npin = "2 * pin"\n')
+    with pytest.raises(MotionError, match=r"\[coordinates\]: system.py declares bodies"):
+        simulate(tmp_path / "arm.urdf", start, duration=0.2)
+
+
+def test_a_reference_is_remembered_until_its_declaration_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = copy("simple_pendulum", tmp_path / "pendulum")
+    asked: list[object] = []
+    done: Any = ask._done
+
+    def counted(*arguments: Any) -> Any:
+        asked.append(arguments[0])
+        return done(*arguments)
+
+    monkeypatch.setattr(ask, "_done", counted)
+    first = reference(folder, START, duration=1)
+    reference(folder, START, times=[0, 0.5], duration=1)
+    assert len(asked) == 1
+    reference(folder, START, duration=0.5)
+    assert len(asked) == 2
+    text = (folder / "system.py").read_text()
+    (folder / "system.py").write_text(text.replace('"l", 0.75', '"l", 0.80'))
+    second = reference(folder, START, duration=1)
+    assert len(asked) == 3
+    assert largest(second - first, "theta") > 0.01
+
+
+PENDULUM = "simple_pendulum/mujoco.xml"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ((PENDULUM, "fre"), "has no scenario 'fre'; it has free, driven, large, chirp; or give"),
+        ((PENDULUM, {"phi": 1.0}), "a start has no 'phi'; simple_pendulum has theta, theta_dot"),
+        ((PENDULUM, {"theta": 1.0}), "say for how many seconds, as in duration=10"),
+        ((PENDULUM, "free", 20.0), r"mujoco.xml: of a motion of 18 s a step of 20 s shows nothing"),
+        ((PENDULUM, "free", 1e-8), "takes 1.8e\\+09 steps"),
+    ],
+)
+def test_what_a_worker_finds_wrong_is_told_with_what_there_is(
+    arguments: tuple[Any, ...], told: str
+) -> None:
+    with pytest.raises(MotionError, match=told):
+        simulate(*arguments)
+
+
+def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
+    for step in (-1, 0, np.inf, "slow"):
+        with pytest.raises(MotionError, match=r"the step is .*, where a number of seconds above"):
+            simulate(PENDULUM, "free", step)  # type: ignore[arg-type]
+    with pytest.raises(MotionError, match="the duration is -1"):
+        reference("simple_pendulum", "free", duration=-1)
+    with pytest.raises(MotionError, match="theta starts at nan"):
+        simulate(PENDULUM, {"theta": float("nan")}, duration=1)
+    with pytest.raises(MotionError, match="the scenario is 3, where a name belongs"):
+        simulate(PENDULUM, 3)  # type: ignore[arg-type]
+    with pytest.raises(FolderError, match="no engine 'havok' is known; known are"):
+        simulate(PENDULUM, "free", engine="havok")
+    with pytest.raises(MotionError, match=r"is not run in pybullet; .* as mujoco\.xml\.toml"):
+        simulate(PENDULUM, "free", engine="pybullet")
+    (tmp_path / "arm.urdf").write_text(ARM)
+    with pytest.raises(MotionError, match="is not run in pymunk; it is in pybullet, mujoco"):
+        simulate(tmp_path / "arm.urdf", {}, duration=1, engine="pymunk")
+    with pytest.raises(MotionError, match=r"a system folder; name .*: mujoco\.xml"):
+        simulate("simple_pendulum", "free")
+    with pytest.raises(MotionError, match=r"nowhere\.xml: there is no such file"):
+        simulate("nowhere.xml", "free")
+    with pytest.raises(MotionError, match="is a case; name its model"):
+        simulate(f"{PENDULUM}/free", "free")
+    with pytest.raises(FolderError, match="nowhere: no such folder; built-in systems are"):
+        reference("nowhere", "free")
+    with pytest.raises(MotionError, match="holds 6 systems, of which one is to be named"):
+        reference(builtin(), "free")
+
+
+def test_times_lie_in_the_motion_and_ascend() -> None:
+    for times in ([0, 1, 1], [[0, 1]], []):
+        with pytest.raises(MotionError, match="numbers in a row, ascending"):
+            reference("simple_pendulum", START, times=times, duration=1)
+    with pytest.raises(MotionError, match="times go from 0 to 2 s, and the motion from 0 to 1 s"):
+        reference("simple_pendulum", START, times=[0, 2], duration=1)
+
+
+def test_an_engine_that_is_not_installed_is_told_with_what_installs_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from harness.engines.pymunk import PymunkEngine
+
+    monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
+    with pytest.raises(MotionError, match=r"space.py: pymunk: not installed; pip install"):
+        simulate("simple_pendulum/space.py", "free")
+
+
+def test_a_crash_ends_the_call_alone_and_says_where(tmp_path: Path) -> None:
+    folder = copy("simple_pendulum", tmp_path / "pendulum")
+    space = folder / "space.py"
+    text = space.read_text()
+    space.write_text(text.replace("import pymunk\n", "import os, pymunk\nos.abort()\n"))
+    with pytest.raises(MotionError, match=r"space.py:\d+: .*died"):
+        simulate(space, "free")
