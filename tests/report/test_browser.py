@@ -130,8 +130,12 @@ def test_one_legend_hides_a_curve_in_every_plot_of_its_topic(tab: Tab, address: 
     assert tab.run(reference) == [False] * 3
     assert tab.run(f"{topic}.querySelector('.legend button').ariaPressed") == "false"
     # A plot that is drawn again is drawn as the legend says.
+    drawn = f"{PLOTS}.filter((v) => {topic}.contains(v.el))"
+    tab.run(f"(() => {{ window.before = new Set({drawn}); }})()")
     tab.window(height=TALL, scheme="dark")
-    tab.until(f"{reference}.length === 3 && {reference}.every((shown) => !shown)")
+    tab.until(f"{drawn}.length === 3 && {drawn}.every((v) => !before.has(v))")
+    tab.until(BUILT)
+    assert tab.run(reference) == [False] * 3
 
 
 RANGES = f"""{PLOTS}.map((view) => view.model)

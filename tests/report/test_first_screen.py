@@ -23,6 +23,7 @@ from tests.report.samples import (
     results,
 )
 from tests.report.steps import needs_browser, sound
+from tests.report.test_looks import CHECK
 
 EIGHT = ("mujoco", "pybullet", "mjx", "dart", "drake", "newton", "pinocchio", "pymunk")
 
@@ -98,6 +99,16 @@ def test_the_buttons_copy_the_patch_and_the_command(planted_tab: Tab) -> None:
       document.querySelector("button[data-copy]").click(); })()""")
     planted_tab.until("kept.length === 3")
     assert planted_tab.run("kept[2]") == patch
+
+
+@needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_patch_is_readable_for_everybody(planted_tab: Tab, scheme: str) -> None:
+    axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
+    planted_tab.window(1440, 900, scheme=scheme)
+    planted_tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
+    # Of eight engines' page the first screen alone: all of it takes a busy machine too long.
+    assert planted_tab.run(CHECK.replace("(document,", "('#act, .titled',")) == []
 
 
 def test_a_cause_is_one_trouble_however_many_engines_and_scenarios_show_it() -> None:

@@ -63,6 +63,7 @@ def test_the_overview_shows_the_worst_of_each_engine_in_runs_of_most_cases(
     found = charts(agreeing, (*lines, one), "pack-history")
     days = [0.0, 1.0, 2.0]
     assert found["Digits that agree"]["pybullet"] == [days, [11.9, 11.9, 10.9]]
+    assert found["Digits that agree"]["mujoco"] == [days, [11.9, 11.9, 10.9]]
     assert set(found["Digits that agree"]) == {"mujoco", "pybullet"}
 
 

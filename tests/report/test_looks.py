@@ -87,6 +87,7 @@ def test_paper_has_what_is_folded_as_text_and_the_screen_folds_it_again(
     topics = "[...document.querySelectorAll('.view.current .topic')]"
     tab.until(f"{topics}.every((t) => !t.open)")
     tab.window(1050, 740, media="print")
+    assert not tab.run(f"{topics}.some((t) => t.checkVisibility())"), "no heading of nothing"
     beside = (
         "['.motion', '.lead .group'].map((n) => document.querySelector(`.view.current ${n}`)"
         ".getBoundingClientRect().top)"

@@ -15,6 +15,7 @@ from tests.report.chromium import Browser
 from tests.report.page import Page
 from tests.report.samples import judged, results
 from tests.report.steps import needs_browser
+from tests.report.test_looks import CHECK
 from tests.report.test_page import HOSTILE, hostile
 
 ROWS = """[...document.querySelectorAll("main > section .moves tbody tr")]
@@ -62,6 +63,20 @@ def test_what_moved_is_seen_and_leads_to_both_reports(browser: Browser, address:
         tab.until("document.querySelectorAll('footer').length === 1")
         assert tab.run("document.documentElement.scrollWidth") <= 390
         assert tab.problems == []
+
+
+@needs_browser
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_an_accessibility_checker_finds_nothing_serious(
+    browser: Browser, address: str, scheme: str
+) -> None:
+    axe = pytest.importorskip("axe_core_python", reason="axe-core is not installed")
+    with browser.tab() as tab:
+        tab.window(scheme=scheme)
+        tab.send("Page.navigate", url=address)
+        tab.until("document.querySelectorAll('footer').length === 1")
+        tab.run(Path(axe.__file__).with_name("axe.min.js").read_text("utf-8") + ";null")
+        assert tab.run(CHECK) == []
 
 
 def test_a_run_without_a_report_is_not_linked_and_hostile_names_are_text(tmp_path: Path) -> None:

@@ -45,6 +45,16 @@ def test_digits_have_moved_by_half_a_digit_and_not_by_rounding() -> None:
     assert (more.kinds, more.worse) == (("digits",), False)
 
 
+def test_of_two_that_moved_alike_the_one_that_moved_further_comes_first() -> None:
+    names = ("a", "b")
+    now = [
+        case(scenario=name, verdict=verdict(largest_uncertainty=size))
+        for name, size in zip(names, (4e-11, 4e-9), strict=True)
+    ]
+    found = two_runs(results(*(case(scenario=name) for name in names)), results(*now))
+    assert [one.id.scenario for one in found.cases] == ["b", "a"]
+
+
 def test_a_global_error_has_moved_by_a_hundredth_of_itself() -> None:
     assert moved(full_run=full_run(global_error=0.00504)).kinds == ()
     assert moved(full_run=full_run(global_error=0.0051)).kinds == ("global error",)
