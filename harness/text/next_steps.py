@@ -64,9 +64,11 @@ def run_again(results: Results, out: Path) -> str:
 
 
 def _explained(results: Results) -> list[Model]:
+    """Of models that don't pass: what was accepted is to stay."""
+    failing = {case.key for case in results.failed}
     return [
         alike[0]
-        for alike in explained_alike(results.models)
+        for alike in explained_alike(one for one in results.models if one.key in failing)
         if (found := alike[0].diagnosis) is not None and found.explained
     ]
 

@@ -128,6 +128,24 @@ def test_the_next_step_names_the_line_the_values_and_the_command(
     assert next_steps(results(case()), Path("reports")) == []
 
 
+def test_what_was_accepted_is_not_to_be_changed() -> None:
+    kept = case(Outcome.DIFFERS, accepted="soft")
+    explained = model(diagnosis=diagnosis())
+    assert next_steps(results(kept, models=(explained,)), Path("reports")) == []
+
+
+def test_findings_that_differ_in_numbers_alone_are_told_once() -> None:
+    alike = tuple(
+        model(finding(f"A is {i}.5e-12 off, m = 3"), engine=engine)
+        for i, engine in enumerate(("mujoco", "pybullet"))
+    )
+    other = model(finding("B is off"), engine="drake")
+    text = printed(results(case(), models=(*alike, other)))
+    assert "audit of disc/mujoco.xml [mujoco, pybullet]" in text
+    assert "audit of disc/mujoco.xml [drake]" in text
+    assert text.count("e-12 off") == 1
+
+
 def test_quiet_counts_what_agrees() -> None:
     out = StringIO()
     print_results(Console(file=out, width=100), planted(), quiet=True)
