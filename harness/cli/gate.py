@@ -24,8 +24,8 @@ from harness.text.github import commands, plain_line, write_summary
 from harness.text.visible import visible
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+def add_meant(command: argparse.ArgumentParser) -> None:
+    """Declare what `meant` reads."""
     command.add_argument(
         "folders",
         nargs="*",
@@ -42,6 +42,11 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="name the cause where a model differs; takes a while",
     )
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    add_meant(command)
     command.add_argument(
         "--all", action="store_true", dest="every", help="run every case, changed or not"
     )

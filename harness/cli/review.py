@@ -6,9 +6,8 @@ import argparse
 import sys
 
 from harness.baseline.changes import Status
-from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
-from harness.cli.gate import LateProgress, meant
+from harness.cli.gate import LateProgress, add_meant, meant
 from harness.files.folders import check_engines
 from harness.gate.accept import AcceptError, accept_each
 from harness.gate.gate import gate
@@ -20,18 +19,8 @@ from harness.text.visible import visible
 
 
 def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    arguments.folders(command, some=False)
-    arguments.engine(command)
-    arguments.resolution_of(command)
-    arguments.limits(command)
-    arguments.jobs(command)
-    arguments.baseline(command)
-    command.add_argument(
-        "--diagnose",
-        action="store_true",
-        help="name the cause where a model differs; takes a while",
-    )
+    """Declare the arguments: those of the gate."""
+    add_meant(command)
 
 
 def main(options: argparse.Namespace) -> int:
