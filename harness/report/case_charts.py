@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,10 +33,11 @@ def case_charts(
     shown_others = others[:OVERLAID]
     names = run.series.components
     telling = names.index(run.verdict.component) if run.verdict.component in names else 0
-    motions = [_motion(run, shown_others, i, units[i]) for i in range(half)]
-    motions[telling % half] = replace(motions[telling % half], lead=True)
-    errors = [_error(run, i, units[i], reach[i]) for i in range(2 * half)]
-    errors[telling] = replace(errors[telling], lead=True)
+    # A series may be of nothing: then nothing leads.
+    motions = _led(
+        (_motion(run, shown_others, i, units[i]) for i in range(half)), telling % max(half, 1)
+    )
+    errors = _led((_error(run, i, units[i], reach[i]) for i in range(2 * half)), telling)
     return (
         *motions,
         *(_phase(run, i, units) for i in range(half)),
@@ -45,6 +46,11 @@ def case_charts(
         _convergence(run),
         *_work(run, shown_others),
     )
+
+
+def _led(charts: Iterable[Chart], leading: int) -> list[Chart]:
+    """The same, of which one is seen before the others."""
+    return [replace(chart, lead=i == leading) for i, chart in enumerate(charts)]
 
 
 def _motion(run: Run, others: Sequence[Run], i: int, unit: str) -> Chart:
