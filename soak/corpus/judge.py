@@ -119,7 +119,13 @@ def _together(entries: Sequence[Entry]) -> Iterator[Judged]:
 
 @contextlib.contextmanager
 def _workspace(entry: Entry) -> Iterator[Path]:
-    """A folder with `hostile/` and `sound/`, both sound so far; taken away afterwards."""
+    """A folder with `hostile/` and `sound/`, both sound so far; taken away afterwards.
+
+    Raises:
+        RuntimeError: in a checkout: what lies in the working folder is taken away.
+    """
+    if Path(".git").exists():
+        raise RuntimeError(f"{Path.cwd()} is a checkout; work in an empty folder")
     place = Path(tempfile.mkdtemp(prefix="soak-"))
     try:
         sound(place / "hostile", entry.model)

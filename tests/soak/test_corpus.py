@@ -42,6 +42,15 @@ def test_there_are_many_over_every_format_and_command() -> None:
     }  # fmt: skip
 
 
+def test_nothing_is_judged_in_a_checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".git").mkdir()
+    (tmp_path / "mine").write_text("")
+    with pytest.raises(RuntimeError, match="is a checkout"):
+        alone(COMMANDS[0])
+    assert (tmp_path / "mine").is_file()
+
+
 def test_commands_refuse_what_they_are_given(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
