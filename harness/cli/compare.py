@@ -8,8 +8,6 @@ import math
 import sys
 from pathlib import Path
 
-from rich.console import Console
-
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
 from harness.compare.candidate import CompareError, NotInstalledError, candidate
@@ -23,6 +21,7 @@ from harness.records.outcome import Outcome
 from harness.records.write import encoded, write_whole
 from harness.schedule.workers import Workers
 from harness.text.comparison import print_comparison
+from harness.text.terminal import terminal
 
 JOBS = 1
 """Worker processes: to start a second one takes longer than to ask both models in turn."""
@@ -75,9 +74,7 @@ def main(options: argparse.Namespace) -> int:
         return _stop(str(error), FAIL)
     except FailureError as error:
         found = failed_record(pair, error.failure, created)
-    print_comparison(
-        Console(soft_wrap=False, highlight=False, width=None if sys.stdout.isatty() else 160), found
-    )
+    print_comparison(terminal(), found)
     if options.json:
         write_whole(options.json, encoded(found, indent=1))
         print(options.json)

@@ -65,7 +65,7 @@ def systems_and_files(prefix: str, **_: object) -> Iterable[str]:
     """Names of built-in systems, and files."""
     from argcomplete.completers import FilesCompleter
 
-    from harness.files.folders import builtin
+    from harness.files.folders import system_folders
 
-    systems = sorted(path.parent.name for path in builtin().glob("*/system.py"))
+    systems = [folder.name for folder in system_folders([])]
     return [*systems, *FilesCompleter()(prefix)]

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
-
-from rich.console import Console
 
 from harness.cli.exit_codes import AGREE, DIFFER
 from harness.files.folders import FolderError
@@ -15,6 +12,7 @@ from harness.records.read import read_results
 from harness.report import write_report
 from harness.report.badge import write_badge
 from harness.report.two_runs import write_two_runs
+from harness.text.terminal import terminal
 from harness.text.two_runs import print_two_runs, two_runs
 
 DEFAULT = Path("reports/results.json")
@@ -59,7 +57,7 @@ def main(options: argparse.Namespace) -> int:
         found = two_runs(*runs)
         write_two_runs(page, found, (files[0].parent, files[1].parent))
         print_two_runs(
-            Console(soft_wrap=False, highlight=False, width=None if sys.stdout.isatty() else 160),
+            terminal(),
             found,
         )
         code = DIFFER if found.moved else AGREE

@@ -9,8 +9,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from rich.console import Console
-
 from harness.cli import arguments
 from harness.cli.asked import Asked, asked_for
 from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
@@ -31,6 +29,7 @@ from harness.text.next_steps import next_steps
 from harness.text.progress import Progress
 from harness.text.sarif import sarif
 from harness.text.table import print_results
+from harness.text.terminal import terminal
 from harness.text.visible import visible
 
 
@@ -166,7 +165,7 @@ def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path])
     if options.format == "github":
         print("\n".join(note.command(Path.cwd()) for note in case_notes(results)))
         return
-    console = Console(soft_wrap=False, highlight=False, width=None if sys.stdout.isatty() else 160)
+    console = terminal()
     for system in results.systems:
         if system.folder in {str(file) for file in robots}:
             print(f"{system.source}: {system.name}, {system.title}")

@@ -6,8 +6,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from rich.console import Console
-
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.files.folders import FolderError, system_folders
@@ -15,6 +13,7 @@ from harness.records.versions import Versions
 from harness.records.write import encoded, write_whole
 from harness.report.versions import write_versions
 from harness.robots.named import robot_files
+from harness.text.terminal import terminal
 from harness.text.versions import print_versions
 from harness.versions.asked import AskedModels, asked_models, asked_versions
 from harness.versions.environments import EnvironmentError_, cache
@@ -92,9 +91,7 @@ def main(options: argparse.Namespace) -> int:
     write_versions(options.out / "index.html", found)
     if options.json:
         write_whole(options.json, encoded(found, indent=1))
-    print_versions(
-        Console(soft_wrap=False, highlight=False, width=None if sys.stdout.isatty() else 160), found
-    )
+    print_versions(terminal(), found)
     print("  ".join(map(str, filter(None, (options.out / "index.html", options.json)))))
     return code(found)
 

@@ -13,7 +13,7 @@ from harness.records.results import BaselineChanges, Results
 from harness.report.cases import SYMBOLS, CaseView
 from harness.report.diagnoses import DiagnosisView
 from harness.report.matrix import Pair
-from harness.report.patches import Edit, lines_of, unified
+from harness.report.patches import lines_of, unified
 from harness.report.text import shown
 from harness.text.next_steps import Change as Wanted
 from harness.text.next_steps import changes_of, stated_changes
@@ -119,7 +119,7 @@ def gathered(
         views: of the cases, by the identity of their records.
         diagnoses: of the models that differ, or have findings.
     """
-    found = [_Group(one.worst, *one.others) for one in troubles(results.cases)]
+    found = [(one.worst, *one.others) for one in troubles(results.cases)]
     causes = list(_causes(found, results, views, diagnoses))
     told = {key for _, keys in causes for key in keys}
     rest: list[Trouble] = []
@@ -132,19 +132,12 @@ def gathered(
     return (*(one for one, _ in causes), *rest, *failures, *audits)
 
 
-class _Group(tuple[Case, ...]):
-    """Cases that have the same thing wrong, worst first."""
-
-    def __new__(cls, *cases: Case) -> _Group:
-        return super().__new__(cls, cases)
-
-
 def _told(case: Case, told: set[ModelKey]) -> bool:
     return case.outcome is Outcome.DIFFERS and case.key in told
 
 
 def _causes(
-    groups: Sequence[_Group],
+    groups: Sequence[Sequence[Case]],
     results: Results,
     views: Mapping[int, CaseView],
     diagnoses: Mapping[ModelKey, DiagnosisView],
@@ -177,11 +170,8 @@ def _causes(
 
 def _remedy(changes: Sequence[Wanted], model: Model, *, whole: bool) -> Remedy:
     """Changes, and the patch that makes them; `whole`: are they all? Half a cause is no remedy."""
-    edits = [
-        Edit(subject=one.subject, where=one.where, old=one.old, new=one.new) for one in changes
-    ]
     texts = ((model.model, model.text), (f"{model.model}.toml", model.sidecar))
-    patch = unified(edits, texts) if whole and edits else ""
+    patch = unified(changes, texts) if whole and changes else ""
     return Remedy(
         fixes=tuple(map(_fix, changes)),
         lines=tuple(map(shown, lines_of(patch))),

@@ -11,6 +11,7 @@ from harness.records.history import Past
 from harness.report.cases import is_sensitive
 from harness.report.packs import Chart, Curve, Pack
 from harness.report.text import percent, shown
+from harness.text.models_table import known
 
 HISTORY = "Over time"
 
@@ -93,9 +94,8 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
                     for one in past
                     if one.engine == engine and (name == "digits" or one.id not in sensitive)
                 ]
-                known = [value for value in values if value is not None]
-                if known:
-                    points.append((_days(when, start), worst(known)))
+                if there := known(values):
+                    points.append((_days(when, start), worst(there)))
             found[shown(engine)] = points
         return found
 

@@ -5,31 +5,14 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
-from harness.records.base import SourceLine
+from harness.text.next_steps import Change
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 _SUBJECT = re.compile(r"([\w-]+)(?:\[\d+\])?$")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Edit:
-    """Numbers of a file that are to be others.
-
-    Attributes:
-        subject: their addresses.
-        where: their lines.
-        old, new: what stands there, and what is to.
-    """
-
-    subject: tuple[str, ...]
-    where: tuple[SourceLine, ...]
-    old: float
-    new: str
-
-
-def unified(edits: Sequence[Edit], texts: Iterable[tuple[str, str]]) -> str:
+def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
     """A unified diff that makes edits; empty where one of them is not certain.
 
     An edit is certain where its lines have its old number as often as it has addresses.
@@ -66,7 +49,7 @@ def _same_file(path: str, name: str) -> bool:
     return f"/{path}".replace("\\", "/").endswith(f"/{name}")
 
 
-def _put(lines: list[str], row: int, edit: Edit) -> int:
+def _put(lines: list[str], row: int, edit: Change) -> int:
     """Put the new number into a line, and say how often."""
     if row > len(lines):
         return 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,7 +81,6 @@ def render_two_runs(found: TwoRuns, place: Path, folders: tuple[Path, Path]) -> 
 def _row(case: Movement, before: str, after: str) -> Row:
     name = case.id
     fragment = f"#case-{slug(name.system, name.model, name.engine, name.scenario)}"
-    there = [page and one and page + fragment for page, one in _sides(case, before, after)]
     then, now = case.global_error
     return Row(
         name=shown(name),
@@ -91,18 +89,16 @@ def _row(case: Movement, before: str, after: str) -> Row:
         before=case.before or "none",
         after=case.after or "none",
         symbols=(_symbol(case.before), _symbol(case.after)),
-        links=(there[0] or "", there[1] or ""),
+        links=(
+            before + fragment if before and case.before else "",
+            after + fragment if after and case.after else "",
+        ),
         digits=digits_change(*case.digits).replace("->", "→"),
         errors=(percent(then), percent(now)),
         ratio=f"× {now / then:.3g}" if then and now and then != now else "",
         steps=(_seconds(case.step[0]), _seconds(case.step[1])),
         reason=shown(case.reason),
     )
-
-
-def _sides(case: Movement, before: str, after: str) -> Iterator[tuple[str, Outcome | None]]:
-    yield before, case.before
-    yield after, case.after
 
 
 def _symbol(outcome: Outcome | None) -> str:

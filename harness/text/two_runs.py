@@ -10,7 +10,6 @@ from typing import Literal
 from msgspec.structs import replace
 from rich.console import Console
 from rich.measure import Measurement
-from rich.table import Table
 
 from harness.records.base import Number, SourceLine
 from harness.records.case import Case, CaseId
@@ -21,7 +20,7 @@ from harness.text.markup import escape
 from harness.text.next_steps import changes_of
 from harness.text.status import counted
 from harness.text.troubles import explained_alike
-from harness.text.versions import MOST_TOLD, error_change, verdicts
+from harness.text.versions import MOST_TOLD, changes_table, error_change, say, verdicts
 
 Kind = Literal["verdict", "new", "gone", "digits", "global error", "step"]
 """What moves of a case; the worst first."""
@@ -132,32 +131,28 @@ def digits_change(then: Number, now: Number) -> str:
 def print_two_runs(console: Console, found: TwoRuns) -> None:
     """Print what moved, worst first, and a summary last."""
     for what, then, now in found.versions:
-        _say(console, f"{what} {then} -> {now}")
+        say(console, f"{what} {then} -> {now}")
     both = [case for case in found.moved if case.before is not None and case.after is not None]
     if told := both[:MOST_TOLD]:
         _print_table(console, told)
     if len(both) > MOST_TOLD:
-        _say(console, f"and {len(both) - MOST_TOLD} more, on the page")
+        say(console, f"and {len(both) - MOST_TOLD} more, on the page")
     for kind in ("gone", "new"):
         models: dict[str, list[str]] = {}
         for case in found.moved:
             if kind in case.kinds:
                 models.setdefault(str(case.id.of_model), []).append(case.id.scenario)
         for model, scenarios in models.items():
-            _say(console, f"{kind}  {model}: {', '.join(scenarios)}")
+            say(console, f"{kind}  {model}: {', '.join(scenarios)}")
     for line in found.mended:
-        _say(console, f"mended  {line}")
+        say(console, f"mended  {line}")
     for line in found.broken:
-        _say(console, f"wrong now  {line}")
-    _say(console, headline(found))
+        say(console, f"wrong now  {line}")
+    say(console, headline(found))
 
 
 def _print_table(console: Console, cases: Sequence[Movement]) -> None:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("case", "what moved", "verdict"):
-        table.add_column(name, no_wrap=True)
-    for name in ("digits", "global error"):
-        table.add_column(name, justify="right", no_wrap=True)
+    table = changes_table("what moved", "digits")
     for case in cases:
         table.add_row(
             escape(str(case.id)),
@@ -172,7 +167,7 @@ def _print_table(console: Console, cases: Sequence[Movement]) -> None:
         return
     # Nothing is cut: where names alone are too wide, what moved stands below each.
     for case in cases:
-        _say(console, str(case.id))
+        say(console, str(case.id))
         verdict, error = verdicts(case.before, case.after), error_change(*case.global_error)
         numbers = f"digits {digits_change(*case.digits)}  global error {error}"
         console.print(f"  {', '.join(case.kinds)}: {verdict}  {numbers}", soft_wrap=True)
@@ -260,7 +255,3 @@ def _first(case: Movement) -> tuple[bool, int, float]:
     rank = min((KINDS.index(kind) for kind in case.kinds), default=len(KINDS))
     digits = abs((case.digits[1] or 0.0) - (case.digits[0] or 0.0))
     return not case.worse, rank, -digits
-
-
-def _say(console: Console, text: str) -> None:
-    console.print(escape(text), soft_wrap=True)

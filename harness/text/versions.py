@@ -11,6 +11,7 @@ from harness.records.base import Number
 from harness.records.outcome import Outcome
 from harness.records.versions import Upgrade, VersionCase, Versions
 from harness.text.markup import escape
+from harness.text.status import counted
 from harness.text.styles import STYLES
 
 MOST_TOLD = 40
@@ -19,20 +20,20 @@ MOST_TOLD = 40
 def print_versions(console: Console, found: Versions) -> None:
     """Print what each upgrade changes, worst first, and what to do, in the last line."""
     for one in found.upgrades:
-        _say(console, f"\n{found.engine} {one.before} -> {one.after}", "bold")
+        say(console, f"\n{found.engine} {one.before} -> {one.after}", "bold")
         told = [case for case in one.cases if case.kinds]
         if told:
             _print_table(console, told[:MOST_TOLD])
             for case in told[:MOST_TOLD]:
                 _print_messages(console, case)
         if len(told) > MOST_TOLD:
-            _say(console, f"and {len(told) - MOST_TOLD} more")
+            say(console, f"and {len(told) - MOST_TOLD} more")
         for model in one.models:
-            _say(console, f"{model.id}: {', '.join(model.kinds)}")
+            say(console, f"{model.id}: {', '.join(model.kinds)}")
             for message in model.messages:
-                _say(console, f"  {message}")
-        _say(console, counts(one))
-    _say(console, advice(found))
+                say(console, f"  {message}")
+        say(console, counts(one))
+    say(console, advice(found))
 
 
 def counts(one: Upgrade) -> str:
@@ -44,8 +45,8 @@ def counts(one: Upgrade) -> str:
         parts.append(f"{len(one.changed)} changed")
     if one.not_compared:
         parts.append(f"{len(one.not_compared)} not compared")
-    models = f"; {_number(len(one.models), 'model')} changed beside them" if one.models else ""
-    return f"{_number(len(one.cases), 'case')}: {', '.join(parts) or 'none at all'}{models}"
+    models = f"; {counted(len(one.models), 'model')} changed beside them" if one.models else ""
+    return f"{counted(len(one.cases), 'case')}: {', '.join(parts) or 'none at all'}{models}"
 
 
 def advice(found: Versions) -> str:
@@ -82,11 +83,7 @@ def _alike(same: Sequence[VersionCase]) -> str:
 
 
 def _print_table(console: Console, cases: Sequence[VersionCase]) -> None:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for name in ("case", "what changes", "verdict"):
-        table.add_column(name, no_wrap=True)
-    for name in ("limits apart", "global error"):
-        table.add_column(name, justify="right", no_wrap=True)
+    table = changes_table("what changes", "limits apart")
     for case in cases:
         table.add_row(
             escape(str(case.id)),
@@ -96,6 +93,16 @@ def _print_table(console: Console, cases: Sequence[VersionCase]) -> None:
             global_error(case),
         )
     console.print(table)
+
+
+def changes_table(what: str, size: str) -> Table:
+    """A table of cases without rows: what of each is another, its verdict, how far, its error."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for name in ("case", what, "verdict"):
+        table.add_column(name, no_wrap=True)
+    for name in (size, "global error"):
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
 
 
 def verdicts(before: Outcome | None, after: Outcome | None) -> str:
@@ -136,14 +143,11 @@ def _percent(value: Number) -> str:
 
 
 def _print_messages(console: Console, case: VersionCase) -> None:
-    _say(console, f"{', '.join(case.kinds)}: {case.id}")
+    say(console, f"{', '.join(case.kinds)}: {case.id}")
     for message in case.messages:
-        _say(console, f"  {message}")
+        say(console, f"  {message}")
 
 
-def _number(count: int, what: str) -> str:
-    return f"{count} {what}{'s' * (count != 1)}"
-
-
-def _say(console: Console, text: str, style: str = "") -> None:
+def say(console: Console, text: str, style: str = "") -> None:
+    """Print a line of any length."""
     console.print(f"[{style}]{escape(text)}[/]" if style else escape(text), soft_wrap=True)

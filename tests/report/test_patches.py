@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from harness.records.base import SourceLine
-from harness.report.patches import Edit, lines_of, unified
+from harness.report.patches import lines_of, unified
+from harness.text.next_steps import Change
 
 URDF = """<robot>
   <link name="rod">
@@ -24,8 +25,8 @@ URDF = """<robot>
 SIDECAR = "[settings]\nstep = 0.01\ngravity = [0, 0, -9.8]"
 
 
-def edit(subject: str | tuple[str, ...], lines: tuple[int, ...], old: float, new: str) -> Edit:
-    return Edit(
+def edit(subject: str | tuple[str, ...], lines: tuple[int, ...], old: float, new: str) -> Change:
+    return Change(
         subject=(subject,) if isinstance(subject, str) else subject,
         where=tuple(SourceLine(file="models/disc/robot.urdf", line=line) for line in lines),
         old=old,
@@ -33,7 +34,7 @@ def edit(subject: str | tuple[str, ...], lines: tuple[int, ...], old: float, new
     )
 
 
-def patched(*edits: Edit) -> str:
+def patched(*edits: Change) -> str:
     return unified(edits, (("robot.urdf", URDF), ("robot.urdf.toml", SIDECAR)))
 
 
@@ -55,7 +56,7 @@ def test_git_applies_a_patch_of_a_file_and_of_its_sidecar_without_a_last_newline
     (folder / "robot.urdf").write_text(URDF)
     (folder / "robot.urdf.toml").write_text(SIDECAR)
     where = (SourceLine(file="models/disc/robot.urdf.toml", line=3),)
-    gravity = Edit(subject=("sidecar:settings.gravity[2]",), where=where, old=-9.8, new="-9.81")
+    gravity = Change(subject=("sidecar:settings.gravity[2]",), where=where, old=-9.8, new="-9.81")
     told = patched(MASS, gravity)
     subprocess.run(["git", "apply", "-"], input=told, text=True, cwd=tmp_path, check=True)
     assert (folder / "robot.urdf").read_text() == URDF.replace("0.9", "0.8")
@@ -78,7 +79,7 @@ def test_of_equal_numbers_in_a_line_the_one_that_is_meant_is_changed() -> None:
         edit("link[rod]/inertial/mass@value", (), 0.9, "0.8"),
     ],
 )
-def test_what_is_not_certain_makes_no_patch_at_all(uncertain: Edit) -> None:
+def test_what_is_not_certain_makes_no_patch_at_all(uncertain: Change) -> None:
     """Another number stands there, no such line, several that may be meant, no line."""
     assert patched(uncertain) == ""
     assert patched(MASS, uncertain) == ""
@@ -86,5 +87,5 @@ def test_what_is_not_certain_makes_no_patch_at_all(uncertain: Edit) -> None:
 
 def test_an_absolute_path_becomes_a_name_that_can_be_applied_where_the_file_lies() -> None:
     where = (SourceLine(file="/models/disc/robot.urdf", line=4),)
-    told = patched(Edit(subject=MASS.subject, where=where, old=0.9, new="0.8"))
+    told = patched(Change(subject=MASS.subject, where=where, old=0.9, new="0.8"))
     assert told.startswith("--- a/robot.urdf\n+++ b/robot.urdf\n")
