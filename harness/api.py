@@ -21,6 +21,7 @@ from harness.baseline.store import DEFAULT
 from harness.files.folders import check_engines, system_folders
 from harness.notebook import cases as shown
 from harness.notebook.optional import frame
+from harness.options import resolvable
 from harness.records import results
 from harness.records.case import Case
 from harness.run import Options, run
@@ -164,7 +165,7 @@ def check(
         ValueError: for a resolution that double precision can't serve.
     """
     check_engines(engines)
-    if not 1e-13 <= resolution <= 1e-2:
+    if not resolvable(resolution):
         raise ValueError(f"the resolution {resolution} is not between 1e-13 and 1e-2")
     folders = system_folders([str(path) for path in paths])
     options = Options(

@@ -12,6 +12,11 @@ from harness.records.case import CaseId, ModelKey
 from harness.schedule.limits import Limits
 
 
+def resolvable(resolution: float) -> bool:
+    """Whether double precision can serve a resolution."""
+    return 1e-13 <= resolution <= 1e-2
+
+
 @dataclass(frozen=True)
 class Selection:
     """What is wanted of a run that compares: what each case's model does, and not all beside it.

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from harness.baseline.store import DEFAULT
 from harness.cli.completion import completed_by, engine_names, systems_and_files
+from harness.options import resolvable
 from harness.schedule.limits import MEMORY, SECONDS, Limits
 
 
@@ -118,7 +119,7 @@ def positive(text: str) -> int:
 def resolution(text: str) -> float:
     """A resolution that double precision can serve."""
     value = float(text)
-    if not 1e-13 <= value <= 1e-2:
+    if not resolvable(value):
         raise argparse.ArgumentTypeError(f"{text} is not between 1e-13 and 1e-2")
     return value
 

@@ -42,9 +42,14 @@ def columns(cases: Iterable[Case]) -> Mapping[str, list[object]]:
 _NONE = Case(system="", model="", scenario="", engine="", folder="", outcome=Outcome.ABSENT)
 
 
+def _tenth(case: Case) -> Number:
+    """The step for a global error of 0.1 %."""
+    run = case.full_run
+    return None if run is None else {one.target: one.step for one in run.steps_for}.get(0.001)
+
+
 def _row(case: Case) -> dict[str, object]:
     verdict, run = case.verdict, case.full_run
-    wanted = {} if run is None else {one.target: one.step for one in run.steps_for}
     return {
         "system": case.system,
         "model": case.model,
@@ -57,7 +62,7 @@ def _row(case: Case) -> dict[str, object]:
         "global error": _number(None if run is None else run.global_error),
         "step (s)": _number(None if run is None else run.shipped_step),
         "order": _number(None if run is None else run.order),
-        "step for 0.1 % (s)": _number(wanted.get(0.001)),
+        "step for 0.1 % (s)": _number(_tenth(case)),
         "energy error": _number(None if run is None else run.energy_error),
         "integrator": "" if run is None else run.integrator,
         "accepted": case.accepted,
@@ -89,7 +94,6 @@ def page(results: Results) -> str:
 
 def _cells(case: Case) -> list[str]:
     verdict, run = case.verdict, case.full_run
-    steps = {} if run is None else {one.target: one.step for one in run.steps_for}
     return [
         *(escape(x) for x in (case.system, case.model, case.engine, case.scenario)),
         badge(case.outcome) + (" accepted" if case.accepted else ""),
@@ -98,7 +102,7 @@ def _cells(case: Case) -> list[str]:
         shown(None if run is None else run.global_error, "{:.2%}"),
         shown(None if run is None else run.shipped_step, "{:g}"),
         shown(None if run is None else run.order, "{:.2f}"),
-        shown(steps.get(0.001), "{:.2g}"),
+        shown(_tenth(case), "{:.2g}"),
     ]
 
 

@@ -24,6 +24,7 @@ from harness.files.choice import named_model
 from harness.notebook.markup import badge, block, line, paper, shown, table
 from harness.notebook.optional import frame
 from harness.notebook.subject import Name
+from harness.options import resolvable
 from harness.records import comparison
 from harness.records.base import Number, SourceLine
 from harness.records.outcome import Outcome
@@ -228,7 +229,7 @@ def compare(
         SidecarError: for a sidecar that can't be read.
         ValueError: for a resolution that double precision can't serve.
     """
-    if not 1e-13 <= resolution <= 1e-2:
+    if not resolvable(resolution):
         raise ValueError(f"the resolution {resolution} is not between 1e-13 and 1e-2")
     for start in starts:
         for name, value in start.items():
