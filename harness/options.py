@@ -49,7 +49,8 @@ class Options:
     """What `crosscheck run` may be told.
 
     `baseline` is where known differences are looked up; `floating` lets the root link of a URDF
-    that is given alone move; `choice` tells which cases are wanted.
+    that is given alone move; `choice` tells which cases are wanted; `scheduler` is the address of a
+    cluster's, empty for processes of this machine.
     """
 
     engines: tuple[str, ...] = ()
@@ -60,6 +61,7 @@ class Options:
     selection: Selection | None = None
     floating: bool = False
     choice: Choice = field(default_factory=Choice)
+    scheduler: str = ""
 
     @property
     def described(self) -> bool:

@@ -8,10 +8,10 @@ model files and sidecars --plan--> tasks --+
 from __future__ import annotations
 
 import datetime
-import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +21,17 @@ from harness.baseline.audits import mark_models
 from harness.baseline.inputs import versions
 from harness.baseline.known import Accepted, accepted, changes_since, mark_known
 from harness.collected import Collected, Interruption, Progress
+from harness.files.luggage import luggage
 from harness.options import Options, Selection
 from harness.plan import Plan
 from harness.plan_robots import RobotPlan
 from harness.records.baseline import Measurement
 from harness.records.case import Case, CaseId
 from harness.records.results import BaselineChanges, Results
+from harness.schedule.chosen import executor
+from harness.schedule.failure import Failure
 from harness.schedule.jobs import Job, work
 from harness.schedule.stop import Stop
-from harness.schedule.workers import Failure, Workers
 
 __all__ = ["Interruption", "Options", "Progress", "Run", "Selection", "run"]
 
@@ -61,6 +63,7 @@ def run(
 
     Raises:
         BaselineError: for a baseline that can't be believed.
+        ClusterError: for a cluster that can't be worked with.
     """
     began = time.perf_counter()
     before = None
@@ -69,7 +72,13 @@ def run(
     stop = interruption.stop or Stop()
     found = Collected(progress, interruption.journal)
     plan = Plan(options, {} if before is None else before.snapshots, found)
-    with Workers(options.jobs or os.cpu_count() or 1, options.limits) as workers:
+    with executor(
+        jobs=options.jobs,
+        limits=options.limits,
+        scheduler=options.scheduler,
+        files=partial(luggage, (*folders, *robots)),
+        engines=options.engines,
+    ) as workers:
         alone = RobotPlan(options, found)
         jobs: list[Job[Any]] = [*map(plan.folder, folders), *map(alone.file, robots)]
         work(jobs, workers, stop)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -20,8 +19,10 @@ from harness.files.sidecar import Sidecar
 from harness.records.case import ModelId
 from harness.records.finding import AuditFinding
 from harness.records.outcome import Outcome
+from harness.schedule.chosen import executor
+from harness.schedule.failure import Failure
 from harness.schedule.jobs import Job, Task, work
-from harness.schedule.workers import Failure, Limits, Workers
+from harness.schedule.limits import Limits
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def audits(
 ) -> tuple[ModelAudit, ...]:
     """Audit every model of the folders; `engines` and the limits are those of a run."""
     found: list[dict[ModelId, ModelAudit]] = [{} for _ in folders]
-    with Workers(jobs or os.cpu_count() or 1, limits) as workers:
+    with executor(jobs=jobs, limits=limits) as workers:
         plans = zip(folders, found, strict=True)
         work((_folder(folder, engines, into) for folder, into in plans), workers)
     return tuple(one for models in found for one in models.values())

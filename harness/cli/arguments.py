@@ -63,6 +63,16 @@ def jobs(command: argparse.ArgumentParser, otherwise: str = "one per processor")
     )
 
 
+def scheduler(command: argparse.ArgumentParser) -> None:
+    """Add --scheduler ADDRESS."""
+    command.add_argument(
+        "--scheduler",
+        default="",
+        metavar="ADDRESS",
+        help="do the work on a cluster of dask.distributed, as tcp://HOST:8786 (on this machine)",
+    )
+
+
 def baseline(command: argparse.ArgumentParser) -> None:
     """Add --baseline DIR."""
     command.add_argument(

@@ -76,11 +76,12 @@ def _run(options: argparse.Namespace) -> int:
     from harness.baseline.store import BaselineError
     from harness.files.folders import FolderError
     from harness.records.read import ResultsError
+    from harness.schedule.executor import ClusterError
 
     try:
         code: int = _module(options.command).main(options)
         return code
-    except (FolderError, ResultsError) as error:
+    except (FolderError, ResultsError, ClusterError) as error:
         print(f"crosscheck: {error}", file=sys.stderr)
         return USAGE
     except BaselineError as error:

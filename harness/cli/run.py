@@ -51,6 +51,7 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
+    arguments.scheduler(command)
     command.add_argument(
         "--out",
         type=Path,
@@ -127,6 +128,7 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
         baseline=options.baseline,
         floating=options.floating,
         choice=wanted.choice,
+        scheduler=options.scheduler,
     )
     with journal(options.out, resume=options.resume) as done:
         with Progress(every=options.verbose) as progress, asking() as stop:

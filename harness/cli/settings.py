@@ -121,6 +121,12 @@ def _path(value: object, base: Path) -> Path:
     return base / value
 
 
+def _text(value: object, _: Path) -> str:
+    if not isinstance(value, str):
+        raise ValueError("a text belongs there")
+    return value
+
+
 def _switch(value: object, _: Path) -> bool:
     if not isinstance(value, bool):
         raise ValueError("true or false belongs there")
@@ -147,6 +153,7 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType({
         read=_of_text(arguments.positive),
         commands=_RUNNING | {"audit", "versions", "mutate"},
     ),
+    "scheduler": Setting(argument="scheduler", read=_text, commands=frozenset({"run"})),
     "baseline": Setting(argument="baseline", read=_path, commands=_RUNNING),
     "out": Setting(argument="out", read=_path, commands=frozenset({"run"})),
     "strict": Setting(argument="strict", read=_switch, commands=frozenset({"run"})),

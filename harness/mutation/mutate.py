@@ -24,8 +24,10 @@ from harness.mutation.judge import RESOLUTION, MutationTask, mutated, refused
 from harness.mutation.survey import MutationError, Survey, survey
 from harness.mutation.trees import TreeFault, died, faults_of, mutated_tree
 from harness.records.mutation import Mutation
+from harness.schedule.chosen import executor
+from harness.schedule.failure import Failure
 from harness.schedule.jobs import Job, Task, work
-from harness.schedule.workers import Failure, Limits, Workers
+from harness.schedule.limits import Limits
 
 SECONDS = 600.0
 """Processor seconds that one fault may take unless told otherwise: many pairs may be tried."""
@@ -55,7 +57,7 @@ def mutate(
         MutationError: a folder must be sound to be mutated; the message names file and remedy.
     """
     plan = _Plan(only, progress)
-    with Workers(workers, limits or Limits(seconds=SECONDS)) as pool:
+    with executor(jobs=workers, limits=limits or Limits(seconds=SECONDS)) as pool:
         work(map(plan.folder, folders), pool)
     return plan.sorted()
 

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic
 
+from harness.schedule.executor import Argument, Executor, Pending, Value
+from harness.schedule.failure import Failure
 from harness.schedule.stop import Stop
-from harness.schedule.workers import Argument, Failure, Pending, Value, Workers
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Job(Generic[Value]):
     failed: Callable[[Failure], Iterable[Job[Any]]]
 
 
-def work(jobs: Iterable[Job[Any]], workers: Workers, stop: Stop | None = None) -> None:
+def work(jobs: Iterable[Job[Any]], workers: Executor, stop: Stop | None = None) -> None:
     """Do all jobs, and those that they bring; returns when none is left, or when asked to stop.
 
     What a job brings is done before the jobs that wait: so that there is something to show from the

@@ -26,12 +26,14 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Self, cast
 
 import physics_crosscheck
 from harness.schedule.clock import is_waiting, processor_seconds
+from harness.schedule.executor import MOMENT, Argument, Pending, Value
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
+from harness.schedule.main_module import without_main
 from harness.schedule.source import line_of_death
 from harness.schedule.stop import SIGNALS
 from harness.schedule.worker import Station, serve
@@ -39,9 +41,6 @@ from harness.schedule.worker import Station, serve
 __all__ = ["Failure", "Limits", "Pending", "Workers"]
 
 MOST_PRINTED = 4000
-
-MOMENT = 0.2
-"""Seconds between two looks at the clock."""
 
 _TRIES = 5
 """Times that a worker is tried to be started: a task may end the process that starts them."""
@@ -51,28 +50,6 @@ _UNKNOWN = 255
 
 _NO_MEMORY = ("bad_alloc", "Could not allocate memory", "Cannot allocate memory", "out of memory")
 """What C and C++ print before they end the process for want of memory."""
-
-Argument = TypeVar("Argument")
-Value = TypeVar("Value")
-
-
-@dataclass(eq=False)
-class Pending(Generic[Value]):
-    """A task that was submitted.
-
-    Attributes:
-        function, argument: the task.
-        value: what came of it, once it has `ended`.
-    """
-
-    function: Callable[[Any], Value]
-    argument: object
-    value: Value | Failure | None = None
-    ended: bool = False
-
-    def end(self, value: Value | Failure) -> None:
-        """It has a value, or none for a reason."""
-        self.value, self.ended = value, True
 
 
 @dataclass(eq=False)
@@ -143,10 +120,27 @@ class _Worker:
 
 
 class Workers:
-    """Worker processes; use them as a context manager."""
+    """Worker processes of this machine; use them as a context manager.
 
-    def __init__(self, jobs: int, limits: Limits | None = None) -> None:
+    Args:
+        jobs: how many at most.
+        limits: of each task.
+        cwd: their working folder; None: this process's.
+        wake: a pipe that ends the moment which `turn` waits; whoever reads it is another's affair.
+        alone: whether they are not told of the program's main module.
+    """
+
+    def __init__(
+        self,
+        jobs: int,
+        limits: Limits | None = None,
+        *,
+        cwd: Path | None = None,
+        wake: Connection | None = None,
+        alone: bool = False,
+    ) -> None:
         self._jobs, self._limits = jobs, limits or Limits()
+        self._cwd, self._wake, self._alone = cwd, wake, alone
         self._context = _context()
         self._scratch = Path(tempfile.mkdtemp(prefix="crosscheck-"))
         self._crew: list[_Worker] = []
@@ -205,14 +199,15 @@ class Workers:
         self._started += 1
         ours, theirs = self._context.Pipe()
         station = Station(
-            cwd=str(Path.cwd()),
+            cwd=str(self._cwd or Path.cwd()),
             scratch=self._scratch,
             log=self._scratch / f"{self._started}.log",
             trace=self._scratch / f"{self._started}.trace",
             limits=self._limits,
         )
         process = self._context.Process(target=serve, args=(theirs, station))
-        _start(process)
+        with without_main() if self._alone else contextlib.nullcontext():
+            _start(process)
         theirs.close()
         worker = _Worker(process, ours, station)
         self._crew.append(worker)
@@ -222,6 +217,7 @@ class Workers:
         """Wait a moment; yields the tasks that ended, in the order of the workers."""
         ends: list[Connection | int] = [one.tasks for one in self._crew]
         ends += [one.process.sentinel for one in self._crew if not one.orphaned]
+        ends += [] if self._wake is None else [self._wake]
         ready = wait(ends, MOMENT)
         for worker in tuple(self._crew):
             pending = worker.pending
@@ -271,7 +267,7 @@ class Workers:
         """End all workers, with what they are doing."""
         self._end()
 
-    def __enter__(self) -> Workers:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

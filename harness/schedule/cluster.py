@@ -1,0 +1,357 @@
+"""Tasks on an existing cluster of dask.distributed.
+
+A task is sent as bytes to whichever worker dask picks, and done there by a process of its own: see
+`harness.schedule.post`. A worker that is new to the run says so, gets the files, and the task is
+asked for again. A task whose worker is lost goes to another: that is dask's affair.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import pickle
+import queue
+import sys
+import time
+import uuid
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, cast
+
+from harness.schedule import parcel
+from harness.schedule.executor import MOMENT, Argument, ClusterError, Pending, Value
+from harness.schedule.failure import Failure
+from harness.schedule.limits import Limits
+from harness.schedule.post import Terms, installed
+
+try:
+    import distributed
+except ImportError as error:
+    raise ClusterError(
+        f"--scheduler needs dask.distributed, which can't be imported ({error}):"
+        " pip install 'physics-crosscheck[cluster]'"
+    ) from None
+
+ANSWER = 10.0
+"""Seconds in which a scheduler has to answer."""
+
+LOOK = 2.0
+"""Seconds between two looks at which workers there are."""
+
+AHEAD = 3
+"""Tasks in flight for each thread of the cluster: one is done, the others are on their way."""
+
+FEWEST = 4
+"""Tasks in flight where there are hardly any threads yet."""
+
+_TRIES = 5
+"""Times that a task may meet workers that don't know the run: they come and go."""
+
+_STRANGE = (
+    f"{_TRIES + 1} workers of the cluster had it that did not know the run, and came and went"
+)
+
+
+@dataclass(frozen=True)
+class _Stranger:
+    """A worker that does not know the run."""
+
+    address: str
+
+
+class Cluster:
+    """Workers of a cluster; use it as a context manager.
+
+    Args:
+        address: of its scheduler.
+        jobs: tasks in flight at most; 0: some for each thread that the cluster has.
+        limits: of each task.
+        files: files and folders that tasks read, as they are named here.
+        engines: whose versions must be the same there; none: all that are installed here.
+
+    Raises:
+        ClusterError: where nobody answers, or what is installed there is other than here.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        jobs: int = 0,
+        limits: Limits | None = None,
+        files: Sequence[Path] = (),
+        engines: Sequence[str] = (),
+    ) -> None:
+        self._address, self._jobs = address, jobs
+        self._run = f"crosscheck-{uuid.uuid4().hex[:16]}"
+        self._places = frozenset(os.path.abspath(file) for file in files)
+        terms = Terms(
+            run=self._run,
+            limits=limits or Limits(),
+            cwd=str(Path.cwd()),
+            versions=installed(tuple(engines)),
+            engines=tuple(engines),
+        )
+        self._told = pickle.dumps((terms, _luggage(files)))
+        self._waiting: deque[Pending[Any]] = deque()
+        self._flying: dict[Any, tuple[Pending[Any], bytes, int]] = {}
+        self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._threads, self._looked = 0, -LOOK
+        self._do = _sent("do")
+        self._client = _connected(address)
+        try:
+            self._check(self._client)
+            self._receive()
+        except BaseException:
+            self.close()
+            raise
+
+    def submit(
+        self, function: Callable[[Argument], Value], argument: Argument, *, first: bool = False
+    ) -> Pending[Value]:
+        """Ask for a task; it is sent when there is room in flight, while one of these is asked."""
+        pending: Pending[Value] = Pending(function, argument)
+        if first:
+            self._waiting.appendleft(pending)
+        else:
+            self._waiting.append(pending)
+        return pending
+
+    def turn(self) -> list[Pending[Any]]:
+        """Send tasks, wait a moment for something to happen, and return those that ended.
+
+        Raises:
+            ClusterError: where the scheduler is lost, or a new worker does not fit.
+        """
+        ended = self._send()
+        if ended:
+            return ended
+        futures = []
+        with contextlib.suppress(queue.Empty):
+            futures.append(self._ended.get(timeout=MOMENT))
+            while True:
+                futures.append(self._ended.get_nowait())
+        return self._take(futures)
+
+    def outcome(self, pending: Pending[Value]) -> Value | Failure:
+        """The value of a task, or a `Failure` that says what became of it; waits for it."""
+        while not pending.ended:
+            self.turn()
+        return cast(Value | Failure, pending.value)  # None is a value too, once it ended
+
+    def close(self) -> None:
+        """Take back what is in flight, end what is being done, and leave the cluster."""
+        with contextlib.suppress(Exception):
+            if self._flying:
+                self._client.cancel(list(self._flying), force=True)
+        self._flying.clear()
+        with contextlib.suppress(Exception):
+            self._client.run(_sent("leave"), self._run, on_error="ignore")
+        with contextlib.suppress(Exception):
+            self._client.close(timeout=ANSWER)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _check(self, client: Any) -> None:
+        """Refuse other versions of what client and workers talk with, Python first."""
+        found = client.get_versions()
+        here = _talking(found["client"])
+        others = {"its scheduler": found["scheduler"], **found["workers"]}
+        for name, there in others.items():
+            other = [
+                f"{what} {version} (here {here[what]})"
+                for what, version in _talking(there).items()
+                if version != here[what]
+            ]
+            if other:
+                raise self._other(name, ", ".join(other))
+
+    def _other(self, worker: str, what: str) -> ClusterError:
+        return ClusterError(
+            f"--scheduler {self._address}: {worker} has {what}; results would not be those of this"
+            " machine: install the same there, or choose engines that are the same with --engine"
+        )
+
+    def _without(self, worker: str, error: ImportError) -> ClusterError:
+        return ClusterError(
+            f"--scheduler {self._address}: {worker} can't import physics-crosscheck ({error}):"
+            " install it there, in the same version"
+        )
+
+    def _receive(self, workers: Sequence[str] | None = None) -> None:
+        """Send the run to workers; None: to all that there are."""
+        answers = self._client.run(_sent("receive"), self._told, workers=workers, on_error="return")
+        for worker, answer in answers.items():
+            if isinstance(answer, ImportError):
+                raise self._without(worker, answer)
+            if isinstance(answer, OSError) and workers is not None:
+                continue  # it is gone: its tasks go elsewhere
+            if isinstance(answer, BaseException):
+                said = f"{type(answer).__name__}: {answer}"
+                raise ClusterError(
+                    f"--scheduler {self._address}: {worker} can't take the run: {said}"
+                )
+            if answer:
+                raise self._other(worker, answer)
+
+    def _room(self) -> int:
+        """Tasks that may be in flight."""
+        if self._jobs:
+            return self._jobs
+        if time.monotonic() - self._looked > LOOK:
+            threads = sum(self._client.nthreads().values())
+            if not threads and (self._threads or self._looked < 0):
+                print(
+                    f"crosscheck: the cluster at {self._address} has no workers: waiting for one",
+                    file=sys.stderr,
+                )
+            self._threads, self._looked = threads, time.monotonic()
+        return max(FEWEST, AHEAD * self._threads)
+
+    def _send(self) -> list[Pending[Any]]:
+        """Send waiting tasks where there is room; returns those that can't be sent."""
+        lost = []
+        room = self._room() if self._waiting else 0
+        while self._waiting and len(self._flying) < room:
+            pending = self._waiting.popleft()
+            task = (pending.function, pending.argument)
+            try:
+                data = parcel.packed(task, places=self._places)
+            except Exception as error:
+                pending.end(Failure(f"{type(error).__name__}: {error}", ""))
+                lost.append(pending)
+                continue
+            self._fly(pending, data, 0)
+        return lost
+
+    def _fly(self, pending: Pending[Any], data: bytes, tries: int) -> None:
+        future = self._client.submit(self._do, self._run, data, pure=False)
+        self._flying[future] = pending, data, tries
+        future.add_done_callback(self._ended.put)
+
+    def _take(self, futures: Iterable[Any]) -> list[Pending[Any]]:
+        """The tasks of futures that are done, ended; those sent to strangers are sent again."""
+        ended, strangers = [], dict[str, None]()
+        again = []
+        for future in futures:
+            pending, data, tries = self._flying.pop(future)
+            value = self._value(future)
+            if isinstance(value, _Stranger) and tries < _TRIES:
+                strangers[value.address] = None
+                again.append((pending, data, tries + 1))
+                continue
+            pending.end(Failure(_STRANGE, "") if isinstance(value, _Stranger) else value)
+            ended.append(pending)
+        if strangers:
+            self._receive(list(strangers))
+        for pending, data, tries in again:
+            self._fly(pending, data, tries)
+        return ended
+
+    def _value(self, future: Any) -> Any:
+        """The value of a task, or a `Failure`; or which worker is new to the run."""
+        try:
+            address, reply = future.result()
+        except distributed.CancelledError:
+            raise ClusterError(
+                f"--scheduler {self._address}: it took the run's tasks away, or is gone itself;"
+                " what is done is kept: --resume goes on"
+            ) from None
+        except ImportError as error:
+            raise self._without("a new worker", error) from None
+        except distributed.KilledWorker as error:
+            return Failure(f"worker after worker was lost with it: {error}", "")
+        except Exception as error:
+            return Failure(f"the cluster: {type(error).__name__}: {error}", "")
+        if reply is None:
+            return _Stranger(address)
+        try:
+            return reply if isinstance(reply, Failure) else parcel.unpacked(reply)
+        except Exception as error:
+            return Failure(f"its value can't be read: {type(error).__name__}: {error}", "")
+
+
+def _luggage(files: Sequence[Path]) -> bytes:
+    try:
+        return parcel.luggage(files)
+    except parcel.ParcelError as error:
+        raise ClusterError(str(error)) from None
+
+
+def _connected(address: str) -> Any:
+    """A client of the scheduler.
+
+    Raises:
+        ClusterError: where nobody answers.
+    """
+    # What it says of lost connections is told in our own words, or mended by dask itself.
+    for name in ("distributed", "distributed.client", "distributed.core"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # other versions are told below
+            return distributed.Client(
+                address, timeout=ANSWER, set_as_default=False, name="physics-crosscheck"
+            )
+    except (OSError, ValueError, TypeError, RuntimeError, ImportError) as error:
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise ClusterError(
+            f"--scheduler {address}: no scheduler answers there ({said}); `dask scheduler` starts"
+            " one and prints its address, as tcp://HOST:8786"
+        ) from None
+
+
+def _talking(found: Any) -> dict[str, str]:
+    """Versions that have to be the same for anything to be understood."""
+    if not isinstance(found, dict):
+        return {"dask.distributed": f"of an unknown version ({found})"}
+    host, packages = found["host"], found["packages"]
+    return {
+        "Python": ".".join(host["python"].split(".")[:2]),
+        "dask.distributed": str(packages["distributed"]),
+    }
+
+
+def _sent(name: str) -> Callable[..., Any]:
+    """A function of `harness.schedule.post`, to be called in a worker.
+
+    These are sent as code, not by their names: the scheduler reads them too and need not have this
+    package, and in a worker the names are to be bound to our packages before they are looked up.
+    """
+
+    def receive(told: bytes, dask_worker: Any = None) -> Any:
+        import physics_crosscheck  # noqa: F401
+        from harness.schedule import post
+
+        return post.receive(told, dask_worker.local_directory)
+
+    def do(run: str, data: bytes) -> Any:
+        import distributed as there
+
+        import physics_crosscheck  # noqa: F401
+        from harness.schedule import post
+
+        return there.get_worker().address, post.do(run, data)
+
+    def leave(run: str) -> None:
+        import physics_crosscheck  # noqa: F401
+        from harness.schedule import post
+
+        post.leave(run)
+
+    functions: dict[str, Callable[..., Any]] = {"receive": receive, "do": do, "leave": leave}
+    return functions[name]
