@@ -91,11 +91,12 @@ class Loopback:
 
 
 def children(pid: int) -> list[int]:
-    """Processes that a process has started."""
-    try:
-        return [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-    except OSError:
-        return []
+    """Processes that any thread of a process has started."""
+    found = []
+    for listed in Path(f"/proc/{pid}/task").glob("*/children"):
+        with contextlib.suppress(OSError):
+            found += [int(one) for one in listed.read_text().split()]
+    return found
 
 
 @contextlib.contextmanager

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import json
 import os
 import re
 import shutil
+import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,23 +20,18 @@ import pytest
 
 from harness.cases.prepare import Prepared, prepare
 from harness.cli.main import main
-from harness.records.read import read_results
-from harness.records.results import Results
 from harness.schedule import parcel
 from harness.schedule.chosen import executor
-from harness.schedule.executor import ClusterError, Executor
+from harness.schedule.executor import Executor
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
-from tests.faults.known_folder import ROOT, one_scenario
-from tests.schedule.clusters import Loopback, loopback
+from tests.faults.known_folder import ROOT, environment, one_scenario
+from tests.schedule.clusters import PATIENCE, Loopback, children, loopback
+from tests.standing import standing_only
 
 pytestmark = pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
 
 LIMITS = Limits(seconds=1.0, memory=1.0)
-
-
-def process(_: object) -> int:
-    return os.getpid()
 
 
 def crash(_: object) -> None:
@@ -52,19 +49,27 @@ def fill(_: object) -> int:
     return len(bytearray(4 << 30))
 
 
-def slow(number: int) -> tuple[int, int]:
+def slow(given: tuple[str, int]) -> int:
+    """Leaves the process that its own was started by, whose parent is the dask worker."""
+    folder, number = given
+    Path(folder, f"{number}").write_text(f"{os.getppid()}")
     time.sleep(0.3)
-    return number, os.getppid()
+    return number
 
 
 def nap(file: str) -> None:
-    Path(file).write_text("begun")
+    Path(file).write_text(f"{os.getpid()}")
     time.sleep(600)
 
 
 def opened(file: Path) -> tuple[str, str, Path, str]:
     """What is read of a file, which is told with all its names."""
     return file.read_text(), str(file), file.resolve(), f"{file}: of {Path.cwd()}"
+
+
+def where(file: Path) -> list[str]:
+    """The parts of the path that a copy really has, none of which is taken for one."""
+    return list(file.resolve().parts)
 
 
 def refuse(file: Path) -> None:
@@ -91,34 +96,201 @@ def pool(cluster: Loopback) -> Iterator[Executor]:
 @pytest.fixture
 def pendulum(tmp_path: Path) -> Path:
     """One model in one engine in one scenario."""
-    folder = one_scenario("simple_pendulum", tmp_path / "mine" / "pendulum", "small")
-    beside = ROOT / "models" / "simple_pendulum"
-    model = next(iter(sorted(beside.glob("*.xml"))))
-    shutil.copy(model, folder)
-    text = (beside / f"{model.name}.toml").read_text()
-    text = re.sub(r"^engines = .*$", 'engines = ["mujoco"]', text, flags=re.MULTILINE)
-    (folder / f"{model.name}.toml").write_text(text)
+    folder = one_scenario("simple_pendulum", tmp_path / "mine" / "pendulum", "free")
+    for name in ("robot.urdf", "robot.urdf.toml"):
+        shutil.copy(ROOT / "models" / "simple_pendulum" / name, folder)
+    standing_only(folder)
     return folder
 
 
-def alike(results: Results) -> Results:
-    """Without times."""
-    return msgspec.structs.replace(
-        results,
-        created="",
-        seconds=0.0,
-        systems=tuple(msgspec.structs.replace(s, seconds=0.0) for s in results.systems),
-        cases=tuple(msgspec.structs.replace(c, seconds=0.0) for c in results.cases),
-    )
+def alike(value: Any) -> Any:
+    """Results without times."""
+    if isinstance(value, dict):
+        left = {key: one for key, one in value.items() if key not in ("created", "seconds")}
+        return {key: alike(one) for key, one in left.items()}
+    return [alike(one) for one in value] if isinstance(value, list) else value
 
 
 def test_a_run_has_the_records_of_a_local_one(
     cluster: Loopback, pendulum: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(pendulum.parent)
-    given = ["run", "pendulum", "--alone", "--engine", "mujoco", "-q"]
+    given = ["run", "pendulum", "--engine", "mujoco", "-q"]
     assert main([*given, "--out", "here", "--jobs", "1"]) == 0
     assert main([*given, "--out", "there", "--scheduler", cluster.address]) == 0
-    here, there = (read_results(Path(out, "results.json")) for out in ("here", "there"))
-    assert len(here.cases) == 1
-    assert msgspec.to_builtins(alike(there)) == msgspec.to_builtins(alike(here))
+    here, there = (json.loads(Path(out, "results.json").read_text()) for out in ("here", "there"))
+    assert len(here["cases"]) == 1
+    assert alike(there) == alike(here)
+
+
+def test_a_failure_is_told_as_on_this_machine_and_the_worker_lives_on(
+    pool: Executor, cluster: Loopback
+) -> None:
+    tasks = (crash, spin, fill, unsendable)
+    with executor(jobs=2, limits=LIMITS) as local:
+        here = outcomes(local, *((task, 0) for task in tasks))
+    there = outcomes(pool, *((task, 0) for task in tasks), (square, 7))
+    assert all(isinstance(one, Failure) for one in here)
+    assert there == [*here, 49]
+    assert all(one.poll() is None for one in cluster.workers.values())
+
+
+def square(x: int) -> int:
+    return x * x
+
+
+def outcomes(pool: Executor, *tasks: tuple[Any, Any]) -> list[Any]:
+    asked = [pool.submit(function, argument) for function, argument in tasks]
+    return [pool.outcome(one) for one in asked]
+
+
+def test_tasks_read_the_copies_that_were_sent_under_the_names_that_files_have_here(
+    cluster: Loopback, pendulum: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(pendulum.parent.parent)
+    absolute, relative = pendulum / "system.py", Path("mine/pendulum/system.py")
+    tasks: list[tuple[Any, Any]] = [
+        (opened, absolute), (opened, relative), (refuse, absolute), (refuse, relative)
+    ]  # fmt: skip
+    with executor(jobs=1, limits=LIMITS) as local:
+        here = outcomes(local, *tasks)
+    mine = prepare(pendulum)
+    with executor(scheduler=cluster.address, files=lambda: [Path("mine/pendulum")]) as pool:
+        pendulum.parent.rename(pendulum.parent.with_name("gone"))
+        assert outcomes(pool, *tasks) == here
+        theirs = outcomes(pool, (prepare, pendulum))[0]
+        missing = outcomes(pool, (opened, pendulum / "other.py"))[0]
+    assert isinstance(theirs, Prepared)
+    assert theirs.folder == pendulum
+    assert record(theirs) == record(mine)
+    assert "other.py" in missing.reason
+    assert "workers have copies of the folders alone" in missing.reason
+
+
+def record(prepared: Prepared) -> Any:
+    return msgspec.to_builtins(msgspec.structs.replace(prepared.record, seconds=0.0))
+
+
+def test_a_worker_that_joins_late_and_is_killed_costs_no_task(
+    cluster: Loopback, tmp_path: Path
+) -> None:
+    kept = tmp_path / "kept.txt"
+    kept.write_text("kept")
+    with executor(scheduler=cluster.address, files=lambda: [kept]) as pool:
+        assert outcomes(pool, *((slow, (str(tmp_path), number)) for number in range(4))) == [
+            *range(4)
+        ]
+        cluster.worker("late")
+        doomed = cluster.workers["late"].pid
+        asked: list[Any] = [pool.submit(slow, (str(tmp_path), n)) for n in range(4, 24)]
+        until(lambda: pool.turn() is not None and begun_by(tmp_path) & set(below(doomed)))
+        processes = below(doomed)
+        cluster.kill("late")
+        assert [pool.outcome(one) for one in asked] == list(range(4, 24))
+        assert outcomes(pool, (opened, kept))[0][0] == "kept"
+    until(lambda: not any(alive(pid) for pid in processes))
+
+
+def begun_by(folder: Path) -> set[int]:
+    """Who has started the processes that began a task."""
+    return {int(one.read_text() or 0) for one in folder.iterdir() if one.name.isdigit()}
+
+
+def below(pid: int) -> list[int]:
+    return [pid, *(inner for one in children(pid) for inner in below(one))]
+
+
+def alive(pid: int) -> bool:
+    with contextlib.suppress(OSError):
+        return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    return False
+
+
+def until(holds: Callable[[], object]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_what_is_being_done_ends_with_the_run_and_its_copies_go(
+    cluster: Loopback, tmp_path: Path
+) -> None:
+    told, kept = tmp_path / "told", tmp_path / "kept.txt"
+    kept.write_text("kept")
+    with executor(scheduler=cluster.address, files=lambda: [kept]) as pool:
+        copy = Path(*outcomes(pool, (where, kept))[0])
+        assert copy.read_text() == "kept"
+        for _ in range(9):
+            pool.submit(nap, str(told))
+        until(lambda: pool.turn() is not None and told.is_file() and told.read_text())
+        napping = int(told.read_text())
+    until(lambda: not alive(napping))
+    assert not copy.exists()
+
+
+def test_a_new_worker_that_differs_is_told_with_what_differs(
+    cluster: Loopback, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "checkout"
+    for name in ("harness", "reference", "physics_crosscheck"):
+        shutil.copytree(ROOT / name, other / name, ignore=shutil.ignore_patterns("__pycache__"))
+    with (other / "reference" / "real.py").open("a") as file:
+        file.write("# another\n")
+    cluster.worker("other", "--no-nanny", PYTHONPATH=str(other))
+    try:
+        assert main(["run", "simple_pendulum", "--scheduler", cluster.address]) == 2
+    finally:
+        cluster.kill("other")
+    said = capsys.readouterr().err
+    assert re.search(r"tcp://\S+ has physics-crosscheck's files \w+ \(here \w+\); results", said)
+    assert "install the same there" in said
+    assert "Traceback" not in said
+
+
+def test_a_worker_without_the_package_is_told(
+    cluster: Loopback, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "physics_crosscheck.py").write_text("raise ImportError('nothing of that name')\n")
+    cluster.worker("bare", "--no-nanny", PYTHONPATH=str(tmp_path))
+    try:
+        assert main(["run", "simple_pendulum", "--scheduler", cluster.address]) == 2
+    finally:
+        cluster.kill("bare")
+    said = capsys.readouterr().err
+    assert "can't import physics-crosscheck (nothing of that name): install it there" in said
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "127.0.0.1:9", "nothing://there", "?"])
+def test_an_address_where_no_scheduler_answers_is_told(
+    address: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
+    monkeypatch.setattr("harness.schedule.cluster.ANSWER", 0.5)
+    assert main(["run", "simple_pendulum", "--scheduler", address]) == 2
+    said = capsys.readouterr().err
+    assert f"crosscheck: --scheduler {address}: no scheduler answers there" in said
+    assert "`dask scheduler` starts one" in said
+
+
+def test_without_the_extra_its_name_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    monkeypatch.delitem(sys.modules, "harness.schedule.cluster", raising=False)
+    assert main(["run", "simple_pendulum", "--scheduler", "tcp://127.0.0.1:9"]) == 2
+    assert "pip install 'physics-crosscheck[cluster]'" in capsys.readouterr().err
+
+
+def test_nothing_of_it_is_imported_where_no_scheduler_is_asked_for() -> None:
+    asked = "import sys, harness.run; sys.exit('distributed' in sys.modules)"
+    subprocess.run([sys.executable, "-c", asked], check=True, env=environment())
+
+
+def test_more_than_a_run_may_send_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "big.bin").write_bytes(bytes(3000))
+    monkeypatch.setattr(parcel, "MOST_SENT", 2000)
+    with pytest.raises(parcel.ParcelError, match=r"more than .* with .*big\.bin; ask for fewer"):
+        parcel.luggage([tmp_path])
