@@ -17,8 +17,9 @@ import time
 import uuid
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, cast
@@ -43,8 +44,8 @@ ANSWER = 10.0
 LOOK = 2.0
 """Seconds between two looks at which workers there are."""
 
-AHEAD = 3
-"""Tasks in flight for each thread of the cluster: one is done, the others are on their way."""
+AHEAD = 4
+"""Tasks in flight for each thread of the cluster at most; at half of these, others are sent."""
 
 FEWEST = 4
 """Tasks in flight where there are hardly any threads yet."""
@@ -55,6 +56,10 @@ _TRIES = 5
 _STRANGE = (
     f"{_TRIES + 1} workers of the cluster had it that did not know the run, and came and went"
 )
+
+
+_Sent = tuple[Pending[Any], bytes, int]
+"""A task in flight, as it is packed, and how often it has met a worker that is new to the run."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +104,7 @@ class Cluster:
         )
         self._told = pickle.dumps((terms, _luggage(files)))
         self._waiting: deque[Pending[Any]] = deque()
-        self._flying: dict[Any, tuple[Pending[Any], bytes, int]] = {}
+        self._flying: dict[Any, _Sent] = {}
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._threads, self._looked = 0, -LOOK
         self._do = _sent("do")
@@ -224,32 +229,40 @@ class Cluster:
 
     def _send(self) -> list[Pending[Any]]:
         """Send waiting tasks where there is room; returns those that can't be sent."""
-        lost = []
+        lost: list[Pending[Any]] = []
         room = self._room() if self._waiting else 0
-        while self._waiting and len(self._flying) < room:
+        if len(self._flying) > room // 2:
+            return lost
+        sent: list[_Sent] = []
+        while self._waiting and len(self._flying) + len(sent) < room:
             pending = self._waiting.popleft()
             task = (pending.function, pending.argument)
             try:
-                data = parcel.packed(task, places=self._places)
+                sent.append((pending, parcel.packed(task, places=self._places), 0))
             except Exception as error:
                 pending.end(Failure(f"{type(error).__name__}: {error}", ""))
                 lost.append(pending)
-                continue
-            self._fly(pending, data, 0)
+        self._fly(sent)
         return lost
 
-    def _fly(self, pending: Pending[Any], data: bytes, tries: int) -> None:
-        future = self._client.submit(self._do, self._run, data, pure=False)
-        self._flying[future] = pending, data, tries
-        future.add_done_callback(self._ended.put)
+    def _fly(self, sent: Sequence[_Sent]) -> None:
+        """Send tasks all at once: each message costs the scheduler as much as some tasks."""
+        if not sent:
+            return
+        tasks = [data for _, data, _ in sent]
+        keys = [f"{_name(one.function)}-{uuid.uuid4().hex}" for one, _, _ in sent]
+        futures = self._client.map(partial(self._do, self._run), tasks, key=keys, pure=False)
+        self._flying |= zip(futures, sent, strict=True)
+        for future in futures:
+            future.add_done_callback(self._ended.put)
 
-    def _take(self, futures: Iterable[Any]) -> list[Pending[Any]]:
+    def _take(self, futures: Sequence[Any]) -> list[Pending[Any]]:
         """The tasks of futures that are done, ended; those sent to strangers are sent again."""
         ended, strangers = [], dict[str, None]()
         again = []
-        for future in futures:
+        for future, reply in self._replies(futures):
             pending, data, tries = self._flying.pop(future)
-            value = self._value(future)
+            value = self._value(reply)
             if isinstance(value, _Stranger) and tries < _TRIES:
                 strangers[value.address] = None
                 again.append((pending, data, tries + 1))
@@ -258,14 +271,22 @@ class Cluster:
             ended.append(pending)
         if strangers:
             self._receive(list(strangers))
-        for pending, data, tries in again:
-            self._fly(pending, data, tries)
+        self._fly(again)
         return ended
 
-    def _value(self, future: Any) -> Any:
+    def _replies(self, futures: Sequence[Any]) -> list[tuple[Any, Callable[[], Any]]]:
+        """Futures that are done, each with what has its reply or raises; fetched all at once."""
+        with contextlib.suppress(Exception):  # of any of them, to be told one by one
+            fetched = self._client.gather(list(futures))
+            return [
+                (one, partial(_same, reply)) for one, reply in zip(futures, fetched, strict=True)
+            ]
+        return [(one, one.result) for one in futures]
+
+    def _value(self, reply_of: Callable[[], Any]) -> Any:
         """The value of a task, or a `Failure`; or which worker is new to the run."""
         try:
-            address, reply = future.result()
+            address, reply = reply_of()
         except distributed.CancelledError:
             raise ClusterError(
                 f"--scheduler {self._address}: it took the run's tasks away, or is gone itself;"
@@ -283,6 +304,15 @@ class Cluster:
             return reply if isinstance(reply, Failure) else parcel.unpacked(reply)
         except Exception as error:
             return Failure(f"its value can't be read: {type(error).__name__}: {error}", "")
+
+
+def _name(function: object) -> str:
+    """What the dashboard calls a task: dask takes what stands before the last `-` for its kind."""
+    return str(getattr(getattr(function, "func", function), "__name__", "task"))
+
+
+def _same(value: Any) -> Any:
+    return value
 
 
 def _luggage(files: Sequence[Path]) -> bytes:

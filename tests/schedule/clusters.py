@@ -54,6 +54,11 @@ class Loopback:
                 os.kill(pid, signal.SIGKILL)
         nanny.wait()
 
+    @property
+    def scheduler(self) -> int:
+        """Its process."""
+        return self._all[0].pid
+
     def log(self, name: str) -> str:
         return (self.place / f"{name}.log").read_text(errors="replace")
 
@@ -97,6 +102,11 @@ def children(pid: int) -> list[int]:
         with contextlib.suppress(OSError):
             found += [int(one) for one in listed.read_text().split()]
     return found
+
+
+def below(pid: int) -> list[int]:
+    """A process, and all that were started by it."""
+    return [pid, *(inner for one in children(pid) for inner in below(one))]
 
 
 @contextlib.contextmanager

@@ -26,7 +26,7 @@ from harness.schedule.executor import Executor
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
 from tests.faults.known_folder import ROOT, environment, one_scenario
-from tests.schedule.clusters import PATIENCE, Loopback, children, loopback
+from tests.schedule.clusters import PATIENCE, Loopback, below, loopback
 from tests.standing import standing_only
 
 pytestmark = pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
@@ -194,10 +194,6 @@ def test_a_worker_that_joins_late_and_is_killed_costs_no_task(
 def begun_by(folder: Path) -> set[int]:
     """Who has started the processes that began a task."""
     return {int(one.read_text() or 0) for one in folder.iterdir() if one.name.isdigit()}
-
-
-def below(pid: int) -> list[int]:
-    return [pid, *(inner for one in children(pid) for inner in below(one))]
 
 
 def alive(pid: int) -> bool:
