@@ -147,6 +147,7 @@ def check(
     limit: float = SECONDS,
     memory: float = MEMORY,
     baseline: str | PathLike[str] = DEFAULT,
+    scheduler: str = "",
 ) -> Results:
     """Run every model of the system folders at `paths` in every scenario, and judge it.
 
@@ -158,10 +159,12 @@ def check(
         limit: processor seconds that one task may use.
         memory: GiB that a worker may hold.
         baseline: where differences that were accepted are looked up.
+        scheduler: address of a dask cluster's; empty: processes of this machine.
 
     Raises:
         FolderError: for a path that is no system folder, or an engine that nobody knows.
         BaselineError: for a baseline that can't be believed.
+        ClusterError: for a cluster that can't be worked with.
         ValueError: for a resolution that double precision can't serve.
     """
     check_engines(engines)
@@ -174,6 +177,7 @@ def check(
         jobs=jobs,
         limits=Limits(seconds=limit, memory=memory, options="check's "),
         baseline=Path(baseline),
+        scheduler=scheduler,
     )
     with without_main():
         found = run(folders, options, lambda *_: None).results

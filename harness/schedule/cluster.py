@@ -8,17 +8,19 @@ asked for again. A task whose worker is lost goes to another: that is dask's aff
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import os
 import pickle
 import queue
+import re
 import sys
 import time
 import uuid
 import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -52,6 +54,14 @@ FEWEST = 4
 
 _TRIES = 5
 """Times that a task may meet workers that don't know the run: they come and go."""
+
+_NO_FILE, _NO_MODULE = os.strerror(errno.ENOENT), "No module named"
+_PATH = re.compile(r"[^\s'\":;,()]+")
+
+_COPIES = (
+    "a cluster's workers have copies of the folder and of what its models name alone: what else it"
+    " reads belongs into the folder"
+)
 
 _STRANGE = (
     f"{_TRIES + 1} workers of the cluster had it that did not know the run, and came and went"
@@ -301,9 +311,17 @@ class Cluster:
         if reply is None:
             return _Stranger(address)
         try:
-            return reply if isinstance(reply, Failure) else parcel.unpacked(reply)
+            return _hinted(reply) if isinstance(reply, Failure) else parcel.unpacked(reply)
         except Exception as error:
             return Failure(f"its value can't be read: {type(error).__name__}: {error}", "")
+
+
+def _hinted(failure: Failure) -> Failure:
+    """A failure for want of a file that is here, with why it was not there."""
+    lacks = _NO_FILE in failure.reason and any(map(os.path.exists, _PATH.findall(failure.reason)))
+    if not lacks and _NO_MODULE not in failure.reason:
+        return failure
+    return replace(failure, reason=f"{failure.reason}; {_COPIES}")
 
 
 def _name(function: object) -> str:

@@ -19,10 +19,9 @@ import queue
 import shutil
 import tempfile
 import threading
-import time
 from collections.abc import Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any, cast
@@ -40,12 +39,6 @@ IDLE = 60.0
 
 _MANY = 10_000
 """Processes: dask itself asks for no more tasks at once than its worker has threads."""
-
-_FILES_MISSING = ("No such file or directory", "No module named", "not found", "can't be read")
-
-
-_COPIES = "a cluster's workers have copies of the folders alone, and of what their models name"
-_LEFT = "the run has ended"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,16 +122,16 @@ class Post:
         self._thread = threading.Thread(target=self._manage, daemon=True)
         self._thread.start()
 
-    def do(self, data: bytes) -> bytes | Failure:
-        """Do a task that was packed; its value, packed, or why it has none."""
+    def do(self, data: bytes) -> bytes | Failure | None:
+        """Do a task that was packed; its value, packed, or why it has none; None: it is closed."""
         future: Future[object] = Future()
         with self._asking:
             if self._closed:
-                return Failure(_LEFT, "")
+                return None
             self._asked.put((data, future))
             self._wake.send_bytes(b".")
         value = future.result()
-        return self._told(value) if isinstance(value, Failure) else cast(bytes, value)
+        return self._told(value) if isinstance(value, Failure) else cast(bytes | None, value)
 
     def close(self) -> None:
         """End its processes, with what they are doing, and remove the copies."""
@@ -152,49 +145,63 @@ class Post:
 
     def _told(self, failure: Failure) -> Failure:
         """A failure with the paths that its files have where the run is."""
-        reason = failure.reason.replace(self._root, "")
-        if any(words in reason for words in _FILES_MISSING):
-            reason = f"{reason} ({_COPIES})"
-        return replace(failure, reason=reason, stdout=failure.stdout.replace(self._root, ""))
+        reason, stdout = (text.replace(self._root, "") for text in (failure.reason, failure.stdout))
+        return Failure(reason, stdout, failure.usage)
 
     def _manage(self) -> None:
         """Hand tasks to processes until the run leaves: multiprocessing is used by this thread."""
+        flying: dict[Pending[Any], Future[object]] = {}
         while not self._closed:
-            first = self._next(IDLE)
-            if first is not None:
-                self._work(*first)
+            asked = self._next(IDLE)
+            if asked is None:
+                continue
+            try:
+                with self._workers() as workers:
+                    self._work(workers, flying, asked)
+            except Exception as error:
+                said = f"its machine does no tasks: {type(error).__name__}: {error}"
+                for future in flying.values():
+                    future.set_result(Failure(said, ""))
+                flying.clear()
+        for future in flying.values():
+            future.set_result(None)
+        while (asked := self._next(0.0)) is not None:
+            asked[1].set_result(None)
+
+    def _workers(self) -> Workers:
+        cwd = Path(self._root + self._terms.cwd)
+        return Workers(_MANY, self._terms.limits, cwd=cwd, wake=self._woken, alone=True)
 
     def _next(self, seconds: float) -> tuple[bytes, Future[object]] | None:
-        """The next task that is asked for, if one is in a time."""
+        """The next task that is asked for, if one is in a time and the run has not left."""
         with contextlib.suppress(queue.Empty):
             return self._asked.get(block=seconds > 0, timeout=seconds)
         return None
 
-    def _work(self, data: bytes, future: Future[object]) -> None:
-        """Do this task and those that come until none has for a while."""
-        flying: dict[Pending[Any], Future[object]] = {}
-        last = time.monotonic()
-        cwd = Path(self._root + self._terms.cwd)
-        asked: tuple[bytes, Future[object]] | None = (data, future)
-        try:
-            with Workers(
-                _MANY, self._terms.limits, cwd=cwd, wake=self._woken, alone=True
-            ) as workers:
-                while not self._closed and (flying or time.monotonic() - last < IDLE):
-                    while asked is not None:
-                        task, last = (asked[0], self._root), time.monotonic()
-                        flying[workers.submit(parcel.done, task)] = asked[1]
-                        asked = self._next(0.0)
-                    while self._woken.poll():
-                        self._woken.recv_bytes()
-                    for pending in workers.turn() if flying else ():
-                        flying.pop(pending).set_result(pending.value)
-                    asked = self._next(0.0 if flying else IDLE)
-            said = _LEFT
-        except OSError as error:
-            said = f"its machine starts no process for it: {error}"
-        for waiting in flying.values():
-            waiting.set_result(Failure(said, ""))
+    def _work(
+        self,
+        workers: Workers,
+        flying: dict[Pending[Any], Future[object]],
+        asked: tuple[bytes, Future[object]] | None,
+    ) -> None:
+        """Do this task and those that come, until none has for a while."""
+        while True:
+            while asked is not None:
+                data, future = asked
+                flying[workers.submit(parcel.done, (data, self._root))] = future
+                asked = self._next(0.0)
+            if self._closed:
+                return
+            if not flying:
+                asked = self._next(IDLE)
+                if asked is None:
+                    return
+                continue
+            while self._woken.poll():
+                self._woken.recv_bytes()
+            for pending in workers.turn():
+                flying.pop(pending).set_result(pending.value)
+            asked = self._next(0.0)
 
 
 def receive(told: bytes, beside: str) -> str:

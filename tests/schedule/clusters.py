@@ -74,7 +74,7 @@ class Loopback:
 
     def _start(self, name: str, *arguments: str, **environment: str) -> subprocess.Popen[bytes]:
         folder = self.place / f"{name}_folder"
-        folder.mkdir()
+        folder.mkdir(parents=True)
         with (self.place / f"{name}.log").open("wb") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", "dask", *arguments, "--no-dashboard"],

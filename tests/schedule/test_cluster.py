@@ -8,6 +8,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -22,7 +23,7 @@ from harness.cases.prepare import Prepared, prepare
 from harness.cli.main import main
 from harness.schedule import parcel
 from harness.schedule.chosen import executor
-from harness.schedule.executor import Executor
+from harness.schedule.executor import ClusterError, Executor
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
 from tests.faults.known_folder import ROOT, environment, one_scenario
@@ -41,8 +42,7 @@ def crash(_: object) -> None:
 
 def spin(_: object) -> None:
     print("still here", flush=True)
-    while True:
-        pass
+    sum(iter(int, 1))
 
 
 def fill(_: object) -> int:
@@ -155,16 +155,19 @@ def test_tasks_read_the_copies_that_were_sent_under_the_names_that_files_have_he
     with executor(jobs=1, limits=LIMITS) as local:
         here = outcomes(local, *tasks)
     mine = prepare(pendulum)
+    beside = Path("beside.txt")
+    beside.write_text("not sent")
     with executor(scheduler=cluster.address, files=lambda: [Path("mine/pendulum")]) as pool:
         pendulum.parent.rename(pendulum.parent.with_name("gone"))
         assert outcomes(pool, *tasks) == here
         theirs = outcomes(pool, (prepare, pendulum))[0]
-        missing = outcomes(pool, (opened, pendulum / "other.py"))[0]
+        missing = outcomes(pool, (opened, beside), (opened, beside.with_name("nowhere")))
     assert isinstance(theirs, Prepared)
     assert theirs.folder == pendulum
     assert record(theirs) == record(mine)
-    assert "other.py" in missing.reason
-    assert "workers have copies of the folders alone" in missing.reason
+    # One that is here was not sent, one that is nowhere is missed as on this machine.
+    assert missing[0].reason.endswith("what else it reads belongs into the folder")
+    assert missing[1].reason.endswith("nowhere'")
 
 
 def record(prepared: Prepared) -> Any:
@@ -223,6 +226,28 @@ def test_what_is_being_done_ends_with_the_run_and_its_copies_go(
         napping = int(told.read_text())
     until(lambda: not alive(napping))
     assert not copy.exists()
+
+
+def test_a_scheduler_needs_nothing_of_this_package(cluster: Loopback, pool: Executor) -> None:
+    assert outcomes(pool, (square, 3)) == [9]
+    import distributed
+
+    with distributed.Client(cluster.address, set_as_default=False) as client:
+        assert not client.run_on_scheduler(lambda: {"harness", "reference"} & set(sys.modules))
+
+
+def test_a_scheduler_that_is_lost_is_told_and_what_is_done_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
+    monkeypatch.setattr("harness.schedule.cluster.ANSWER", 3.0)
+    begun = tmp_path / "begun"
+    with loopback(tmp_path, "only") as own, executor(scheduler=own.address) as pool:
+        pool.submit(nap, str(begun))
+        until(lambda: pool.turn() is not None and begun.is_file())
+        os.kill(own.scheduler, signal.SIGKILL)
+        with pytest.raises(ClusterError, match="is gone itself; what is done is kept"):
+            until(pool.turn)
 
 
 def test_a_new_worker_that_differs_is_told_with_what_differs(
