@@ -166,7 +166,8 @@ class Cluster:
                 self._client.cancel(list(self._flying), force=True)
         self._flying.clear()
         with contextlib.suppress(Exception):
-            self._client.run(_sent("leave"), self._run, on_error="ignore")
+            if self._client.status == "running":  # else it would wait for a scheduler that is gone
+                self._client.run(_sent("leave"), self._run, on_error="ignore")
         with contextlib.suppress(Exception):
             self._client.close(timeout=ANSWER)
 
