@@ -26,8 +26,9 @@ FIRST_JUDGED = 6
 """Rungs needed before a limit has an uncertainty: by the fifth, two small increments in a row may
 still be chance."""
 
-ENOUGH = 2e-3
-"""Rungs are added until the uncertainty is this share of the resolution, or stops falling."""
+ENOUGH = 0.1
+"""Rungs are added until the uncertainty is this share of the resolution, or stops falling. Had
+it the whole of it, a limit would be believed a rung early: one of a soft coupling was 1.2 U off."""
 
 EPSILON = float(np.finfo(float).eps)
 
