@@ -34,12 +34,14 @@ def test_settings_are_defaults_and_arguments_go_before_them(
     settings(
         tmp_path,
         "[tool.crosscheck]\nengines = ['one', 'two']\nresolution = 1e-7\nlimit = 90\n"
+        "scheduler = 'tcp://there:8786'\n"
         "memory = 2\njobs = 3\nstrict = true\nhistory = true\nout = 'found'\nbaseline = 'kept'\n",
     )
     found = parsed("run")
     assert (found.engine, found.resolution, found.limit) == (["one", "two"], 1e-7, 90.0)
     assert (found.memory, found.jobs, found.strict, found.history) == (2.0, 3, True, True)
     assert (found.out, found.baseline) == (Path("found"), Path("kept"))
+    assert found.scheduler == "tcp://there:8786"
     told = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
     assert (told.engine, told.jobs) == (["three", "four"], 1)
     # A gate writes elsewhere, and asks the folders of its baseline.
@@ -76,6 +78,7 @@ def test_settings_of_the_folder_above_are_found_with_paths_from_there(
         ("jobs = 1.5", "jobs is 1.5: "),
         ("engines = 'one'", "engines is 'one': a list of names belongs there"),
         ("strict = 1", "strict is 1: true or false belongs there"),
+        ("scheduler = 8786", "scheduler is 8786: a text belongs there"),
         ("out = ''", "out is '': a path belongs there"),
     ],
 )
