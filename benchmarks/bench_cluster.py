@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import pickle
 import tempfile
 import time
 from collections import Counter
@@ -32,18 +31,17 @@ from tests.schedule.clusters import Loopback, below
 FOLDER = builtin() / "drum_pendulum"
 
 
-def size(folder: Path) -> dict[str, tuple[int, int, int]]:
-    """Of each kind of task: how many, and bytes of the largest, as it is and as it is sent."""
+def size(folder: Path) -> dict[str, tuple[int, int]]:
+    """Of each kind of task: how many, and bytes of the largest as it is sent."""
     prepared = prepare(folder)
     assert isinstance(prepared, Prepared)
     first = Plan(Options(), {}, Collected(lambda *_: None)).folder(folder)
-    found: dict[str, tuple[int, int, int]] = {}
+    found: dict[str, tuple[int, int]] = {}
     for job in first.done(prepared):
         task = (job.task.function, job.task.argument)
-        name = job.task.function.__name__
-        count, plain, sent = found.get(name, (0, 0, 0))
-        packed = parcel.packed(task, places=frozenset([str(folder)]))
-        found[name] = count + 1, max(plain, len(pickle.dumps(task))), max(sent, len(packed))
+        count, most = found.get(job.task.function.__name__, (0, 0))
+        sent = len(parcel.packed(task, places=frozenset([str(folder)])))
+        found[job.task.function.__name__] = count + 1, max(most, sent)
     return found
 
 
@@ -55,7 +53,7 @@ def there_and_back(pool: Executor, data: bytes, times: int) -> float:
     return (time.perf_counter() - began) / times
 
 
-def many(pool: Executor, count: int) -> float:
+def many(pool: Executor, count: int, data: bytes = b"") -> float:
     """Seconds of planned jobs that do nothing."""
     seen: Counter[int] = Counter()
 
@@ -67,8 +65,8 @@ def many(pool: Executor, count: int) -> float:
         raise AssertionError(failure)
 
     began = time.perf_counter()
-    work((Job(task=Task(len, b""), done=done, failed=failed) for _ in range(count)), pool)
-    assert seen == {0: count}
+    work((Job(task=Task(len, data), done=done, failed=failed) for _ in range(count)), pool)
+    assert seen == {len(data): count}
     return time.perf_counter() - began
 
 
@@ -88,8 +86,8 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--in-flight", type=int, default=400, help="as for a hundred workers")
     options = parser.parse_args()
-    for name, (count, plain, sent) in size(FOLDER).items():
-        print(f"{name:20} {count:3} tasks, {plain / 1e3:4.0f} kB, sent as {sent / 1e3:4.0f}")
+    for name, (tasks, sent) in size(FOLDER).items():
+        print(f"{name:20} {tasks:3} tasks of {sent / 1e3:.0f} kB")
     with tempfile.TemporaryDirectory() as place:
         cluster = Loopback(Path(place))
         try:
@@ -102,7 +100,7 @@ def main() -> None:
 
 
 def measure(cluster: Loopback, count: int, most: int) -> None:
-    case = os.urandom(250_000)  # a case as it is sent, and as little to be made smaller
+    case = os.urandom(290_000)  # a case as it is sent
     with executor(jobs=1) as local:
         there_and_back(local, b"", 5)
         for data in (b"", case):
@@ -117,22 +115,27 @@ def measure(cluster: Loopback, count: int, most: int) -> None:
             print(f"there and back with {len(data)} bytes: {told:.2f} ms on the cluster")
     with executor(jobs=most, scheduler=cluster.address) as pool:
         many(pool, 50)
-        parts = {
-            "scheduler": [cluster.scheduler],
-            "workers": [pid for one in cluster.workers.values() for pid in below(one.pid)],
-            "client": [os.getpid()],
-        }
-        before = {name: used(pids) for name, pids in parts.items()}
-        held = {name: memory(parts[name][0]) for name in ("scheduler", "client")}
-        seconds = many(pool, count)
-        print(
-            f"{count} tasks, {most} in flight, in {seconds:.0f} s, {count / seconds:.0f} a second"
-        )
-        for name, pids in parts.items():
-            each = 1e3 * (used(pids) - before[name]) / count
-            print(f"{name}: {each:.2f} ms of processor a task")
-        for name, was in held.items():
-            print(f"{name}: {was:.0f} MiB before, {memory(parts[name][0]):.0f} after")
+        for times, data in ((count, b""), (max(1, count // 50), case)):
+            print(f"{times} tasks with {len(data)} bytes, {most} in flight:")
+            tell(cluster, pool, times, data)
+
+
+def tell(cluster: Loopback, pool: Executor, count: int, data: bytes) -> None:
+    """Do tasks, and print what that costs."""
+    parts = {
+        "scheduler": [cluster.scheduler],
+        "workers": [pid for one in cluster.workers.values() for pid in below(one.pid)],
+        "client": [os.getpid()],
+    }
+    before = {name: used(pids) for name, pids in parts.items()}
+    held = {name: memory(parts[name][0]) for name in ("scheduler", "client")}
+    seconds = many(pool, count, data)
+    print(f"  {seconds:.0f} s, {count / seconds:.0f} a second")
+    for name, pids in parts.items():
+        each = 1e3 * (used(pids) - before[name]) / count
+        print(f"  {name}: {each:.2f} ms of processor a task")
+    for name, was in held.items():
+        print(f"  {name}: {was:.0f} MiB before, {memory(parts[name][0]):.0f} after")
 
 
 if __name__ == "__main__":

@@ -52,6 +52,9 @@ AHEAD = 4
 FEWEST = 4
 """Tasks in flight where there are hardly any threads yet."""
 
+MESSAGE = 2**22
+"""Bytes of tasks in one message after which the next is begun; dask warns of 10 MB."""
+
 _TRIES = 5
 """Times that a task may meet workers that don't know the run: they come and go."""
 
@@ -257,7 +260,16 @@ class Cluster:
         return lost
 
     def _fly(self, sent: Sequence[_Sent]) -> None:
-        """Send tasks all at once: each message costs the scheduler as much as some tasks."""
+        """Send tasks, many at once: each message costs the scheduler as much as some tasks."""
+        message: list[_Sent] = []
+        for one in sent:
+            message.append(one)
+            if sum(len(data) for _, data, _ in message) > MESSAGE:
+                self._fly_together(message)
+                message = []
+        self._fly_together(message)
+
+    def _fly_together(self, sent: Sequence[_Sent]) -> None:
         if not sent:
             return
         tasks = [data for _, data, _ in sent]

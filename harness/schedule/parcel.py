@@ -12,7 +12,6 @@ import io
 import os
 import pickle
 import tarfile
-import zlib
 from collections.abc import Iterable
 from pathlib import Path, PurePath
 from typing import Any
@@ -88,12 +87,12 @@ def packed(value: object, *, root: str = "", places: frozenset[str] = frozenset(
     """
     file = io.BytesIO()
     _Packer(file, root, places).dump(value)
-    return zlib.compress(file.getvalue(), _FASTEST)
+    return file.getvalue()
 
 
 def unpacked(data: bytes, root: str = "") -> Any:
     """The value; the paths that were sent get the root before them."""
-    return _Unpacker(io.BytesIO(zlib.decompress(data)), root).load()
+    return _Unpacker(io.BytesIO(data), root).load()
 
 
 def done(sent: tuple[bytes, str]) -> bytes:
