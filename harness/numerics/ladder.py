@@ -156,11 +156,16 @@ class Limit:
 
 
 def suffices(
-    limit: Limit, previous: Limit | None, count: int, scale: Array, resolution: float
+    limit: Limit,
+    previous: Limit | None,
+    count: int,
+    scale: Array,
+    resolution: float,
+    enough: float = ENOUGH,
 ) -> bool:
     """Whether a further rung is not worth its steps, after so many."""
     worst = largest(limit.uncertainty / scale)
-    if worst <= ENOUGH * resolution:
+    if worst <= enough * resolution:
         return True
     if previous is None or count <= FIRST_JUDGED + 1:
         return False

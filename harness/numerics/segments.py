@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import (
+    ENOUGH,
     EPSILON,
     FIRST_JUDGED,
     RUNGS,
@@ -176,10 +177,12 @@ def extrapolate(
     *,
     rungs: tuple[int, ...] = RUNGS,
     resolution: float | None = None,
+    enough: float = ENOUGH,
 ) -> Extrapolated:
     """Run every segment of a batch on rung after rung, and take the limit.
 
-    All rungs are run, or, where a resolution is given, as many as it takes.
+    All rungs are run, or, where a resolution is given, as many as it takes for an uncertainty that
+    is the share `enough` of it.
 
     Raises:
         BlownUpError: where the engine returns values that are not finite.
@@ -187,7 +190,7 @@ def extrapolate(
     starts = with_companions(*coordinates.to_engine(batch.states), model.epsilon)
     left: list[Array] = []
     observable = _ends(model, coordinates, batch, starts, left)
-    found = climb(observable, rungs, resolution)
+    found = climb(observable, rungs, resolution, enough)
     if batch.ends is None or not coordinates.redundant:
         return found
     return replace(found, residual=_residual(coordinates, batch, starts, found.rungs, left))
@@ -209,7 +212,10 @@ def limits_alone(
 
 
 def climb(
-    observable: Observable, rungs: tuple[int, ...], resolution: float | None = None
+    observable: Observable,
+    rungs: tuple[int, ...],
+    resolution: float | None = None,
+    enough: float = ENOUGH,
 ) -> Extrapolated:
     """The limit of an observable, over all rungs or as many as the resolution takes.
 
@@ -252,7 +258,7 @@ def climb(
             o.starts.epsilon,
         )
         limit = judged()
-        if resolution is not None and suffices(limit, previous, count, scale, resolution):
+        if resolution is not None and suffices(limit, previous, count, scale, resolution, enough):
             break
     assert limit is not None
     assert scale is not None
