@@ -69,6 +69,7 @@ def bounds(
 
 
 def each(spans: Sequence[Span], signals: Sequence[Piece]) -> Iterator[tuple[slice, Span, Piece]]:
+    """The rows of each span's segments, the span, and the inputs over it."""
     first = 0
     for span, piece in zip(spans, signals, strict=True):
         yield slice(first, first + span.count), span, piece

@@ -121,7 +121,7 @@ class Equations(EquationsOfMotion):
     @cached_property
     def long(self) -> bool:
         """Whether derivatives of the forces as formulas take long to make."""
-        return sum(sp.count_ops(f) for f in self.force) > LONG_FORCE
+        return bool(sum(sp.count_ops(f) for f in self.force) > LONG_FORCE)
 
     @cached_property
     def _derivatives(self) -> NumericFunction:

@@ -180,9 +180,8 @@ def _tables(out: Path, columns: list[str] | None) -> Iterator[Any]:
             yield known.parquet.read_table(path, columns=columns)
         except (OSError, known.ArrowException) as error:
             said = " ".join(str(error).split())
-            raise SweepError(
-                f"{path}: can't be read ({said}); remove it to run its cases again"
-            ) from None
+            remedy = "remove it to run its cases again"
+            raise SweepError(f"{path}: can't be read ({said}); {remedy}") from None
 
 
 def _schema(known: Any, constants: Sequence[str]) -> Any:
