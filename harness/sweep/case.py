@@ -67,6 +67,7 @@ class Block:
 
     Attributes:
         folder: of the system.
+        content: hash of what is in it.
         system: its name.
         varied: names of all constants that are varied.
         resolution: relative discrepancy to resolve.
@@ -74,6 +75,7 @@ class Block:
     """
 
     folder: str
+    content: str
     system: str
     varied: frozenset[str]
     resolution: float
@@ -86,7 +88,7 @@ class Block:
 
 def run_block(block: Block) -> tuple[SweepRow, ...]:
     """Run some cases; one that can't be run is FAILED, with its reason."""
-    folder = swept(block.folder, block.varied)
+    folder = swept(block.folder, block.varied, block.content)
     for one in {(case.model, case.engine): case for case in block.cases}.values():
         _prepared(folder, one)
     return tuple(_row(folder, block, case) for case in block.cases)

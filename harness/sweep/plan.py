@@ -140,6 +140,7 @@ class Plan:
     def _block(self, part: Part, cases: tuple[Planned, ...]) -> Block:
         return Block(
             folder=part.survey.folder,
+            content=part.survey.content,
             system=part.survey.system,
             varied=self.options.varied,
             resolution=self.options.resolution,

@@ -58,6 +58,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Workers) -> Plan:
         models = wanted.models.get(str(folder), ())
         task = SurveyTask(
             folder=str(folder),
+            content=content_of(folder),
             varied=options.varied,
             only=options.engines,
             models=tuple((one.model, one.engine) for one in models),
@@ -79,11 +80,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Workers) -> Plan:
 
 
 def plan_record(whole: Plan) -> SweepPlan:
-    """What is kept of a plan.
-
-    Raises:
-        SweepError: where a file of a folder can't be read.
-    """
+    """What is kept of a plan."""
     options = whole.options
     told = {
         "vary": "; ".join(str(one) for one in options.factors),
@@ -107,14 +104,19 @@ def plan_record(whole: Plan) -> SweepPlan:
     return SweepPlan(
         command=shlex.join(options.command),
         options=told,
-        folders={part.survey.folder: _hash(Path(part.survey.folder)) for part in whole.parts},
+        folders={part.survey.folder: part.survey.content for part in whole.parts},
         versions=known,
         cases=whole.count,
         constants=tuple(one.name for one in options.factors),
     )
 
 
-def _hash(folder: Path) -> str:
+def content_of(folder: Path) -> str:
+    """Hash of what is in a system folder.
+
+    Raises:
+        SweepError: where a file can't be read.
+    """
     try:
         found = folder_files(folder)
     except OSError as error:

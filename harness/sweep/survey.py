@@ -18,6 +18,7 @@ class SurveyTask:
 
     Attributes:
         folder: of the system.
+        content: hash of what is in it.
         varied: names of all constants that are varied.
         only: engines; empty: all.
         models: files, with the engine that is meant of each, "" for all; empty: all.
@@ -25,6 +26,7 @@ class SurveyTask:
     """
 
     folder: str
+    content: str
     varied: frozenset[str]
     only: tuple[str, ...] = ()
     models: tuple[tuple[str, str], ...] = ()
@@ -48,6 +50,7 @@ class Survey:
 
     Attributes:
         folder: where it is.
+        content: hash of what is in it.
         system: its name.
         constants: all of them, as declared.
         scenarios: those that are wanted, of
@@ -58,6 +61,7 @@ class Survey:
     """
 
     folder: str
+    content: str
     system: str
     constants: Mapping[str, float]
     scenarios: tuple[str, ...]
@@ -74,11 +78,12 @@ def survey(task: SurveyTask) -> Survey:
         DeclarationError, SidecarError, LocationError, EngineError, SweepError: naming what is
             wrong, where, and the remedy; a model that can't follow a varied constant among it.
     """
-    folder = swept(task.folder, task.varied)
+    folder = swept(task.folder, task.varied, task.content)
     known = {one.name for one in folder.system.scenarios}
     found = list(_pairings(task, folder))
     return Survey(
         folder=task.folder,
+        content=task.content,
         system=folder.system.name,
         constants={c.name: c.value for c in folder.system.constants},
         scenarios=tuple(

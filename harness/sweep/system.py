@@ -130,8 +130,13 @@ class Swept:
 
 
 @lru_cache(maxsize=16)
-def swept(folder: str, varied: frozenset[str]) -> Swept:
+def swept(folder: str, varied: frozenset[str], content: str) -> Swept:
     """A folder, prepared once a process.
+
+    Args:
+        folder: of the system.
+        varied: names of the constants that are varied.
+        content: hash of what is in it: a worker that lives on takes no old one for it.
 
     Raises:
         DeclarationError, SidecarError: naming what is wrong and where.
