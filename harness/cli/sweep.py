@@ -107,6 +107,8 @@ def _sweep(options: argparse.Namespace) -> int:
     asked = _asked(options)
     with crew(asked) as workers, asking() as stop:
         whole = planned(asked, wanted, workers)
+        for line in whole.left_out:
+            print(f"crosscheck: left out: {line}", file=sys.stderr)
         if options.only is not None:
             row = alone(whole, options.only, workers)
             print("\n".join(row_lines(row)))

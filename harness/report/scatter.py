@@ -22,7 +22,7 @@ MARKS = (
     "M-3.2,-2.4H3.2L0,3.6z",
 )
 
-WIDE = 20.0
+WIDE = 8.0
 """Largest over smallest value from which on an axis is logarithmic."""
 
 
@@ -51,25 +51,26 @@ class Scatter:
         title: what is over what.
         x_label: of the axis below.
         summary: the same in words.
-        points: (place, colour, path, what it is), a place as `x,y`.
+        points: (place, colour, path, outcome, what it is), a place as `x,y`.
         x_ticks, y_ticks: numbers at the axes.
     """
 
     title: str
     x_label: str
     summary: str
-    points: tuple[tuple[str, str, str, str], ...]
+    points: tuple[tuple[str, str, str, str, str], ...]
     x_ticks: tuple[Tick, ...]
     y_ticks: tuple[Tick, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """One point: the number of its series, and what it is in words."""
+    """One point: the number of its series, its outcome, and what it is in words."""
 
     x: float
     y: float
     series: int
+    outcome: str
     told: str
 
 
@@ -130,6 +131,7 @@ def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> 
                 f"{_x(across.share(p.x))},{_y(upward.share(p.y))}",
                 COLOURS[p.series % len(COLOURS)],
                 MARKS[p.series % len(MARKS)],
+                p.outcome,
                 shown(p.told),
             )
             for p in known

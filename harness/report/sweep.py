@@ -138,11 +138,13 @@ def scatter_of(rows: list[SweepRow], series: list[str], name: str) -> Scatter | 
     """Errors over a constant, or over the step where no name is given."""
     points = list(_points(rows, series, name))
     what = name or "the step"
+    amiss = sum(p.outcome != Outcome.AGREES for p in points)
+    ringed = f", {amiss} ringed that did not agree" if amiss else ""
     return scatter(
         f"Error at the shipped step over {what}",
         name or "step h [s]",
         points,
-        f"{counted(len(points), 'case')}; largest error"
+        f"{counted(len(points), 'case')}{ringed}; largest error"
         f" {percent(max((p.y for p in points), default=None))}.",
     )
 
@@ -154,7 +156,7 @@ def _points(rows: list[SweepRow], series: list[str], name: str) -> Iterator[Poin
             continue
         number = series.index(f"{row.engine}, {row.integrator}")
         told = f"#{row.index} {row.name}: {percent(row.global_error)}"
-        yield Point(x=x, y=row.global_error, series=number, told=told)
+        yield Point(x=x, y=row.global_error, series=number, outcome=row.outcome.value, told=told)
 
 
 def _row(row: SweepRow) -> Row:

@@ -109,6 +109,11 @@ class Plan:
         """Of all cases."""
         return sum(part.count for part in self.parts)
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What of the folders is not swept, a line each."""
+        return tuple(line for part in self.parts for line in part.survey.left_out)
+
     def blocks(self, done: Sequence[int] | bytes) -> Iterator[Block]:
         """Blocks of the cases that are not done yet, one after the other.
 

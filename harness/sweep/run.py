@@ -23,7 +23,7 @@ from harness.schedule.workers import Failure, Workers
 from harness.sweep.case import Block, blank, run_block
 from harness.sweep.factors import SweepError
 from harness.sweep.plan import Plan, SweepOptions, plan
-from harness.sweep.store import Store, arrow, begin, done, kept
+from harness.sweep.store import Store, arrow, begin, done, kept, taken
 from harness.sweep.survey import Survey, SurveyTask, survey
 
 AHEAD = 2
@@ -173,12 +173,13 @@ def sweep(
         OSError: where it can't be written.
     """
     record = plan_record(whole)
-    begin(out, record)
-    before = done(out, whole.count)
-    with kept(Store(out, record)) as store:
-        running = _Running(whole.blocks(before), store, progress, sum(before), whole.count)
-        first = [job for _ in range(AHEAD * whole.options.jobs) for job in running.next()]
-        work(first, workers, stop)
+    with taken(out):
+        begin(out, record)
+        before = done(out, whole.count)
+        with kept(Store(out, record)) as store:
+            running = _Running(whole.blocks(before), store, progress, sum(before), whole.count)
+            first = [job for _ in range(AHEAD * whole.options.jobs) for job in running.next()]
+            work(first, workers, stop)
     return running.done
 
 

@@ -21,6 +21,13 @@ from harness.records.sweep import SweepPlan, SweepRow
 from harness.records.write import encoded, write_whole
 from harness.sweep.factors import SweepError
 
+try:
+    import fcntl
+except ImportError:  # not there on Windows: there, two sweeps at once are not told of each other
+    _LOCKS = False
+else:
+    _LOCKS = True
+
 ROWS = "rows"
 PLAN = "plan.json"
 
@@ -213,6 +220,25 @@ def _row(flat: dict[str, Any]) -> SweepRow:
     values = {name: value for name, value in flat.items() if not name.startswith(COLUMN)}
     values["outcome"] = Outcome(values["outcome"])
     return SweepRow(**values, constants=constants)
+
+
+@contextlib.contextmanager
+def taken(out: Path) -> Iterator[None]:
+    """Meanwhile no other sweep writes into a folder.
+
+    Raises:
+        SweepError: where one does.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / ".lock").open("w") as file:
+        if _LOCKS:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise SweepError(
+                    f"{out}: another sweep is writing there; wait for it, or choose another --out"
+                ) from None
+        yield
 
 
 @contextlib.contextmanager

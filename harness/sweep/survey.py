@@ -58,6 +58,7 @@ class Survey:
         pairings: models in engines, with integrators.
         known_integrators: names of all integrators that its models have.
         absent: engines that its models name and that are not installed.
+        without: models, with their engines, that have none of the integrators asked for.
     """
 
     folder: str
@@ -69,6 +70,18 @@ class Survey:
     pairings: tuple[Pairing, ...]
     known_integrators: tuple[str, ...]
     absent: tuple[str, ...]
+    without: tuple[str, ...] = ()
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What is not swept, a line each."""
+        absent = (f"{self.system}: {name} is not installed" for name in self.absent)
+        others = ", ".join(self.known_integrators)
+        without = (
+            f"{self.system}/{name} has none of these integrators ({others})"
+            for name in self.without
+        )
+        return (*absent, *without)
 
 
 def survey(task: SurveyTask) -> Survey:
@@ -81,6 +94,9 @@ def survey(task: SurveyTask) -> Survey:
     folder = swept(task.folder, task.varied, task.content)
     known = {one.name for one in folder.system.scenarios}
     found = list(_pairings(task, folder))
+    kept = tuple(one for one in found if _wanted(one.integrator, task.integrators))
+    every = dict.fromkeys(f"{one.model} [{one.engine}]" for one in found)
+    swept_too = {f"{one.model} [{one.engine}]" for one in kept}
     return Survey(
         folder=task.folder,
         content=task.content,
@@ -92,9 +108,10 @@ def survey(task: SurveyTask) -> Survey:
             if not task.scenarios or one.name in task.scenarios
         ),
         known_scenarios=tuple(sorted(known)),
-        pairings=tuple(one for one in found if _wanted(one.integrator, task.integrators)),
+        pairings=kept,
         known_integrators=tuple(sorted({one.integrator for one in found})),
         absent=tuple(sorted(_absent(task, folder))),
+        without=tuple(name for name in every if name not in swept_too),
     )
 
 

@@ -17,7 +17,7 @@ from harness.schedule.workers import Workers
 from harness.sweep.factors import SweepError
 from harness.sweep.plan import SweepOptions
 from harness.sweep.run import alone, sweep
-from harness.sweep.store import parts, read_rows
+from harness.sweep.store import parts, read_rows, taken
 from reference.load import load_system
 from tests.sweep.made import options, plan_of, swept_folder
 
@@ -207,6 +207,8 @@ def test_rows_go_on_where_they_were_and_no_other_plan_is_taken_for_theirs(
     before = {path: path.read_bytes() for path in parts(out)}
     sweep(whole, out, workers, nothing)
     assert {path: path.read_bytes() for path in parts(out)} == before
+    with taken(out), pytest.raises(SweepError, match="another sweep is writing there"):
+        sweep(whole, out, workers, nothing)
     other = plan_of(folder, options("k=20:60", count=4, seed=6), workers)
     with pytest.raises(SweepError, match=r"another plan \(seed: 5, now 6\); choose another --out"):
         sweep(other, out, workers, nothing)
