@@ -10,7 +10,6 @@ import importlib.util
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import scipy.integrate
 import sympy as sp
 
 from reference.closed_form import Segments
@@ -53,6 +52,8 @@ def trajectory(
     rtol: float = 1e-13,
 ) -> Array:
     """States at given ascending times, (len(times), 2n), by DOP853; breaks of the input are hit."""
+    from scipy.integrate import solve_ivp  # a part of a second, in every command
+
     acceleration = equations.numeric_acceleration.scalar
     n = len(equations.system.coordinates)
     values = np.empty((len(times), 2 * n))
@@ -65,7 +66,7 @@ def trajectory(
 
         last = piece is signals[-1]
         chosen = (times >= piece.start) & ((times <= piece.stop) if last else (times < piece.stop))
-        solved = scipy.integrate.solve_ivp(
+        solved = solve_ivp(
             rate,
             (piece.start, piece.stop),
             state,
@@ -158,6 +159,8 @@ def by_runge_kutta(
             tolerance than `AGREEMENT`, of the largest of a component's like, would have the steps
             shrink for ever.
     """
+    from scipy.integrate import solve_ivp  # a part of a second, in every command
+
     shape, half = states.shape, states.shape[-1] // 2
     rtol, atol = 3e-14, np.full(states.size, 1e-16)
     if rounded:
@@ -168,7 +171,7 @@ def by_runge_kutta(
     def rate(elapsed: float, flat: Array) -> Array:
         return field(times + elapsed, flat.reshape(shape)).ravel()
 
-    solved = scipy.integrate.solve_ivp(
+    solved = solve_ivp(
         rate,
         (0.0, length),
         states.ravel(),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from reference.derive import Equations
 from reference.integrate import trajectory
@@ -53,7 +52,9 @@ def linearity(equations: Equations, linearization: Linearization) -> tuple[Linea
         period = 2 * np.pi / mode.frequency
         times = np.linspace(0.0, period, 101)
         still = Piece(start=0.0, stop=period, expressions=tuple(0 * u for u in equations.system.u))
-        flow: Array = scipy.linalg.expm(matrix[None] * times[:, None, None])
+        from scipy.linalg import expm  # a part of a second, in every command
+
+        flow: Array = expm(matrix[None] * times[:, None, None])
         errors = []
         for amplitude in AMPLITUDES:
             start = np.concatenate([amplitude * mode.shape, np.zeros(n)])

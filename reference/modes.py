@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import mpmath as mp
 import numpy as np
-import scipy.linalg
 import sympy as sp
 from numpy.typing import NDArray
 
@@ -95,7 +94,9 @@ def modes(linearization: Linearization) -> tuple[Mode, ...]:
     stiffness having no effect on it, to rounding.
     """
     m, k = to_array(linearization.exact["M"]), to_array(linearization.exact["K"])
-    values, shapes = scipy.linalg.eigh((k + k.T) / 2, m)
+    from scipy.linalg import eigh  # a part of a second, in every command
+
+    values, shapes = eigh((k + k.T) / 2, m)
     scale = float(np.max(np.abs(values))) or 1.0
     result = []
     for value, shape in zip(values, shapes.T, strict=True):

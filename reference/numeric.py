@@ -38,9 +38,10 @@ class NumericFunction:
         """Evaluate; arrays broadcast against each other in all but their last axis."""
         columns: list[Any] = []
         for argument, count in zip(arguments, self.groups, strict=True):
-            columns.extend(argument[..., i] for i in range(count))
+            columns += [argument[..., i] for i in range(count)]
         values = self._function(*columns, *self.last)
-        shape = np.broadcast_shapes(*(np.shape(a)[:-1] for a in arguments))
+        shapes = {a.shape[:-1] for a in arguments}
+        shape = shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
         out = np.empty((*shape, self.size))
         for i, value in enumerate(values):
             out[..., i] = value

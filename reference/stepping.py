@@ -56,6 +56,8 @@ class SteppedEquations(Stepped):
         self._mass = equations.numeric_mass
         self._force = equations.compile(equations.force)
         self._inputs = len(equations.system.inputs)
+        own = {c.q for c in equations.system.coordinates}
+        self._still = not any(own & e.free_symbols for e in equations.mass)
 
     def velocities(self, q: Array, rate: Array) -> Array:
         """The rates."""
@@ -67,8 +69,10 @@ class SteppedEquations(Stepped):
 
     def mass(self, q: Array) -> Array:
         """M, (B, n, n)."""
-        n, none = q.shape[1], np.zeros((len(q), self._inputs))
-        return self._mass(q, 0 * q, none, np.zeros((len(q), 1))).reshape(len(q), n, n)
+        n, at = q.shape[1], q[:1] if self._still else q
+        none = np.zeros((len(at), self._inputs + 1))
+        found = self._mass(at, 0 * at, none[:, 1:], none[:, :1]).reshape(len(at), n, n)
+        return np.broadcast_to(found, (len(q), n, n))
 
     def force(self, q: Array, m: Array, u: Array) -> Array:
         """f, (B, n)."""
@@ -177,6 +181,9 @@ def _acceleration(stepped: Stepped, q: Array, m: Array, u: Array, late: Array | 
     mass = stepped.mass(q)
     left: Array = mass if late is None else mass + late
     columns = stepped.force(q, m, u)[:, :, None]
+    if len(q[0]) == 1:  # the same division
+        with np.errstate(all="ignore"):
+            return (columns / left)[:, :, 0]
     try:
         return np.linalg.solve(left, columns).astype(float)[:, :, 0]
     except np.linalg.LinAlgError:  # a motion that has blown up has masses of any kind
@@ -205,7 +212,5 @@ def _runge_kutta(stepped: Stepped, q: Array, m: Array, u: Array, h: float) -> tu
         now: Array = m + share * h * accelerations[-1]
         rates.append(stepped.unturned(moved, now))
         accelerations.append(_acceleration(stepped, at, now, u, None))
-    weights = np.array([1, 2, 2, 1]) / 6
-    move: Array = h * np.tensordot(weights, np.stack(rates), 1)
-    gain: Array = h * np.tensordot(weights, np.stack(accelerations), 1)
+    move, gain = (h / 6 * (a + d + 2 * (b + c)) for a, b, c, d in (rates, accelerations))
     return stepped.advanced(q, move, 1.0), m + gain

@@ -181,7 +181,7 @@ def series_record(
 
 
 def _step_errors(study: StepStudy, amplitude: Array) -> StepErrors:
-    runs, n = (study.shipped, *study.finer), len(amplitude) // 2
+    runs, n = (study.shipped, *study.beside), len(amplitude) // 2
     errors = [float(np.max(np.abs(run.error[:, :n]) / amplitude[:n])) for run in runs]
     return StepErrors(
         h=numbers(run.h for run in runs),

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.integrate
 
 from harness.diagnosis.diagnose import Ranking
 from harness.diagnosis.fit import Fit
@@ -93,6 +92,8 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
     """(t, states) of the equations at other parameters, from where the motion starts."""
     state = motion.start[0]
     n = len(state) // 2
+    from scipy.integrate import solve_ivp  # a part of a second, in every command
+
     limit = BEYOND * np.maximum(motion.amplitude, 1e-12)
     times = np.linspace(0.0, motion.duration, SAMPLES)
     found = []
@@ -112,7 +113,7 @@ def _solved(variants: Variants, point: Array, motion: Motion) -> tuple[Array, Ar
             return float(np.min(limit - np.abs(y)))
 
         gone.terminal = True  # type: ignore[attr-defined]
-        done = scipy.integrate.solve_ivp(
+        done = solve_ivp(
             field,
             (span.start, stop),
             state,

@@ -46,6 +46,10 @@ class SpringForces:
         own = np.zeros(len(joints)) if damping is None else damping
         self._stiffness = along.T @ (k[:, None] * along)
         self._damping = along.T @ (c[:, None] * along) + np.diag(own)
+        self._k, self._c = self._stiffness.diagonal(), self._damping.diagonal()
+        self._apart = all(
+            np.array_equal(np.diag(a.diagonal()), a) for a in (self._stiffness, self._damping)
+        )
         push = np.zeros(len(joints)) if pushed is None else pushed
         self._at_zero = along.T @ (k * rest) + push
         self._own = None if springs or push.any() else own
@@ -55,7 +59,10 @@ class SpringForces:
         """Forces along joints at positions and velocities, (..., n) each."""
         if self._own is not None:
             return -self._own * v
-        # A row at a time: the last digits of a product depend on how many rows there are.
-        pull = self._stiffness @ q[..., None] + self._damping @ v[..., None]
-        force: Array = self._at_zero - pull[..., 0]
+        if self._apart:
+            apart: Array = self._at_zero - (self._k * q + self._c * v)
+            return apart
+        # Sums along a last axis: the last digits of a product depend on how many rows there are.
+        pull = self._stiffness * q[..., None, :] + self._damping * v[..., None, :]
+        force: Array = self._at_zero - pull.sum(axis=-1)
         return force

@@ -1,4 +1,4 @@
-"""What full runs at one step after another, each half of the last, bear out together.
+"""What full runs at one step after another, each half or twice the last, bear out together.
 
 The order of the global error, its limit as h -> 0, and whether the shipped step's own error is what
 the finer runs make expect. A run bears witness as far as it is resolved: where a motion multiplies
@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,23 +161,26 @@ def witness(
     motion: Motion,
     sensitive: Sensitivity | None = None,
 ) -> Witness:
-    """What runs bear out: the shipped one, then finer ones, each of half the step.
+    """What runs bear out: the shipped one, then others, each of half or each of twice the step.
 
     Args:
         claimed: order that the engine claims.
         size: amplitudes of the positions, (n,).
         sensitive: how the motion multiplies differences, where that is to be an excuse.
     """
-    first = _first_break_off(runs[0].h, motion)
+    shipped = runs[0]
+    beside = runs[1:3]
+    runs = sorted(runs, key=lambda run: -run.h)
+    first = first_break_off(runs[0].h, motion)
     ends = [motion.duration, motion.duration]
     if sensitive is not None:
         ends = [sensitive.horizon(run.h) for run in (runs[max(len(runs) - 3, 0)], runs[0])]
-    order, until = _order(runs[-2], runs[-1], size, ends[0])
+    lost = max(run.rounding for run in runs)
+    order, until = _order(*_legible(runs, size, max(ROUNDING, lost)), size, ends[0])
     until = float(min(until, first))
     residual, increment = _residual(runs[-3:], until, claimed, size)
     times = runs[0].t[runs[0].t <= until]
     known = motion.global_bound_at(times)[:, : len(size)] / size
-    lost = max(run.rounding for run in runs)
     left = increment + max(RESIDUAL, lost) + float(np.max(known, initial=0.0))
     if sensitive is not None:
         left += sensitive.of_rounding(until)
@@ -184,7 +188,7 @@ def witness(
     low, high = claimed - SLACK, claimed + NEXT_ORDERS + SLACK
     rounded = min(largest(runs[0], size), largest(runs[-1], size)) <= max(ROUNDING, lost)
     settled = rounded or nothing or low <= order <= high
-    expected, surprise, unsure = _foretold(runs[:3], min(first, ends[1]), claimed, size)
+    expected, surprise, unsure = _foretold(shipped, beside, min(first, ends[1]), claimed, size)
     return Witness(
         order=order,
         until=until,
@@ -194,7 +198,7 @@ def witness(
         surprise=surprise,
         unsure=unsure,
         settled=settled,
-        bears_out=runs[0].finite and settled and residual <= left,
+        bears_out=shipped.finite and settled and residual <= left,
         excused=sensitive is not None and min(ends) < motion.duration * (1 - 1e-9),
         growth=1.0 if sensitive is None else float(sensitive.growth[-1]),
     )
@@ -204,6 +208,16 @@ def largest(run: SampledRun, size: Array) -> float:
     """Largest position error of a run, relative to the amplitude; infinite if it is not finite."""
     value = float(np.max(np.abs(run.error[:, : len(size)]) / size))
     return value if math.isfinite(value) else math.inf
+
+
+def _legible(
+    runs: Sequence[SampledRun], size: Array, floor: float
+) -> tuple[SampledRun, SampledRun]:
+    """Of runs from coarse to fine the two finest whose errors are above rounding, if any are."""
+    for coarse, fine in reversed(list(pairwise(runs))):
+        if largest(fine, size) > floor:
+            return coarse, fine
+    return runs[-2], runs[-1]
 
 
 def _order(coarse: SampledRun, fine: SampledRun, size: Array, end: float) -> tuple[float, float]:
@@ -228,7 +242,7 @@ def _until(t: Array, large: NDArray[np.bool_]) -> float:
     return float(t[max(int(np.argmax(any_large)) - 1, 0)])
 
 
-def _first_break_off(h: float, motion: Motion) -> float:
+def first_break_off(h: float, motion: Motion) -> float:
     """Time of the first break of the input that steps of h don't reach; else the end.
 
     From there on the error depends on where between two steps the break falls, not on h alone.
@@ -265,45 +279,46 @@ def _together(runs: Sequence[SampledRun], until: float, size: Array) -> Array:
 
 
 def _foretold(
-    runs: Sequence[SampledRun], until: float, claimed: int, size: Array
+    shipped: SampledRun, others: Sequence[SampledRun], until: float, claimed: int, size: Array
 ) -> tuple[float, float, float]:
-    """The shipped run's error by its finer ones, by how much it is another, and how sure that is.
+    """The shipped run's error by two others, by how much it is another, and how sure that is.
 
-    With e(h) = c_p h^p + c_(p+1) h^(p+1) + ..., one finer run foretells the leading term, two the
+    With e(h) = c_p h^p + c_(p+1) h^(p+1) + ..., one other run foretells the leading term, two the
     next as well. Whichever later order leads, of the next `NEXT_ORDERS`, both foretellings differ
     by a known share of what the second is off. An error that the shipped step alone makes is of no
     order: neither moves.
     """
-    lost = max((run.rounding for run in runs), default=0.0)
-    if len(runs) < 3 or not all(run.finite for run in runs):
+    runs = (shipped, *others)
+    lost = max(run.rounding for run in runs)
+    if len(others) < 2 or not all(run.finite for run in runs):
         return 0.0, 0.0, max(RESIDUAL, lost)
-    shipped, *finer = _together(runs, until, size)
-    one = _powers(claimed, 1)
-    two = _powers(claimed, 2)
-    rough = float(one[0]) * finer[0]
-    better = np.tensordot([float(w) for w in two], np.stack(finer), axes=1)
-    t = runs[0].t[: len(shipped)]
+    own, *beside = _together(runs, until, size)
+    ratio = 2 if others[0].h > shipped.h else Fraction(1, 2)
+    one, two = _powers(ratio, claimed, 1), _powers(ratio, claimed, 2)
+    rough = float(one[0]) * beside[0]
+    better = np.tensordot([float(w) for w in two], np.stack(beside), axes=1)
+    t = shipped.t[: len(own)]
     kept = t <= _until(t, np.maximum(np.abs(rough), np.abs(better)) > SMALL)
     share = Fraction(0)
     for exponent in range(claimed + 2, claimed + NEXT_ORDERS + 1):
         by_one, by_two = (
-            sum((w * Fraction(1, 2 ** (i * exponent)) for i, w in enumerate(ws, 1)), Fraction(0))
+            sum((w * Fraction(ratio) ** (i * exponent) for i, w in enumerate(ws, 1)), Fraction(0))
             for ws in (one, two)
         )
         share = max(share, abs(1 - by_two) / abs(by_two - by_one))
     moved = float(np.max(np.abs(better - rough)[kept]))
-    off = float(np.max(np.abs(shipped - better)[kept]))
+    off = float(np.max(np.abs(own - better)[kept]))
     return float(np.max(np.abs(better)[kept])), off, float(share) * moved + max(RESIDUAL, lost)
 
 
-def _powers(lead: int, count: int) -> list[Fraction]:
-    """Weights of the errors at 1/2, 1/4, ... of a step that give that at the step itself.
+def _powers(ratio: Fraction | int, lead: int, count: int) -> list[Fraction]:
+    """Weights of the errors at r, r^2, ... of a step that give that at the step itself.
 
     Exact for errors in its powers `lead`, `lead` + 1, ..., as many as there are weights.
     """
-    first = Fraction(2**lead)
+    first = 1 / Fraction(ratio) ** lead
     if count == 1:
         return [first]
-    # a 2^-p + b 4^-p = 1 for p and p + 1.
-    last = -first * first * 2
+    # a r^p + b r^2p = 1 for p and p + 1.
+    last = -(first**2) / Fraction(ratio)
     return [first - last / first, last]

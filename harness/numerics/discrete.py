@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
@@ -99,7 +98,9 @@ def linearize_step(
         doubt = slopes(0 * ends, 2 * lost, deltas).uncertainty / scale
         error, bound = float(np.max(off)), float(np.max(doubt))
         differs = bool(np.any((off > doubt) & (off + doubt > resolution)))
-    exact = scipy.linalg.expm(taylor["A"] * model.step)
+    from scipy.linalg import expm  # a part of a second, in every command
+
+    exact = expm(taylor["A"] * model.step)
     return DiscreteLinearization(
         step=model.step,
         a=a,

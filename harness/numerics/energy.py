@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.integrate
 
 from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
@@ -45,6 +44,8 @@ def energy_balance(
         motion: gives the inputs and their breaks.
         power: (energy, supplied, dissipated) of (q, v, u, (t,)).
     """
+    from scipy.integrate import cumulative_simpson  # a part of a second, in every command
+
     n = states.shape[1] // 2
 
     def of(times: Array, y: Array, u: Array) -> Array:
@@ -65,7 +66,7 @@ def energy_balance(
         y = np.stack([np.interp(times, t, column) for column in states.T], axis=1)
         left = np.minimum(times, stop - 1e-9 * span.length)
         rates = of(times, y, motion.inputs(left))[:, 1:]
-        summed = scipy.integrate.cumulative_simpson(rates.T, x=times, initial=0.0).T + done
+        summed = cumulative_simpson(rates.T, x=times, initial=0.0).T + done
         work[inside] = summed[1:-1]
         work[t >= stop] = done = summed[-1]
     largest = max(float(np.ptp(held)), float(np.max(np.abs(work))), float(np.max(kinetic)))

@@ -17,6 +17,7 @@ from reference.numeric import Array, NumericFunction
 from reference.signal import Inputs
 
 SAMPLES = 1000
+"""Of a run at least, where it has so many steps; at most twice as many."""
 
 MOST_STEPS = 10_000_000
 """Of the shipped run: at a microsecond each, as in the fastest engines, it takes ten seconds, and
@@ -44,6 +45,18 @@ class SampledRun:
     states: Array
     error: Array
     epsilon: float = EPSILON
+
+    def thinned(self, by: int) -> SampledRun:
+        """Sampled as many times less often."""
+        return SampledRun(
+            h=self.h,
+            steps=self.steps,
+            every=self.every * by,
+            t=self.t[::by],
+            states=self.states[::by],
+            error=self.error[::by],
+            epsilon=self.epsilon,
+        )
 
     @property
     def rounding(self) -> float:
@@ -133,6 +146,11 @@ def full_run(
     )
 
 
+def sampled_run(model: Model, coordinates: CoordinateMap, motion: Motion, h: float) -> SampledRun:
+    """The same run, without its energy and its drift."""
+    return _rolled(model, coordinates, motion, h, _Extent.whole(motion, h, 0))[0]
+
+
 def beginning(
     model: Model, coordinates: CoordinateMap, motion: Motion, h: float, every: int, most: int
 ) -> SampledRun:
@@ -202,7 +220,8 @@ class _Extent:
     @staticmethod
     def of(duration: float, start: Array, h: float, every: int) -> _Extent:
         steps = steps_of(duration, h)
-        every = every or max(1, steps // SAMPLES)
+        # A power of two: runs of twice and of half the step have the same samples.
+        every = every or 2 ** max(0, (steps // SAMPLES).bit_length() - 1)
         return _Extent(steps - steps % every, every, start)
 
 

@@ -26,8 +26,9 @@ FIRST_JUDGED = 6
 """Rungs needed before a limit has an uncertainty: by the fifth, two small increments in a row may
 still be chance."""
 
-ENOUGH = 2e-3
-"""Rungs are added until the uncertainty is this share of the resolution, or stops falling."""
+ENOUGH = 0.1
+"""Rungs are added until the uncertainty is this share of the resolution, or stops falling. Had
+it the whole of it, a limit would be believed a rung early: one of a soft coupling was 1.2 U off."""
 
 EPSILON = float(np.finfo(float).eps)
 
@@ -156,16 +157,11 @@ class Limit:
 
 
 def suffices(
-    limit: Limit,
-    previous: Limit | None,
-    count: int,
-    scale: Array,
-    resolution: float,
-    enough: float = ENOUGH,
+    limit: Limit, previous: Limit | None, count: int, scale: Array, resolution: float
 ) -> bool:
     """Whether a further rung is not worth its steps, after so many."""
     worst = largest(limit.uncertainty / scale)
-    if worst <= enough * resolution:
+    if worst <= ENOUGH * resolution:
         return True
     if previous is None or count <= FIRST_JUDGED + 1:
         return False

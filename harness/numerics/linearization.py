@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
-import scipy.optimize
 from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
@@ -97,7 +95,9 @@ def linearize_engine(
     transition = _transition(
         model, coordinates, position=position, length=length, amplitude=amplitude, push=push
     )
-    generator = scipy.linalg.logm(transition.value).real / length
+    from scipy.linalg import logm  # a part of a second, in every command
+
+    generator = logm(transition.value).real / length
     uncertainty = _of_logarithm(transition) / length
     size = len(a)
     found_a, found_b = generator[:size, :size], generator[:size, size:]
@@ -213,7 +213,9 @@ def _differs(transition: Estimate, a: Array, b: Array, length: float, resolution
     size, columns = len(a), len(transition.value)
     both = np.zeros((columns, columns))
     both[:size, :size], both[:size, size:] = a, b
-    wanted = scipy.linalg.expm(both * length)
+    from scipy.linalg import expm  # a part of a second, in every command
+
+    wanted = expm(both * length)
     makes = [np.max(np.abs(one), initial=0.0) or 1.0 for one in (a, b)]
     scale = length * np.repeat(makes, [size, columns - size])
     # Rounding of Taylor's own, in doubles as they are.
@@ -230,7 +232,9 @@ def _pair(found: Array, wanted: Array) -> tuple[tuple[complex, ...], tuple[compl
     values, vectors = np.linalg.eig(found)
     targets, target_vectors = np.linalg.eig(wanted)
     cost = np.abs(values[:, None] - targets[None, :])
-    rows, columns = scipy.optimize.linear_sum_assignment(cost)
+    from scipy.optimize import linear_sum_assignment  # a part of a second, in every command
+
+    rows, columns = linear_sum_assignment(cost)
     scale = np.max(np.abs(targets)) or 1.0
     least = 1.0
     for row, column in zip(rows, columns, strict=True):

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import (
-    ENOUGH,
     EPSILON,
     FIRST_JUDGED,
     RUNGS,
@@ -177,12 +176,10 @@ def extrapolate(
     *,
     rungs: tuple[int, ...] = RUNGS,
     resolution: float | None = None,
-    enough: float = ENOUGH,
 ) -> Extrapolated:
     """Run every segment of a batch on rung after rung, and take the limit.
 
-    All rungs are run, or, where a resolution is given, as many as it takes for an uncertainty that
-    is the share `enough` of it.
+    All rungs are run, or, where a resolution is given, as many as it takes.
 
     Raises:
         BlownUpError: where the engine returns values that are not finite.
@@ -190,7 +187,7 @@ def extrapolate(
     starts = with_companions(*coordinates.to_engine(batch.states), model.epsilon)
     left: list[Array] = []
     observable = _ends(model, coordinates, batch, starts, left)
-    found = climb(observable, rungs, resolution, enough)
+    found = climb(observable, rungs, resolution)
     if batch.ends is None or not coordinates.redundant:
         return found
     return replace(found, residual=_residual(coordinates, batch, starts, found.rungs, left))
@@ -212,10 +209,7 @@ def limits_alone(
 
 
 def climb(
-    observable: Observable,
-    rungs: tuple[int, ...],
-    resolution: float | None = None,
-    enough: float = ENOUGH,
+    observable: Observable, rungs: tuple[int, ...], resolution: float | None = None
 ) -> Extrapolated:
     """The limit of an observable, over all rungs or as many as the resolution takes.
 
@@ -258,7 +252,7 @@ def climb(
             o.starts.epsilon,
         )
         limit = judged()
-        if resolution is not None and suffices(limit, previous, count, scale, resolution, enough):
+        if resolution is not None and suffices(limit, previous, count, scale, resolution):
             break
     assert limit is not None
     assert scale is not None

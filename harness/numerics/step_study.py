@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -11,7 +11,14 @@ from itertools import pairwise
 import numpy as np
 
 from harness.engines.protocol import Model
-from harness.numerics.convergence import SMALL, Witness, largest, sensitivity, witness
+from harness.numerics.convergence import (
+    SMALL,
+    Witness,
+    first_break_off,
+    largest,
+    sensitivity,
+    witness,
+)
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.decomposition import ErrorDecomposition, decompose
 from harness.numerics.full_run import FullRun, SampledRun, beginning, follows, full_run
@@ -24,6 +31,18 @@ TARGETS = (0.01, 0.001, 0.0001)
 MOST_STEPS = 60_000
 MOST_RUNS = 6
 
+TINY = 1e-5
+"""Up to this global error, relative to the amplitude, coarser runs bear witness: they show orders
+where finer ones are all rounding, and all of them take fewer steps than the shipped one. What they
+may miss is less than the error that is told."""
+
+CLEAR = 1e-6
+"""Coarser runs are taken until their errors are clear of rounding, and two at least."""
+
+MOST_COARSER = 7
+FEWEST_STEPS = 16
+"""A coarser run has so many a period of the motion's fastest rate, and in all."""
+
 APART = 0.3
 """Errors up to this share of the amplitude are taken apart."""
 
@@ -34,7 +53,7 @@ class StepStudy:
 
     Attributes:
         shipped: run at the shipped step.
-        finer: runs at half, and where needed a quarter, of it.
+        beside: runs at half, and where needed a quarter, of it; or at twice of it and more.
         global_error: largest position error at the shipped step, relative to the amplitude.
         witness: what the runs bear out together.
         decomposition: of the error of the position with the largest; None where it is not small.
@@ -43,7 +62,7 @@ class StepStudy:
     """
 
     shipped: FullRun
-    finer: tuple[FullRun, ...]
+    beside: tuple[FullRun, ...]
     global_error: float
     witness: Witness
     decomposition: ErrorDecomposition | None
@@ -74,10 +93,79 @@ def study_step(
     def run(h: float, every: int = 0) -> FullRun:
         return full_run(model, coordinates, motion, power, h, every)
 
+    shipped = run(model.step)
+    found: Witness | None = None
+    runs: list[FullRun] = []
+    if largest(shipped, size) <= TINY:
+        runs = _coarser(run, shipped, motion, size)
+        found = witness(_alike(runs), claimed, size, motion) if len(runs) > 2 else None
+    if found is None or (agrees and not (found.bears_out and found.foretold)):
+        runs, found = _finer(
+            run,
+            shipped,
+            model=model,
+            coordinates=coordinates,
+            motion=motion,
+            claimed=claimed,
+            amplitude=amplitude,
+            agrees=agrees,
+        )
+    told = sorted(runs, key=lambda one: -one.h)
+    predicted = tuple(_step_for(target, told, size, motion) for target in TARGETS)
+    return StepStudy(
+        shipped=shipped,
+        beside=tuple(runs[1:]),
+        global_error=largest(shipped, size),
+        witness=found,
+        decomposition=_decomposed(shipped, motion, size),
+        steps_for=predicted,
+        checked=_check(run, predicted, motion.duration, size),
+    )
+
+
+def _coarser(
+    run: Callable[[float, int], FullRun], shipped: FullRun, motion: Motion, size: Array
+) -> list[FullRun]:
+    """The shipped run, and those of twice its step and more, as far as they follow the motion."""
+    runs, every = [shipped], shipped.every
+    whole = first_break_off(shipped.h, motion)
+    for _ in range(MOST_COARSER):
+        h, every = 2 * runs[-1].h, max(1, every // 2)
+        few = motion.duration / h < FEWEST_STEPS or h * motion.fastest * FEWEST_STEPS > 2 * math.pi
+        if few or first_break_off(h, motion) < whole:
+            break
+        coarse = run(h, every)
+        if not coarse.finite or largest(coarse, size) > SMALL:
+            break
+        runs.append(coarse)
+        if len(runs) > 2 and largest(coarse, size) > CLEAR:
+            break
+    return runs
+
+
+def _alike(runs: Sequence[FullRun]) -> list[SampledRun]:
+    """The same runs, sampled at the times of the one that has the fewest."""
+    spacing = max(run.h * run.every for run in runs)
+    return [run.thinned(round(spacing / (run.h * run.every))) for run in runs]
+
+
+def _finer(
+    run: Callable[[float, int], FullRun],
+    shipped: FullRun,
+    *,
+    model: Model,
+    coordinates: CoordinateMap,
+    motion: Motion,
+    claimed: int,
+    amplitude: Array,
+    agrees: bool,
+) -> tuple[list[FullRun], Witness]:
+    """The shipped run and those of half its step and less, and what they bear out."""
+    size = amplitude[: len(amplitude) // 2]
+
     def half(of: FullRun) -> FullRun:
         return run(of.h / 2, 2 * of.every)
 
-    shipped = run(model.step)
     runs = [shipped, half(shipped)]
     found = witness(runs, claimed, size, motion)
     # Three runs to extrapolate; more where errors are not small enough yet for the leading term.
@@ -94,16 +182,7 @@ def study_step(
         # Not what an honest engine's runs are; unless the motion is one that no run can follow.
         sensitive = sensitivity(model, coordinates, motion, runs[-1], claimed, amplitude)
         found = witness(together, claimed, size, motion, sensitive)
-    predicted = tuple(_step_for(target, runs, size, motion) for target in TARGETS)
-    return StepStudy(
-        shipped=shipped,
-        finer=tuple(runs[1:]),
-        global_error=largest(shipped, size),
-        witness=found,
-        decomposition=_decomposed(shipped, motion, size),
-        steps_for=predicted,
-        checked=_check(run, predicted, motion.duration, size),
-    )
+    return runs, found
 
 
 def _wants_more(runs: list[FullRun], found: Witness) -> bool:
@@ -156,7 +235,7 @@ def _handy(h: float, motion: Motion) -> float:
 
 
 def _check(
-    run: Callable[[float], FullRun],
+    run: Callable[..., FullRun],
     predicted: tuple[float | None, ...],
     duration: float,
     size: Array,

@@ -304,7 +304,13 @@ def _context() -> Any:
         # First what binds our names: the server begins in the user's folder, which may have a
         # package called harness.
         context.set_forkserver_preload(
-            ["physics_crosscheck", "harness.cases.case", "harness.cases.prepare"]
+            [
+                "physics_crosscheck",
+                "harness.cases.case",
+                "harness.cases.prepare",
+                "scipy.integrate",
+                "scipy.linalg",
+            ]
         )
         with _as_servers_start():
             forkserver.ensure_running()

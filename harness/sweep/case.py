@@ -22,17 +22,13 @@ from harness.engines.protocol import Array, EngineError, Force, Model
 from harness.files.sidecar import Sidecar
 from harness.numerics.convergence import largest
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.full_run import SAMPLES, beginning, steps_of, why_no_run
+from harness.numerics.full_run import sampled_run, why_no_run
 from harness.numerics.segments import Batch, extrapolate
 from harness.records.base import number
 from harness.records.outcome import FLOOR, Outcome
 from harness.records.sweep import SweepRow
 from harness.sweep.system import Swept, loaded, swept
 from reference.motion import Motion
-
-ENOUGH = 0.1
-"""Rungs are added until the uncertainty is this share of the resolution: a run's goes on to 0.002,
-for the last digits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,13 +183,8 @@ def _judged(
     names = [c.name for c in folder.system.coordinates]
     components = (*names, *(f"{name}_dot" for name in names))
     claimed = model.exponents(motion.varying)[0]
-    found = extrapolate(
-        model,
-        coordinates,
-        Batch.of(motion, scale),
-        resolution=block.resolution,
-        enough=ENOUGH,
-    )
+    batch = Batch.of(motion, scale)
+    found = extrapolate(model, coordinates, batch, resolution=block.resolution)
     verdict = judge(found.limit, motion, scale, components, claimed, block.resolution)
     if found.residual is not None:
         own = tuple(model.coordinates)
@@ -206,9 +197,7 @@ def _judged(
         digits=number(_digits(verdict)),
         order=number(verdict.order),
     )
-    steps = steps_of(motion.duration, model.step)
-    every = max(1, steps // SAMPLES)
-    run = beginning(model, coordinates, motion, model.step, every, most=steps)
+    run = sampled_run(model, coordinates, motion, model.step)
     amplitude = filled(np.maximum(motion.amplitude, FLOOR * folder.amplitude))
     error = largest(run, amplitude[: len(names)])
     known.tell(global_error=number(error))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from reference.multibody.algebra import (
     DOUBLES,
@@ -108,6 +107,8 @@ class Lines:
 
     def _quaternion_of(self, fixed: Mark | Link) -> Scalars:
         """How a frame is turned in what carries it, (4,)."""
+        from scipy.spatial.transform import Rotation  # a part of a second, in every command
+
         turn = Rotation.from_matrix(fixed.rotation).as_quat(scalar_first=True)
         return self._field.array(turn)
 

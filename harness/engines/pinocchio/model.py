@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.engines.attitude import cross, matrix
 from harness.engines.following import held_accelerations, leading
@@ -62,7 +63,7 @@ class PinocchioModel(TreeModel):
             else:
                 places += [(len(speeds) + i, joint.idx_q + i) for i in range(joint.nq)]
             speeds += range(joint.idx_v, joint.idx_v + joint.nv)
-        self._here, self._there = np.array(places, dtype=int).reshape(-1, 2).T
+        self._here, self._there = map(_run, np.array(places, dtype=int).reshape(-1, 2).T)
         at = np.array([*range(root_v, root_v + first), *speeds], dtype=int)
         # Where each of Pinocchio's velocities is among those here, unless it is there itself.
         self._order = None if np.array_equal(at, np.arange(model.nv)) else np.argsort(at)
@@ -75,11 +76,14 @@ class PinocchioModel(TreeModel):
         self._upper = np.triu(np.ones((model.nv, model.nv)))
         self._above = np.triu(self._upper, 1)
         own = not (self.floats or self._turns or refs.any())
-        self._straight = own and np.array_equal(self._there, np.arange(len(singles)))
-        self._permuted = np.argsort(self._there) if own else None
+        there = np.array([at for _, at in places], dtype=int)
+        self._straight = own and np.array_equal(there, np.arange(len(singles)))
+        self._permuted = np.argsort(there) if own else None
+        self._referred = bool(refs.any())
         bare = self._straight and self._along is None and self._order is None
         self.forward = self._plain if bare else self._accelerations
-        self.stepper = RungeKutta(self.forward, self.floats)
+        one = None if self.floats or self._along is not None else self._one
+        self.stepper = RungeKutta(self.forward, self.floats, one)
         z = np.zeros((1, len(self.coordinates)))
         x, m = to_state(z, z) if self.floats else (z, z)
         if not np.isfinite(self.forward(x, m, z)).all():
@@ -90,6 +94,18 @@ class PinocchioModel(TreeModel):
         pull = f if self._springs.empty else f + self._springs.at(x, m)
         aba, model, data = self._aba, self._model, self._data
         return np.array([aba(model, data, *row) for row in zip(x, m, pull, strict=True)])
+
+    def _one(self, x: Array, m: Array, f: Array) -> Array:
+        """The same of one state, (n,) each; of a fixed root, where no joint follows another."""
+        pull = f if self._springs.empty else f + self._springs.at(x, m)
+        q = self._configuration(x)
+        if self._order is None:
+            a: Array = self._aba(self._model, self._data, q, m, pull)
+            return a
+        found = np.empty_like(m)
+        order = self._order
+        found[order] = self._aba(self._model, self._data, q, m[order], pull[order])
+        return found
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Of positions, velocities and forces, as `RungeKutta` has them."""
@@ -138,21 +154,23 @@ class PinocchioModel(TreeModel):
         return held_accelerations(mass, np.array([pull for _, pull in found]), along)
 
     def _configuration(self, x: Array) -> Array:
-        """Positions (B, nq) as Pinocchio has them; the real part of a quaternion is its last."""
+        """Positions (..., nq) as Pinocchio has them; the real part of a quaternion is its last."""
         if self._straight:
             return x
         if self._permuted is not None:
-            return x[:, self._permuted]
-        q, joints = np.empty((len(x), self._model.nq)), x
+            return x[..., self._permuted]
+        q, joints = np.empty((*x.shape[:-1], self._model.nq)), x
         if self.floats:
             turn = x[:, 3:7] / np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
             at = self._root_q
             q[:, at : at + 3], q[:, at + 3 : at + 6] = x[:, :3], turn[:, 1:]
             q[:, at + 6], joints = turn[:, 0], x[:, 7:]
-        joints = joints - self._refs
-        q[:, self._there] = joints[:, self._here]
+        if self._referred:
+            joints = joints - self._refs
+        q[..., self._there] = joints[..., self._here]
         for i, at in self._turns:
-            q[:, at], q[:, at + 1] = np.cos(joints[:, i]), np.sin(joints[:, i])
+            angle = joints[..., i]
+            q[..., at], q[..., at + 1] = np.cos(angle), np.sin(angle)
         return q
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
@@ -195,6 +213,13 @@ class PinocchioModel(TreeModel):
         origins, turns = ([[pair[k] for pair in row] for row in found] for k in (0, 1))
         shape = len(z), len(places)
         return np.array(origins).reshape(*shape, 3), np.array(turns).reshape(*shape, 3, 3)
+
+
+def _run(indices: NDArray[np.intp]) -> NDArray[np.intp] | slice:
+    """Indices, as a slice where they follow one another: numpy is quicker with that."""
+    first = int(indices[0]) if len(indices) else 0
+    whole = np.array_equal(indices, np.arange(first, first + len(indices)))
+    return slice(first, first + len(indices)) if whole else indices
 
 
 def _turned_back(turn: Array, of: Array) -> Array:
