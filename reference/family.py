@@ -44,6 +44,9 @@ JOINED = 1e-12
 SETTLED = 1e-9
 """Where they move by less, and by hardly less than before, rounding is what moves them."""
 
+FAR = 0.1
+"""Of the motion's size: where starts are to be moved by more, Newton's method is not begun."""
+
 ROUGHLY = 1e-8
 """Change of rates that ends the iterations of the first shot, see `collocate`."""
 
@@ -199,8 +202,15 @@ def _shot(equations: DrawnEquations, scenario: Scenario, place: str) -> Motion:
     times = np.concatenate([s.start + s.length * np.arange(s.count) for s in spans])
     guess = scipy.interpolate.CubicSpline(rough, states)(times)
     guess[0] = start
-    starts, end, nodes, flow = _joined(equations, signals, spans, times, guess)
-    bound = np.zeros(starts.shape[1])
+    solved = equations, signals, spans, times
+    try:
+        with np.errstate(all="ignore"):
+            starts, (end, nodes, flow) = _joined(*solved, guess)
+    except ReferenceError:
+        # A motion that multiplies differences: Newton's method begins too far from it.
+        starts = trajectory(equations, start, signals, times)
+        starts[0] = start
+        end, nodes, flow = _segments(*solved, starts, CONVERGED)
     checks, rounded = [], []
     for rows, span, piece in each(spans, signals):
         at, field = times[rows], field_of(equations, piece)
@@ -222,39 +232,55 @@ def _shot(equations: DrawnEquations, scenario: Scenario, place: str) -> Motion:
     )
 
 
+def _segments(
+    equations: DrawnEquations,
+    signals: Sequence[Piece],
+    spans: Sequence[Span],
+    times: Array,
+    starts: Array,
+    converged: float,
+) -> tuple[Array, Array, Array]:
+    """Ends, nodes and transitions of segments.
+
+    Raises:
+        ReferenceError: where the collocation does not converge.
+    """
+    ends, inner, flows = [], [], []
+    for rows, span, piece in each(spans, signals):
+        given = field_of(equations, piece), times[rows], starts[rows], span.length
+        end, nodes = collocate(*given, converged=converged)
+        ends.append(end)
+        inner.append(nodes)
+        flows.append(transitions(*given))
+    return np.concatenate(ends), np.concatenate(inner), np.concatenate(flows)
+
+
 def _joined(
     equations: DrawnEquations,
     signals: Sequence[Piece],
     spans: Sequence[Span],
     times: Array,
     starts: Array,
-) -> tuple[Array, Array, Array, Array]:
-    """Starts, ends, nodes and transitions of segments that follow from each other.
+) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Starts of segments that follow from each other, and `_segments` from there.
 
     Raises:
         ReferenceError: where Newton's method does not join them.
     """
     size = np.maximum(np.max(np.abs(starts), axis=0), 1e-300)
-    worst = before = np.inf
+    worst = np.inf
     for shot in range(SHOTS):
         # What Newton's method will mend anyway need not be known to the last digit.
         converged = ROUGHLY if shot == 0 else CONVERGED
-        ends, inner, flows = [], [], []
-        for rows, span, piece in each(spans, signals):
-            field = field_of(equations, piece)
-            given = field, times[rows], starts[rows], span.length
-            end, nodes = collocate(*given, converged=converged)
-            ends.append(end)
-            inner.append(nodes)
-            flows.append(transitions(*given))
-        end, flow = np.concatenate(ends), np.concatenate(flows)
+        found = _segments(equations, signals, spans, times, starts, converged)
+        end, _, flow = found
         moved = _moves(flow, end[:-1] - starts[1:])
         worst, before = float(np.max(np.abs(moved) / size, initial=0.0)), worst
         # Where it falls no more, rounding along the chain is all that is left of it.
         joined = worst <= JOINED or (worst < SETTLED and worst > before / 4)
         if joined and shot > 0:
-            return starts, end, np.concatenate(inner), flow
-        if not np.isfinite(worst):
+            return starts, found
+        if not worst <= FAR:
             break
         starts = np.concatenate([starts[:1], starts[1:] + moved])
     raise ReferenceError("the segments of the motion can't be joined: it grows too fast")

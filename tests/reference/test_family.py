@@ -43,6 +43,22 @@ def test_a_drawn_motion_is_that_of_the_equations_derived_there(
     assert np.max(np.abs(found.at(times) - wanted.at(times)) / size) < 1e-9
 
 
+def test_a_motion_that_multiplies_differences_has_a_reference_too() -> None:
+    # Newton's method begins too far from it: its segments are started as those of a run are.
+    system = load_system(builtin() / "drum_pendulum")
+    constants = {
+        "M": 2.777978231871478, "m": 0.5031382674606564, "l": 0.42104926367495704,
+        "k": 78.7854114449368, "g": 9.764055777893367,
+    }  # fmt: skip
+    found = solve_drawn(Family.of(derive(system)).at(constants), system.scenario("driven"))
+    there = at_constants(system, constants)
+    wanted = solve(derive(there), there.scenario("driven"))
+    assert found.t.shape == wanted.t.shape
+    assert np.all(np.abs(found.start - wanted.start) <= wanted.global_bound[:-1] + 1e-12)
+    assert np.max(wanted.global_bound) > 1e-4
+    assert np.all(found.bound < 1e-12)
+
+
 def test_a_second_draw_derives_and_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     system = load_system(builtin() / "simple_pendulum")
     family = Family.of(derive(system))
