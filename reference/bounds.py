@@ -47,15 +47,15 @@ def bounds(
         exact: whether they were solved with more digits than double has, the inputs' values too.
     """
     flows, turned, rates = [], [], []
-    for rows, span, piece in _each(spans, signals):
+    for rows, span, piece in each(spans, signals):
         field = field_of(equations, piece)
         at, starts = segments.t[rows], segments.start[rows]
         flow = transitions(field, at, starts, span.length)
-        forces = _acceleration_error(
-            equations, piece, at, segments.nodes[rows], span.length, rounded=not exact
-        )
+        nodes = segments.nodes[rows]
         flows.append(flow)
-        turned.append(_turned(flow, forces, span.length))
+        turned.append(
+            rounded_away(equations, piece, at, nodes, span.length, flow=flow, rounded=not exact)
+        )
         rates.append(field(at + span.length, segments.end[rows]))
     bound = segments.bound + np.max(np.concatenate(turned), axis=0)
     times = np.append(segments.t, spans[-1].start + spans[-1].length * spans[-1].count)
@@ -68,7 +68,8 @@ def bounds(
     return Bounds(bound=bound, global_bound=chain)
 
 
-def _each(spans: Sequence[Span], signals: Sequence[Piece]) -> Iterator[tuple[slice, Span, Piece]]:
+def each(spans: Sequence[Span], signals: Sequence[Piece]) -> Iterator[tuple[slice, Span, Piece]]:
+    """The rows of each span's segments, the span, and the inputs over it."""
     first = 0
     for span, piece in zip(spans, signals, strict=True):
         yield slice(first, first + span.count), span, piece
@@ -100,6 +101,28 @@ def _two_steps(field: Field, times: Array, states: Array, length: float) -> Arra
         k4 = field(at + h, y + h * k3)
         y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return y
+
+
+def rounded_away(
+    equations: EquationsOfMotion,
+    piece: Piece,
+    times: Array,
+    nodes: Array,
+    length: float,
+    *,
+    flow: Array,
+    rounded: bool,
+) -> Array:
+    """What rounding of the accelerations makes of the ends of B segments, (B, 2n).
+
+    Args:
+        times: at which they start, (B,).
+        nodes: states at the Chebyshev nodes, (B, NODES, 2n).
+        flow: `transitions` of them.
+        rounded: whether doubles evaluate the accelerations' own terms.
+    """
+    forces = _acceleration_error(equations, piece, times, nodes, length, rounded=rounded)
+    return _turned(flow, forces, length)
 
 
 def _acceleration_error(

@@ -7,6 +7,7 @@ because what solves no other way need not load scipy, which takes half a second.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -36,7 +37,12 @@ class ReferenceError(LocatedError, RuntimeError):
 
 
 def collocate(
-    field: Field, times: Array, states: Array, length: float, names: Sequence[str] = ()
+    field: Field,
+    times: Array,
+    states: Array,
+    length: float,
+    names: Sequence[str] = (),
+    converged: float = CONVERGED,
 ) -> tuple[Array, Array]:
     """Integrate B segments at once: ends (B, 2n) and states at the Chebyshev nodes (B, NODES, 2n).
 
@@ -48,6 +54,7 @@ def collocate(
         states: at which they start, (B, 2n).
         length: of each, seconds.
         names: of the components, for a message.
+        converged: change of the stages' rates that ends iterations, where less will do.
 
     Raises:
         ReferenceError: where the stage equations don't converge.
@@ -61,11 +68,11 @@ def collocate(
         stage_times = at[:, None] + half * nodes
 
         def rates(slopes: Array, start: Array = current, times: Array = stage_times) -> Array:
-            stages = start[:, None, :] + half * np.einsum("ij,bjc->bic", matrix, slopes)
+            stages = start[:, None, :] + half * _weighted(matrix, slopes)
             return field(times, stages)
 
         begun = np.repeat(field(at, current)[:, None, :], STAGES, axis=1)
-        slopes = _iterated(rates, begun, names)
+        slopes = _iterated(rates, begun, names, converged)
         inside = [
             (i, 2 * c - part) for i, c in enumerate(chebyshev_nodes()) if part <= 2 * c <= part + 1
         ]
@@ -77,7 +84,14 @@ def collocate(
     return current, output
 
 
-def _iterated(rates: Callable[[Array], Array], slopes: Array, names: Sequence[str]) -> Array:
+def _weighted(matrix: Array, slopes: Array) -> Array:
+    """Weighted sums (B, S, 2n) of the stages' rates (B, S, 2n), as one product of matrices."""
+    return np.tensordot(matrix, slopes, axes=(1, 1)).swapaxes(0, 1)
+
+
+def _iterated(
+    rates: Callable[[Array], Array], slopes: Array, names: Sequence[str], converged: float
+) -> Array:
     """The rates at the stages (B, STAGES, 2n) that the rates there reproduce, by iteration.
 
     Raises:
@@ -91,7 +105,7 @@ def _iterated(rates: Callable[[Array], Array], slopes: Array, names: Sequence[st
         changes = np.max(np.abs(new - slopes), axis=(0, 1)) / size
         change, slopes = float(np.max(changes)), new
         # What no longer shrinks is rounding, of which some equations have more than others.
-        if change < CONVERGED or before / 2 < change < NOISE or last <= change < ROUNDED:
+        if change < converged or before / 2 < change < NOISE or last <= change < ROUNDED:
             return slopes
         if not np.isfinite(change):
             break
@@ -103,6 +117,7 @@ def _iterated(rates: Callable[[Array], Array], slopes: Array, names: Sequence[st
     )
 
 
+@lru_cache(maxsize=8)
 def gauss(stages: int) -> tuple[Array, Array, Array, Callable[[float], Array]]:
     """Gauss collocation: nodes, weights, the matrix of its stages, and integrals from 0 to c."""
     points, weights = np.polynomial.legendre.leggauss(stages)
@@ -113,6 +128,7 @@ def gauss(stages: int) -> tuple[Array, Array, Array, Callable[[float], Array]]:
     values = np.polynomial.legendre.legvander(points, stages - 1)
     coefficients = (2 * degrees[:, None] + 1) / 2 * (values * weights[:, None]).T
 
+    @lru_cache(maxsize=64)
     def integrals(c: float) -> Array:
         x = 2 * c - 1
         primitive = np.polynomial.legendre.legint(coefficients, lbnd=-1, axis=0)

@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from reference.declaration import t
+from reference.declaration import Declaration, t
 from reference.equations import EquationsOfMotion
 from reference.numeric import Array, NumericFunction, compile_function
-from reference.roundoff import running_error
+from reference.roundoff import Known, running_error
 from reference.simplify import LONG, solved, tidy
 from reference.system import System
 
@@ -109,42 +109,64 @@ class Equations(EquationsOfMotion):
         rounded: bool,
     ) -> Array:
         """Bound of the error of the accelerations, operation by operation."""
-        system, none = self.system, np.zeros_like(times)
-        variables = {t: (times, late)}
-        variables |= {c.symbol: (np.full_like(times, c.value), none) for c in system.constants}
-        variables |= {s: (states[..., i], none) for i, s in enumerate((*system.q, *system.v))}
-        variables |= {s: (inputs[..., i], off[..., i]) for i, s in enumerate(system.u)}
+        variables = known(self.system, states, inputs, times, off=off, late=late)
         return running_error(list(self.acceleration), variables, rounded=rounded)
 
     def slopes(self, states: Array, inputs: Array, times: Array) -> Array:
         """From M da = df - dM a, number by number: the derivatives of M^-1 f are long formulas."""
-        if sum(sp.count_ops(f) for f in self.force) > LONG_FORCE:
+        if self.long:
             return super().slopes(states, inputs, times)
-        n = len(self.system.q)
-        values = self._derivatives(states[:, :n], states[:, n:], inputs, times[:, None])
-        parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
-        m = parts[0].reshape(-1, n, n)
-        try:
-            a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
-            turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
-            found: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
-        except np.linalg.LinAlgError:
-            return np.full((len(states), n, 2 * n), np.inf)
-        return found
+        return slopes_by(self._derivatives, states, inputs, times)
+
+    @cached_property
+    def long(self) -> bool:
+        """Whether derivatives of the forces as formulas take long to make."""
+        return bool(sum(sp.count_ops(f) for f in self.force) > LONG_FORCE)
 
     @cached_property
     def _derivatives(self) -> NumericFunction:
+        return self.compile(self.derivatives)
+
+    @property
+    def derivatives(self) -> list[sp.Expr]:
         """M, f, and their derivatives by q and v."""
         variables, n = (*self.system.q, *self.system.v), len(self.system.q)
         mass, force = sp.Matrix(self.mass), sp.Matrix(self.force)
         slopes = mass.reshape(n * n, 1).jacobian(variables)
-        return self.compile([*mass, *force, *force.jacobian(variables), *slopes])
+        return [*mass, *force, *force.jacobian(variables), *slopes]
 
     def compile(self, expressions: sp.ImmutableMatrix | list[sp.Expr]) -> NumericFunction:
         """Return expressions of q, v, u, t as a numeric function, constants put in as doubles."""
         values = {symbol: sp.Float(value, 17) for symbol, value in self.system.values.items()}
         put_in = [sp.sympify(e).xreplace(values) for e in expressions]
         return compile_function(put_in, self.system.q, self.system.v, self.system.u, (t,))
+
+
+def known(
+    system: Declaration, states: Array, inputs: Array, times: Array, *, off: Array, late: Array
+) -> dict[sp.Symbol, Known]:
+    """Every symbol of a system's equations with its value and error; see `acceleration_error`."""
+    none = np.zeros_like(times)
+    variables = {t: (times, late)}
+    variables |= {c.symbol: (np.full_like(times, c.value), none) for c in system.constants}
+    variables |= {s: (states[..., i], none) for i, s in enumerate((*system.q, *system.v))}
+    variables |= {s: (inputs[..., i], off[..., i]) for i, s in enumerate(system.u)}
+    return variables
+
+
+def slopes_by(derivatives: NumericFunction, states: Array, inputs: Array, times: Array) -> Array:
+    """Derivatives of the accelerations, (B, n, 2n), from `Equations.derivatives` as a function."""
+    n = states.shape[1] // 2
+    values = derivatives(states[:, :n], states[:, n:], inputs, times[:, None])
+    parts = np.split(values, np.cumsum([n * n, n, 2 * n * n]), axis=1)
+    m = parts[0].reshape(-1, n, n)
+    try:
+        a = np.linalg.solve(m, parts[1][:, :, None])[:, :, 0]
+        turning = np.einsum("bijx,bj->bix", parts[3].reshape(-1, n, n, 2 * n), a)
+        found: Array = np.linalg.solve(m, parts[2].reshape(-1, n, 2 * n) - turning)
+    except np.linalg.LinAlgError:
+        return np.full((len(states), n, 2 * n), np.inf)
+    return found
 
 
 def _spread(force: sp.Expr) -> sp.Expr:

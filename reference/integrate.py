@@ -113,7 +113,25 @@ def solve_numerically(
             checks.append(_taylor_series(equations, *given))
         else:
             checks.append(by_runge_kutta(field, *given[1:]))
-    end, checked = np.concatenate(ends), np.concatenate(checks)
+    end = np.concatenate(ends)
+    bound = held_together(end, np.concatenate(checks))
+    other = "heyoka's Taylor series" if by_series else "DOP853"
+    return Segments(
+        t=times,
+        start=starts,
+        end=end,
+        nodes=np.concatenate(nodes),
+        bound=bound,
+        method=f"Gauss collocation of order {2 * STAGES}, checked by {other}",
+    )
+
+
+def held_together(end: Array, checked: Array) -> Array:
+    """Bound of the error of ends (K, 2n), (2n,), from a second integration of them.
+
+    Raises:
+        ReferenceError: where the two are more than `AGREEMENT` apart.
+    """
     apart = np.max(np.abs(end - checked), axis=0)
     size = np.max(np.abs(end), axis=0)
     n = len(size) // 2
@@ -124,15 +142,8 @@ def solve_numerically(
         raise ReferenceError(
             f"two integrations of component {worst} are {apart[worst]:.1e} apart over a segment"
         )
-    other = "heyoka's Taylor series" if by_series else "DOP853"
-    return Segments(
-        t=times,
-        start=starts,
-        end=end,
-        nodes=np.concatenate(nodes),
-        bound=apart + 2 * np.finfo(float).eps * size,
-        method=f"Gauss collocation of order {2 * STAGES}, checked by {other}",
-    )
+    bound: Array = apart + 2 * np.finfo(float).eps * size
+    return bound
 
 
 def by_runge_kutta(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,18 +21,25 @@ class NumericFunction:
 
     Called with one array per argument group, each of shape (..., size of the group); returns an
     array of shape (..., size). It is pickled as source text, so a worker needs no sympy for it.
+
+    Attributes:
+        source: text of the function.
+        groups: sizes of the argument groups.
+        size: of the value.
+        last: values of a further group that is put in, see `at`.
     """
 
     source: str
     groups: tuple[int, ...]
     size: int
+    last: tuple[float, ...] = ()
 
     def __call__(self, *arguments: Array) -> Array:
         """Evaluate; arrays broadcast against each other in all but their last axis."""
         columns: list[Any] = []
         for argument, count in zip(arguments, self.groups, strict=True):
             columns += [argument[..., i] for i in range(count)]
-        values = self._function(*columns)
+        values = self._function(*columns, *self.last)
         shapes = {a.shape[:-1] for a in arguments}
         shape = shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
         out = np.empty((*shape, self.size))
@@ -43,18 +50,33 @@ class NumericFunction:
     @cached_property
     def scalar(self) -> Callable[..., Sequence[float]]:
         """The same function of plain numbers, one per column: the quick way for one point."""
-        return self._function
+        function, last = self._function, self.last
+        return (lambda *columns: function(*columns, *last)) if last else function
+
+    def at(self, values: Sequence[float]) -> NumericFunction:
+        """The function with its last group put in; nothing is compiled for it."""
+        return replace(self, groups=self.groups[:-1], last=tuple(map(float, values)))
 
     @cached_property
     def _function(self) -> Callable[..., Any]:
-        # The text was written by sympy from a parsed expression: names and operators alone.
-        namespace: dict[str, Any] = dict(vars(np))
-        exec(self.source, namespace)
-        function: Callable[..., Any] = namespace["_lambdifygenerated"]
-        return function
+        return _executed(self.source)
 
     def __getstate__(self) -> dict[str, object]:
-        return {"source": self.source, "groups": self.groups, "size": self.size}
+        return {
+            "source": self.source,
+            "groups": self.groups,
+            "size": self.size,
+            "last": self.last,
+        }
+
+
+@lru_cache(maxsize=256)
+def _executed(source: str) -> Callable[..., Any]:
+    """The function of a text, which sympy wrote from a parsed expression: names and operators."""
+    namespace: dict[str, Any] = dict(vars(np))
+    exec(source, namespace)
+    function: Callable[..., Any] = namespace["_lambdifygenerated"]
+    return function
 
 
 def compile_function(

@@ -6,7 +6,8 @@ its own rounding to what its operands bring along, through its partial derivativ
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 import sympy as sp
@@ -84,12 +85,21 @@ def _operation(expression: sp.Expr, operands: Sequence[Known]) -> tuple[Array, A
     return _function(expression, values, errors)
 
 
+@lru_cache(maxsize=64)
+def _with_slopes(function: type[sp.Expr], count: int) -> Callable[..., Sequence[Array]]:
+    """A function of so many operands, and its derivatives by them."""
+    places = sp.symbols(f"x:{count}")
+    form = function(*places)
+    compiled: Callable[..., Sequence[Array]] = sp.lambdify(
+        places, [form, *(sp.diff(form, x) for x in places)], "numpy"
+    )
+    return compiled
+
+
 def _function(
     expression: sp.Expr, values: Sequence[Array], errors: Sequence[Array]
 ) -> tuple[Array, Array, Array]:
-    places = sp.symbols(f"x:{len(values)}")
-    form = expression.func(*places)
-    compiled = sp.lambdify(places, [form, *(sp.diff(form, x) for x in places)], "numpy")
+    compiled = _with_slopes(expression.func, len(values))
     value, *slopes = (np.asarray(found) for found in compiled(*values))
     # An operand that is exact brings nothing along, even where the slope by it has no value.
     carried = sum(np.where(e > 0, np.abs(s) * e, 0.0) for s, e in zip(slopes, errors, strict=True))

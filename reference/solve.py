@@ -46,7 +46,7 @@ def solve(equations: EquationsOfMotion, scenario: Scenario) -> Motion:
             motion = _solved(equations, scenario, place)
         except ReferenceError as error:
             raise ReferenceError(f"{place}: {error}") from error
-        _check_motion(equations, motion, place)
+        check_motion(equations, motion, place)
         return motion
 
 
@@ -66,13 +66,13 @@ def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Mot
     signals = pieces(system, scenario)
     start = start_of(system, scenario)
     duration = float(scenario.duration)
-    fastest = _fastest_rate(equations, signals, np.zeros(1), start[None])
-    _check_duration(fastest, duration, place)
+    fastest = fastest_rate(equations, signals, np.zeros(1), start[None])
+    check_duration(fastest, duration, place)
     if not equations.linear:
         times = np.linspace(0.0, duration, 400)
         states = trajectory(equations, start, signals, times, rtol=1e-6)
-        fastest = _fastest_rate(equations, signals, times, states)
-        _check_duration(fastest, duration, place)
+        fastest = fastest_rate(equations, signals, times, states)
+        check_duration(fastest, duration, place)
     spans = tile(signals, fastest)
     exact = equations.linear and all(piece.generators is not None for piece in signals)
     if exact and isinstance(equations, Equations):
@@ -95,7 +95,7 @@ def _solved(equations: EquationsOfMotion, scenario: Scenario, place: str) -> Mot
     )
 
 
-def _check_duration(fastest: float, duration: float, place: str) -> None:
+def check_duration(fastest: float, duration: float, place: str) -> None:
     """Refuse a motion in which nothing moves, or that is cut into more segments than can be solved.
 
     Raises:
@@ -119,7 +119,7 @@ def _check_duration(fastest: float, duration: float, place: str) -> None:
         )
 
 
-def _check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> None:
+def check_motion(equations: EquationsOfMotion, motion: Motion, place: str) -> None:
     """Refuse a motion along which a mass matrix is not positive definite, or an energy not real.
 
     Raises:
@@ -172,7 +172,7 @@ def tile(signals: Sequence[Piece], fastest: float) -> tuple[Span, ...]:
     return tuple(spans)
 
 
-def _fastest_rate(
+def fastest_rate(
     equations: EquationsOfMotion, signals: Sequence[Piece], times: Array, states: Array
 ) -> float:
     """Largest |eigenvalue| of the equations' Jacobian at states of a motion, rad/s.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harness.cases.verdict import Verdict
-from harness.numerics.full_run import follows
+from harness.numerics.full_run import SampledRun, follows
 from harness.numerics.step_study import StepStudy
 from harness.records.outcome import Outcome
 from reference.motion import Motion
@@ -18,7 +18,7 @@ def with_full_runs(
     verdict: Verdict, study: StepStudy, motion: Motion, claimed: int
 ) -> tuple[Outcome, str]:
     """The outcome of a case, and the sentence that is said of it; empty for plain agreement."""
-    failed = _failure(study, motion)
+    failed = failure(study.shipped, study.global_error, motion)
     if failed:
         return Outcome.FAILED, failed
     if verdict.outcome is not Outcome.AGREES:
@@ -42,21 +42,22 @@ def with_full_runs(
     return verdict.outcome, "; ".join(part for part in parts if part)
 
 
-def _failure(study: StepStudy, motion: Motion) -> str:
-    h, shipped = study.shipped.h, study.shipped
+def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
+    """Why a run at the shipped step is none; empty where it is one."""
+    h = shipped.h
     if not shipped.finite:
         bad = shipped.t[~np.isfinite(shipped.states).all(axis=1)][0]
         return f"at the shipped step of {h:g} s the motion is no longer finite at t = {bad:.4g} s"
-    if study.global_error > BLOWN_UP:
+    if global_error > BLOWN_UP:
         return (
-            f"at the shipped step of {h:g} s the motion blows up, to {study.global_error:.0e} of"
+            f"at the shipped step of {h:g} s the motion blows up, to {global_error:.0e} of"
             " its amplitude; the step is too coarse for it"
         )
-    if study.global_error > 1 and not follows(motion, h):
+    if global_error > 1 and not follows(motion, h):
         return (
             f"at the shipped step of {h:g} s nothing follows the motion: {shipped.steps} steps are"
             f" less than two a period of its fastest rate, {motion.fastest:.3g} rad/s, and the"
-            f" error is {study.global_error:.0%} of the amplitude; the step is too coarse for it"
+            f" error is {global_error:.0%} of the amplitude; the step is too coarse for it"
         )
     return ""
 

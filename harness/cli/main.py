@@ -26,6 +26,7 @@ COMMANDS = {
     "audit": "no motion: literals, compiled terms, accelerations",
     "compare": "two models, no equations: do they move alike, and what differs",
     "versions": "the same models under several versions of an engine",
+    "sweep": "many cases: constants drawn, steps, integrators and engines varied, as rows",
     "mutate": "what the check would catch: literals and known mistakes",
     "new": "a commented folder that runs, or one from a model file of yours",
     "engines": "what is installed, versions, capabilities",

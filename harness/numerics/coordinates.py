@@ -145,12 +145,8 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
     _check_inverse(system, forward, back, z, names, where)
     back_slope = sp.Matrix(back).jacobian(z)
     work = back_slope.T * sp.Matrix([sp.sympify(f).xreplace(values) for f in system.forces()])
-    if system.u:
-        matrix = work.jacobian(system.u)
-        constant = not matrix.free_symbols
-    else:
-        matrix, constant = sp.zeros(len(z), 0), True
-    constants = np.array(matrix.tolist(), dtype=float) if constant else None
+    matrix = _pushes(work, system, z)
+    constants = None if matrix is None else np.array(matrix.tolist(), dtype=float)
     return CoordinateMap(
         forward=compile_function(forward, system.q),
         forward_slope=compile_function(list(sp.Matrix(forward).jacobian(system.q)), system.q),
@@ -160,6 +156,79 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
         push_matrix=None if constants is None else constants.reshape(len(z), len(system.u)),
         periodic=tuple(bool(expression.has(sp.atan2)) for expression in back),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoordinateFamily:
+    """The maps of one model in one engine for any values of the constants: compiled once.
+
+    Attributes:
+        forward, forward_slope, back, back_slope, push: as of `CoordinateMap`, with the constants,
+            in the system's order, as a last group.
+        pushes: the push matrix of the constants, row after row; None where it depends on z.
+        periodic: as of `CoordinateMap`.
+        constants: names of those that stand in a map.
+    """
+
+    forward: NumericFunction
+    forward_slope: NumericFunction
+    back: NumericFunction
+    back_slope: NumericFunction
+    push: NumericFunction
+    pushes: NumericFunction | None
+    periodic: tuple[bool, ...]
+    constants: frozenset[str]
+
+    def at(self, values: Sequence[float]) -> CoordinateMap:
+        """The map at values of all constants, in the system's order."""
+        matrix = None if self.pushes is None else self.pushes(np.asarray(values, dtype=float))
+        return CoordinateMap(
+            forward=self.forward.at(values),
+            forward_slope=self.forward_slope.at(values),
+            back=self.back.at(values),
+            back_slope=self.back_slope.at(values),
+            push=self.push.at(values),
+            push_matrix=None if matrix is None else matrix.reshape(self.forward.size, -1),
+            periodic=self.periodic,
+        )
+
+
+def coordinate_family(system: System, sidecar: Sidecar, names: Sequence[str]) -> CoordinateFamily:
+    """Compile the maps between a system and the coordinates `names` of its model.
+
+    Raises:
+        SidecarError: as `coordinate_map`, whose checks are made at the declared values.
+    """
+    coordinate_map(system, sidecar, names)
+    where = f"{sidecar.model}.toml"
+    z = [sp.Symbol(f"z{i}_", real=True) for i in range(len(names))]
+    forward = _forward(system, sidecar, names, where)
+    back = _back(system, sidecar, names, z, where)
+    back_slope = sp.Matrix(back).jacobian(z)
+    work = back_slope.T * sp.Matrix([sp.sympify(f) for f in system.forces()])
+    matrix = _pushes(work, system, z)
+    symbols = [c.symbol for c in system.constants]
+    used = set[sp.Basic]().union(*(e.free_symbols for e in (*map(sp.sympify, forward), *back)))
+    return CoordinateFamily(
+        forward=compile_function(forward, system.q, symbols),
+        forward_slope=compile_function(
+            list(sp.Matrix(forward).jacobian(system.q)), system.q, symbols
+        ),
+        back=compile_function(back, z, symbols),
+        back_slope=compile_function(list(back_slope), z, symbols),
+        push=compile_function(list(work), z, system.u, symbols),
+        pushes=None if matrix is None else compile_function(list(matrix), symbols),
+        periodic=tuple(bool(expression.has(sp.atan2)) for expression in back),
+        constants=frozenset(c.name for c in system.constants if c.symbol in used),
+    )
+
+
+def _pushes(work: sp.Matrix, system: System, z: Sequence[sp.Symbol]) -> sp.Matrix | None:
+    """What a unit of each input does to each engine coordinate, nz x inputs; None by state."""
+    if not system.u:
+        return sp.zeros(len(z), 0)
+    matrix = work.jacobian(system.u)
+    return None if matrix.free_symbols & {*z, *system.u} else matrix
 
 
 def _forward(system: System, sidecar: Sidecar, names: Sequence[str], where: str) -> list[sp.Expr]:

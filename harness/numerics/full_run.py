@@ -146,6 +146,11 @@ def full_run(
     )
 
 
+def sampled_run(model: Model, coordinates: CoordinateMap, motion: Motion, h: float) -> SampledRun:
+    """The same run, without its energy and its drift."""
+    return _rolled(model, coordinates, motion, h, _Extent.whole(motion, h, 0))[0]
+
+
 def beginning(
     model: Model, coordinates: CoordinateMap, motion: Motion, h: float, every: int, most: int
 ) -> SampledRun:

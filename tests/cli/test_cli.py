@@ -29,7 +29,7 @@ from harness.records.schema import schema
 from harness.text.status import Decision, TestStatus, status_of
 from harness.text.table import print_results, summary
 from tests.records.made import case, finding, model, results
-from tests.standing import standing_only
+from tests.standing import brief, standing_only
 
 ROOT = Path(__file__).parents[2]
 
@@ -53,6 +53,7 @@ def folder(tmp_path: Path) -> Path:
     """A copy of a built-in folder, with a user's name for it."""
     shutil.copytree(builtin() / "mass_spring_damper", tmp_path / "my mass")
     standing_only(tmp_path / "my mass")
+    brief(tmp_path / "my mass")
     return tmp_path / "my mass"
 
 

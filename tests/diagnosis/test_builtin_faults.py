@@ -24,7 +24,7 @@ from harness.mutation.text import mutation_lines
 from harness.records.base import SourceLine
 from harness.records.mutation import FaultVerdict
 from harness.records.read import read_results
-from tests.standing import standing_only
+from tests.standing import brief, standing_only
 
 
 def crosscheck(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -44,6 +44,7 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
     def copy(name: str) -> Path:
         shutil.copytree(builtin() / name, tmp_path / name)
         standing_only(tmp_path / name)
+        brief(tmp_path / name)
         return tmp_path / name
 
     return copy

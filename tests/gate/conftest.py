@@ -14,7 +14,7 @@ from harness.gate.accept import Accepted, accept
 from harness.gate.gate import gate
 from harness.gate.options import GateOptions
 from harness.gate.result import GateResult
-from tests.standing import standing_only
+from tests.standing import brief, standing_only
 
 SYSTEM = "mass_spring_damper"
 
@@ -64,6 +64,7 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Repository:
         builtin() / SYSTEM, repository.folder, ignore=shutil.ignore_patterns("__pycache__")
     )
     standing_only(repository.folder)
+    brief(repository.folder)
     repository.accept("first baseline")
     return repository
 

@@ -20,7 +20,7 @@ from harness.records.write import encoded
 from harness.run import Options, run
 from harness.text.table import print_results
 from tests.gate.conftest import nothing
-from tests.standing import standing_only
+from tests.standing import brief, standing_only
 
 pytestmark = pytest.mark.skipif(
     engines()["mujoco"].version() is None, reason="mujoco is not installed"
@@ -48,6 +48,7 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Told:
     folder = home / "mass_spring_damper"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
     standing_only(folder)
+    brief(folder)
     (folder / "space.py").unlink()
     (folder / "space.py.toml").unlink()
     parser = argparse.ArgumentParser()

@@ -29,7 +29,7 @@ from harness.mutation.survey import MutationError, survey
 from harness.records.cause import CauseId
 from harness.records.mutation import FaultKind, FaultVerdict
 from tests.mutation.conftest import physics, rows, sound, subject, tried
-from tests.standing import standing_only
+from tests.standing import brief, standing_only
 
 Copied = Callable[..., Sidecar]
 
@@ -48,6 +48,7 @@ def copied(tmp_path: Path) -> Copied:
         folder = tmp_path / "copy"
         shutil.copytree(builtin() / system, folder, dirs_exist_ok=True)
         standing_only(folder)
+        brief(folder)
         for name, old, new in edits:
             text = (folder / name).read_text(encoding="utf-8")
             assert old in text

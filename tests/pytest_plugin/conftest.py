@@ -19,7 +19,7 @@ from harness.records.case import Case, CaseId
 from harness.records.finding import AuditFinding, Diagnosis
 from harness.records.poses import Poses
 from tests.records.made import case
-from tests.standing import standing_only
+from tests.standing import brief, standing_only
 
 
 class Project:
@@ -41,6 +41,7 @@ class Project:
         for file in ("system.py", *(g for f in files for g in (f, f"{f}.toml"))):
             shutil.copy(builtin() / source / file, folder / file)
         standing_only(folder)
+        brief(folder)
         return folder
 
     def edit(self, path: Path, old: str, new: str) -> None:

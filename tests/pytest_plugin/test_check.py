@@ -20,7 +20,7 @@ from harness.records.schema import schema
 from harness.records.write import encoded
 from harness.text.failure import diagnosis_lines
 from harness.text.findings import audit_lines
-from tests.standing import standing_only
+from tests.standing import brief, standing_only
 
 ROOT = Path(__file__).parents[2]
 
@@ -31,6 +31,7 @@ def folder(tmp_path: Path) -> Path:
     folder = tmp_path / "mine"
     shutil.copytree(builtin() / "mass_spring_damper", folder)
     standing_only(folder)
+    brief(folder)
     path = folder / "mujoco.xml"
     path.write_text(path.read_text().replace('stiffness="47.0"', 'stiffness="47.000047"'))
     return folder

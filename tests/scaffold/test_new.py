@@ -13,11 +13,12 @@ import pytest
 from harness.cases.case import load
 from harness.cli.main import main
 from harness.files.bindings import bindings, mismatches
+from harness.files.choice import Choice
 from harness.files.folders import template
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar, read_sidecar
 from harness.poses.check import check_poses
-from harness.run import Options, run
+from harness.run import Options, Selection, run
 from harness.scaffold.folder import NewError, check_name, example, write_folder
 from harness.scaffold.from_energies import format_settings as _settings
 from harness.scaffold.from_model import from_model
@@ -153,7 +154,8 @@ def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: P
     assert sidecar.bindings["default/joint@damping"] == "slider_damping"
     assert "same number is swing_damping too" in (tmp_path / "read" / "m.xml.toml").read_text()
     assert not mismatches(bindings(system, sidecar))
-    found = run([tmp_path / "read"], Options(jobs=1), lambda *_: None).results
+    free = Options(jobs=1, choice=Choice(words="free"), selection=Selection(models=None))
+    found = run([tmp_path / "read"], free, lambda *_: None).results
     assert {case.outcome for case in found.cases} == {"AGREES"}
 
 
@@ -226,7 +228,8 @@ def test_bodies_are_declared_where_energies_are_not(
     assert re.search(says, written.declares)
     assert not [one for one in written.remarks if not one.startswith("left out: ")]
     assert isinstance(load_declaration(tmp_path / "read"), MultibodySystem)
-    found = run([tmp_path / "read"], Options(jobs=1), lambda *_: None).results
+    alone = Options(jobs=1, selection=Selection(models=None))
+    found = run([tmp_path / "read"], alone, lambda *_: None).results
     assert {case.outcome for case in found.cases} == {"AGREES"}
     assert len(found.cases) == (2 if suffix == ".urdf" else 1)
 

@@ -1,0 +1,201 @@
+"""`crosscheck sweep`: many cases of drawn constants, steps, integrators and engines, as rows."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from harness.cli import arguments
+from harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
+from harness.files.choice import chosen_models
+from harness.files.folders import FolderError, check_engines, named_folders
+from harness.records.outcome import Outcome
+from harness.records.write import encoded, write_whole
+from harness.report.sweep import write_sweep
+from harness.schedule.stop import Stop, asking
+from harness.sweep.draws import Design
+from harness.sweep.factors import SweepError, factors
+from harness.sweep.plan import SweepOptions
+from harness.sweep.run import Wanted, alone, crew, planned, sweep
+from harness.sweep.store import read_plan, read_rows
+from harness.sweep.summary import summary
+from harness.text.progress import Counter
+from harness.text.sweep import print_sweep, row_lines
+from harness.text.terminal import terminal
+
+JOBS = 2
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    arguments.folders(command, some=False)
+    command.add_argument(
+        "--vary",
+        action=arguments.Gathered,
+        default=[],
+        metavar="NAME=LOW:HIGH[:log]",
+        help="draw a constant from a range, or NAME=V1,V2 from a list; repeatable",
+    )
+    command.add_argument(
+        "--draws",
+        type=arguments.positive,
+        default=None,
+        metavar="N",
+        help="draws of the constants (every combination of listed values)",
+    )
+    command.add_argument("--seed", type=int, default=0, metavar="S", help="of the draws (0)")
+    command.add_argument(
+        "--design",
+        choices=[one.value for one in Design if one is not Design.ALL],
+        default=Design.LATIN.value,
+        help="how draws are spread over the ranges (latin)",
+    )
+    command.add_argument(
+        "--step",
+        type=_steps,
+        default=(),
+        metavar="H1,H2",
+        help="shipped steps to try, seconds (each model's own)",
+    )
+    for name, of in (("integrator", "integrators"), ("scenario", "scenarios")):
+        command.add_argument(
+            f"--{name}",
+            action=arguments.Gathered,
+            default=[],
+            metavar="NAME",
+            help=f"{of} to try; repeatable ({'each model’s own' if of[0] == 'i' else 'all'})",
+        )
+    arguments.engine(command)
+    arguments.resolution_of(command)
+    arguments.limits(command)
+    arguments.jobs(command, "two")
+    command.add_argument(
+        "--out",
+        type=Path,
+        default=Path("reports/sweep"),
+        metavar="DIR",
+        help="where rows, plan and page go; what is there is gone on with (reports/sweep)",
+    )
+    alone = command.add_mutually_exclusive_group()
+    alone.add_argument(
+        "--only", type=int, default=None, metavar="INDEX", help="run this case alone, and print it"
+    )
+    alone.add_argument(
+        "--summary", type=Path, default=None, metavar="DIR", help="tell again what is in DIR"
+    )
+
+
+def main(options: argparse.Namespace) -> int:
+    """Plan, run what has no row yet, and tell what the rows say.
+
+    Exit codes: 0 where every case agrees; 1 where one differs or is unresolved; 2 for a sweep that
+    makes no sense; 3 where a case failed.
+    """
+    try:
+        if options.summary is not None:
+            return _summary(options.summary)
+        return _sweep(options)
+    except SweepError as error:
+        print(f"crosscheck: {error}", file=sys.stderr)
+        return USAGE
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    check_engines(options.engine)
+    wanted = _wanted(options)
+    asked = _asked(options)
+    with crew(asked) as workers, asking() as stop:
+        whole = planned(asked, wanted, workers)
+        for line in whole.left_out:
+            print(f"crosscheck: left out: {line}", file=sys.stderr)
+        if options.only is not None:
+            row = alone(whole, options.only, workers)
+            print("\n".join(row_lines(row)))
+            return _code({row.outcome.value: 1})
+        with Counter("cases") as counter:
+            sweep(whole, options.out, workers, counter, stop)
+    return _stopped(stop, options.out) or _summary(options.out)
+
+
+def _stopped(stop: Stop, out: Path) -> int:
+    """The exit code of a sweep that was stopped; 0 where it was not."""
+    if not stop.asked:
+        return 0
+    said = f"stopped by {stop.name}; the rows in {out} are kept"
+    print(f"crosscheck: {said}: the same command goes on with what is missing", file=sys.stderr)
+    return SIGNALLED + stop.number
+
+
+def _wanted(options: argparse.Namespace) -> Wanted:
+    """The folders and models that are meant."""
+    names, models = chosen_models(options.folders)
+    for name in names:
+        if Path(name).is_file():
+            raise FolderError(
+                f"{name}: a sweep takes system folders, and model files in them beside a sidecar;"
+                " `crosscheck new --from` makes a folder of a robot's file"
+            )
+    found = named_folders(names)
+    if found.faults:
+        raise FolderError("; ".join(found.faults.values()))
+    return Wanted(folders=found.folders, models=models)
+
+
+def _asked(options: argparse.Namespace) -> SweepOptions:
+    return SweepOptions(
+        factors=factors(options.vary),
+        design=Design(options.design),
+        count=options.draws,
+        seed=options.seed,
+        steps=options.step,
+        integrators=tuple(options.integrator),
+        engines=tuple(options.engine),
+        scenarios=tuple(options.scenario),
+        resolution=options.resolution,
+        jobs=options.jobs or JOBS,
+        limits=arguments.limits_of(options),
+        command=tuple(_command(options)),
+    )
+
+
+def _command(options: argparse.Namespace) -> list[str]:
+    """The command line in one spelling: what one case is reproduced with."""
+    words = ["crosscheck", "sweep", *options.folders]
+    for name in ("vary", "integrator", "scenario", "engine"):
+        for value in getattr(options, name):
+            words += [f"--{name}", value]
+    if options.draws is not None:
+        words += ["--draws", str(options.draws), "--design", options.design]
+        words += ["--seed", str(options.seed)]
+    if options.step:
+        words += ["--step", ",".join(f"{step!r}" for step in options.step)]
+    if options.resolution != 1e-9:
+        words += ["--resolution", f"{options.resolution!r}"]
+    return words
+
+
+def _summary(out: Path) -> int:
+    plan = read_plan(out)
+    if plan is None:
+        raise SweepError(f"{out}: there is no plan.json of a sweep in it")
+    found = summary(plan, read_rows(out))
+    write_whole(out / "summary.json", encoded(found, indent=1))
+    write_sweep(out / "index.html", found)
+    print_sweep(terminal(), found)
+    print(f"{out / 'rows'}  {out / 'index.html'}")
+    return _code(found.outcomes)
+
+
+def _code(outcomes: dict[str, int]) -> int:
+    if outcomes.get(Outcome.FAILED) or not outcomes:
+        return FAIL
+    return DIFFER if outcomes.keys() - {Outcome.AGREES.value} else AGREE
+
+
+def _steps(text: str) -> tuple[float, ...]:
+    """Steps above zero, each once."""
+    found = tuple(arguments.seconds(part) for part in text.split(","))
+    if len(set(found)) < len(found):
+        raise argparse.ArgumentTypeError(f"{text} names a step twice")
+    return found

@@ -1,0 +1,1 @@
+"""`crosscheck sweep`: many cases of drawn constants, steps, integrators and engines."""

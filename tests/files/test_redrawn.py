@@ -1,0 +1,59 @@
+"""Copies at drawn constants, against those that are made one by one."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from harness.files.bindings import with_constants
+from harness.files.folders import builtin
+from harness.files.redrawn import UnboundError, redrawn
+from harness.files.sidecar import read_sidecar
+from reference.load import load_system
+
+MODELS = ("mujoco.xml", "robot.urdf", "space.py")
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_copy_says_what_one_made_alone_says(model: str, tmp_path: Path) -> None:
+    folder = builtin() / "simple_pendulum"
+    system, sidecar = load_system(folder), read_sidecar(folder / f"{model}.toml")
+    prepared = redrawn(system, sidecar, {"m", "l", "g"}, {"m", "l", "g"})
+    declared = {c.name: c.value for c in system.constants}
+    for number, length in enumerate((0.31, 1.7)):
+        constants = {"m": 0.9, "l": length, "g": 9.0}
+        found = prepared.at(declared | constants, tmp_path / f"found{number}")
+        wanted = with_constants(system, sidecar, constants, tmp_path / f"wanted{number}")
+        for ending in ("", ".toml"):
+            one, other = (Path(f"{copy.model}{ending}") for copy in (found, wanted))
+            assert one.read_bytes() == other.read_bytes()
+        assert found.spec("").settings == wanted.spec("").settings
+        assert found.model.read_bytes() != sidecar.model.read_bytes()
+
+
+def copied(tmp_path: Path, old: str, new: str) -> Path:
+    folder = tmp_path / "pendulum"
+    shutil.copytree(builtin() / "simple_pendulum", folder)
+    for name in ("mujoco.xml", "mujoco.xml.toml"):
+        text = (folder / name).read_text()
+        (folder / name).write_text(text.replace(old, new))
+    return folder
+
+
+def test_a_constant_that_no_literal_follows_is_told_with_its_file(tmp_path: Path) -> None:
+    folder = copied(tmp_path, '"body[pendulum]/inertial@pos[2]" = "-l"\n', "")
+    system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
+    redrawn(system, sidecar, {"m"}, {"m", "l"})
+    redrawn(system, sidecar, {"l"}, {"m"})
+    with pytest.raises(UnboundError, match=r"mujoco\.xml\.toml: no literal .* bound to l.*bind"):
+        redrawn(system, sidecar, {"m", "l"}, {"m", "l"})
+
+
+def test_a_literal_that_is_wrong_as_it_stands_is_not_set_right_unseen(tmp_path: Path) -> None:
+    folder = copied(tmp_path, "-0.75", "-0.76")
+    system, sidecar = load_system(folder), read_sidecar(folder / "mujoco.xml.toml")
+    redrawn(system, sidecar, {"m"}, {"m"})
+    with pytest.raises(UnboundError, match=r"mujoco\.xml:\d+: it says -0\.76.*audit"):
+        redrawn(system, sidecar, {"l"}, {"l"})

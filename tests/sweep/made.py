@@ -1,0 +1,46 @@
+"""A folder to sweep: one small system, one scenario, models whose literals are bound."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from harness.schedule.workers import Workers
+from harness.sweep.draws import Design
+from harness.sweep.factors import factors
+from harness.sweep.plan import Plan, SweepOptions
+from harness.sweep.run import Wanted, planned
+from tests.faults.known_folder import ROOT, one_scenario
+from tests.standing import standing_only
+
+SYSTEM = "mass_spring_damper"
+
+
+def swept_folder(place: Path, *models: str) -> Path:
+    """The mass on its spring, released for 2 s, with some of its built-in models."""
+    folder = one_scenario(SYSTEM, place, "free")
+    text = (folder / "system.py").read_text()
+    (folder / "system.py").write_text(text.replace("duration=14.5", "duration=2.0"))
+    for model in models:
+        for name in (model, f"{model}.toml"):
+            shutil.copy(ROOT / "models" / SYSTEM / name, folder / name)
+    standing_only(folder)
+    return folder
+
+
+def options(
+    *vary: str, count: int = 3, seed: int = 5, steps: tuple[float, ...] = ()
+) -> SweepOptions:
+    return SweepOptions(
+        factors=factors(vary),
+        design=Design.LATIN,
+        count=count,
+        seed=seed,
+        steps=steps,
+        jobs=2,
+        command=("crosscheck", "sweep", "somewhere"),
+    )
+
+
+def plan_of(folder: Path, asked: SweepOptions, workers: Workers) -> Plan:
+    return planned(asked, Wanted(folders=[folder]), workers)

@@ -1,0 +1,52 @@
+"""A sweep that is killed in the middle, as by a machine that loses its power."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from harness.records.outcome import Outcome
+from harness.sweep.store import done, parts, read_plan, read_rows
+from tests.faults.known_folder import environment
+from tests.sweep.made import swept_folder
+
+# A part a row, a row a block: so that there is a middle after a few cases.
+SMALL = """
+import sys
+import harness.sweep.plan, harness.sweep.store
+harness.sweep.plan.BLOCK = harness.sweep.store.PART = 1
+from harness.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_what_was_done_is_kept_and_the_rest_is_run_once(tmp_path: Path) -> None:
+    folder, out = swept_folder(tmp_path / "mass", "mujoco.xml"), tmp_path / "out"
+    asked = [str(folder), "--vary", "k=20:100", "--draws", "12", "--jobs", "1", "--out", str(out)]
+    command = [sys.executable, "-c", SMALL, "sweep", *asked]
+    first = subprocess.Popen(command, env=environment(), stderr=subprocess.DEVNULL)
+    until = time.monotonic() + 120
+    while len(parts(out)) < 3 and time.monotonic() < until:
+        time.sleep(0.02)
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait()
+    plan = read_plan(out)
+    assert plan is not None
+    kept = {path: path.read_bytes() for path in parts(out)}
+    there = done(out, plan.cases)
+    assert 3 <= sum(there) < 12, "it was to be killed in the middle"
+    (out / "rows" / ".part-000099.parquet").write_bytes(b"half of a")  # killed as it wrote
+    second = subprocess.run(
+        command, env=environment(), check=False, timeout=300, capture_output=True
+    )
+    assert second.returncode == 0, second.stderr
+    assert {path: path.read_bytes() for path in kept} == kept
+    rows = list(read_rows(out))
+    assert sorted(row.index for row in rows) == list(range(12))
+    assert len({row.constants["k"] for row in rows}) == 12
+    assert all(row.outcome is Outcome.AGREES for row in rows)
+    assert not list((out / "rows").glob(".part-*"))

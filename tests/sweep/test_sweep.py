@@ -1,0 +1,214 @@
+"""Sweeps of a real engine: rows, their verdicts, what can't be planned, what fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from harness.cases.case import case_task, run_case
+from harness.cases.prepare import prepare
+from harness.files.bindings import with_constants
+from harness.files.sidecar import Sidecar, read_sidecar
+from harness.records.outcome import Outcome
+from harness.records.sweep import SweepRow
+from harness.schedule.workers import Workers
+from harness.sweep.factors import SweepError
+from harness.sweep.plan import SweepOptions
+from harness.sweep.run import alone, sweep
+from harness.sweep.store import parts, read_rows, taken
+from reference.load import load_system
+from tests.sweep.made import options, plan_of, swept_folder
+
+VARY = ("k=20:200:log", "m=0.8:2")
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Workers]:
+    with Workers(2) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return swept_folder(tmp_path_factory.mktemp("systems") / "mass", "mujoco.xml", "space.py")
+
+
+def nothing(*_: object) -> None:
+    """Progress that nobody watches."""
+
+
+def rows_of(folder: Path, asked: SweepOptions, out: Path, workers: Workers) -> list[SweepRow]:
+    whole = plan_of(folder, asked, workers)
+    count = sweep(whole, out, workers, nothing)
+    found = sorted(read_rows(out), key=lambda row: row.index)
+    assert [row.index for row in found] == list(range(whole.count))
+    assert count == whole.count
+    return found
+
+
+def judged(row: SweepRow) -> tuple[object, ...]:
+    """All of a row that follows from its case, and not from when it was run."""
+    return (
+        row.index, row.draw, row.name, row.integrator, row.step, row.constants, row.outcome,
+        row.reason, row.discrepancy, row.uncertainty, row.digits, row.global_error, row.order,
+        row.steps, row.command,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def rows(
+    folder: Path, workers: Workers, tmp_path_factory: pytest.TempPathFactory
+) -> list[SweepRow]:
+    asked = options(*VARY, steps=(0.001, 0.004))
+    return rows_of(folder, asked, tmp_path_factory.mktemp("rows"), workers)
+
+
+def test_every_draw_has_every_model_and_step_and_agrees(rows: list[SweepRow]) -> None:
+    assert len(rows) == 3 * 2 * 2
+    assert {(row.draw, row.engine, row.step) for row in rows} == {
+        (draw, engine, step)
+        for draw in range(3)
+        for engine in ("mujoco", "pymunk")
+        for step in (0.001, 0.004)
+    }
+    for row in rows:
+        assert row.outcome is Outcome.AGREES, row.reason
+        assert row.digits is not None
+        assert row.digits > 9
+        assert 0 < row.engine_seconds <= row.seconds
+    for fine, coarse in zip(rows[::2], rows[1::2], strict=True):
+        assert fine.global_error is not None
+        assert coarse.global_error is not None
+        assert coarse.global_error / fine.global_error == pytest.approx(4, rel=0.3)
+
+
+def test_a_row_is_had_again_by_its_number_alone(
+    rows: list[SweepRow], folder: Path, workers: Workers
+) -> None:
+    whole = plan_of(folder, options(*VARY, steps=(0.001, 0.004)), workers)
+    for index in (1, 6, 11):
+        assert judged(alone(whole, index, workers)) == judged(rows[index])
+    with pytest.raises(SweepError, match="--only 12: the plan has cases 0 to 11"):
+        alone(whole, 12, workers)
+
+
+def written_by_hand(folder: Path, row: SweepRow, place: Path) -> tuple[Path, Sidecar]:
+    """A folder that declares a row's constants, as a person would write it."""
+    system = load_system(folder)
+    sidecar = with_constants(
+        system, read_sidecar(folder / f"{row.model}.toml"), row.constants, place
+    )
+    text = (folder / "system.py").read_text()
+    declared = {c.name: c.value for c in system.constants}
+    for name, value in row.constants.items():
+        old = f'Constant("{name}", {declared[name]!r}'
+        assert old in text
+        text = text.replace(old, f'Constant("{name}", {value!r}')
+    (place / "system.py").write_text(text)
+    return place, sidecar
+
+
+@pytest.mark.parametrize("index", [2, 5])
+def test_a_drawn_verdict_is_that_of_a_run_on_a_folder_with_those_constants(
+    rows: list[SweepRow], folder: Path, index: int, tmp_path: Path
+) -> None:
+    row = rows[index]
+    place, sidecar = written_by_hand(folder, row, tmp_path / "by_hand")
+    prepared = prepare(place, described=False)
+    stepped = {row.engine: {**sidecar.engine_settings.get(row.engine, {}), "step": row.step}}
+    given = Sidecar(**{**vars(sidecar), "engine_settings": stepped})
+    case = run_case(case_task(prepared, given, row.engine, "free", 1e-9))
+    assert case.outcome is row.outcome
+    assert case.verdict is not None
+    assert case.full_run is not None
+    assert case.full_run.global_error == pytest.approx(row.global_error, rel=1e-6)
+    assert row.discrepancy is not None
+    assert row.uncertainty is not None
+    assert case.verdict.discrepancy is not None
+    assert abs(row.discrepancy - case.verdict.discrepancy) <= row.uncertainty < 1e-9
+    assert case.verdict.order == pytest.approx(row.order, rel=1e-3)
+
+
+def test_a_model_that_is_wrong_differs_at_every_draw(workers: Workers, tmp_path: Path) -> None:
+    folder = swept_folder(tmp_path / "mass", "mujoco.xml")
+    model = folder / "mujoco.xml"
+    assert 'damping="0.9"' in model.read_text()
+    model.write_text(model.read_text().replace('damping="0.9"', 'damping="0.8"'))
+    found = rows_of(folder, options("k=20:60", count=2), tmp_path / "rows", workers)
+    assert [row.outcome for row in found] == [Outcome.DIFFERS] * 2
+    assert all("ends the segment" in row.reason for row in found)
+
+
+def test_a_case_that_can_not_be_run_is_a_row_beside_the_others(
+    folder: Path, workers: Workers, tmp_path: Path
+) -> None:
+    asked = options("k=20:60", count=2, steps=(0.004, 1.5))
+    found = rows_of(folder, asked, tmp_path / "rows", workers)
+    assert [row.outcome for row in found] == [Outcome.AGREES, Outcome.FAILED] * 4
+    assert all("a step of 1.5 s shows nothing" in row.reason for row in found[1::2])
+
+
+def test_a_case_that_ends_its_process_costs_no_other(workers: Workers, tmp_path: Path) -> None:
+    folder = swept_folder(tmp_path / "mass", "space.py")
+    model = folder / "space.py"
+    text = model.read_text() + "\n\nimport os\n\nif STIFFNESS > 60:\n    os._exit(0)\n"
+    model.write_text(text)
+    found = rows_of(folder, options("k=20:100", count=5), tmp_path / "rows", workers)
+    for row in found:
+        dies = row.constants["k"] > 60
+        assert row.outcome is (Outcome.FAILED if dies else Outcome.AGREES)
+        assert not dies or "ends the process" in row.reason
+    assert {row.outcome for row in found} == {Outcome.FAILED, Outcome.AGREES}
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (options("kk=1:2"), "--vary kk: no system of these has such a constant; they have m, c, k"),
+        (options("k=-1:2"), r"k=-1:2: .*system\.py declares k positive"),
+        (SweepOptions(scenarios=("fast",)), "--scenario fast: there is none; there are free"),
+        (SweepOptions(integrators=("BDF",)), "--integrator BDF: no model has it; they have"),
+    ],
+)
+def test_what_can_not_be_planned_is_told_with_what_there_is(
+    asked: SweepOptions, said: str, folder: Path, workers: Workers
+) -> None:
+    with pytest.raises(SweepError, match=said):
+        plan_of(folder, asked, workers)
+
+
+def test_a_literal_that_does_not_follow_is_told_before_anything_is_run(
+    workers: Workers, tmp_path: Path
+) -> None:
+    folder = swept_folder(tmp_path / "mass", "mujoco.xml")
+    sidecar = folder / "mujoco.xml.toml"
+    sidecar.write_text(sidecar.read_text().replace('"joint[x]@stiffness" = "k"\n', ""))
+    plan_of(folder, options("m=1:2"), workers)
+    with pytest.raises(SweepError, match=r"mujoco\.xml\.toml: no literal .* bound to k.*bind"):
+        plan_of(folder, options("k=1:2"), workers)
+
+
+def test_rows_go_on_where_they_were_and_no_other_plan_is_taken_for_theirs(
+    folder: Path, workers: Workers, tmp_path: Path
+) -> None:
+    asked, out = options("k=20:60", count=4), tmp_path / "rows"
+    whole = plan_of(folder, asked, workers)
+    sweep(whole, out, workers, nothing)
+    first = {row.index: row for row in read_rows(out)}
+    (lost,) = parts(out)
+    lost.unlink()
+    sweep(whole, out, workers, nothing)
+    again = {row.index: row for row in read_rows(out)}
+    assert {i: judged(row) for i, row in again.items()} == {
+        i: judged(row) for i, row in first.items()
+    }
+    before = {path: path.read_bytes() for path in parts(out)}
+    sweep(whole, out, workers, nothing)
+    assert {path: path.read_bytes() for path in parts(out)} == before
+    with taken(out), pytest.raises(SweepError, match="another sweep is writing there"):
+        sweep(whole, out, workers, nothing)
+    other = plan_of(folder, options("k=20:60", count=4, seed=6), workers)
+    with pytest.raises(SweepError, match=r"another plan \(seed: 5, now 6\); choose another --out"):
+        sweep(other, out, workers, nothing)
