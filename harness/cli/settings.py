@@ -153,7 +153,9 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType({
         read=_of_text(arguments.positive),
         commands=_RUNNING | {"audit", "versions", "mutate"},
     ),
-    "scheduler": Setting(argument="scheduler", read=_text, commands=frozenset({"run"})),
+    "scheduler": Setting(
+        argument="scheduler", read=_text, commands=frozenset({"run", "sweep"})
+    ),
     "baseline": Setting(argument="baseline", read=_path, commands=_RUNNING),
     "out": Setting(argument="out", read=_path, commands=frozenset({"run"})),
     "strict": Setting(argument="strict", read=_switch, commands=frozenset({"run"})),

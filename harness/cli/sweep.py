@@ -70,6 +70,7 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command, "two")
+    arguments.scheduler(command)
     command.add_argument(
         "--out",
         type=Path,
@@ -105,7 +106,7 @@ def _sweep(options: argparse.Namespace) -> int:
     check_engines(options.engine)
     wanted = _wanted(options)
     asked = _asked(options)
-    with crew(asked) as workers, asking() as stop:
+    with crew(asked, wanted) as workers, asking() as stop:
         whole = planned(asked, wanted, workers)
         for line in whole.left_out:
             print(f"crosscheck: left out: {line}", file=sys.stderr)
@@ -155,6 +156,7 @@ def _asked(options: argparse.Namespace) -> SweepOptions:
         resolution=options.resolution,
         jobs=options.jobs or JOBS,
         limits=arguments.limits_of(options),
+        scheduler=options.scheduler,
         command=tuple(_command(options)),
     )
 

@@ -33,6 +33,7 @@ class SweepOptions:
         resolution: relative discrepancy to resolve.
         jobs: worker processes.
         limits: of a case.
+        scheduler: address of a cluster's; empty: this machine.
         command: words of the command line, without `--only`.
     """
 
@@ -47,6 +48,7 @@ class SweepOptions:
     resolution: float = 1e-9
     jobs: int = 2
     limits: Limits = Limits()  # noqa: RUF009  # frozen
+    scheduler: str = ""
     command: tuple[str, ...] = ()
 
     @property

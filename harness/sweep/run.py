@@ -16,10 +16,13 @@ import scipy
 from harness.baseline.fingerprint import digest_of, folder_files
 from harness.baseline.inputs import versions
 from harness.files.choice import NamedModel
+from harness.files.luggage import luggage
 from harness.records.sweep import SweepPlan, SweepRow
+from harness.schedule.chosen import executor
+from harness.schedule.executor import Executor
+from harness.schedule.failure import Failure
 from harness.schedule.jobs import Job, Task, work
 from harness.schedule.stop import Stop
-from harness.schedule.workers import Failure, Workers
 from harness.sweep.case import Block, blank, run_block
 from harness.sweep.factors import SweepError
 from harness.sweep.plan import Plan, SweepOptions, plan
@@ -41,12 +44,22 @@ class Wanted:
     models: dict[str, tuple[NamedModel, ...]] = field(default_factory=dict)
 
 
-def crew(options: SweepOptions) -> Workers:
-    """The workers of a sweep: whatever is to run its jobs elsewhere takes their place here."""
-    return Workers(options.jobs, options.limits)
+def crew(options: SweepOptions, wanted: Wanted) -> Executor:
+    """Who runs the jobs of a sweep: workers of this machine, or of a cluster.
+
+    Raises:
+        ClusterError: for a cluster that can't be worked with.
+    """
+    return executor(
+        jobs=options.jobs,
+        limits=options.limits,
+        scheduler=options.scheduler,
+        files=partial(luggage, wanted.folders),
+        engines=options.engines,
+    )
 
 
-def planned(options: SweepOptions, wanted: Wanted, workers: Workers) -> Plan:
+def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
     """The plan of a sweep.
 
     Raises:
@@ -162,7 +175,7 @@ class _Running:
 
 
 def sweep(
-    whole: Plan, out: Path, workers: Workers, progress: Progress, stop: Stop | None = None
+    whole: Plan, out: Path, workers: Executor, progress: Progress, stop: Stop | None = None
 ) -> int:
     """Run the cases of a plan that have no row yet; returns how many have one then.
 
@@ -183,7 +196,7 @@ def sweep(
     return running.done
 
 
-def alone(whole: Plan, index: int, workers: Workers) -> SweepRow:
+def alone(whole: Plan, index: int, workers: Executor) -> SweepRow:
     """The row of one case, run now; nothing is kept.
 
     Raises:

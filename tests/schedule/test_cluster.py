@@ -18,17 +18,21 @@ from typing import Any
 
 import msgspec
 import pytest
+from msgspec import structs
 
 from harness.cases.prepare import Prepared, prepare
 from harness.cli.main import main
+from harness.records.sweep import SweepRow
 from harness.schedule import parcel
 from harness.schedule.chosen import executor
 from harness.schedule.executor import ClusterError, Executor
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
+from harness.sweep.store import read_rows
 from tests.faults.known_folder import ROOT, environment, one_scenario
 from tests.schedule.clusters import PATIENCE, Loopback, below, loopback
 from tests.standing import standing_only
+from tests.sweep.made import swept_folder
 
 pytestmark = pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
 
@@ -81,6 +85,9 @@ def unsendable(_: object) -> object:
     return lambda: None
 
 
+CLOCKED = {name: 0.0 for name in SweepRow.__struct_fields__ if name.endswith("seconds")}
+
+
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Loopback]:
     with loopback(tmp_path_factory.mktemp("cluster"), "one", "two") as running:
@@ -121,6 +128,23 @@ def test_a_run_has_the_records_of_a_local_one(
     here, there = (json.loads(Path(out, "results.json").read_text()) for out in ("here", "there"))
     assert len(here["cases"]) == 1
     assert alike(there) == alike(here)
+
+
+def test_a_sweep_has_the_rows_of_a_local_one(
+    cluster: Loopback, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+    monkeypatch.chdir(tmp_path)
+    swept_folder(tmp_path / "mass", "mujoco.xml")
+    given = ["sweep", "mass", "--vary", "k=20:200:log", "--draws", "4", "--engine", "mujoco"]
+    assert main([*given, "--out", "here"]) == 0
+    assert main([*given, "--out", "there", "--scheduler", cluster.address]) == 0
+    here, there = (
+        {row.index: structs.replace(row, **CLOCKED) for row in read_rows(Path(out))}
+        for out in ("here", "there")
+    )
+    assert len(here) == 4
+    assert there == here
 
 
 def test_a_failure_is_told_as_on_this_machine_and_the_worker_lives_on(
