@@ -260,7 +260,8 @@ def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
         y_label="relative error",
         curves=tuple(curves),
         key="Time that each engine takes for the full run against the error that it leaves, at the"
-        " shipped step and at half and a quarter of it. Further to the lower left is better.",
+        " shipped step and at others, each half or twice the last. Further to the lower left is"
+        " better.",
         summary=f"This engine takes {quantity(runs.seconds[0], 's', 2)} for an error of"
         f" {percent(runs.error[0])}, and {quantity(runs.seconds[-1], 's', 2)} for"
         f" {percent(runs.error[-1])}.",
