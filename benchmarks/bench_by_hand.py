@@ -1,0 +1,90 @@
+"""The way that people do it today: `solve_ivp`, a loop of steps, `allclose` and a tolerance.
+
+The script is run at steps that it can afford, and what it would take for more digits follows from
+its order: the error of a method of order one falls as its step does, and its time grows alike.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.integrate import solve_ivp
+
+from harness.cases.case import load
+from harness.cases.prepare import prepare
+from harness.files.folders import builtin
+from harness.files.model_files import model_files
+from harness.files.sidecar import Sidecar
+from harness.numerics.segments import Batch, extrapolate
+
+TARGETS = (1e-6, 1e-9)
+MASS, DAMPING, STIFFNESS, START = 1.3, 0.9, 47.0, (0.25, -0.4)
+STEP = 1e-4
+
+
+def by_hand(path: str, h: float, duration: float) -> tuple[float, float]:
+    """Seconds that the script takes with a step, and the error it sees, of the amplitude."""
+    import mujoco
+
+    began = time.perf_counter()
+    model = mujoco.MjModel.from_xml_path(path)
+    data = mujoco.MjData(model)
+    model.opt.timestep = h
+    data.qpos[0], data.qvel[0] = START
+    count = round(duration / h)
+    x = np.empty(count + 1)
+    x[0] = START[0]
+    for i in range(count):
+        mujoco.mj_step(model, data)
+        x[i + 1] = data.qpos[0]
+    t = h * np.arange(count + 1)
+    solved = solve_ivp(
+        lambda _, y: [y[1], -(DAMPING * y[1] + STIFFNESS * y[0]) / MASS],
+        (0, t[-1]),
+        START,
+        rtol=1e-12,
+        atol=1e-14,
+        method="DOP853",
+        t_eval=t,
+    )
+    off = np.max(np.abs(x - solved.y[0])) / np.max(np.abs(solved.y[0]))
+    return time.perf_counter() - began, float(off)
+
+
+def ours(resolution: float) -> float:
+    """Seconds that the harness takes: equations derived, solved, and the model's limits taken."""
+    began = time.perf_counter()
+    prepared = prepare(builtin() / "mass_spring_damper", described=False)
+    motion, scale = prepared.motions["free"], prepared.scales["free"]
+    sidecar = next(
+        one
+        for one in model_files(prepared.folder)
+        if isinstance(one, Sidecar) and one.model.name == "mujoco.xml"
+    )
+    model, coordinates = load(prepared.system, sidecar, "mujoco")
+    found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
+    assert float(np.max((found.limit.uncertainty + motion.bound) / scale)) < resolution
+    return time.perf_counter() - began
+
+
+def rows() -> Iterator[tuple[float, float, float]]:
+    """Target, seconds by hand (extrapolated), and ours."""
+    path = str(builtin() / "mass_spring_damper" / "mujoco.xml")
+    seconds, off = by_hand(path, STEP, 14.5)
+    ours(TARGETS[0])  # what is imported once
+    for target in TARGETS:
+        yield target, seconds * off / target, ours(target)
+
+
+def compared(console: Console) -> dict[str, float]:
+    table = Table("to certify", "by hand (extrapolated)", "harness", "ratio", title="by hand")
+    ratios = {}
+    for target, hand, harness in rows():
+        table.add_row(f"{target:g}", f"{hand:.3g} s", f"{harness:.2f} s", f"{harness / hand:.2g}")
+        ratios[f"time to certify {target:g}: harness / a script by hand"] = harness / hand
+    console.print(table)
+    return ratios
