@@ -16,7 +16,7 @@ from tests.faults.known_folder import (
     uncertainty,
     variant,
 )
-from tests.standing import brief, standing_only
+from tests.standing import standing_only
 
 Ran = dict[tuple[str, str, str], list[Case]]
 """Cases by system, file and name of the variant."""
@@ -138,7 +138,6 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     used = [f for f in folders.values() if any(f.glob("*.toml"))]
     for folder in used:
         standing_only(folder)
-        brief(folder, 3)
     results = run_folders(*used, out=place / "results.json", limit=60.0)
     found: Ran = {}
     for case in results.cases:

@@ -34,7 +34,7 @@ from tests.mutation.mistakes.mistakes import (
     Edits,
     Mistake,
 )
-from tests.standing import brief, standing_only
+from tests.standing import standing_only
 
 Edited = Callable[[Mistake, Edits], Sidecar]
 
@@ -78,7 +78,6 @@ def edited(tmp_path: Path) -> Edited:
         folder = tmp_path / f"copy{len(list(tmp_path.iterdir()))}"
         shutil.copytree(builtin() / mistake.system, folder)
         standing_only(folder)
-        brief(folder)
         for name, old, new in edits:
             text = (folder / name).read_text(encoding="utf-8")
             assert old in text
