@@ -85,6 +85,11 @@ def unsendable(_: object) -> object:
     return lambda: None
 
 
+ENGINE = ("mujoco",)
+"""Whose version counts: the tests' own process may know of engines that no worker has."""
+
+RUN = ("run", "simple_pendulum", "--engine", *ENGINE)
+
 CLOCKED = {name: 0.0 for name in SweepRow.__struct_fields__ if name.endswith("seconds")}
 
 
@@ -96,7 +101,7 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Loopback]:
 
 @pytest.fixture(scope="module")
 def pool(cluster: Loopback) -> Iterator[Executor]:
-    with executor(scheduler=cluster.address, limits=LIMITS) as running:
+    with executor(scheduler=cluster.address, limits=LIMITS, engines=ENGINE) as running:
         yield running
 
 
@@ -181,7 +186,9 @@ def test_tasks_read_the_copies_that_were_sent_under_the_names_that_files_have_he
     mine = prepare(pendulum)
     beside = Path("beside.txt")
     beside.write_text("not sent")
-    with executor(scheduler=cluster.address, files=lambda: [Path("mine/pendulum")]) as pool:
+    with executor(
+        scheduler=cluster.address, files=lambda: [Path("mine/pendulum")], engines=ENGINE
+    ) as pool:
         pendulum.parent.rename(pendulum.parent.with_name("gone"))
         assert outcomes(pool, *tasks) == here
         theirs = outcomes(pool, (prepare, pendulum))[0]
@@ -203,7 +210,7 @@ def test_a_worker_that_joins_late_and_is_killed_costs_no_task(
 ) -> None:
     kept = tmp_path / "kept.txt"
     kept.write_text("kept")
-    with executor(scheduler=cluster.address, files=lambda: [kept]) as pool:
+    with executor(scheduler=cluster.address, files=lambda: [kept], engines=ENGINE) as pool:
         assert outcomes(pool, *((slow, (str(tmp_path), number)) for number in range(4))) == [
             *range(4)
         ]
@@ -241,7 +248,7 @@ def test_what_is_being_done_ends_with_the_run_and_its_copies_go(
 ) -> None:
     told, kept = tmp_path / "told", tmp_path / "kept.txt"
     kept.write_text("kept")
-    with executor(scheduler=cluster.address, files=lambda: [kept]) as pool:
+    with executor(scheduler=cluster.address, files=lambda: [kept], engines=ENGINE) as pool:
         copy = Path(*outcomes(pool, (where, kept))[0])
         assert copy.read_text() == "kept"
         for _ in range(9):
@@ -266,7 +273,7 @@ def test_a_scheduler_that_is_lost_is_told_and_what_is_done_is_kept(
     pytest.importorskip("distributed", reason="needs physics-crosscheck[cluster]")
     monkeypatch.setattr("harness.schedule.cluster.ANSWER", 3.0)
     begun = tmp_path / "begun"
-    with loopback(tmp_path, "only") as own, executor(scheduler=own.address) as pool:
+    with loopback(tmp_path, "only") as own, executor(scheduler=own.address, engines=ENGINE) as pool:
         pool.submit(nap, str(begun))
         until(lambda: pool.turn() is not None and begun.is_file())
         os.kill(own.scheduler, signal.SIGKILL)
@@ -284,7 +291,7 @@ def test_a_new_worker_that_differs_is_told_with_what_differs(
         file.write("# another\n")
     cluster.worker("other", "--no-nanny", PYTHONPATH=str(other))
     try:
-        assert main(["run", "simple_pendulum", "--scheduler", cluster.address]) == 2
+        assert main([*RUN, "--scheduler", cluster.address]) == 2
     finally:
         cluster.kill("other")
     said = capsys.readouterr().err
@@ -299,7 +306,7 @@ def test_a_worker_without_the_package_is_told(
     (tmp_path / "physics_crosscheck.py").write_text("raise ImportError('nothing of that name')\n")
     cluster.worker("bare", "--no-nanny", PYTHONPATH=str(tmp_path))
     try:
-        assert main(["run", "simple_pendulum", "--scheduler", cluster.address]) == 2
+        assert main([*RUN, "--scheduler", cluster.address]) == 2
     finally:
         cluster.kill("bare")
     said = capsys.readouterr().err
