@@ -14,11 +14,10 @@ from rich.console import Console
 from rich.table import Table
 from scipy.integrate import solve_ivp
 
+from benchmarks.bench_segments import sidecar_of
 from harness.cases.case import load
 from harness.cases.prepare import prepare
 from harness.files.folders import builtin
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
 from harness.numerics.segments import Batch, extrapolate
 
 TARGETS = (1e-6, 1e-9)
@@ -60,11 +59,7 @@ def ours(resolution: float) -> float:
     began = time.perf_counter()
     prepared = prepare(builtin() / "mass_spring_damper", described=False)
     motion, scale = prepared.motions["free"], prepared.scales["free"]
-    sidecar = next(
-        one
-        for one in model_files(prepared.folder)
-        if isinstance(one, Sidecar) and one.model.name == "mujoco.xml"
-    )
+    sidecar = sidecar_of(prepared.folder, "mujoco.xml")
     model, coordinates = load(prepared.system, sidecar, "mujoco")
     found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
     assert float(np.max((found.limit.uncertainty + motion.bound) / scale)) < resolution

@@ -56,8 +56,7 @@ class SteppedEquations(Stepped):
         self._mass = equations.numeric_mass
         self._force = equations.compile(equations.force)
         self._inputs = len(equations.system.inputs)
-        own = {c.q for c in equations.system.coordinates}
-        self._still = not any(own & e.free_symbols for e in equations.mass)
+        self._still = not set(equations.system.q) & equations.mass.free_symbols
 
     def velocities(self, q: Array, rate: Array) -> Array:
         """The rates."""

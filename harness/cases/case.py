@@ -18,7 +18,7 @@ from harness.cases.case_record import (
 )
 from harness.cases.dynamics import with_dynamics
 from harness.cases.prepare import Equilibrium, Prepared
-from harness.cases.verdict import judge, with_residual
+from harness.cases.verdict import judged
 from harness.cases.witness import with_full_runs
 from harness.engines.protocol import Model
 from harness.engines.registry import engines
@@ -156,10 +156,15 @@ def run_case(task: CaseTask) -> Case:
         found = extrapolate(model, coordinates, batch, resolution=task.resolution)
     except BlownUpError as error:
         raise BlownUpError(_told(str(error), task.sidecar, model)) from None
-    verdict = judge(found.limit, motion, task.scale, task.components, claimed, task.resolution)
-    if found.residual is not None:
-        own = tuple(model.coordinates)
-        verdict = with_residual(verdict, found.residual, motion, own, task.resolution)
+    verdict = judged(
+        found,
+        motion,
+        scale=task.scale,
+        components=task.components,
+        coordinates=tuple(model.coordinates),
+        claimed=claimed,
+        resolution=task.resolution,
+    )
     dynamics = _dynamics(task, model, coordinates)
     verdict = with_dynamics(verdict, dynamics, tuple(model.coordinates), task.resolution)
     amplitude = np.maximum(motion.amplitude, FLOOR * task.amplitude)

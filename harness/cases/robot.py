@@ -19,7 +19,7 @@ from harness.cases.robot_record import (
     told,
     tree_record,
 )
-from harness.cases.verdict import Verdict, filled, judge, with_residual
+from harness.cases.verdict import Verdict, filled, judged
 from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
 from harness.engines.registry import engines
 from harness.numerics.coordinates import CoordinateMap, identity
@@ -314,11 +314,15 @@ def _refused(task: RobotTask, failure: Failure) -> Case:
 def _judged(task: RobotTask) -> tuple[Followed, Verdict]:
     """Every segment in the engine, and what follows from them."""
     way = follow_robot(task)
-    claimed, found = way.model.exponents(False)[0], way.found
-    verdict = judge(found.limit, way.samples, way.scale, way.components, claimed, task.resolution)
-    if found.residual is not None:
-        names = tuple(way.model.coordinates)
-        verdict = with_residual(verdict, found.residual, way.samples, names, task.resolution)
+    verdict = judged(
+        way.found,
+        way.samples,
+        scale=way.scale,
+        components=way.components,
+        coordinates=tuple(way.model.coordinates),
+        claimed=way.model.exponents(False)[0],
+        resolution=task.resolution,
+    )
     return way, verdict
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from harness.numerics import judgement
 from harness.numerics.judgement import Judgement, Obstacle, obstacle
 from harness.numerics.ladder import EPSILON, Limit
-from harness.numerics.segments import Residual
+from harness.numerics.segments import Extrapolated, Residual
 from harness.records.case import starts_at
 from harness.records.outcome import FLOOR, Outcome
 from reference.motion import Motion
@@ -95,6 +95,33 @@ class Reference(Protocol):
     @property
     def bound(self) -> Array:
         """Of the error of `end`, per component, (2n,)."""
+
+
+def judged(
+    found: Extrapolated,
+    reference: Reference,
+    *,
+    scale: Array,
+    components: tuple[str, ...],
+    coordinates: tuple[str, ...],
+    claimed: int,
+    resolution: float,
+) -> Verdict:
+    """The verdict on extrapolated segments, and on what they leave of the coordinate map.
+
+    Args:
+        found: of the segments.
+        reference: where the equations take them.
+        scale: what counts as one, per component, (2n,).
+        components: names of the state's components, 2n.
+        coordinates: names of the engine's coordinates, nz.
+        claimed: order that the engine claims.
+        resolution: relative discrepancy to resolve.
+    """
+    verdict = judge(found.limit, reference, scale, components, claimed, resolution)
+    if found.residual is None:
+        return verdict
+    return with_residual(verdict, found.residual, reference, coordinates, resolution)
 
 
 def judge(

@@ -56,10 +56,7 @@ def main(options: argparse.Namespace) -> int:
         page = out / "changes.html"
         found = two_runs(*runs)
         write_two_runs(page, found, (files[0].parent, files[1].parent))
-        print_two_runs(
-            terminal(),
-            found,
-        )
+        print_two_runs(terminal(), found)
         code = DIFFER if found.moved else AGREE
     else:
         page = out / "index.html"

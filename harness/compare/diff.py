@@ -12,6 +12,7 @@ from pathlib import Path
 from harness.compare.candidate import Candidate
 from harness.files.locations import Location, LocationError, find
 from harness.files.locations.outline import MARKUP, Element, Value, outline
+from harness.files.splice import spliced
 from harness.records.base import SourceLine
 
 
@@ -348,9 +349,7 @@ def applied(data: bytes, found: tuple[Edit, ...]) -> bytes:
     for (_, end, _), (start, _, _) in pairwise(changes):
         if start < end:
             raise ValueError("these edits overlap")
-    for start, end, new in reversed(changes):
-        data = data[:start] + new + data[end:]
-    return data
+    return spliced(data, changes)
 
 
 def _is_number(word: str) -> bool:

@@ -11,6 +11,7 @@ from harness.coverage.behaviour import Behaviour, Probe
 from harness.files.bindings import with_texts
 from harness.files.locations import Literal
 from harness.files.sidecar import Sidecar, SidecarError
+from harness.files.splice import reworded
 
 NUDGE = 1e-3
 """Share of its size by which a number is moved, or this where it is zero."""
@@ -88,11 +89,8 @@ class Trials:
 
     def _tried(self, words: Mapping[int, str]) -> Say:
         """What depends on some numbers, written in other words."""
-        texts = dict(self._texts)
-        for i in sorted(words, key=lambda i: -self._numbers[i].location.start):
-            place = self._numbers[i].location
-            data = texts[place.file]
-            texts[place.file] = data[: place.start] + words[i].encode() + data[place.end :]
+        places = ((self._numbers[i].location, word) for i, word in words.items())
+        texts = reworded(self._texts, places)
         try:
             model = self._probe.loaded(with_texts(self._sidecar, texts, self._folder))
         except SidecarError:

@@ -31,12 +31,11 @@ Accelerations = Callable[[Array, Array, Array], Array]
 its place and its quaternion, real part first, m and forces with three numbers each along the
 world's axes and three about its own. No state's depend on those beside it."""
 
-
 Alone = Callable[[Array, Array, Array], Array]
 """The same of one state: x, m, f and dm/dt are (n,) each; to the last digit what it is of many."""
 
 
-def each_alone(accelerations: Accelerations) -> Accelerations:
+def each_alone(accelerations: Alone) -> Accelerations:
     """Of all states, by a function of one: x, m and f are (n,) each."""
 
     def of_all(x: Array, m: Array, f: Array) -> Array:
@@ -102,7 +101,7 @@ class RungeKutta:
         f = np.zeros_like(x)
         for row in range(n // every):
             for i in range(row * every, (row + 1) * every):
-                x, m = self._straight(self._alone, x, m, f if force is None else force[i], h)
+                x, m = _straight(self._alone, x, m, f if force is None else force[i], h)
             out_q[row], out_v[row] = x, m
             if not (np.isfinite(x).all() and np.isfinite(m).all()):
                 break
@@ -120,9 +119,10 @@ class RungeKutta:
 
     def stepped(self, x: Array, m: Array, f: Array, h: float) -> tuple[Array, Array]:
         """The next positions and velocities, by four accelerations."""
-        at, half, sixth = self._accelerations, 0.5 * h, h / 6
+        at = self._accelerations
         if not self._floats:
-            return self._straight(at, x, m, f, h)
+            return _straight(at, x, m, f, h)
+        half, sixth = 0.5 * h, h / 6
         speeds, gains = [m], [at(x, m, f)]
         for share in (half, half, h):
             moved, now = share * speeds[-1], m + share * gains[-1]
@@ -130,21 +130,21 @@ class RungeKutta:
             gains.append(at(advanced(x, moved), now, f))
         return advanced(x, sixth * _weighed(speeds)), m + sixth * _weighed(gains)
 
-    @staticmethod
-    def _straight(at: Accelerations, x: Array, m: Array, f: Array, h: float) -> tuple[Array, Array]:
-        """Where coordinates are numbers of their own, and velocities their rates."""
-        half, sixth = 0.5 * h, h / 6
-        a1 = at(x, m, f)
-        m2 = m + half * a1
-        a2 = at(x + half * m, m2, f)
-        m3 = m + half * a2
-        a3 = at(x + half * m2, m3, f)
-        m4 = m + h * a3
-        a4 = at(x + h * m3, m4, f)
-        return (
-            x + sixth * (m + m4 + 2 * (m2 + m3)),
-            m + sixth * (a1 + a4 + 2 * (a2 + a3)),
-        )
+
+def _straight(at: Accelerations, x: Array, m: Array, f: Array, h: float) -> tuple[Array, Array]:
+    """Where coordinates are numbers of their own, and velocities their rates."""
+    half, sixth = 0.5 * h, h / 6
+    a1 = at(x, m, f)
+    m2 = m + half * a1
+    a2 = at(x + half * m, m2, f)
+    m3 = m + half * a2
+    a3 = at(x + half * m2, m3, f)
+    m4 = m + h * a3
+    a4 = at(x + h * m3, m4, f)
+    return (
+        x + sixth * (m + m4 + 2 * (m2 + m3)),
+        m + sixth * (a1 + a4 + 2 * (a2 + a3)),
+    )
 
 
 def _weighed(stages: list[Array]) -> Array:

@@ -22,6 +22,7 @@ from harness.files.brief import brief
 from harness.files.expressions import parse
 from harness.files.locations import Location, LocationError, find, find_in
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from harness.files.splice import spliced
 from reference.declaration import DeclarationError
 from reference.system import System
 
@@ -248,10 +249,15 @@ def _replaced(sidecar: Sidecar, literals: Mapping[str, float]) -> dict[Path, byt
             if not math.isfinite(value):
                 raise ValueError(f"{file}: {own!r} can't be {value!r}")
         places = find_in(data, file, wanted)
-        for own, place in sorted(places.items(), key=lambda item: -item[1].start):
-            if wanted[own] != place.value:
+        data = spliced(
+            data,
+            (
                 # The shortest decimal that reads back as the same double.
-                data = data[: place.start] + repr(wanted[own]).encode() + data[place.end :]
+                (place.start, place.end, repr(wanted[own]).encode())
+                for own, place in places.items()
+                if wanted[own] != place.value
+            ),
+        )
         for own, place in find_in(data, file, wanted).items():
             if place.value != wanted[own]:
                 raise LocationError(

@@ -19,6 +19,7 @@ import sympy as sp
 from harness.files.bindings import Binding, bindings, with_texts
 from harness.files.expressions import parse
 from harness.files.sidecar import Sidecar, SidecarError
+from harness.files.splice import reworded
 from reference.system import System
 
 DIGITS = 40
@@ -62,18 +63,13 @@ class Redrawn:
         """
         if not self.literals:
             return self.sidecar
-        texts = dict(self.texts)
         with mp.workdps(DIGITS):
             values = self._values(*(mp.mpf(constants[name]) for name in self.names))
-        wanted = [
-            (binding, self._number(binding, value))
+        words = [
+            (binding.place, repr(self._number(binding, value)))
             for (binding, _), value in zip(self.literals, values, strict=True)
         ]
-        for binding, value in sorted(wanted, key=lambda one: -one[0].place.start):
-            place = binding.place
-            data = texts[place.file]
-            texts[place.file] = data[: place.start] + repr(value).encode() + data[place.end :]
-        return with_texts(self.sidecar, texts, into)
+        return with_texts(self.sidecar, reworded(self.texts, words), into)
 
     def _number(self, binding: Binding, value: object) -> float:
         try:

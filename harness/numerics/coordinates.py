@@ -135,14 +135,10 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
     Raises:
         SidecarError: naming the coordinate that is missing, unknown or not read back.
     """
-    where = f"{sidecar.model}.toml"
-    z = [sp.Symbol(f"z{i}_", real=True) for i in range(len(names))]
-    forward = _forward(system, sidecar, names, where)
-    back = _back(system, sidecar, names, z, where)
+    forward, back, z = _declared(system, sidecar, names)
     values = {symbol: sp.Float(value, 17) for symbol, value in system.values.items()}
     forward = [e.xreplace(values) for e in forward]
     back = [e.xreplace(values) for e in back]
-    _check_inverse(system, forward, back, z, names, where)
     back_slope = sp.Matrix(back).jacobian(z)
     work = back_slope.T * sp.Matrix([sp.sympify(f).xreplace(values) for f in system.forces()])
     matrix = _pushes(work, system, z)
@@ -154,7 +150,7 @@ def coordinate_map(system: System, sidecar: Sidecar, names: Sequence[str]) -> Co
         back_slope=compile_function(list(back_slope), z),
         push=compile_function(list(work), z, system.u),
         push_matrix=None if constants is None else constants.reshape(len(z), len(system.u)),
-        periodic=tuple(bool(expression.has(sp.atan2)) for expression in back),
+        periodic=_periodic(back),
     )
 
 
@@ -199,11 +195,7 @@ def coordinate_family(system: System, sidecar: Sidecar, names: Sequence[str]) ->
     Raises:
         SidecarError: as `coordinate_map`, whose checks are made at the declared values.
     """
-    coordinate_map(system, sidecar, names)
-    where = f"{sidecar.model}.toml"
-    z = [sp.Symbol(f"z{i}_", real=True) for i in range(len(names))]
-    forward = _forward(system, sidecar, names, where)
-    back = _back(system, sidecar, names, z, where)
+    forward, back, z = _declared(system, sidecar, names)
     back_slope = sp.Matrix(back).jacobian(z)
     work = back_slope.T * sp.Matrix([sp.sympify(f) for f in system.forces()])
     matrix = _pushes(work, system, z)
@@ -218,9 +210,25 @@ def coordinate_family(system: System, sidecar: Sidecar, names: Sequence[str]) ->
         back_slope=compile_function(list(back_slope), z, symbols),
         push=compile_function(list(work), z, system.u, symbols),
         pushes=None if matrix is None else compile_function(list(matrix), symbols),
-        periodic=tuple(bool(expression.has(sp.atan2)) for expression in back),
+        periodic=_periodic(back),
         constants=frozenset(c.name for c in system.constants if c.symbol in used),
     )
+
+
+def _declared(
+    system: System, sidecar: Sidecar, names: Sequence[str]
+) -> tuple[list[sp.Expr], list[sp.Expr], list[sp.Symbol]]:
+    """The map there and back as the sidecar says it, checked at the constants' values; and z."""
+    where = f"{sidecar.model}.toml"
+    z = [sp.Symbol(f"z{i}_", real=True) for i in range(len(names))]
+    forward = _forward(system, sidecar, names, where)
+    back = _back(system, sidecar, names, z, where)
+    _check_inverse(system, forward, back, z, names, where)
+    return forward, back, z
+
+
+def _periodic(back: Sequence[sp.Expr]) -> tuple[bool, ...]:
+    return tuple(bool(expression.has(sp.atan2)) for expression in back)
 
 
 def _pushes(work: sp.Matrix, system: System, z: Sequence[sp.Symbol]) -> sp.Matrix | None:
@@ -287,10 +295,11 @@ def _check_inverse(
     names: Sequence[str],
     where: str,
 ) -> None:
+    values = {symbol: sp.Float(value, 17) for symbol, value in system.values.items()}
     place = {c.q: sp.Float(0.1 + 0.07 * i) for i, c in enumerate(system.coordinates)}
-    at = {symbol: e.subs(place) for symbol, e in zip(z, forward, strict=True)}
+    at = {symbol: e.xreplace(values).subs(place) for symbol, e in zip(z, forward, strict=True)}
     for coordinate, expression in zip(system.coordinates, back, strict=True):
-        miss = abs(float(expression.subs(at)) - float(place[coordinate.q]))
+        miss = abs(float(expression.xreplace(values).subs(at)) - float(place[coordinate.q]))
         if not miss < 1e-9:
             raise SidecarError(
                 f"{where}: [readback] {coordinate.name} is not the inverse of [coordinates]"

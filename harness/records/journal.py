@@ -20,15 +20,9 @@ from harness.records.base import Record
 from harness.records.case import Case
 from harness.records.coverage import Coverage
 from harness.records.finding import Diagnosis
+from harness.records.hold import hold
 from harness.records.model import EngineLinearization
 from harness.records.read import ResultsError
-
-try:
-    import fcntl
-except ImportError:  # not there on Windows: there, two runs at once are not told of each other
-    _LOCKS = False
-else:
-    _LOCKS = True
 
 NAME = "results.partial.jsonl"
 
@@ -140,16 +134,10 @@ def _opened(path: Path) -> int:
 
 
 def _lock(file: int, path: Path) -> None:
-    if not _LOCKS:
-        return
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+    if not hold(file):
         raise ResultsError(
             f"another run{_owner(path)} is writing to {path.parent}; choose another folder: --out"
-        ) from None
-    except OSError:
-        return  # a file system without locks
+        )
 
 
 class _Head(msgspec.Struct):

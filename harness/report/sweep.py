@@ -27,6 +27,7 @@ from harness.report.scatter import (
 )
 from harness.report.text import NOTHING, percent, quantity, sci, shown
 from harness.text.status import counted
+from harness.text.sweep import cost_line
 
 FRAME = {"width": WIDTH, "height": HEIGHT, "left": LEFT, "right": WIDTH - RIGHT}
 FRAME |= {"top": TOP, "bottom": HEIGHT - BOTTOM}
@@ -115,8 +116,7 @@ def _cost(found: SweepSummary) -> str:
     if found.overhead is None:
         return ""
     return (
-        f"{found.steps:.3g} engine steps in {found.engine_seconds:.1f} s of the processor;"
-        f" {found.overhead:.2f} times that in all, of it"
+        f"{cost_line(found)}, of it"
         f" {found.reference_seconds / found.engine_seconds:.2f} for reference motions and"
         f" {found.loading_seconds / found.engine_seconds:.2f} for loading models"
     )

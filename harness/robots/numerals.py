@@ -14,6 +14,7 @@ from pathlib import Path
 
 from harness.files.locations.location import Source
 from harness.files.locations.xml import ATTRIBUTE, TAG, RawElement, attribute_span
+from harness.files.splice import spliced
 from harness.robots.document import NUMBER, Document
 
 _WORD = re.compile(r"[^\s,]+")
@@ -93,10 +94,8 @@ def numerals(document: Document) -> tuple[Numeral, ...]:
 
 def with_values(data: bytes, found: Sequence[Numeral], values: Mapping[int, float]) -> bytes:
     """A document's bytes with other values of some of its numbers, by their index."""
-    for index in sorted(values, key=lambda index: -found[index].start):
-        one = found[index]
-        data = data[: one.start] + repr(values[index]).encode() + data[one.end :]
-    return data
+    places = ((found[index], value) for index, value in values.items())
+    return spliced(data, ((one.start, one.end, repr(value).encode()) for one, value in places))
 
 
 def reworded(text: str, word: int, value: float) -> str:

@@ -18,16 +18,14 @@ import sys
 import time
 import uuid
 import warnings
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, cast
+from typing import Any
 
 from harness.schedule import parcel
-from harness.schedule.executor import MOMENT, Argument, ClusterError, Pending, Value
+from harness.schedule.executor import MOMENT, ClusterError, Executor, Pending
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
 from harness.schedule.post import Terms, installed
@@ -82,7 +80,7 @@ class _Stranger:
     address: str
 
 
-class Cluster:
+class Cluster(Executor):
     """Workers of a cluster; use it as a context manager.
 
     Args:
@@ -105,6 +103,7 @@ class Cluster:
         files: Sequence[Path] = (),
         engines: Sequence[str] = (),
     ) -> None:
+        super().__init__()
         self._address, self._jobs = address, jobs
         self._run = f"crosscheck-{uuid.uuid4().hex[:16]}"
         self._places = frozenset(os.path.abspath(file) for file in files)
@@ -116,7 +115,6 @@ class Cluster:
             engines=tuple(engines),
         )
         self._told = pickle.dumps((terms, _luggage(files)))
-        self._waiting: deque[Pending[Any]] = deque()
         self._flying: dict[Any, _Sent] = {}
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._threads, self._looked = 0, -LOOK
@@ -128,17 +126,6 @@ class Cluster:
         except BaseException:
             self.close()
             raise
-
-    def submit(
-        self, function: Callable[[Argument], Value], argument: Argument, *, first: bool = False
-    ) -> Pending[Value]:
-        """Ask for a task; it is sent when there is room in flight, while one of these is asked."""
-        pending: Pending[Value] = Pending(function, argument)
-        if first:
-            self._waiting.appendleft(pending)
-        else:
-            self._waiting.append(pending)
-        return pending
 
     def turn(self) -> list[Pending[Any]]:
         """Send tasks, wait a moment for something to happen, and return those that ended.
@@ -156,12 +143,6 @@ class Cluster:
                 futures.append(self._ended.get_nowait())
         return self._take(futures)
 
-    def outcome(self, pending: Pending[Value]) -> Value | Failure:
-        """The value of a task, or a `Failure` that says what became of it; waits for it."""
-        while not pending.ended:
-            self.turn()
-        return cast(Value | Failure, pending.value)  # None is a value too, once it ended
-
     def close(self) -> None:
         """Take back what is in flight, end what is being done, and leave the cluster."""
         with contextlib.suppress(Exception):
@@ -173,17 +154,6 @@ class Cluster:
                 self._client.run(_sent("leave"), self._run, on_error="ignore")
         with contextlib.suppress(Exception):
             self._client.close(timeout=ANSWER)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _check(self, client: Any) -> None:
         """Refuse other versions of what client and workers talk with, Python first."""
@@ -262,11 +232,13 @@ class Cluster:
     def _fly(self, sent: Sequence[_Sent]) -> None:
         """Send tasks, many at once: each message costs the scheduler as much as some tasks."""
         message: list[_Sent] = []
+        size = 0
         for one in sent:
             message.append(one)
-            if sum(len(data) for _, data, _ in message) > MESSAGE:
+            size += len(one[1])
+            if size > MESSAGE:
                 self._fly_together(message)
-                message = []
+                message, size = [], 0
         self._fly_together(message)
 
     def _fly_together(self, sent: Sequence[_Sent]) -> None:

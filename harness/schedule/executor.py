@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Generic, Protocol, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar, cast
 
 from harness.schedule.failure import Failure
 
@@ -42,8 +44,11 @@ class Pending(Generic[Value]):
         self.value, self.ended = value, True
 
 
-class Executor(Protocol):
+class Executor(ABC):
     """Does tasks, each apart from all others and within limits; use it as a context manager."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Pending[Any]] = deque()
 
     def submit(
         self, function: Callable[[Argument], Value], argument: Argument, *, first: bool = False
@@ -52,21 +57,34 @@ class Executor(Protocol):
 
         One that comes `first` is begun before all that wait.
         """
+        pending: Pending[Value] = Pending(function, argument)
+        if first:
+            self._waiting.appendleft(pending)
+        else:
+            self._waiting.append(pending)
+        return pending
 
+    @abstractmethod
     def turn(self) -> list[Pending[Any]]:
         """Hand out tasks, wait a moment for something to happen, and return those that ended."""
 
     def outcome(self, pending: Pending[Value]) -> Value | Failure:
         """The value of a task, or a `Failure` that says what became of it; waits for it."""
+        while not pending.ended:
+            self.turn()
+        return cast(Value | Failure, pending.value)  # None is a value too, once it ended
 
+    @abstractmethod
     def close(self) -> None:
         """End everything, with what is being done."""
 
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        return self
 
     def __exit__(
         self,
         kind: type[BaseException] | None,
         error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None: ...
+    ) -> None:
+        self.close()

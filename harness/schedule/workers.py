@@ -17,20 +17,18 @@ import tempfile
 import time
 import warnings
 import weakref
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, cast
+from typing import Any
 
 import physics_crosscheck
 from harness.schedule.clock import is_waiting, processor_seconds
-from harness.schedule.executor import MOMENT, Argument, Pending, Value
+from harness.schedule.executor import MOMENT, Executor, Pending
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
 from harness.schedule.main_module import without_main
@@ -119,7 +117,7 @@ class _Worker:
         self.kill()
 
 
-class Workers:
+class Workers(Executor):
     """Worker processes of this machine; use them as a context manager.
 
     Args:
@@ -139,29 +137,15 @@ class Workers:
         wake: Connection | None = None,
         alone: bool = False,
     ) -> None:
+        super().__init__()
         self._jobs, self._limits = jobs, limits or Limits()
         self._cwd, self._wake, self._alone = cwd, wake, alone
         self._context = _context()
         self._scratch = Path(tempfile.mkdtemp(prefix="crosscheck-"))
         self._crew: list[_Worker] = []
-        self._waiting: deque[Pending[Any]] = deque()
         self._started = 0
         # At the latest when Python ends: before multiprocessing waits for the processes.
         self._end = weakref.finalize(self, _dismiss, self._crew, self._scratch)
-
-    def submit(
-        self, function: Callable[[Argument], Value], argument: Argument, *, first: bool = False
-    ) -> Pending[Value]:
-        """Ask for a task; it is begun when a worker is free, while one of these is asked.
-
-        One that comes `first` is begun before all that wait.
-        """
-        pending: Pending[Value] = Pending(function, argument)
-        if first:
-            self._waiting.appendleft(pending)
-        else:
-            self._waiting.append(pending)
-        return pending
 
     def turn(self) -> list[Pending[Any]]:
         """Hand out tasks, wait a moment for something to happen, and return those that ended."""
@@ -169,12 +153,6 @@ class Workers:
         if not ended:
             ended = list(self._take())
         return ended
-
-    def outcome(self, pending: Pending[Value]) -> Value | Failure:
-        """The value of a task, or a `Failure` that says what became of it; waits for it."""
-        while not pending.ended:
-            self.turn()
-        return cast(Value | Failure, pending.value)  # None is a value too, once it ended
 
     def _hand_out(self) -> Iterator[Pending[Any]]:
         """Give waiting tasks to workers that have none; yields those that can't be sent."""
@@ -266,17 +244,6 @@ class Workers:
     def close(self) -> None:
         """End all workers, with what they are doing."""
         self._end()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _dismiss(crew: list[_Worker], scratch: Path) -> None:

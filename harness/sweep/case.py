@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.cases.verdict import Verdict, component_scale, filled, judge, with_residual
+from harness.cases.verdict import Verdict, component_scale, filled, judged
 from harness.cases.witness import failure
 from harness.engines.protocol import Array, EngineError, Force, Model
 from harness.files.sidecar import Sidecar
@@ -182,13 +182,17 @@ def _judged(
     scale = component_scale(motion, others)
     names = [c.name for c in folder.system.coordinates]
     components = (*names, *(f"{name}_dot" for name in names))
-    claimed = model.exponents(motion.varying)[0]
     batch = Batch.of(motion, scale)
     found = extrapolate(model, coordinates, batch, resolution=block.resolution)
-    verdict = judge(found.limit, motion, scale, components, claimed, block.resolution)
-    if found.residual is not None:
-        own = tuple(model.coordinates)
-        verdict = with_residual(verdict, found.residual, motion, own, block.resolution)
+    verdict = judged(
+        found,
+        motion,
+        scale=scale,
+        components=components,
+        coordinates=tuple(model.coordinates),
+        claimed=model.exponents(motion.varying)[0],
+        resolution=block.resolution,
+    )
     known.tell(
         outcome=verdict.outcome,
         reason=verdict.reason,

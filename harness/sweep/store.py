@@ -16,17 +16,11 @@ from typing import Any
 
 import msgspec
 
+from harness.records.hold import hold
 from harness.records.outcome import Outcome
 from harness.records.sweep import SweepPlan, SweepRow
 from harness.records.write import encoded, write_whole
 from harness.sweep.factors import SweepError
-
-try:
-    import fcntl
-except ImportError:  # not there on Windows: there, two sweeps at once are not told of each other
-    _LOCKS = False
-else:
-    _LOCKS = True
 
 ROWS = "rows"
 PLAN = "plan.json"
@@ -231,13 +225,10 @@ def taken(out: Path) -> Iterator[None]:
     """
     out.mkdir(parents=True, exist_ok=True)
     with (out / ".lock").open("w") as file:
-        if _LOCKS:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise SweepError(
-                    f"{out}: another sweep is writing there; wait for it, or choose another --out"
-                ) from None
+        if not hold(file.fileno()):
+            raise SweepError(
+                f"{out}: another sweep is writing there; wait for it, or choose another --out"
+            )
         yield
 
 

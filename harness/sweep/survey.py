@@ -126,8 +126,7 @@ def _pairings(task: SurveyTask, folder: Swept) -> Iterator[Pairing]:
                 raise SweepError(f"{sidecar.model}.toml: no engine {name!r} is known")
             if known[name].version() is None:
                 continue
-            folder.model(sidecar.model.name, name)
-            model = known[name].load(sidecar.spec(name))
+            model = folder.model(sidecar.model.name, name)
             own = Pairing(
                 model=sidecar.model.name, engine=name, integrator=model.integrator, settings={}
             )

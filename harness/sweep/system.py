@@ -32,10 +32,19 @@ KEPT = 4
 
 @dataclass(frozen=True)
 class Prepared:
-    """A model in an engine, ready for any constants."""
+    """A model in an engine, ready for any constants.
+
+    Attributes:
+        redrawn: its file.
+        coordinates: between the system and the engine.
+        integrator: its own, by name.
+        integrators: others that the engine offers for it, with the settings that choose them.
+    """
 
     redrawn: Redrawn
     coordinates: CoordinateFamily
+    integrator: str
+    integrators: Mapping[str, Mapping[str, object]]
 
 
 class Swept:
@@ -95,7 +104,9 @@ class Swept:
             coordinates = coordinate_family(self.system, sidecar, loaded.coordinates)
             needed = self.needed | coordinates.constants
             found = redrawn(self.system, sidecar, self.own, needed)
-            self._models[name, engine] = Prepared(found, coordinates)
+            self._models[name, engine] = Prepared(
+                found, coordinates, loaded.integrator, loaded.integrators
+            )
         return self._models[name, engine]
 
     def equations(self, constants: Mapping[str, float]) -> DrawnEquations:
@@ -122,7 +133,7 @@ class Swept:
         scenarios: tuple[Scenario, ...] = self.system.scenarios
         return {one.name: solve_drawn(equations, one) for one in scenarios}
 
-    @property
+    @cached_property
     def amplitude(self) -> Array:
         """Largest magnitude of each component over all scenarios as declared, (2n,)."""
         found: Array = np.max([m.amplitude for m in self.declared_motions.values()], axis=0)

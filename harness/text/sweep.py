@@ -48,11 +48,18 @@ def summary_lines(found: SweepSummary) -> Iterator[str]:
     left = found.plan.cases - found.done
     more = f"; {left} are not run yet" if left else ""
     yield f"{counted(found.done, 'case')}: {counts or 'none'}{more}"
-    if found.overhead is not None:
-        yield (
-            f"{found.steps:.3g} engine steps in {found.engine_seconds:.1f} s of the processor;"
-            f" {found.overhead:.2f} times that in all"
-        )
+    if cost := cost_line(found):
+        yield cost
+
+
+def cost_line(found: SweepSummary) -> str:
+    """What the cases took; empty where none was stepped."""
+    if found.overhead is None:
+        return ""
+    return (
+        f"{found.steps:.3g} engine steps in {found.engine_seconds:.1f} s of the processor;"
+        f" {found.overhead:.2f} times that in all"
+    )
 
 
 def row_lines(row: SweepRow) -> Iterator[str]:

@@ -23,15 +23,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.files.reads import user_cache
+from harness.records.hold import hold
 from harness.records.write import write_whole
 from harness.text.visible import visible
-
-try:
-    import fcntl
-except ImportError:  # not there on Windows: there, two programs that make one are not told apart
-    _LOCKS = False
-else:
-    _LOCKS = True
 
 READY = "made-by-crosscheck.txt"
 """Written last: an environment without it is half made, and is made anew."""
@@ -180,15 +174,8 @@ def _command(command: Sequence[str], wanted: Requirement, tell: Tell, run: Execu
 @contextlib.contextmanager
 def _locked(place: Path, tell: Tell) -> Iterator[None]:
     """Nobody else makes this environment meanwhile."""
-    if not _LOCKS:
-        yield
-        return
     with place.with_name(f"{place.name}.lock").open("a") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not hold(file.fileno()):
             tell(f"{visible(place.name)}: another program is making it; waiting")
-            fcntl.flock(file, fcntl.LOCK_EX)
-        except OSError:
-            pass  # a file system without locks
+            hold(file.fileno(), wait=True)
         yield

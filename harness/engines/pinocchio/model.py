@@ -63,7 +63,8 @@ class PinocchioModel(TreeModel):
             else:
                 places += [(len(speeds) + i, joint.idx_q + i) for i in range(joint.nq)]
             speeds += range(joint.idx_v, joint.idx_v + joint.nv)
-        self._here, self._there = map(_run, np.array(places, dtype=int).reshape(-1, 2).T)
+        here, there = np.array(places, dtype=int).reshape(-1, 2).T
+        self._here, self._there = _run(here), _run(there)
         at = np.array([*range(root_v, root_v + first), *speeds], dtype=int)
         # Where each of Pinocchio's velocities is among those here, unless it is there itself.
         self._order = None if np.array_equal(at, np.arange(model.nv)) else np.argsort(at)
@@ -75,11 +76,10 @@ class PinocchioModel(TreeModel):
         self._along = along if along is None or self._order is None else along[self._order]
         self._upper = np.triu(np.ones((model.nv, model.nv)))
         self._above = np.triu(self._upper, 1)
-        own = not (self.floats or self._turns or refs.any())
-        there = np.array([at for _, at in places], dtype=int)
+        self._referred = bool(refs.any())
+        own = not (self.floats or self._turns or self._referred)
         self._straight = own and np.array_equal(there, np.arange(len(singles)))
         self._permuted = np.argsort(there) if own else None
-        self._referred = bool(refs.any())
         bare = self._straight and self._along is None and self._order is None
         self.forward = self._plain if bare else self._accelerations
         one = None if self.floats or self._along is not None else self._one
