@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from harness.baseline.store import DEFAULT
+from harness.baseline.place import DEFAULT
 from harness.files.folders import check_engines, system_folders
 from harness.notebook import cases as shown
 from harness.notebook.optional import frame

@@ -19,7 +19,6 @@ from harness.files.reading import MOST_MODEL, read_regular
 
 T = TypeVar("T")
 
-DEFAULT = Path("reports/baseline")
 MOST = 512 * 2**20
 """Bytes of a file: thousands of cases."""
 

@@ -5,39 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 
-from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, FAIL, USAGE
 from harness.cli.gate import LateProgress, meant
 from harness.files.folders import check_engines
 from harness.gate.accept import AcceptError, accept
 from harness.gate.gate import gate
 from harness.text.github import in_ci
-
-
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    command.add_argument(
-        "cases",
-        nargs="*",
-        metavar="CASE",
-        help="cases to accept, such as 'drum_pendulum/robot.urdf/*'; none: all",
-    )
-    command.add_argument(
-        "--reason", required=True, metavar="TEXT", help="why this is right; kept in the baseline"
-    )
-    command.add_argument(
-        "--folder",
-        action="append",
-        default=[],
-        dest="folders",
-        metavar="FOLDER",
-        help="system folder; repeatable; none: those of the baseline",
-    )
-    arguments.engine(command)
-    arguments.resolution_of(command)
-    arguments.limits(command)
-    arguments.jobs(command)
-    arguments.baseline(command)
 
 
 def main(options: argparse.Namespace) -> int:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from harness.baseline.store import DEFAULT
+from harness.baseline.place import DEFAULT
 from harness.cli.completion import completed_by, engine_names, systems_and_files
-from harness.options import resolvable
 from harness.schedule.limits import MEMORY, SECONDS, Limits
 
 
@@ -128,6 +127,9 @@ def positive(text: str) -> int:
 
 def resolution(text: str) -> float:
     """A resolution that double precision can serve."""
+    # Imported here: help alone needs no records.
+    from harness.options import resolvable
+
     value = float(text)
     if not resolvable(value):
         raise argparse.ArgumentTypeError(f"{text} is not between 1e-13 and 1e-2")

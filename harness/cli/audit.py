@@ -15,14 +15,6 @@ from harness.text.findings import audit_lines
 from harness.text.visible import visible
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    arguments.folders(command, some=True)
-    arguments.engine(command)
-    arguments.limits(command)
-    arguments.jobs(command)
-
-
 def main(options: argparse.Namespace) -> int:
     """Audit every model of the folders and print what was found."""
     check_engines(options.engine)

@@ -20,11 +20,6 @@ Completer = Callable[..., Iterable[str]]
 """Completions of a `prefix`, among other things that are told."""
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    command.add_argument("shell", choices=SHELLS, help="whose script is printed")
-
-
 def main(options: argparse.Namespace) -> int:
     """Print the script."""
     from argcomplete.shell_integration import shellcode

@@ -21,13 +21,6 @@ from reference.trees import MultibodySystem
 Form = Literal["latex", "text"]
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    arguments.folders(command, some=True)
-    arguments.limits(command)
-    command.add_argument("--latex", action="store_true", help="as LaTeX instead of text")
-
-
 def main(options: argparse.Namespace) -> int:
     """Print what the declarations entail."""
     form: Form = "latex" if options.latex else "text"

@@ -10,15 +10,6 @@ from harness.engines.protocol import Engine
 from harness.engines.registry import engines, missing
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """One option."""
-    command.add_argument(
-        "--conformance",
-        metavar="NAME",
-        help="hold one engine's adapter against the protocol, on the samples that it offers",
-    )
-
-
 def main(options: argparse.Namespace) -> int:
     """Print a line an engine, and one a capability; or one for each check of an adapter."""
     known = engines()

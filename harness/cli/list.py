@@ -7,22 +7,11 @@ import json
 import sys
 
 from harness.cases.listed import listed
-from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, USAGE
 from harness.files.choice import Choice, chosen_models, matching
 from harness.files.folders import check_engines, named_folders
 from harness.text.status import counted
 from harness.text.visible import visible
-
-
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    arguments.folders(command, some=False)
-    arguments.engine(command)
-    arguments.words(command)
-    command.add_argument(
-        "--format", choices=("text", "json"), default="text", help="what is printed (text)"
-    )
 
 
 def main(options: argparse.Namespace) -> int:

@@ -1,4 +1,8 @@
-"""The command line, `crosscheck COMMAND`; each command is a module of `harness.cli`."""
+"""The command line, `crosscheck COMMAND`; each command is a module of `harness.cli`.
+
+Its arguments are declared in the module of that name in `harness.cli.parsers`: what a command needs
+to do its work is not imported before they are parsed.
+"""
 
 from __future__ import annotations
 
@@ -110,9 +114,9 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, says in COMMANDS.items():
         command = commands.add_parser(name, help=says, epilog=EXIT_CODES)
-        # Only the command that is meant is imported: sympy or bokeh cost most of a second.
+        # Only the command that is meant: what its arguments may be takes a while to import too.
         if name in given[:1]:
-            _module(name).add(command)
+            importlib.import_module(f"harness.cli.parsers.{name}").add(command)
             _with_settings(command, name)
     return parser
 

@@ -4,28 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.engines.registry import engines
 from harness.files.folders import check_engines, system_folders
-from harness.mutation.mutate import SECONDS, mutate
+from harness.mutation.mutate import mutate
 from harness.mutation.survey import MutationError
 from harness.mutation.text import mutation_lines, summary
 from harness.records.mutation import FaultKind, FaultVerdict, Mutations
 from harness.records.results import nothing_tested
 from harness.records.write import encoded, write_whole
 from harness.text.progress import Counter
-
-
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    arguments.folders(command, some=True)
-    arguments.engine(command)
-    arguments.limits(command, SECONDS)
-    arguments.jobs(command, "two")
-    command.add_argument("--json", type=Path, metavar="FILE", help="write every row there, as JSON")
 
 
 def main(options: argparse.Namespace) -> int:

@@ -11,24 +11,6 @@ from harness.scaffold.folder import NewError, check_name, example, write_folder
 from harness.text.visible import visible
 
 
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    command.add_argument("name", metavar="NAME", help="the folder to write, and the system's name")
-    command.add_argument(
-        "--from",
-        dest="model",
-        type=Path,
-        default=None,
-        metavar="model.urdf|model.xml",
-        help="fill it in from this model file",
-    )
-    command.add_argument(
-        "--floating",
-        action="store_true",
-        help="the root link of the URDF moves freely; else it is fixed",
-    )
-
-
 def main(options: argparse.Namespace) -> int:
     """Write the folder; say what was written and what comes next."""
     target, declares = Path(options.name), ""

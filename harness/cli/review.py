@@ -7,7 +7,7 @@ import sys
 
 from harness.baseline.changes import Status
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
-from harness.cli.gate import LateProgress, add_meant, meant
+from harness.cli.gate import LateProgress, meant
 from harness.files.folders import check_engines
 from harness.gate.accept import AcceptError, accept_each
 from harness.gate.gate import gate
@@ -16,11 +16,6 @@ from harness.gate.review import Decisions, Review
 from harness.gate.text import change_lines
 from harness.text.github import in_ci
 from harness.text.visible import visible
-
-
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments: those of the gate."""
-    add_meant(command)
 
 
 def main(options: argparse.Namespace) -> int:

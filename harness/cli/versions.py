@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
@@ -16,54 +15,8 @@ from harness.robots.named import robot_files
 from harness.text.terminal import terminal
 from harness.text.versions import print_versions
 from harness.versions.asked import AskedModels, asked_models, asked_versions
-from harness.versions.environments import EnvironmentError_, cache
+from harness.versions.environments import EnvironmentError_
 from harness.versions.run import VersionOptions, run_versions
-
-
-def add(command: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
-    command.add_argument(
-        "folders",
-        nargs="*",
-        metavar="FOLDER",
-        help="system folders, and robots' files; none: built-in",
-    )
-    command.add_argument(
-        "--engine",
-        nargs="+",
-        action="append",
-        required=True,
-        metavar="NAME VERSION",
-        help="an engine and two versions of it or more, each held against the one before; of one"
-        " that is installed already: VERSION=path/to/environment",
-    )
-    command.add_argument(
-        "--environments",
-        type=Path,
-        metavar="DIR",
-        help=f"where environments are made once and kept ({_home(cache())})",
-    )
-    command.add_argument(
-        "--out",
-        type=Path,
-        default=Path("reports/versions"),
-        metavar="DIR",
-        help="where index.html and each version's results go (reports/versions)",
-    )
-    command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
-    command.add_argument(
-        "--diagnose",
-        action="store_true",
-        help="name the cause where a model differs, in each version's report; takes a while",
-    )
-    command.add_argument(
-        "--floating",
-        action="store_true",
-        help="the root link of a URDF that is given alone moves freely; else it is fixed",
-    )
-    arguments.resolution_of(command)
-    arguments.limits(command)
-    arguments.jobs(command)
 
 
 def main(options: argparse.Namespace) -> int:
@@ -118,8 +71,3 @@ def _models(names: list[str], engine: str) -> AskedModels:
 
 def _tell(line: str) -> None:
     print(line, flush=True)
-
-
-def _home(path: Path) -> str:
-    """A path as a help text shows it."""
-    return f"~/{path.relative_to(Path.home())}" if path.is_relative_to(Path.home()) else str(path)

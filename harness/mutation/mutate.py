@@ -27,10 +27,7 @@ from harness.records.mutation import Mutation
 from harness.schedule.chosen import executor
 from harness.schedule.failure import Failure
 from harness.schedule.jobs import Job, Task, work
-from harness.schedule.limits import Limits
-
-SECONDS = 600.0
-"""Processor seconds that one fault may take unless told otherwise: many pairs may be tried."""
+from harness.schedule.limits import FAULT_SECONDS, Limits
 
 Progress = Callable[[int, int, Mutation | None], None]
 """Called with (faults done, faults in all or 0 while that is unknown, the one just done)."""
@@ -57,7 +54,7 @@ def mutate(
         MutationError: a folder must be sound to be mutated; the message names file and remedy.
     """
     plan = _Plan(only, progress)
-    with executor(jobs=workers, limits=limits or Limits(seconds=SECONDS)) as pool:
+    with executor(jobs=workers, limits=limits or Limits(seconds=FAULT_SECONDS)) as pool:
         work(map(plan.folder, folders), pool)
     return plan.sorted()
 

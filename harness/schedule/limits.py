@@ -7,6 +7,9 @@ from dataclasses import dataclass
 SECONDS = 120.0
 """Processor seconds that a task may take unless told otherwise."""
 
+FAULT_SECONDS = 600.0
+"""Those that one planted fault may take: many pairs of causes may be tried."""
+
 MEMORY = 4.0
 """GiB that a worker may hold unless told otherwise."""
 

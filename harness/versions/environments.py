@@ -22,7 +22,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.files.reads import user_cache
 from harness.records.hold import hold
 from harness.records.write import write_whole
 from harness.text.visible import visible
@@ -73,11 +72,6 @@ def execute(command: Sequence[str]) -> tuple[int, str]:
         check=False,
     )
     return done.returncode, done.stdout
-
-
-def cache() -> Path:
-    """Where environments are kept: the user's folder for what can be made again."""
-    return user_cache() / "physics-crosscheck" / "environments"
 
 
 def site_folders() -> tuple[str, ...]:

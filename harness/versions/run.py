@@ -35,11 +35,11 @@ from harness.versions.environments import (
     EnvironmentError_,
     Requirement,
     Tell,
-    cache,
     environment,
     interpreter,
     site_folders,
 )
+from harness.versions.place import cache
 
 _LAUNCH = """
 import pathlib, site, sys

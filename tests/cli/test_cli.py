@@ -278,20 +278,3 @@ def test_a_run_writes_its_files_where_nobody_reads_what_it_prints(
     done = subprocess.run(["bash", "-c", f"{run} >&- 2>&-"], cwd=tmp_path, env=environment)
     assert done.returncode == 0
     assert len(read_results(tmp_path / "out" / "results.json").cases) == 3
-
-
-def test_help_imports_nothing_heavy(tmp_path: Path) -> None:
-    script = "import sys\nfrom harness.cli.main import main\n"
-    script += "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
-    script += "print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'sympy', 'msgspec',"
-    script += " 'rich', 'bokeh', 'jinja2'}), file=sys.stderr)"
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    assert "every model of the folders" in done.stdout
-    assert done.stderr == "[]\n"

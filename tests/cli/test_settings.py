@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import gate, list, run
+from harness.cli.parsers import gate, list, run
 from harness.cli.settings import SettingsError, apply
 from tests.cli.test_choosing import crosscheck, place
 

@@ -11,7 +11,8 @@ import jsonschema
 import pytest
 from rich.console import Console
 
-from harness.cli.accept import add, main
+from harness.cli.accept import main
+from harness.cli.parsers.accept import add
 from harness.engines.registry import engines
 from harness.files.folders import builtin
 from harness.records.results import BaselineChanges, Results

@@ -1,0 +1,14 @@
+"""The arguments of `crosscheck derive`."""
+
+from __future__ import annotations
+
+import argparse
+
+from harness.cli import arguments
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    arguments.folders(command, some=True)
+    arguments.limits(command)
+    command.add_argument("--latex", action="store_true", help="as LaTeX instead of text")

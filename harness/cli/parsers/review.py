@@ -1,0 +1,12 @@
+"""The arguments of `crosscheck review`."""
+
+from __future__ import annotations
+
+import argparse
+
+from harness.cli.parsers.gate import add_meant
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments: those of the gate."""
+    add_meant(command)

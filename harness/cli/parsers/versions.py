@@ -1,0 +1,60 @@
+"""The arguments of `crosscheck versions`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from harness.cli import arguments
+from harness.versions.place import cache
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    command.add_argument(
+        "folders",
+        nargs="*",
+        metavar="FOLDER",
+        help="system folders, and robots' files; none: built-in",
+    )
+    command.add_argument(
+        "--engine",
+        nargs="+",
+        action="append",
+        required=True,
+        metavar="NAME VERSION",
+        help="an engine and two versions of it or more, each held against the one before; of one"
+        " that is installed already: VERSION=path/to/environment",
+    )
+    command.add_argument(
+        "--environments",
+        type=Path,
+        metavar="DIR",
+        help=f"where environments are made once and kept ({_home(cache())})",
+    )
+    command.add_argument(
+        "--out",
+        type=Path,
+        default=Path("reports/versions"),
+        metavar="DIR",
+        help="where index.html and each version's results go (reports/versions)",
+    )
+    command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
+    command.add_argument(
+        "--diagnose",
+        action="store_true",
+        help="name the cause where a model differs, in each version's report; takes a while",
+    )
+    command.add_argument(
+        "--floating",
+        action="store_true",
+        help="the root link of a URDF that is given alone moves freely; else it is fixed",
+    )
+    arguments.resolution_of(command)
+    arguments.limits(command)
+    arguments.jobs(command)
+
+
+def _home(path: Path) -> str:
+    """A path as a help text shows it."""
+    return f"~/{path.relative_to(Path.home())}" if path.is_relative_to(Path.home()) else str(path)

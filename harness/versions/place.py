@@ -1,0 +1,12 @@
+"""Where environments are kept, unless another place is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.files.reads import user_cache
+
+
+def cache() -> Path:
+    """The user's folder for what can be made again."""
+    return user_cache() / "physics-crosscheck" / "environments"

@@ -1,0 +1,57 @@
+"""What a command does not need is not imported: it would cost a second, every time."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.cli.main import COMMANDS
+from harness.cli.parsers.sweep import DESIGNS
+from harness.sweep.draws import Design
+
+ROOT = Path(__file__).parents[2]
+
+HEAVY = (
+    "numpy", "sympy", "scipy", "msgspec", "jinja2", "bokeh", "rich", "multiprocessing",
+    "mujoco", "pybullet", "pymunk", "pinocchio",
+)  # fmt: skip
+
+
+def imported(folder: Path, *commands: str, among: tuple[str, ...] = HEAVY) -> list[str]:
+    """What is imported, of some names, after command lines one after the other in one process."""
+    script = (
+        "import sys; from harness.cli.main import main\n"
+        f"for words in {commands!r}:\n"
+        "    try:\n        main(words.split())\n"
+        "    except SystemExit:\n        pass\n"
+        f"    names = {set(among)!r} & set(sys.modules)\n"
+        "    print('imported after', words, *sorted(names))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    lines = done.stdout.splitlines()
+    assert len([line for line in lines if line.startswith("usage: ")]) == sum(
+        "--help" in words for words in commands
+    )
+    return [line for line in lines if line.startswith("imported after ")]
+
+
+@pytest.mark.parametrize("words", ["{} --help", "{} --nonsense"])
+def test_no_arguments_import_what_only_the_work_needs(words: str, tmp_path: Path) -> None:
+    commands = ["--help", "--nonsense", *(words.format(name) for name in COMMANDS)]
+    assert imported(tmp_path, *commands) == [f"imported after {given}" for given in commands]
+
+
+def test_the_designs_of_a_sweep_are_those_that_there_are() -> None:
+    assert {*DESIGNS, Design.ALL.value} == {one.value for one in Design}
+    assert DESIGNS[0] == Design.LATIN.value
