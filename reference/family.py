@@ -14,7 +14,6 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.interpolate
 import sympy as sp
 
 from reference.bounds import each, rounded_away, transitions
@@ -188,6 +187,8 @@ def solve_drawn(equations: DrawnEquations, scenario: Scenario) -> Motion:
 
 
 def _shot(equations: DrawnEquations, scenario: Scenario, place: str) -> Motion:
+    import scipy.interpolate  # takes a part of a second, in every command
+
     system = equations.system
     signals = equations.family.signals(system, scenario)
     start, duration = start_of(system, scenario), float(scenario.duration)

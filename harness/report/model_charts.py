@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-import scipy.interpolate
 
 from harness.records.base import Rows
 from harness.records.case import Series
@@ -213,6 +212,9 @@ def _apart(
     Before: of the engine from the reference. After: of the engine from the equations with the value
     that was found, or of the file with it from the reference.
     """
+    # scipy takes a part of a second, in every command.
+    import scipy.interpolate
+
     t, engine, reference = values(series.t), single(series.engine[i]), values(series.reference[i])
     fitted = single(one.corrected[i])
     corrected_t = values(one.t)[: len(fitted)]
