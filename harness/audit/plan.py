@@ -65,7 +65,8 @@ def _folder(
         found[one] = ModelAudit(one, failure=failure.about(folder / one.model))
         return ()
 
-    return Job(task=Task(prepare_folder, folder), done=partial(_models, only, found), failed=failed)
+    preparing = partial(prepare_folder, described=False)
+    return Job(task=Task(preparing, folder), done=partial(_models, only, found), failed=failed)
 
 
 def _models(

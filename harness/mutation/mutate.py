@@ -84,7 +84,8 @@ class _Plan:
         """Prepare it, then survey its models."""
         self.unknown += 1
         unsound = partial(_unsound, folder / "system.py")
-        return Job(task=Task(prepare_folder, folder), done=self._surveys, failed=unsound)
+        preparing = partial(prepare_folder, described=False)
+        return Job(task=Task(preparing, folder), done=self._surveys, failed=unsound)
 
     def _surveys(self, prepared: Prepared | PreparedTree) -> Iterator[Job[Any]]:
         self.unknown -= 1

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 from harness.records.cause import CauseId
 from harness.records.read import read_results
+from tests.commands import crosscheck
 from tests.faults.known_folder import ROOT, one_scenario
 
 
@@ -22,14 +20,7 @@ def test_a_body_called_nut_and_bolt_with_a_wrong_mass_is_named_with_its_line(
         text = text.replace("body[mass]", "body[nut and bolt]")
         text = text.replace('body name="mass"', 'body name="nut and bolt"')
         (folder / name).write_text(text.replace('mass="1.3', 'mass="1.313'))
-    done = subprocess.run(
-        [sys.executable, "-m", "harness", "run", str(folder), "--out", "out", "--jobs", "1"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "CI": "1"},
-    )
+    done = crosscheck("run", folder, "--out", "out", "--jobs", "1", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
     assert "Traceback" not in done.stderr
     lines = (folder / "mujoco.xml").read_text().splitlines()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from harness.engines.registry import engines, runners, standing
 from harness.records.outcome import Outcome
 from harness.records.read import read_results
 from harness.robots.system import RobotError
+from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())
 SUITE = (*(engine.name for engine in standing(".urdf")), "pinocchio")
@@ -123,10 +123,7 @@ def test_an_engine_that_makes_other_joints_is_refused_by_their_names(tmp_path: P
 
 
 def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "harness", "run", *arguments, "--out", "out", "--jobs", "1"],
-        cwd=folder, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    return commands.crosscheck("run", *arguments, "--out", "out", "--jobs", "1", cwd=folder)
 
 
 def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:

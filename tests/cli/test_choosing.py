@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from harness.records.read import read_results
-from tests.faults.known_folder import environment, known_folder
+from tests import commands
+from tests.faults.known_folder import known_folder
 
 
 @pytest.fixture
@@ -23,15 +23,7 @@ def place(tmp_path: Path) -> Path:
 
 
 def crosscheck(place: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "harness", *arguments],
-        cwd=place,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-        env=environment(),
-    )
+    return commands.crosscheck(*arguments, cwd=place, known=True)
 
 
 def ran(place: Path) -> list[str]:

@@ -1,15 +1,14 @@
 """`crosscheck compare` as a person uses it: exit codes, messages, the record."""
 
-import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 from harness.records.comparison import Comparison
 from harness.records.outcome import Outcome
 from harness.records.read import decoded
+from tests import commands
 from tests.compare.asking import changed, model, written
 
 ROOT = Path(__file__).parents[2]
@@ -26,16 +25,7 @@ claims = 1
 
 
 def crosscheck(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    paths = os.pathsep.join(map(str, (ROOT, ROOT / "tests" / "known_answer")))
-    return subprocess.run(
-        [sys.executable, "-m", "harness", "compare", *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=1800,
-        check=False,
-        env={**os.environ, "PYTHONPATH": paths, "CI": "1"},
-    )
+    return commands.crosscheck("compare", *arguments, cwd=cwd, known=True)
 
 
 def test_a_difference_exits_1_and_is_told_and_written(tmp_path: Path) -> None:

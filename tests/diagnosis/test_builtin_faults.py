@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,19 +22,8 @@ from harness.mutation.text import mutation_lines
 from harness.records.base import SourceLine
 from harness.records.mutation import FaultVerdict
 from harness.records.read import read_results
+from tests.commands import crosscheck
 from tests.standing import brief, standing_only
-
-
-def crosscheck(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "harness", *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=1800,
-        check=False,
-        env={"PATH": "", "PYTHONPATH": str(builtin().parent)},
-    )
 
 
 @pytest.fixture

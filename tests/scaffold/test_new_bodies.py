@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
@@ -25,6 +24,7 @@ from reference.declaration import DeclarationError
 from reference.load import load_declaration, load_system
 from reference.multibody.tree import Link, Tree
 from reference.trees import MultibodySystem
+from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
@@ -293,11 +293,7 @@ def test_what_needs_energies_says_so(kuka: Path) -> None:
 
 def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     # As at a desk: a robot in CI may not accept.
-    desk = {name: text for name, text in os.environ.items() if name not in ("CI", "GITHUB_ACTIONS")}
-    return subprocess.run(
-        [sys.executable, "-m", "harness", *arguments], cwd=folder, capture_output=True, text=True,
-        check=False, env=desk,
-    )  # fmt: skip
+    return commands.crosscheck(*arguments, cwd=folder, CI=None, GITHUB_ACTIONS=None)
 
 
 def test_from_the_command_line_to_a_gate(tmp_path: Path) -> None:
