@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import warnings
-from importlib.metadata import entry_points
+from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
 
 from harness.engines.dart import DartEngine
 from harness.engines.drake import DrakeEngine
@@ -26,7 +29,7 @@ def engines() -> dict[str, Engine]:
     One that can't be loaded is left out with a warning: the others still run.
     """
     known: dict[str, Engine] = {kind.name: kind() for kind in BUILT_IN}
-    for point in entry_points(group="crosscheck.engines"):
+    for point in _points(_path(), tuple(map(id, sys.meta_path))):
         try:
             engine: Engine = point.load()()
             if not isinstance(engine, Engine):
@@ -40,6 +43,23 @@ def engines() -> dict[str, Engine]:
             continue
         known.setdefault(engine.name, engine)
     return known
+
+
+def _path() -> tuple[tuple[str, int], ...]:
+    """Where Python looks for what is installed, and when something was put there."""
+    found = []
+    for folder in sys.path:
+        try:
+            found.append((folder, os.stat(folder or os.curdir).st_mtime_ns))
+        except OSError:
+            found.append((folder, 0))
+    return tuple(found)
+
+
+@lru_cache(maxsize=8)
+def _points(*_: object) -> tuple[EntryPoint, ...]:
+    """What registers adapters; every distribution is asked, which takes longer than to load one."""
+    return tuple(entry_points(group="crosscheck.engines"))
 
 
 def installs(engine: Engine) -> str:

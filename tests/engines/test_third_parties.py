@@ -23,6 +23,17 @@ def test_an_installed_engine_is_known_by_its_name() -> None:
     assert list(engines())[:3] == ["mujoco", "pybullet", "pymunk"]
 
 
+def test_an_engine_that_is_installed_later_is_known_then(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    assert "later" not in engines()
+    text = "from harness.engines.known_answer import KnownEngine\n\n\n"
+    text += "class Engine(KnownEngine):\n    name = 'later'\n"
+    distribution(tmp_path, "later", "later_engine", text)
+    assert "later" in engines()
+
+
 def test_no_entry_point_takes_the_name_of_a_built_in_engine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

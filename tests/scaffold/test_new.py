@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 import re
 import shutil
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -29,6 +32,25 @@ from reference.trees import MultibodySystem
 REPOSITORY = Path(__file__).parents[1] / "installed" / "repository" / "models"
 CRANE = Path(__file__).parent / "crane.xml"
 ARM = Path(__file__).parent / "arm.urdf"
+
+
+class Read(NamedTuple):
+    """A folder that was written of a file, and what was said."""
+
+    folder: Path
+    remarks: tuple[str, ...]
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Read]:
+    """Files that several tests look at, each read once."""
+
+    @cache
+    def found(model: Path) -> Read:
+        folder = tmp_path_factory.mktemp("read") / model.stem
+        return Read(folder, from_model(model, folder).remarks)
+
+    return found
 
 
 def test_the_example_agrees_at_once_in_every_engine(
@@ -108,19 +130,21 @@ def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
     assert not mismatches(found)
 
 
-def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(tmp_path: Path) -> None:
-    remarks = from_model(CRANE, tmp_path / "crane").remarks
+def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(
+    read: Callable[[Path], Read],
+) -> None:
+    folder, remarks = read(CRANE)
     assert any("computes from its geoms" in remark for remark in remarks)
-    system = load_system(tmp_path / "crane")
+    system = load_system(folder)
     constants = {c.name: c for c in system.constants}
     assert constants["sway_damping"].value == 0.12
     assert constants["sway_springref"].value == pytest.approx(np.radians(15), rel=1e-15)
     assert constants["hook_mass"].value == pytest.approx(700 * 8 * 0.1 * 0.05 * 0.08, rel=1e-12)
-    bound = read_sidecar(tmp_path / "crane" / "crane.xml.toml").bindings
+    bound = read_sidecar(folder / "crane.xml.toml").bindings
     assert bound["joint[sway]@springref"] == "sway_springref * 180 / pi"
     # One number for both hinges of the class.
     assert bound["default[hinge]/joint@damping"] == "sway_damping"
-    assert not mismatches(bindings(system, read_sidecar(tmp_path / "crane" / "crane.xml.toml")))
+    assert not mismatches(bindings(system, read_sidecar(folder / "crane.xml.toml")))
 
 
 SHARED = """<mujoco>
@@ -159,14 +183,16 @@ def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: P
     assert {case.outcome for case in found.cases} == {"AGREES"}
 
 
-def test_turned_frames_products_fixed_joints_and_limits_are_read(tmp_path: Path) -> None:
+def test_turned_frames_products_fixed_joints_and_limits_are_read(
+    read: Callable[[Path], Read],
+) -> None:
     """Both engines agree with it, or it would not have been written."""
-    remarks = from_model(ARM, tmp_path / "arm").remarks
+    folder, remarks = read(ARM)
     assert remarks == (
         "the turn of boom_centre is taken as numbers: a wrong one shows, but is not named",
     )
-    system = load_system(tmp_path / "arm")
-    sidecar = read_sidecar(tmp_path / "arm" / "arm.urdf.toml")
+    system = load_system(folder)
+    sidecar = read_sidecar(folder / "arm.urdf.toml")
     assert sidecar.engines == ("pybullet", "mujoco")
     assert sidecar.bindings["joint[lift]/origin@rpy[2]"] == "pi / 2"
     assert not mismatches(bindings(system, sidecar))
@@ -247,18 +273,41 @@ def test_a_reading_that_no_engine_shares_is_not_written(
     assert os.listdir(tmp_path) == ["m.urdf"]
 
 
+PENDULUM = """<robot name="pendulum">
+  <link name="world"/>
+  <joint name="swing" type="continuous">
+    <parent link="world"/><child link="bob"/><axis xyz="0 1 0"/>
+    <dynamics damping="0.05" friction="0"/>
+  </joint>
+  <link name="bob">
+    <inertial>
+      <origin xyz="0 0 -0.4"/><mass value="0.8"/>
+      <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/>
+    </inertial>
+  </link>
+</robot>
+"""
+SWING = """<mujoco>
+  <worldbody>
+    <body name="bob">
+      <joint name="swing" axis="0 1 0" damping="0.05"/>
+      <inertial pos="0 0 -0.4" mass="0.8" diaginertia="0.02 0.02 0.01"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
 def test_meshes_are_copied_and_bodies_need_none_that_are_elsewhere(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "meshes").mkdir()
     shape = tmp_path / "meshes" / "pole.obj"
     shape.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n")
-    visual = (
-        '<visual><geometry><mesh filename="{}"/></geometry></visual></link>\n\n  <joint name="x"'
-    )
+    visual = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
     for name, good in (("meshes/pole.obj", True), ("package://robot/pole.obj", False)):
         model = tmp_path / "m.urdf"
-        model.write_text(URDF.replace('</link>\n\n  <joint name="x"', visual.format(name)))
+        model.write_text(PENDULUM.replace("</inertial>", f"</inertial>{visual.format(name)}"))
         target = tmp_path / "read"
         written = from_model(model, target)
         if good:
@@ -287,7 +336,7 @@ def test_the_meshes_of_a_urdf_are_found_wherever_an_engine_looks(
     (tmp_path / place).parent.mkdir()
     (tmp_path / place).write_text(SHAPE)
     collision = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
-    text = URDF.replace('</link>\n\n  <joint name="x"', f'{collision}</link>\n\n  <joint name="x"')
+    text = PENDULUM.replace("</inertial>", f"</inertial>{collision}")
     library = '<gazebo><plugin name="p" filename="libcontrol.so"/></gazebo>'
     extra = f"<mujoco><compiler {compiler}/></mujoco>{library}"
     (tmp_path / "m.urdf").write_text(text.replace("</robot>", f"{extra}</robot>"))
@@ -309,7 +358,7 @@ def test_the_meshes_of_an_mjcf_are_found_where_its_compiler_is_told(
     (tmp_path / place).parent.mkdir()
     (tmp_path / place).write_text(SHAPE)
     asset = f'<compiler {compiler}/><asset><mesh name="x" file="{file}"/></asset>'
-    (tmp_path / "m.xml").write_text(SHARED.replace("<worldbody>", f"{asset}<worldbody>"))
+    (tmp_path / "m.xml").write_text(SWING.replace("<worldbody>", f"{asset}<worldbody>"))
     from_model(tmp_path / "m.xml", tmp_path / "read")
     assert (tmp_path / "read" / place).read_text() == SHAPE
 
@@ -335,11 +384,11 @@ def test_a_mesh_that_is_nowhere_is_told_with_where_it_was_looked_for(tmp_path: P
     (CRANE, {"body"}), (ARM, {"link"}),
 ])  # fmt: skip
 def test_every_body_with_a_name_is_a_frame_that_engines_have_there(
-    tmp_path: Path, model: Path, names: set[str]
+    read: Callable[[Path], Read], model: Path, names: set[str]
 ) -> None:
-    from_model(model, tmp_path / "read")
-    system = load_system(tmp_path / "read")
-    sidecar = read_sidecar(tmp_path / "read" / f"{model.name}.toml")
+    folder = read(model).folder
+    system = load_system(folder)
+    sidecar = read_sidecar(folder / f"{model.name}.toml")
     assert {str(place).partition(":")[0] for place in sidecar.frames.values()} == names
     assert list(sidecar.frames) == [frame.name for frame in system.frames]
     engine = sidecar.engines[0]
