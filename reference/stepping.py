@@ -57,6 +57,8 @@ class SteppedEquations(Stepped):
         self._force = equations.compile(equations.force)
         self._inputs = len(equations.system.inputs)
         self._still = not set(equations.system.q) & equations.mass.free_symbols
+        self._constant: Array | None = None
+        """Of a mass in which no coordinate stands: asked for once, of thousands of steps."""
 
     def velocities(self, q: Array, rate: Array) -> Array:
         """The rates."""
@@ -68,10 +70,13 @@ class SteppedEquations(Stepped):
 
     def mass(self, q: Array) -> Array:
         """M, (B, n, n)."""
-        n, at = q.shape[1], q[:1] if self._still else q
-        none = np.zeros((len(at), self._inputs + 1))
-        found = self._mass(at, 0 * at, none[:, 1:], none[:, :1]).reshape(len(at), n, n)
-        return np.broadcast_to(found, (len(q), n, n))
+        if self._constant is not None:
+            return np.broadcast_to(self._constant, (len(q), *self._constant.shape))
+        n, none = q.shape[1], np.zeros((len(q), self._inputs + 1))
+        found = self._mass(q, 0 * q, none[:, 1:], none[:, :1]).reshape(len(q), n, n)
+        if self._still and len(q):
+            self._constant = found[0]
+        return found
 
     def force(self, q: Array, m: Array, u: Array) -> Array:
         """f, (B, n)."""

@@ -7,7 +7,8 @@ import pytest
 
 from harness.files.sidecar import read_sidecar
 from harness.records.finding import AuditFinding
-from tests.audit.models import MODELS, Look, audit, prepared
+from tests.audit.models import MODELS, Look, audit
+from tests.physics import physics as prepared
 from tests.standing import standing_only
 
 

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cache
 from pathlib import Path
 
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
-from harness.cases.prepare import Prepared, prepare
+from harness.cases.prepare import Prepared
 from harness.files.sidecar import Sidecar
 from harness.records.finding import AuditFinding
 
 MODELS = Path(__file__).parents[2] / "models"
 
 Look = Callable[..., tuple[AuditFinding, ...]]
-
-
-@cache
-def prepared(system: str) -> Prepared:
-    return prepare(MODELS / system)
 
 
 def audit(prepared: Prepared, sidecar: Sidecar, engine: str) -> tuple[AuditFinding, ...]:

@@ -25,7 +25,8 @@ from harness.records.finding import BEYOND, AuditFinding
 from harness.text.findings import audit_lines
 from reference.load import load_system
 from reference.numeric import Array
-from tests.audit.models import MODELS, Look, audit, grave, prepared, said
+from tests.audit.models import MODELS, Look, audit, grave, said
+from tests.physics import physics as prepared
 
 BUILT_IN = [
     (sidecar.parent.name, sidecar.name.removesuffix(".toml"), engine)

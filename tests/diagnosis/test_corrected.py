@@ -28,7 +28,7 @@ def task(tmp_path_factory: pytest.TempPathFactory) -> DiagnosisTask:
     text, count = re.subn('stiffness="47.0"', 'stiffness="47.47"', path.read_text())
     assert count == 1
     path.write_text(text)
-    prepared = prepare(folder)
+    prepared = prepare(folder, described=False)
     sidecar = read_sidecar(folder / "mujoco.xml.toml")
     return diagnosis_task(prepared, sidecar, "mujoco")
 

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def physics() -> Prepared:
-    return prepare(builtin() / "simple_pendulum")
+    return prepare(builtin() / "simple_pendulum", described=False)
 
 
 @pytest.fixture

@@ -41,7 +41,9 @@ def named(tmp_path: Path, mass: str) -> DiagnosisTask:
         text = (folder / name).read_text()
         assert old in text
         (folder / name).write_text(text.replace(old, new))
-    return diagnosis_task(prepare(folder), read_sidecar(folder / "mujoco.xml.toml"), "mujoco")
+    return diagnosis_task(
+        prepare(folder, described=False), read_sidecar(folder / "mujoco.xml.toml"), "mujoco"
+    )
 
 
 def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ import pytest
 
 import harness.cases.case
 from harness.cases.case import CaseTask, case_task, run_case
-from harness.cases.prepare import prepare
 from harness.engines.protocol import Engine, ModelSpec
 from harness.engines.registry import engines
 from harness.files.model_files import model_files
@@ -20,6 +19,7 @@ from harness.files.sidecar import Sidecar
 from harness.records.case import Case
 from reference.declaration import Constant
 from tests.engines.extras import EXTRAS
+from tests.physics import physics
 
 ROOT = Path(__file__).parents[2]
 HOME = ROOT / "harness" / "engines"
@@ -100,7 +100,7 @@ class _PoisonedModel:
 
 def tasks(name: str) -> Iterator[CaseTask]:
     """One case of every model file and engine of a built-in system."""
-    prepared = prepare(ROOT / "models" / name)
+    prepared = physics(name)
     scenario = prepared.system.scenarios[-1].name
     for sidecar in model_files(prepared.folder):
         assert isinstance(sidecar, Sidecar)

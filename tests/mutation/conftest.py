@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 
 import pytest
 
 from harness.cases.case import load
-from harness.cases.prepare import Prepared, prepare
 from harness.diagnosis.task import DiagnosisTask, diagnosis_task
 from harness.engines.registry import engines
 from harness.files.bindings import bindings
@@ -19,14 +17,10 @@ from harness.mutation.judge import MutationTask, mutated
 from harness.mutation.mistakes import Mistake, Subject
 from harness.mutation.survey import Survey, survey
 from harness.records.mutation import Mutation
+from tests.physics import physics
 
 SCENARIOS = 2
 """The first two: one is free, one is forced."""
-
-
-@cache
-def physics(name: str) -> Prepared:
-    return prepare(builtin() / name)
 
 
 def sound(

@@ -28,7 +28,8 @@ from harness.mutation.mutate import mutate
 from harness.mutation.survey import MutationError, survey
 from harness.records.cause import CauseId
 from harness.records.mutation import FaultKind, FaultVerdict
-from tests.mutation.conftest import physics, rows, sound, subject, tried
+from tests.mutation.conftest import rows, sound, subject, tried
+from tests.physics import physics
 from tests.standing import brief, standing_only
 
 Copied = Callable[..., Sidecar]

@@ -12,17 +12,16 @@ import pytest
 from rich.console import Console
 
 from harness.cases.case import linearization_task, load, run_linearizations
-from harness.cases.prepare import Prepared, prepare
 from harness.engines.protocol import Array
 from harness.engines.step_rule import StepRule
-from harness.files.folders import builtin
 from harness.files.sidecar import Sidecar
 from harness.numerics.discrete import DiscreteLinearization, linearize_step
 from harness.records.model import Model
 from harness.text.table import _print_linear
 from reference.stepping import SteppedEquations
 from tests.numerics.conftest import MakeBench, SymplecticEuler
-from tests.numerics.test_stepping import prepared, sidecar
+from tests.numerics.test_stepping import sidecar
+from tests.physics import physics as prepared
 
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
 """MuJoCo's."""
@@ -143,7 +142,7 @@ def test_without_a_rule_the_step_is_told_alone(bench: MakeBench) -> None:
 
 def test_a_step_at_which_it_grows_is_told(tmp_path: Path) -> None:
     """A spring of 6 rad/s, semi-implicit, is unstable from 0.33 s on."""
-    own: Prepared = prepare(builtin() / "mass_spring_damper", described=False)
+    own = prepared("mass_spring_damper")
     model = sidecar("mass_spring_damper", "mujoco.xml")
     text = model.model.read_text().replace('timestep="0.002"', 'timestep="0.4"')
     assert text != model.model.read_text()

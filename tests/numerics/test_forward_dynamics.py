@@ -12,7 +12,6 @@ import pybullet_data
 import pytest
 
 from harness.cases.case import load
-from harness.cases.prepare import prepare
 from harness.cases.robot import load_robot, placed, prepare_robot
 from harness.engines.protocol import Array
 from harness.files.folders import builtin
@@ -29,6 +28,7 @@ from harness.records.outcome import Outcome
 from reference.stepping import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler
+from tests.physics import physics
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 DATA = Path(pybullet_data.getDataPath())
@@ -73,7 +73,7 @@ def test_joints_that_follow_are_compared_where_they_are_held_exactly(
 ) -> None:
     """What holds them softly, or by a solver in a step, tells no accelerations."""
     need(engine)
-    own = prepare(builtin() / "drum_pendulum", described=False)
+    own = physics("drum_pendulum")
     known = (one for one in model_files(builtin() / "drum_pendulum") if isinstance(one, Sidecar))
     sidecar = next(one for one in known if one.model.name == "robot.urdf")
     sidecar = replace(sidecar, engine_settings={engine: settings})

@@ -12,7 +12,7 @@ import pybullet_data
 import pytest
 
 from harness.cases.case import CaseTask, case_task, load, run_case
-from harness.cases.prepare import Prepared, prepare
+from harness.cases.prepare import Prepared
 from harness.cases.robot import PreparedRobot, load_robot, placed, prepare_robot
 from harness.engines.protocol import Array, Force, StateForce
 from harness.engines.step_rule import StepRule
@@ -25,15 +25,11 @@ from harness.records.outcome import Outcome
 from reference.stepping import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler
+from tests.physics import physics as prepared
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 DATA = Path(pybullet_data.getDataPath())
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
-
-
-@cache
-def prepared(name: str) -> Prepared:
-    return prepare(builtin() / name, described=False)
 
 
 @cache

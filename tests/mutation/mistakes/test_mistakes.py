@@ -60,7 +60,7 @@ def cases(mistakes: Iterable[Mistake]) -> list[ParameterSet]:
 
 @cache
 def prepared(folder: Path) -> Prepared:
-    return prepare(folder)
+    return prepare(folder, described=False)
 
 
 def physics_of(mistake: Mistake, sidecar: Sidecar) -> Prepared:

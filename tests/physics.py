@@ -1,0 +1,14 @@
+"""The built-in systems, solved once in a process for all tests that ask engines about them."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from harness.cases.prepare import Prepared, prepare
+from harness.files.folders import builtin
+
+
+@cache
+def physics(name: str) -> Prepared:
+    """A system, without the formulas of a report; nobody changes anything of it."""
+    return prepare(builtin() / name, described=False)
