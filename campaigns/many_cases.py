@@ -52,6 +52,7 @@ def command(options: argparse.Namespace) -> list[str]:
     for name in options.engine or ENGINES:
         words += ["--engine", name]
     words += ["--draws", str(options.draws), "--seed", "1", "--jobs", str(options.jobs)]
+    words += ["--resolution", repr(options.resolution)]
     return [*words, "--out", str(options.out)]
 
 
@@ -115,6 +116,7 @@ def main() -> None:
     parser.add_argument("--engine", action="append", default=[])
     parser.add_argument("--draws", type=int, default=30)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--resolution", type=float, default=1e-9)
     parser.add_argument("--kill-after", type=float, default=60.0)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
