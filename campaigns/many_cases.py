@@ -1,13 +1,15 @@
 """Many cases of a sweep: how many a second, how much memory, and what a kill in the middle loses.
 
-`python -m campaigns.many_cases --draws 30 --out /tmp/many` sweeps the drum with its pendulum and
-the anchored pair, kills everything once with SIGKILL, goes on, and tells what the rows cost.
+`python -m campaigns.many_cases --draws 286 --out /tmp/many` sweeps the drum with its pendulum, the
+anchored pair and an arm of seven joints (pybullet_data's), kills everything once with SIGKILL, goes
+on, tells what the rows cost, and runs some of them again by their own commands.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -16,26 +18,41 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from harness.records.outcome import Outcome
+from harness.records.sweep import SweepRow
 from harness.sweep.store import done, read_plan, read_rows
+from harness.text.sweep import row_lines
 
 VARY = (
     "M=1.2:4.8:log", "m=0.4:1.6:log", "l=0.3:1.2", "k=30:130:log", "g=9.6:10",
     "m1=0.8:3.2:log", "m2=0.5:1.8:log", "c=0.3:3", "k1=30:110", "k2=35:140",
+    *(f"link[lbr_iiwa_link_{i}]/inertial/mass@value=1:6:log" for i in range(1, 8)),
+    *(f"joint[lbr_iiwa_joint_{i}]/dynamics@damping=0.1:1" for i in range(1, 8)),
 )  # fmt: skip
 ENGINES = ("mujoco", "pybullet", "pymunk")
 SYSTEMS = ("drum_pendulum", "anchored_pair")
+ARM = "kuka_iiwa/model.urdf"
+
+AGAIN = 12
+"""Rows that are run again by their own commands."""
 
 MOMENT = 2.0
 """Seconds between two looks at the memory."""
 
 
+def defaults() -> tuple[str, ...]:
+    import pybullet_data  # an engine's, in an extra
+
+    return (*SYSTEMS, str(Path(pybullet_data.getDataPath()) / ARM))
+
+
 def command(options: argparse.Namespace) -> list[str]:
-    words = [sys.executable, "-m", "harness", "sweep", *(options.systems or SYSTEMS)]
+    words = [sys.executable, "-m", "harness", "sweep", *(options.systems or defaults())]
     for text in options.vary or VARY:
         words += ["--vary", text]
     for name in options.engine or ENGINES:
         words += ["--engine", name]
     words += ["--draws", str(options.draws), "--seed", "1", "--jobs", str(options.jobs)]
+    words += ["--resolution", repr(options.resolution)]
     return [*words, "--out", str(options.out)]
 
 
@@ -99,6 +116,7 @@ def main() -> None:
     parser.add_argument("--engine", action="append", default=[])
     parser.add_argument("--draws", type=int, default=30)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--resolution", type=float, default=1e-9)
     parser.add_argument("--kill-after", type=float, default=60.0)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
@@ -137,6 +155,16 @@ def main() -> None:
         print(
             f"{system or 'all'}: {len(some)} cases, {steps:.3g} steps in {engine:.1f} s: {ratios}"
         )
+    again(rows)
+
+
+def again(rows: list[SweepRow]) -> None:
+    """Some rows by their own commands: each prints the verdict that its row has."""
+    for row in rows[:: max(len(rows) // AGAIN, 1)][:AGAIN]:
+        words = [sys.executable, "-m", "harness", *shlex.split(row.command)[1:]]
+        told = subprocess.run(words, capture_output=True, text=True, check=False).stdout
+        same = "\n".join(row_lines(row)) in told
+        print(f"#{row.index} {row.name}: {'the same again' if same else told}")
 
 
 if __name__ == "__main__":

@@ -52,15 +52,19 @@ class Flow:
         start: states (y, rates), (B, 2 n).
         forces: on the coordinates, held, (B, n).
         length: seconds.
+        stages: of the collocation, whose order is twice of it.
 
     Raises:
         ReferenceError: where they can't be solved.
     """
 
-    def __init__(self, tree: Tree, start: Array, forces: Array, length: float) -> None:
-        self._nodes, self._weights, self._matrix, _ = gauss(STAGES)
+    def __init__(
+        self, tree: Tree, start: Array, forces: Array, length: float, stages: int = STAGES
+    ) -> None:
+        self._count = stages
+        self._nodes, self._weights, self._matrix, _ = gauss(stages)
         self._start, self._length = start.T[..., None], length
-        self._forces = np.repeat(forces.T[..., None], STAGES, axis=2)
+        self._forces = np.repeat(forces.T[..., None], stages, axis=2)
         self._take(tree, self._iterated(Charted(tree)))
 
     def at(self, tree: Tree) -> Flow:
@@ -73,6 +77,13 @@ class Flow:
         found = Flow.__new__(Flow)
         found.__dict__ |= {k: v for k, v in self.__dict__.items() if k not in ("_left", "_inverse")}
         found._take(tree, self._corrected(Charted(tree)))
+        return found
+
+    @property
+    def end(self) -> Array:
+        """Where the segments end, (B, 2 n)."""
+        moved = self._length * np.einsum("s,xbs->bx", self._weights, self._slopes)
+        found: Array = self._start[..., 0].T + moved
         return found
 
     def apart(self, other: Flow) -> Array:
@@ -103,7 +114,7 @@ class Flow:
         return self.at(changed).apart(self)
 
     def _take(self, tree: Tree, slopes: Scalars) -> None:
-        """The tree, and the rates of its states at the stages, (2 n, B, STAGES)."""
+        """The tree, and the rates of its states at the stages, (2 n, B, stages)."""
         self.tree, self._own, self._slopes = tree, Charted(tree), slopes
         self._stages = self._staged(slopes)
 
@@ -129,7 +140,7 @@ class Flow:
 
     @cached_property
     def _inverse(self) -> Scalars:
-        """Of the mass matrix at the stages, (n, n, B, STAGES)."""
+        """Of the mass matrix at the stages, (n, n, B, stages)."""
         mass = self._own.inertia(self._stages[: self.tree.freedoms])
         mass = np.moveaxis(mass, (0, 1), (-2, -1))
         found: Scalars = np.moveaxis(np.linalg.inv(mass), (-2, -1), (0, 1))
@@ -157,7 +168,7 @@ class Flow:
 
     def _iterated(self, own: Charted) -> Scalars:
         """The rates at the stages, by iteration from where the segments start."""
-        slopes = self._field(own, np.repeat(self._start, STAGES, axis=2))
+        slopes = self._field(own, np.repeat(self._start, self._count, axis=2))
         return self._solved(own, slopes, lambda left: left)
 
     def _corrected(self, own: Charted) -> Scalars:
@@ -165,7 +176,7 @@ class Flow:
         return self._solved(own, self._slopes, self._newton)
 
     def _newton(self, left: Scalars) -> Scalars:
-        step = (self._resolvent @ _flat(left)).reshape(left.shape[1], STAGES, -1)
+        step = (self._resolvent @ _flat(left)).reshape(left.shape[1], self._count, -1)
         return np.moveaxis(step, (2, 0, 1), (0, 1, 2))
 
     def _solved(self, own: Charted, slopes: Scalars, step: _Step) -> Scalars:
@@ -192,23 +203,23 @@ class Flow:
 
     @cached_property
     def _resolvent(self) -> Array:
-        """(1 - h A x J)^-1, (B, STAGES 2 n, STAGES 2 n)."""
+        """(1 - h A x J)^-1, (B, stages 2 n, stages 2 n)."""
         jacobian = self._jacobian()
         count, _, size, _ = jacobian.shape
         rows = np.einsum("st,bsxy->bsxty", self._length * self._matrix, jacobian)
-        whole = np.eye(STAGES * size) - rows.reshape(count, STAGES * size, -1)
+        whole = np.eye(self._count * size) - rows.reshape(count, self._count * size, -1)
         found: Array = np.linalg.inv(whole)
         return found
 
     @cached_property
     def _to_ends(self) -> Array:
-        """From rates that a change adds at the stages to the ends, (B, 2 n, STAGES 2 n)."""
+        """From rates that a change adds at the stages to the ends, (B, 2 n, stages 2 n)."""
         weights = np.kron(self._length * self._weights, np.eye(len(self._stages)))
         found: Array = weights @ self._resolvent
         return found
 
     def _jacobian(self) -> Array:
-        """Of the rates by the states at the stages, (B, STAGES, 2 n, 2 n), by differences.
+        """Of the rates by the states at the stages, (B, stages, 2 n, 2 n), by differences.
 
         Accelerations by what their change leaves of the forces: that takes no mass matrix.
         """
@@ -224,5 +235,5 @@ class Flow:
 
 
 def _flat(field: Scalars) -> Array:
-    """(x, B, STAGES) as columns (B, STAGES x, 1)."""
+    """(x, B, stages) as columns (B, stages x, 1)."""
     return np.moveaxis(field, (0, 1, 2), (2, 0, 1)).reshape(field.shape[1], -1, 1)

@@ -109,7 +109,7 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
     Raises:
         ReferenceError: where the mass matrix is singular, or the two solutions are apart.
     """
-    n, many = len(home), candidates(equations, limits, home, count, seed)
+    many = candidates(equations, limits, home, count, seed)
     chosen = telling(many.rows(equations), count)
     q, v = many.q[chosen], many.v[chosen]
     forces = equations.forces_for(q, v, many.a[chosen])
@@ -123,7 +123,19 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
             f" its last digits; joint {joint!r} settles fastest: has what it moves its inertia?"
         )
     length = min(_length(equations, fastest), many.longest)
-    field, times = _field(equations, forces), np.zeros(count)
+    return solved(equations, start, forces, length, fastest)
+
+
+def solved(
+    equations: TreeEquations, start: Array, forces: Array, length: float, fastest: float
+) -> Samples:
+    """Where equations take states, by two methods; the fields of `Samples` as arguments.
+
+    Raises:
+        ReferenceError: where they can't be solved, or the two are apart.
+    """
+    n = forces.shape[1]
+    field, times = _field(equations, forces), np.zeros(len(start))
     names = [c.name for c in equations.system.coordinates]
     names += [f"{name}_dot" for name in names]
     end, _ = collocate(field, times, start, length, names)
@@ -135,10 +147,28 @@ def samples(equations: TreeEquations, limits: Array, home: Array, count: int, se
         raise ReferenceError(
             f"two solutions of {names[worst]} are {apart[worst]:.1e} apart over a segment"
         )
-    rounded = equations.rounding(q, v, forces)
-    jolt = np.concatenate([rounded * length**2 / 2, rounded * length])
-    bound = apart + 2 * np.finfo(float).eps * size + GROWTH * jolt
+    bound = apart + rounding_of(equations, start, forces, end, length)
     return Samples(start=start, forces=forces, length=length, end=end, bound=bound, fastest=fastest)
+
+
+def rounding_of(
+    equations: TreeEquations, start: Array, forces: Array, end: Array, length: float
+) -> Array:
+    """What rounding may do to the ends, per component, (2n,): to states and to accelerations."""
+    n, size = forces.shape[1], np.max(np.abs(end), axis=0)
+    rounded = equations.rounding(start[:, :n], start[:, n:], forces)
+    jolt = np.concatenate([rounded * length**2 / 2, rounded * length])
+    found: Array = 2 * np.finfo(float).eps * size + GROWTH * jolt
+    return found
+
+
+def rate_of(equations: TreeEquations, start: Array, forces: Array) -> float:
+    """The rate of the fastest motion at some states under forces that are held, rad/s.
+
+    Raises:
+        ReferenceError: where the accelerations are not finite.
+    """
+    return _rates(equations, start, forces)[0]
 
 
 class Candidates(NamedTuple):

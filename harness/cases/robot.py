@@ -223,13 +223,20 @@ def scale_of(drawn: Samples) -> Array:
     return filled(np.max(np.abs(drawn.end - drawn.start), axis=0))
 
 
-def follow_robot(task: RobotTask, rungs: tuple[int, ...] = ()) -> Followed:
+def follow_robot(
+    task: RobotTask, rungs: tuple[int, ...] = (), model: Model | None = None
+) -> Followed:
     """Run every segment in the engine as h -> 0: on these rungs, or as many as it takes.
+
+    Args:
+        task: what is run.
+        rungs: on which; empty: as many as it takes.
+        model: the file as it is loaded; None: it is loaded here.
 
     Raises:
         EngineError, BlownUpError: naming the file.
     """
-    model = load_robot(task)
+    model = model or load_robot(task)
     drawn, coordinates, names = placed(task, model)
     count = len(drawn.forces)
     scale = scale_of(drawn)
@@ -311,9 +318,18 @@ def _refused(task: RobotTask, failure: Failure) -> Case:
     )
 
 
-def _judged(task: RobotTask) -> tuple[Followed, Verdict]:
+def judge_loaded(task: RobotTask, model: Model) -> Verdict:
+    """What becomes of every segment of a model that is loaded, stepped in its own way alone.
+
+    Raises:
+        EngineError, BlownUpError: where the engine doesn't run it.
+    """
+    return _judged(task, model)[1]
+
+
+def _judged(task: RobotTask, model: Model | None = None) -> tuple[Followed, Verdict]:
     """Every segment in the engine, and what follows from them."""
-    way = follow_robot(task)
+    way = follow_robot(task, model=model)
     verdict = judged(
         way.found,
         way.samples,

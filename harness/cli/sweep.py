@@ -8,11 +8,12 @@ from pathlib import Path
 
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
-from harness.files.choice import chosen_models
+from harness.files.choice import NamedModel, chosen_models
 from harness.files.folders import FolderError, check_engines, named_folders
 from harness.records.outcome import Outcome
 from harness.records.write import encoded, write_whole
 from harness.report.sweep import write_sweep
+from harness.robots.named import robot_files
 from harness.schedule.stop import Stop, asking
 from harness.sweep.draws import Design
 from harness.sweep.factors import SweepError, factors
@@ -69,18 +70,18 @@ def _stopped(stop: Stop, out: Path) -> int:
 
 
 def _wanted(options: argparse.Namespace) -> Wanted:
-    """The folders and models that are meant."""
-    names, models = chosen_models(options.folders)
-    for name in names:
-        if Path(name).is_file():
-            raise FolderError(
-                f"{name}: a sweep takes system folders, and model files in them beside a sidecar;"
-                " `crosscheck new --from` makes a folder of a robot's file"
-            )
-    found = named_folders(names)
-    if found.faults:
-        raise FolderError("; ".join(found.faults.values()))
-    return Wanted(folders=found.folders, models=models)
+    """The folders, models and robots' files that are meant."""
+    names, models = list(options.folders), dict[str, tuple[NamedModel, ...]]()
+    if not options.alone:
+        names, models = chosen_models(names)
+    robots = robot_files(names)
+    beside = bool(robots.files or robots.faults)
+    named = named_folders(robots.others, beside=beside) if robots.others or not beside else None
+    faults = {**robots.faults, **({} if named is None else named.faults)}
+    if faults:
+        raise FolderError("; ".join(faults.values()))
+    folders = [] if named is None else named.folders
+    return Wanted(places=[*folders, *robots.files], models=models)
 
 
 def _asked(options: argparse.Namespace) -> SweepOptions:
@@ -103,7 +104,7 @@ def _asked(options: argparse.Namespace) -> SweepOptions:
 
 def _command(options: argparse.Namespace) -> list[str]:
     """The command line in one spelling: what one case is reproduced with."""
-    words = ["crosscheck", "sweep", *options.folders]
+    words = ["crosscheck", "sweep", *options.folders, *(["--alone"] if options.alone else [])]
     for name in ("vary", "integrator", "scenario", "engine"):
         for value in getattr(options, name):
             words += [f"--{name}", value]

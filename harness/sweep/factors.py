@@ -43,7 +43,7 @@ def factor(text: str) -> Factor:
     Raises:
         SweepError: naming what can't be read.
     """
-    name, sign, given = text.partition("=")
+    name, sign, given = text.rpartition("=")
     name, given = name.strip(), given.strip()
     if not (sign and name and given):
         raise SweepError(f"--vary {text}: say NAME=LOW:HIGH, NAME=LOW:HIGH:log or NAME=V1,V2")

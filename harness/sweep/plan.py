@@ -10,12 +10,16 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 from harness.schedule.limits import Limits
-from harness.sweep.case import Block, Planned
 from harness.sweep.draws import Design, Draws, draws
 from harness.sweep.factors import Factor, SweepError
+from harness.sweep.planned import Block, Planned
 from harness.sweep.survey import Pairing, Survey
+
+MANY, FEW = 24, 4
+"""Names that are told of those there are: all of so many, else so few."""
 
 BLOCK = 16
 """Cases that a worker is given at once, about; more than a draw's scenario has are split."""
@@ -179,12 +183,13 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
             be, or no case is left.
     """
     _check_names(options, surveys)
-    steps: tuple[float | None, ...] = options.steps or (None,)
     parts, first = [], 0
     for one in surveys:
         own = tuple(f for f in options.factors if f.name in one.constants)
         for varied in own:
             _check_sign(varied, one)
+        # Segments of a robot's states are taken as the step goes to zero: none of them is shipped.
+        steps: tuple[float | None, ...] = options.steps if one.signed and options.steps else (None,)
         drawn = draws(own, options.design, options.count, options.seed)
         part = Part(survey=one, draws=drawn, steps=steps, first=first)
         if part.count:
@@ -198,11 +203,11 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
 
 
 def _check_names(options: SweepOptions, surveys: Sequence[Survey]) -> None:
-    constants = dict.fromkeys(name for one in surveys for name in one.constants)
-    for name in sorted(options.varied - constants.keys()):
+    constants = list(dict.fromkeys(name for one in surveys for name in one.constants))
+    for name in sorted(options.varied.difference(constants)):
         raise SweepError(
             f"--vary {name}: no system of these has such a constant; they have"
-            f" {', '.join(constants) or 'none'}"
+            f" {_told(name, constants)}"
         )
     scenarios = dict.fromkeys(name for one in surveys for name in one.known_scenarios)
     for name in options.scenarios:
@@ -217,8 +222,18 @@ def _check_names(options: SweepOptions, surveys: Sequence[Survey]) -> None:
             )
 
 
+def _told(name: str, known: Sequence[str]) -> str:
+    """Names that there are; of many those that are most like the one that was meant."""
+    if len(known) <= MANY:
+        return ", ".join(known) or "none"
+    near = get_close_matches(name, known, n=FEW, cutoff=0.0)
+    return f"{', '.join(near)}, and {len(known) - len(near)} more"
+
+
 def _check_sign(varied: Factor, one: Survey) -> None:
     """Equations are simplified with the sign that a constant is declared with."""
+    if not one.signed:
+        return
     positive = one.constants[varied.name] > 0
     if (varied.low > 0) != positive or (varied.high > 0) != positive:
         sign = "positive" if positive else "not positive"

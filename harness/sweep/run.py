@@ -13,19 +13,22 @@ from typing import Any
 import numpy as np
 import scipy
 
-from harness.baseline.fingerprint import digest_of, folder_files
+from harness.baseline.fingerprint import digest, digest_of, folder_files
 from harness.baseline.inputs import versions
 from harness.files.choice import NamedModel
 from harness.files.luggage import luggage
+from harness.files.parts import named_files
 from harness.records.sweep import SweepPlan, SweepRow
 from harness.schedule.chosen import executor
 from harness.schedule.executor import Executor
 from harness.schedule.failure import Failure
 from harness.schedule.jobs import Job, Task, work
 from harness.schedule.stop import Stop
-from harness.sweep.case import Block, blank, run_block
+from harness.sweep.case import run_block
 from harness.sweep.factors import SweepError
+from harness.sweep.known import blank
 from harness.sweep.plan import Plan, SweepOptions, plan
+from harness.sweep.planned import Block
 from harness.sweep.store import Store, arrow, begin, done, kept, taken
 from harness.sweep.survey import Survey, SurveyTask, survey
 
@@ -38,9 +41,14 @@ Progress = Callable[[int, int, SweepRow | None], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """The system folders of a sweep, and the models of those that are not meant whole."""
+    """What is swept.
 
-    folders: Sequence[Path]
+    Attributes:
+        places: system folders, and robots' files.
+        models: of folders that are not meant whole, those that are.
+    """
+
+    places: Sequence[Path]
     models: dict[str, tuple[NamedModel, ...]] = field(default_factory=dict)
 
 
@@ -54,7 +62,7 @@ def crew(options: SweepOptions, wanted: Wanted) -> Executor:
         jobs=options.jobs,
         limits=options.limits,
         scheduler=options.scheduler,
-        files=partial(luggage, wanted.folders),
+        files=partial(luggage, wanted.places),
         engines=options.engines,
     )
 
@@ -67,11 +75,11 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
     """
     found: dict[str, Survey] = {}
 
-    def job(folder: Path) -> Job[Survey]:
-        models = wanted.models.get(str(folder), ())
+    def job(place: Path) -> Job[Survey]:
+        models = wanted.models.get(str(place), ())
         task = SurveyTask(
-            folder=str(folder),
-            content=content_of(folder),
+            folder=str(place),
+            content=content_of(place),
             varied=options.varied,
             only=options.engines,
             models=tuple((one.model, one.engine) for one in models),
@@ -80,16 +88,16 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
         )
 
         def surveyed(value: Survey) -> tuple[()]:
-            found[str(folder)] = value
+            found[str(place)] = value
             return ()
 
         def failed(failure: Failure) -> tuple[()]:
-            raise SweepError(failure.about(folder / "system.py"))
+            raise SweepError(failure.about(place if place.is_file() else place / "system.py"))
 
         return Job(task=Task(survey, task), done=surveyed, failed=failed)
 
-    work(map(job, wanted.folders), workers)
-    return plan(options, [found[str(folder)] for folder in wanted.folders])
+    work(map(job, wanted.places), workers)
+    return plan(options, [found[str(place)] for place in wanted.places])
 
 
 def plan_record(whole: Plan) -> SweepPlan:
@@ -124,14 +132,17 @@ def plan_record(whole: Plan) -> SweepPlan:
     )
 
 
-def content_of(folder: Path) -> str:
-    """Hash of what is in a system folder.
+def content_of(place: Path) -> str:
+    """Hash of what is in a system folder, or of a robot's file with all that it names.
 
     Raises:
         SweepError: where a file can't be read.
     """
     try:
-        found = folder_files(folder)
+        if place.is_file():
+            files = sorted({place, *named_files(place)})
+            return digest_of(repr([(one.name, digest(one)) for one in files]).encode())
+        found = folder_files(place)
     except OSError as error:
         raise SweepError(f"{error.filename}: can't be read: {error.strerror}") from None
     every = sorted((one.model, sorted(one.hashes.items())) for one in found.models)

@@ -1,15 +1,14 @@
-"""What a sweep finds in a folder before anything is planned: constants, scenarios, models."""
+"""What a sweep finds in a folder or a file before it is planned: constants, scenarios, models."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from harness.engines.registry import engines
-from harness.files.model_files import chosen_engines
-from harness.sweep.factors import SweepError
-from harness.sweep.system import Swept, swept
+from harness.sweep.case import swept
+from harness.sweep.source import Source
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +16,7 @@ class SurveyTask:
     """What is wanted of a folder.
 
     Attributes:
-        folder: of the system.
+        folder: of the system, or the robot's file.
         content: hash of what is in it.
         varied: names of all constants that are varied.
         only: engines; empty: all.
@@ -46,13 +45,14 @@ class Pairing:
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """A system folder as a sweep sees it.
+    """A system folder, or a robot's file, as a sweep sees it.
 
     Attributes:
         folder: where it is.
         content: hash of what is in it.
         system: its name.
         constants: all of them, as declared.
+        signed: whether they keep the signs that they are declared with.
         scenarios: those that are wanted, of
         known_scenarios: all of them.
         pairings: models in engines, with integrators.
@@ -65,6 +65,7 @@ class Survey:
     content: str
     system: str
     constants: Mapping[str, float]
+    signed: bool
     scenarios: tuple[str, ...]
     known_scenarios: tuple[str, ...]
     pairings: tuple[Pairing, ...]
@@ -88,55 +89,45 @@ def survey(task: SurveyTask) -> Survey:
     """Load a folder and its models once, in a worker: a declaration is a program.
 
     Raises:
-        DeclarationError, SidecarError, LocationError, EngineError, SweepError: naming what is
-            wrong, where, and the remedy; a model that can't follow a varied constant among it.
+        DeclarationError, SidecarError, LocationError, EngineError, RobotError, SweepError: naming
+            what is wrong, where, and the remedy; a model that can't follow a varied constant among
+            it.
     """
-    folder = swept(task.folder, task.varied, task.content)
-    known = {one.name for one in folder.system.scenarios}
-    found = list(_pairings(task, folder))
+    source = swept(task.folder, task.varied, task.content)
+    runs = [one for one in source.runs(task.only) if _meant(task, *one)]
+    absent = {name for _, name in runs if engines()[name].version() is None}
+    found = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))
     kept = tuple(one for one in found if _wanted(one.integrator, task.integrators))
     every = dict.fromkeys(f"{one.model} [{one.engine}]" for one in found)
     swept_too = {f"{one.model} [{one.engine}]" for one in kept}
     return Survey(
         folder=task.folder,
         content=task.content,
-        system=folder.system.name,
-        constants={c.name: c.value for c in folder.system.constants},
+        system=source.name,
+        constants=source.constants,
+        signed=source.signed,
         scenarios=tuple(
-            one.name
-            for one in folder.system.scenarios
-            if not task.scenarios or one.name in task.scenarios
+            name for name in source.scenarios if not task.scenarios or name in task.scenarios
         ),
-        known_scenarios=tuple(sorted(known)),
+        known_scenarios=tuple(sorted(source.scenarios)),
         pairings=kept,
         known_integrators=tuple(sorted({one.integrator for one in found})),
-        absent=tuple(sorted(_absent(task, folder))),
+        absent=tuple(sorted(absent)),
         without=tuple(name for name in every if name not in swept_too),
     )
 
 
-def _pairings(task: SurveyTask, folder: Swept) -> Iterator[Pairing]:
+def _pairings(
+    task: SurveyTask, source: Source, runs: Iterable[tuple[str, str]]
+) -> Iterator[Pairing]:
     """Every model in every engine that is meant, with each of its integrators."""
-    known = engines()
-    for sidecar in folder.sidecars():
-        for name in chosen_engines(sidecar, task.only):
-            if not _meant(task, sidecar.model.name, name):
-                continue
-            if name not in known:
-                raise SweepError(f"{sidecar.model}.toml: no engine {name!r} is known")
-            if known[name].version() is None:
-                continue
-            model = folder.model(sidecar.model.name, name)
-            own = Pairing(
-                model=sidecar.model.name, engine=name, integrator=model.integrator, settings={}
-            )
-            yield own
-            if not task.integrators:
-                continue
-            for other, settings in model.integrators.items():
-                yield Pairing(
-                    model=own.model, engine=name, integrator=other, settings=dict(settings)
-                )
+    for model, engine in runs:
+        own, others = source.prepare(model, engine)
+        yield Pairing(model=model, engine=engine, integrator=own, settings={})
+        if not task.integrators:
+            continue
+        for other, settings in others.items():
+            yield Pairing(model=model, engine=engine, integrator=other, settings=dict(settings))
 
 
 def _wanted(integrator: str, wanted: tuple[str, ...]) -> bool:
@@ -147,13 +138,3 @@ def _meant(task: SurveyTask, model: str, engine: str) -> bool:
     return not task.models or any(
         model == name and one in ("", engine) for name, one in task.models
     )
-
-
-def _absent(task: SurveyTask, folder: Swept) -> set[str]:
-    known = engines()
-    return {
-        name
-        for sidecar in folder.sidecars()
-        for name in chosen_engines(sidecar, task.only)
-        if name in known and known[name].version() is None
-    }

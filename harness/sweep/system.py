@@ -1,23 +1,33 @@
-"""A system folder in a worker: its equations and its models, prepared once for all its cases."""
+"""A system folder in a sweep: its equations and its models, prepared once for all its cases."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import sympy as sp
 
-from harness.engines.protocol import Model
+from harness.cases.verdict import Verdict, component_scale, filled, judged
+from harness.cases.witness import failure
+from harness.engines.protocol import EngineError, Model
 from harness.engines.registry import engines
-from harness.files.model_files import UnreadModel, model_files
+from harness.files.model_files import UnreadModel, chosen_engines, model_files
 from harness.files.redrawn import Redrawn, redrawn
 from harness.files.sidecar import Sidecar, SidecarError
-from harness.numerics.coordinates import CoordinateFamily, coordinate_family
+from harness.numerics.convergence import largest
+from harness.numerics.coordinates import CoordinateFamily, CoordinateMap, coordinate_family
+from harness.numerics.full_run import sampled_run, why_no_run
+from harness.numerics.segments import Batch, extrapolate
+from harness.records.base import number
+from harness.records.outcome import FLOOR, Outcome
+from harness.sweep.known import Known, Timed
+from harness.sweep.planned import Planned
+from harness.sweep.source import Source
 from reference.declaration import Scenario
 from reference.derive import derive
 from reference.family import DrawnEquations, Family, solve_drawn
@@ -47,7 +57,7 @@ class Prepared:
     integrators: Mapping[str, Mapping[str, object]]
 
 
-class Swept:
+class Swept(Source):
     """A system folder, and what its cases share.
 
     Attributes:
@@ -56,6 +66,8 @@ class Swept:
         system: as it is declared.
         family: its equations, for any constants.
     """
+
+    signed = True  # equations are simplified with it
 
     def __init__(self, folder: Path, varied: frozenset[str]) -> None:
         self.folder, self.varied = folder, varied
@@ -79,16 +91,36 @@ class Swept:
         found = set[sp.Basic]().union(*(e.free_symbols for e in self.family.equations.acceleration))
         return frozenset(c.name for c in self.system.constants if c.symbol in found)
 
-    def sidecars(self) -> Iterator[Sidecar]:
-        """Of its models.
+    @property
+    def name(self) -> str:
+        """The system's."""
+        return self.system.name
 
-        Raises:
-            SidecarError: for a model that can't be read.
-        """
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """All of them, as declared."""
+        return {c.name: c.value for c in self.system.constants}
+
+    @property
+    def scenarios(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(one.name for one in self.system.scenarios)
+
+    def runs(self, only: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """Every model in every engine that its sidecar has."""
         for one in self._sidecars.values():
             if isinstance(one, UnreadModel):
                 raise SidecarError(one.reason)
-            yield one
+            for engine in chosen_engines(one, only):
+                if engine not in engines():
+                    raise SidecarError(f"{one.model}.toml: no engine {engine!r} is known")
+                yield one.model.name, engine
+
+    def prepare(self, model: str, engine: str) -> tuple[str, Mapping[str, Mapping[str, object]]]:
+        """Load it as it is; find its literals; compile its coordinates, and the motions' scale."""
+        _ = self.declared_motions
+        found = self.model(model, engine)
+        return found.integrator, found.integrators
 
     def model(self, name: str, engine: str) -> Prepared:
         """A model in an engine, prepared where it is asked for first.
@@ -139,20 +171,61 @@ class Swept:
         found: Array = np.max([m.amplitude for m in self.declared_motions.values()], axis=0)
         return found
 
+    def run(self, case: Planned, resolution: float, place: Path, known: Known) -> None:
+        """The segments of the drawn motion, and one run at the shipped step."""
+        equations = self.equations(case.constants)
+        with known.timing("reference_seconds"):
+            motion = self.motion(case.draw, equations, case.scenario)
+        prepared = self.model(case.model, case.engine)
+        constants = {c.name: c.value for c in equations.system.constants}
+        with known.timing("loading_seconds"):
+            sidecar = prepared.redrawn.at(constants, place)
+            model = Timed(loaded(sidecar, case.engine, case.step, case.settings))
+        known.check_step(model, case)
+        if why := why_no_run(motion.duration, model.step):
+            raise EngineError(f"{case.model}: {why}")
+        with known.stepping(model):
+            coordinates = prepared.coordinates.at(equations.values)
+            known.tell_verdict(self._verdict(case, motion, model, coordinates, resolution))
+            self._full_run(case, motion, model, coordinates, known)
 
-@lru_cache(maxsize=16)
-def swept(folder: str, varied: frozenset[str], content: str) -> Swept:
-    """A folder, prepared once a process.
+    def _verdict(
+        self,
+        case: Planned,
+        motion: Motion,
+        model: Model,
+        coordinates: CoordinateMap,
+        resolution: float,
+    ) -> Verdict:
+        others = [m for name, m in self.declared_motions.items() if name != case.scenario]
+        scale = component_scale(motion, others)
+        names = [c.name for c in self.system.coordinates]
+        found = extrapolate(model, coordinates, Batch.of(motion, scale), resolution=resolution)
+        return judged(
+            found,
+            motion,
+            scale=scale,
+            components=(*names, *(f"{name}_dot" for name in names)),
+            coordinates=tuple(model.coordinates),
+            claimed=model.exponents(motion.varying)[0],
+            resolution=resolution,
+        )
 
-    Args:
-        folder: of the system.
-        varied: names of the constants that are varied.
-        content: hash of what is in it: a worker that lives on takes no old one for it.
-
-    Raises:
-        DeclarationError, SidecarError: naming what is wrong and where.
-    """
-    return Swept(Path(folder), varied)
+    def _full_run(
+        self,
+        case: Planned,
+        motion: Motion,
+        model: Model,
+        coordinates: CoordinateMap,
+        known: Known,
+    ) -> None:
+        run = sampled_run(model, coordinates, motion, model.step)
+        amplitude = filled(np.maximum(motion.amplitude, FLOOR * self.amplitude))
+        error = largest(run, amplitude[: len(self.system.coordinates)])
+        known.tell(global_error=number(error))
+        if why := failure(run, error, motion):
+            told = "; the engine warns: ".join((f"{case.model}: {why}", *model.warnings))
+            known.tell(outcome=Outcome.FAILED, reason=told)
 
 
 def loaded(sidecar: Sidecar, engine: str, step: float | None, settings: Mapping[str, Any]) -> Model:

@@ -103,7 +103,3 @@ def test_a_folder_without_a_sweep_is_told(
 ) -> None:
     assert main(["sweep", "--summary", str(tmp_path)]) == 2
     assert "there is no plan.json of a sweep in it" in capsys.readouterr().err
-    robot = tmp_path / "arm.urdf"
-    robot.write_text("<robot/>")
-    assert main(["sweep", str(robot)]) == 2
-    assert "a sweep takes system folders" in capsys.readouterr().err

@@ -43,4 +43,4 @@ def options(
 
 
 def plan_of(folder: Path, asked: SweepOptions, workers: Workers) -> Plan:
-    return planned(asked, Wanted(folders=[folder]), workers)
+    return planned(asked, Wanted(places=[folder]), workers)

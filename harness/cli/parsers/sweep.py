@@ -15,11 +15,17 @@ def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=False)
     command.add_argument(
+        "--alone",
+        action="store_true",
+        help="files in a system folder too are taken as robots' files, without their sidecars",
+    )
+    command.add_argument(
         "--vary",
         action=arguments.Gathered,
         default=[],
         metavar="NAME=LOW:HIGH[:log]",
-        help="draw a constant from a range, or NAME=V1,V2 from a list; repeatable",
+        help="draw a constant, or a number of a robot's file by its address, from a range, or"
+        " NAME=V1,V2 from a list; repeatable",
     )
     command.add_argument(
         "--draws",

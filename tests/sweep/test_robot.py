@@ -1,0 +1,157 @@
+"""Robots' files in a sweep: their numbers are drawn, by their addresses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from harness.cases.robot import judge_robot, prepare_robot
+from harness.cli.main import main
+from harness.records.outcome import Outcome
+from harness.records.sweep import SweepRow
+from harness.robots.copies import copied
+from harness.robots.named import robot_numbers
+from harness.schedule.workers import Workers
+from harness.sweep import robot as swept_robot
+from harness.sweep.case import run_block, swept
+from harness.sweep.factors import SweepError
+from harness.sweep.plan import Plan
+from harness.sweep.planned import Block
+from harness.sweep.run import sweep
+from harness.sweep.store import read_rows
+from tests.robots.files import joint, link
+from tests.sweep.made import options, plan_of
+
+MASS = "link[fore]/inertial/mass@value"
+DAMPING = "joint[elbow]/dynamics@damping"
+VARY = (f"{MASS}=0.5:8:log", f"{DAMPING}=0.05:0.4")
+URDF = "\n".join((
+    '<robot name="arm">', link("base"), link("upper"), link("fore"),
+    joint("shoulder", "base", "upper", '<axis xyz="0 1 0"/>'),
+    joint("elbow", "upper", "fore",
+          '<origin xyz="0 0 -1"/><axis xyz="0 1 0"/><dynamics damping="0.1"/>'),
+    "</robot>",
+))  # fmt: skip
+MJCF = """<mujoco model="arm">
+  <worldbody>
+    <body name="upper">
+      <joint name="shoulder" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -1" size="0.05" mass="2"/>
+      <body name="fore" pos="0 0 -1">
+        <joint name="elbow" axis="0 1 0" damping="0.1"/>
+        <geom name="rod" type="capsule" fromto="0 0 0 0 0 -0.8" size="0.04" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def workers() -> Iterator[Workers]:
+    with Workers(2) as found:
+        yield found
+
+
+@pytest.fixture
+def urdf(tmp_path: Path) -> Path:
+    file = tmp_path / "arm.urdf"
+    file.write_text(URDF)
+    return file
+
+
+def whole(file: Path, workers: Workers, *vary: str, engines: tuple[str, ...]) -> Plan:
+    return plan_of(file, replace(options(*(vary or VARY)), engines=engines), workers)
+
+
+def rows_of(plan: Plan, place: Path, workers: Workers) -> list[SweepRow]:
+    sweep(plan, place, workers, lambda *_: None)
+    return sorted(read_rows(place), key=lambda row: row.index)
+
+
+def only_block(plan: Plan) -> Block:
+    (block,) = plan.blocks(bytes(plan.count))
+    return block
+
+
+def test_drawn_numbers_agree_in_every_engine_and_as_a_run_of_the_copy_does(
+    urdf: Path, workers: Workers, tmp_path: Path
+) -> None:
+    plan = whole(urdf, workers, engines=("mujoco", "pybullet"))
+    rows = rows_of(plan, tmp_path / "rows", workers)
+    assert [row.engine for row in rows] == ["mujoco", "pybullet"] * 3 or {
+        (row.draw, row.engine) for row in rows
+    } == {(draw, engine) for draw in range(3) for engine in ("mujoco", "pybullet")}
+    for row in rows:
+        assert row.outcome is Outcome.AGREES, row.reason
+        assert row.digits is not None
+        assert row.digits > 9
+        assert row.steps > 0
+        assert set(row.constants) == {MASS, DAMPING}
+    last = rows[-1]
+    numbers = robot_numbers(urdf, {})
+    values: Mapping[int, float] = {
+        i: last.constants[one.address]
+        for i, one in enumerate(numbers.numerals)
+        if one.address in last.constants
+    }
+    copy = copied(urdf, numbers.texts(values), tmp_path / "copy")
+    assert f'damping="{last.constants[DAMPING]!r}"' in copy.read_text()
+    assert judge_robot(prepare_robot(copy).task(last.engine, 1e-9)).outcome is last.outcome
+
+
+def test_a_copy_that_does_not_follow_the_draw_differs(
+    urdf: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unchanged(file: Path, _: Mapping[Path, bytes], __: Path) -> Path:
+        return file
+
+    monkeypatch.setattr(swept_robot, "copied", unchanged)
+    swept.cache_clear()
+    rows = run_block(only_block(whole(urdf, workers, engines=("mujoco",))))
+    assert [row.outcome for row in rows] == [Outcome.DIFFERS] * 3
+
+
+def test_an_mjcf_is_swept_by_what_its_compiler_makes_of_it(
+    workers: Workers, tmp_path: Path
+) -> None:
+    file = tmp_path / "arm.xml"
+    file.write_text(MJCF)
+    plan = whole(file, workers, "geom[rod]@mass=0.5:4", engines=("mujoco",))
+    rows = run_block(only_block(plan))
+    assert [row.outcome for row in rows] == [Outcome.AGREES] * 3
+    assert len({row.discrepancy for row in rows}) == 3
+
+
+def test_a_draw_that_makes_no_robot_is_a_row_beside_the_others(
+    urdf: Path, workers: Workers
+) -> None:
+    asked = replace(options(f"{MASS}=-2,3"), engines=("mujoco",), count=None)
+    bad, good = run_block(only_block(plan_of(urdf, asked, workers)))
+    assert bad.outcome is Outcome.FAILED
+    assert urdf.name in bad.reason
+    assert good.outcome is Outcome.AGREES
+
+
+def test_steps_are_no_factor_of_states(urdf: Path, workers: Workers) -> None:
+    asked = replace(options(*VARY, steps=(0.001, 0.002)), engines=("mujoco",))
+    assert plan_of(urdf, asked, workers).count == 3
+
+
+def test_an_address_that_is_none_is_told_with_those_like_it(urdf: Path, workers: Workers) -> None:
+    with pytest.raises(SweepError, match=r"link\[fore\]/inertial/mass@value, .* more"):
+        whole(urdf, workers, "link[fore]/inertial/mass=1:2", engines=("mujoco",))
+
+
+def test_what_can_not_be_swept_ends_with_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = tmp_path / "arm.urdf"
+    robot.write_text("<robot/>")
+    assert main(["sweep", str(robot), "--out", str(tmp_path / "out")]) == 2
+    assert f"{robot}:1: it has no <link>" in capsys.readouterr().err
+    assert main(["sweep", str(tmp_path / "none.urdf")]) == 2
+    assert "there is no such file" in capsys.readouterr().err
