@@ -11,7 +11,10 @@ import pytest
 
 from harness.cli.main import COMMANDS
 from harness.cli.parsers.sweep import DESIGNS
+from harness.records.outcome import Outcome
+from harness.records.write import encoded
 from harness.sweep.draws import Design
+from tests.records.made import case, results
 
 ROOT = Path(__file__).parents[2]
 
@@ -50,6 +53,18 @@ def imported(folder: Path, *commands: str, among: tuple[str, ...] = HEAVY) -> li
 def test_no_arguments_import_what_only_the_work_needs(words: str, tmp_path: Path) -> None:
     commands = ["--help", "--nonsense", *(words.format(name) for name in COMMANDS)]
     assert imported(tmp_path, *commands) == [f"imported after {given}" for given in commands]
+
+
+def test_what_asks_no_physics_imports_none(tmp_path: Path) -> None:
+    found = results(case(Outcome.AGREES), case(Outcome.DIFFERS))
+    (tmp_path / "results.json").write_text(encoded(found))
+    commands = ["new arm", "engines", "report results.json", "report results.json results.json"]
+    physics = ("sympy", "scipy", "mujoco", "pybullet", "pymunk", "pinocchio")
+    there = imported(tmp_path, *commands, among=physics)
+    assert there == [f"imported after {given}" for given in commands]
+    assert (tmp_path / "index.html").is_file()
+    assert (tmp_path / "changes.html").is_file()
+    assert (tmp_path / "arm" / "system.py").is_file()
 
 
 def test_the_designs_of_a_sweep_are_those_that_there_are() -> None:
