@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -57,6 +56,7 @@ class Collected:
         cases: done, or not to be run.
         measured: what models do, or why it is not known, by folder and case.
         left: what is still to be done: cases, and folders as their `system.py`, by folder.
+        cached: how many cases were had from earlier runs.
     """
 
     def __init__(self, progress: Progress, journal: Journal | None = None) -> None:
@@ -65,6 +65,7 @@ class Collected:
         self.cases: list[Case] = []
         self.measured: dict[tuple[str, CaseId], Measurement | Failure] = {}
         self.left: dict[tuple[str, CaseId], None] = {}
+        self.cached = 0
         self._progress, self._journal = progress, journal
 
     @property
@@ -83,20 +84,23 @@ class Collected:
         self.cases.append(case)
         self._progress(len(self.cases), len(self.cases) + len(self.left), case)
 
-    def once(self, work: Work, job: Job[Any]) -> Iterator[Job[Any]]:
-        """A job, unless the journal has what came of it; what comes of it goes there."""
-        journal = self._journal
-        if journal is None or not work.inputs:
-            yield job
-        elif work in journal.kept:
-            yield from job.done(journal.kept[work])
-        else:
+    def knows(self, work: Work) -> bool:
+        """Whether the journal has what came of a piece of work."""
+        return self._journal is not None and work in self._journal.kept
 
-            def done(value: Any) -> Jobs:
-                journal.keep(work, value)
-                return job.done(value)
+    def known(self, work: Work) -> Any:
+        """What came of it."""
+        assert self._journal is not None
+        return self._journal.kept[work]
 
-            yield dataclasses.replace(job, done=done)
+    def keep(self, work: Work, value: Any) -> None:
+        """What came of a piece of work goes to the journal, if there is one."""
+        if self._journal is not None:
+            self._journal.keep(work, value)
+
+    def forget(self, folder: str) -> None:
+        """Nothing more is to come of a folder."""
+        self.left = {one: None for one in self.left if one[0] != folder}
 
     def amend(self, key: ModelKey, **fields: Unpack[_Found]) -> None:
         """Put what was found of a model into its record."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from harness.cached import Cache
 from harness.files.choice import Choice
 from harness.records.baseline import Snapshot
 from harness.records.case import CaseId, ModelKey
@@ -50,7 +51,8 @@ class Options:
 
     `baseline` is where known differences are looked up; `floating` lets the root link of a URDF
     that is given alone move; `choice` tells which cases are wanted; `scheduler` is the address of a
-    cluster's, empty for processes of this machine.
+    cluster's, empty for processes of this machine; `cache` has what was found before, where nothing
+    it depends on is another.
     """
 
     engines: tuple[str, ...] = ()
@@ -62,6 +64,7 @@ class Options:
     floating: bool = False
     choice: Choice = field(default_factory=Choice)
     scheduler: str = ""
+    cache: Cache | None = None
 
     @property
     def described(self) -> bool:

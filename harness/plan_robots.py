@@ -19,7 +19,7 @@ from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers, runners
 from harness.options import Options
-from harness.plan import text_of
+from harness.plan_model import text_of
 from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage

@@ -12,6 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -80,7 +81,10 @@ def run(
         engines=options.engines,
     ) as workers:
         alone = RobotPlan(options, found)
-        jobs: list[Job[Any]] = [*map(plan.folder, folders), *map(alone.file, robots)]
+        jobs: list[Job[Any]] = [
+            *chain.from_iterable(map(plan.folder, folders)),
+            *map(alone.file, robots),
+        ]
         work(jobs, workers, stop)
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
@@ -97,6 +101,7 @@ def run(
         baseline=None if stop.asked else _changes(cases, found.measured, before, options),
         stopped=stop.name if stop.asked else "",
         not_run=tuple(case for _, case in found.left),
+        cached=found.cached,
     )
     return Run(results, found.measured)
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from harness.cached import Cache
 from harness.cli import arguments
 from harness.cli.asked import Asked, asked_for
 from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
@@ -49,6 +50,7 @@ def main(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], Results]) -> Ran:
     """Run once; `among` puts the results among those that stay, which are written with them."""
     tell_missing(wanted.named)
+    cache = None if options.cache is None else Cache(options.cache)
     asked = Options(
         engines=tuple(options.engine),
         resolution=options.resolution,
@@ -58,6 +60,7 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
         floating=options.floating,
         choice=wanted.choice,
         scheduler=options.scheduler,
+        cache=cache,
     )
     with journal(options.out, resume=options.resume) as done:
         with Progress(every=options.verbose) as progress, asking() as stop:
@@ -75,6 +78,8 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
             done.remove()
     _tell(results, options, wanted.robots)
     _tell_stopped(results, options.out, done)
+    if cache is not None and cache.trouble:
+        print(f"crosscheck: nothing more is kept in the cache: {cache.trouble}", file=sys.stderr)
     for line in absent_lines(wanted.folders) if asked.choice.everything else ():
         print(f"crosscheck: {line}", file=sys.stderr)
     if results.untested:

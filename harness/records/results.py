@@ -74,6 +74,8 @@ class Results(Record, frozen=True, kw_only=True):
         baseline: null where there is none to compare with.
         stopped: the signal that ended the run before all was done; empty where none did.
         not_run: what was left then, as far as it was known: cases, and folders as `system.py`.
+        cached: how many of the cases were had from the cache: nothing that they depend on is
+            another than when they were run.
         schema: version of this format.
     """
 
@@ -87,6 +89,7 @@ class Results(Record, frozen=True, kw_only=True):
     baseline: BaselineChanges | None = None
     stopped: str = ""
     not_run: tuple[CaseId, ...] = ()
+    cached: int = 0
     schema: Literal[1] = SCHEMA
 
     @property

@@ -60,8 +60,13 @@ def summary(results: Results) -> str:
     told = agreement(worst)
     return (
         f"{len(results.cases)} cases: {', '.join(parts)}{accepted}{_unfinished(results)}{told};"
-        f" {results.seconds:.1f} s"
+        f" {results.seconds:.1f} s{_cached(results)}"
     )
+
+
+def _cached(results: Results) -> str:
+    """How many cases were not run, since they had been."""
+    return f"; {results.cached} had from the cache" if results.cached else ""
 
 
 def _unfinished(results: Results) -> str:

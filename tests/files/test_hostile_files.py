@@ -17,7 +17,7 @@ from harness.files.folders import FolderError, builtin, system_folders
 from harness.files.locations import LocationError, find
 from harness.files.model_files import UnreadModel, model_files
 from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
-from harness.plan import text_of
+from harness.plan_model import text_of
 from reference.load import load_system
 from reference.system import System
 

@@ -48,6 +48,14 @@ def add(command: argparse.ArgumentParser) -> None:
         "-v", "--verbose", action="store_true", help="print a line for each case in a log"
     )
     command.add_argument(
+        "--cache",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="what was found is kept there, and had from there where nothing it depends on is"
+        " another, such as .crosscheck_cache",
+    )
+    command.add_argument(
         "--resume",
         action="store_true",
         help="go on with a run that was stopped: what it did is kept, unless its files changed",

@@ -1,0 +1,264 @@
+"""What earlier runs found, by all that it depends on: a run takes it from there.
+
+A file of JSON for each piece of work, named by the hash of what it is and depends on: the contents
+of the folder, engine and versions, and the source of this package and of the engine's adapter.
+Beside the value stand the hashes of what the folder's code read elsewhere, which must be the same
+still. Nothing in it is run, a file that can't be read as what it should be is as good as none, and
+each is written whole or not at all.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.metadata
+import inspect
+import os
+import platform
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+import physics_crosscheck
+from harness.audit.run import Audit
+from harness.baseline.fingerprint import UNREADABLE, digest_of, digests, folder_files
+from harness.baseline.inputs import inputs, versions
+from harness.cases.multibody import FileSurvey
+from harness.engines.registry import engines
+from harness.files.reads import recorded
+from harness.records.base import Record
+from harness.records.baseline import Measurement, Snapshot
+from harness.records.case import Case, ModelKey
+from harness.records.coverage import Coverage
+from harness.records.finding import Diagnosis
+from harness.records.model import EngineLinearization
+from harness.records.system import System
+from harness.records.write import write_whole
+from harness.schedule.jobs import Task
+
+LIBRARIES = ("numpy", "scipy", "sympy", "mpmath")
+"""What digits come from, beside the engines and this package."""
+
+DAYS = 30
+"""What nobody asked for in so many days is dropped."""
+
+SECONDS_A_DAY = 86_400.0
+
+
+class FolderFacts(Record, frozen=True, kw_only=True):
+    """What is known of a folder once it is prepared, without its equations.
+
+    Attributes:
+        record: the system's entry in the results.
+        bodies: whether it declares bodies, and not energies.
+        reads: files that `system.py` has read, by their places relative to the folder.
+    """
+
+    record: System
+    bodies: bool
+    reads: tuple[str, ...]
+
+
+KINDS: Mapping[str, Any] = {
+    "folder": FolderFacts,
+    "case": Case,
+    "linearizations": tuple[EngineLinearization, ...],
+    "coverage": Coverage,
+    "diagnosis": Diagnosis,
+    "audit": Audit,
+    "survey": FileSurvey,
+    "measurement": Measurement,
+}
+"""Of each kind of work what comes of it."""
+
+
+class Piece(Record, frozen=True, kw_only=True):
+    """A piece of work, and the hash of what it depends on.
+
+    Attributes:
+        kind: one of `KINDS`.
+        folder, model, engine, scenario: whose; empty where it has none.
+        inputs: hash of all that is known of before it is done; empty: it can't be told.
+    """
+
+    kind: str
+    folder: str
+    model: str = ""
+    engine: str = ""
+    scenario: str = ""
+    inputs: str
+
+
+class _Entry(Record, frozen=True, kw_only=True):
+    """A file: the piece, what was read for it and its hashes, and what came of it."""
+
+    piece: Piece
+    reads: dict[str, str]
+    value: msgspec.Raw
+
+
+class Cache:
+    """A folder of what was found.
+
+    Args:
+        place: the folder; made where there is none.
+
+    Attributes:
+        trouble: why nothing is kept any more; empty while it is.
+    """
+
+    def __init__(self, place: Path) -> None:
+        self._place, self.trouble = place, ""
+        with self._writing():
+            place.mkdir(parents=True, exist_ok=True)
+            if not (place / ".gitignore").exists():
+                write_whole(place / ".gitignore", "*\n")
+            self._prune()
+
+    def find(self, piece: Piece) -> Any | None:
+        """What came of a piece of work, if it was done and all is as it was; else None."""
+        path = self._path(piece)
+        if not piece.inputs:
+            return None
+        with contextlib.suppress(
+            OSError, msgspec.MsgspecError, RecursionError, UnicodeDecodeError, ValueError
+        ):
+            entry = msgspec.json.decode(path.read_bytes(), type=_Entry)
+            if entry.piece != piece or not _as_they_were(Path(piece.folder), entry.reads):
+                return None
+            value = msgspec.json.decode(entry.value, type=KINDS[piece.kind])
+            os.utime(path)
+            return value
+        return None
+
+    def keep(self, piece: Piece, value: Any, reads: Iterable[str]) -> None:
+        """Keep what came of a piece of work; where it can't be, the run goes on without.
+
+        Args:
+            piece: the work.
+            value: of its kind.
+            reads: files that were read for it, by their places relative to the folder.
+        """
+        if self.trouble or not piece.inputs:
+            return
+        known = digests(Path(piece.folder), sorted(set(reads)))
+        if UNREADABLE in known.values():
+            return
+        entry = _Entry(piece=piece, reads=known, value=msgspec.Raw(msgspec.json.encode(value)))
+        with self._writing():
+            path = self._path(piece)
+            path.parent.mkdir(exist_ok=True)
+            write_whole(path, msgspec.json.encode(entry).decode())
+
+    def _path(self, piece: Piece) -> Path:
+        name = hashlib.sha256(msgspec.json.encode(piece)).hexdigest()
+        return self._place / name[:2] / f"{name[2:]}.json"
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self.trouble = f"{error.filename or self._place}: {error.strerror or error}"
+
+    def _prune(self) -> None:
+        """Drop what is old, once a day at most."""
+        mark, now = self._place / "pruned", time.time()
+        if mark.exists() and now - mark.stat().st_mtime < SECONDS_A_DAY:
+            return
+        for path in self._place.glob("??/*.json"):
+            with contextlib.suppress(OSError):
+                if now - path.stat().st_mtime > DAYS * SECONDS_A_DAY:
+                    path.unlink()
+        mark.touch()
+
+
+def _as_they_were(folder: Path, reads: Mapping[str, str]) -> bool:
+    return digests(folder, reads) == dict(reads)
+
+
+def piece_of_folder(folder: Path, *, described: bool) -> Piece:
+    """The preparation of a folder; without `described` it has no derivation."""
+    try:
+        known = f"{folder_files(folder).system} {described} {_surroundings()}"
+    except OSError:
+        known = ""
+    return Piece(kind="folder", folder=str(folder), inputs=known and digest_of(known.encode()))
+
+
+def models_inputs(folder: Path, resolution: float, baseline: Path | None) -> dict[ModelKey, str]:
+    """The hash of each model of a folder in each engine; {} where files can't be read.
+
+    Args:
+        folder: of the system.
+        resolution: of the run.
+        baseline: a folder inside that is none of its own.
+    """
+    return {
+        key: digest_of(f"{known} {_surroundings()} {_adapter(key[-1])}".encode())
+        for key, known in inputs(folder, resolution, baseline).items()
+    }
+
+
+def with_snapshot(known: str, snapshot: Snapshot | None) -> str:
+    """The hash of a model that is to repeat a snapshot."""
+    return known and digest_of(known.encode() + msgspec.json.encode(snapshot))
+
+
+@lru_cache(maxsize=1)
+def _surroundings() -> str:
+    """Hash of this package's source, and of the versions of what it stands on."""
+    known = [
+        platform.machine(),
+        sys.platform,
+        *(f"{name} {importlib.metadata.version(name)}" for name in LIBRARIES),
+        *(f"{name} {version}" for name, version in versions().items() if version is not None),
+        *(_source(physics_crosscheck.BESIDE / name) for name in ("harness", "reference")),
+    ]
+    return digest_of(msgspec.json.encode(known))
+
+
+@lru_cache(maxsize=64)
+def _adapter(name: str) -> str:
+    """Hash of the source that an engine's adapter is in; that of our own is in all."""
+    file = _engine_file(name)
+    return "" if file is None else _source(file.parent)
+
+
+def _engine_file(name: str) -> Path | None:
+    engine = engines().get(name)
+    file = None if engine is None else inspect.getsourcefile(type(engine))
+    return None if file is None else Path(file)
+
+
+def _source(folder: Path) -> str:
+    found = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        found.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()
+
+
+class Told(msgspec.Struct):
+    """What came of a task, and which files it read, by their places relative to a folder."""
+
+    value: Any
+    reads: tuple[str, ...]
+
+
+class Reading:
+    """A task's function that tells what it reads beside."""
+
+    def __init__(self, task: Task[Any, Any], folder: Path) -> None:
+        self._function, self._folder = task.function, folder
+
+    def __call__(self, argument: Any) -> Told:
+        """Do it."""
+        with recorded(self._folder) as reads:
+            value = self._function(argument)
+        # A copy that the task made for itself, and that is gone, is no file that it depends on.
+        return Told(value, tuple(n for n in reads.names() if (self._folder / n).is_file()))

@@ -1,0 +1,117 @@
+"""A model of a folder that declares bodies: its states, and what its file says besides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from msgspec import structs
+
+from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
+from harness.cases.multibody import FileSurvey, PreparedTree, not_of_a_tree, survey_file
+from harness.cases.not_run import failed_case
+from harness.cases.robot import RobotTask, run_robot
+from harness.collected import Jobs
+from harness.coverage.robot import count_robot
+from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+from harness.plan_model import ModelPlan
+from harness.records.baseline import Snapshot
+from harness.records.case import Case
+from harness.records.coverage import Coverage
+from harness.records.outcome import Outcome
+from harness.schedule.jobs import Job, Task
+from harness.schedule.workers import Failure
+
+
+class BodiesModel(ModelPlan):
+    """One case at chosen states, a measurement, coverage, and a diagnosis where it differs."""
+
+    def _jobs(self) -> Iterator[Job[Any]]:
+        if reason := not_of_a_tree(self.sidecar):
+            for case in self.cases:
+                self.work.found.add(failed_case(case, self.folder, Failure(reason, "")))
+            return
+        self.begin()
+        for case in self.cases:
+            yield from self._states(case.scenario)
+            yield from self.work.measure(case, self._measuring)
+        yield from self._survey()
+        if self.options.selection is None:
+            yield from self._coverage()
+
+    def _task(self, prepared: PreparedTree) -> RobotTask:
+        return prepared.task(self.sidecar, self.engine, self.options.resolution)
+
+    def _measuring(self, prepared: PreparedTree, accepted: Snapshot | None) -> Task[Any, Any]:
+        task = MeasureTreeTask(
+            task=self._task(prepared),
+            system=prepared.system.tree_system,
+            accepted=accepted,
+            reads=prepared.reads,
+        )
+        return Task(measure_tree, task)
+
+    def _states(self, scenario: str) -> Iterator[Job[Any]]:
+        (case,) = (one for one in self.cases if one.scenario == scenario)
+
+        def done(value: Case) -> Jobs:
+            self.work.found.add(value)
+            asked = self.options.diagnosed
+            return self._named() if asked and value.outcome is Outcome.DIFFERS else ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(failed_case(case, self.folder, failure))
+
+        return self.work.do(
+            "case",
+            self.key,
+            lambda prepared: Task(run_robot, self._task(prepared)),
+            done,
+            failed,
+            scenario=scenario,
+        )
+
+    def _named(self) -> Iterator[Job[Any]]:
+        """The numbers of a file that are not those of the declared bodies."""
+        return self.work.do(
+            "diagnosis",
+            self.key,
+            lambda prepared: Task(
+                diagnose_robot, RobotDiagnosisTask(task=self._task(prepared), own=False)
+            ),
+            self.diagnosed,
+            self.undiagnosed,
+        )
+
+    def _coverage(self) -> Iterator[Job[Any]]:
+        def done(value: Coverage) -> Jobs:
+            known = self.work.found.models[self.key].coverage or Coverage()
+            coverage = structs.replace(value, left_out=known.left_out)
+            self.work.found.amend(self.key, coverage=coverage)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Coverage(note=failure.reason))
+
+        return self.work.do(
+            "coverage",
+            self.key,
+            lambda prepared: Task(count_robot, self._task(prepared)),
+            done,
+            failed,
+        )
+
+    def _survey(self) -> Iterator[Job[Any]]:
+        def done(value: FileSurvey) -> Jobs:
+            known = self.work.found.models[self.key].coverage or Coverage()
+            coverage = structs.replace(known, left_out=value.left_out)
+            self.work.found.amend(self.key, audit=value.findings, coverage=coverage)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            self.work.found.amend(self.key, audit_failure=failure.reason)
+            return ()
+
+        return self.work.do(
+            "survey", self.key, lambda _: Task(survey_file, self.sidecar), done, failed
+        )

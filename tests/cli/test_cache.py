@@ -1,0 +1,243 @@
+"""What was found before, and what makes it be found anew."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from harness import cached
+from harness.cached import models_inputs
+from harness.cli.main import main
+from harness.records.outcome import Outcome
+from harness.records.read import read_results
+from harness.records.results import Results
+from harness.schedule.workers import Workers
+from tests.faults.known_folder import KNOWN_ANSWER, known_folder
+from tests.mutation.test_trees import MODEL, SYSTEM
+from tests.sweep.made import swept_folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Two models of the known-answer engine: one is right, one is not."""
+    monkeypatch.syspath_prepend(KNOWN_ANSWER)
+    monkeypatch.chdir(tmp_path)
+    folder = known_folder(tmp_path / "osc", {"good": "", "wrong": ""})
+    wrong = folder / "wrong.known"
+    wrong.write_text(wrong.read_text().replace("47.0", "47.5"))
+    return folder
+
+
+def run(*more: str, of: str = "osc") -> Results:
+    main(["run", of, "--cache", "cache", "--out", "out", "--jobs", "1", *more])
+    return read_results(Path("out/results.json"))
+
+
+def done_again(found: Results) -> int:
+    return len(found.cases) - found.cached
+
+
+def test_what_is_known_is_not_run_again_nor_derived(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = run()
+    assert first.cached == 0
+    assert "from the cache" not in capsys.readouterr().out
+
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError("something is run")
+
+    monkeypatch.setattr(Workers, "submit", refused)
+    second = run()
+    assert "; 4 had from the cache" in capsys.readouterr().out
+    assert second.cached == 4
+    # All of it: the diagnosis of the one that differs, linearizations, coverage, the derivation.
+    assert second.cases == first.cases
+    assert second.models == first.models
+    assert second.systems == first.systems
+    assert {case.outcome for case in second.cases} == {Outcome.AGREES, Outcome.DIFFERS}
+    assert any(model.diagnosis for model in second.models)
+
+
+def test_what_is_measured_beside_a_baseline_is_known_too(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("CI", raising=False)
+    (folder / "wrong.known").unlink()
+    (folder / "wrong.known.toml").unlink()
+    assert main(["accept", "--folder", "osc", "--reason", "a test"]) == 0
+    first = run()
+    assert first.baseline is not None
+    known = Workers.submit
+    submitted: list[str] = []
+
+    def counted(workers: Workers, function: object, argument: object, **more: bool) -> object:
+        submitted.append(str(function))
+        return known(workers, function, argument, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Workers, "submit", counted)
+    second = run()
+    assert (submitted, second.cached, second.baseline) == ([], 2, first.baseline)
+    good = folder / "good.known"
+    good.write_text(good.read_text().replace("step = 0.005", "step = 0.01"))
+    third = run()
+    assert (third.cached, third.baseline == first.baseline) == (0, False)
+
+
+def test_a_changed_model_alone_is_run(folder: Path) -> None:
+    run()
+    wrong = folder / "wrong.known"
+    wrong.write_text(wrong.read_text().replace("47.5", "47.0"))
+    found = run()
+    assert done_again(found) == 2
+    assert {case.outcome for case in found.cases} == {Outcome.AGREES}
+    assert done_again(run("--resolution", "1e-8")) == 4
+
+
+def test_a_changed_system_runs_all(folder: Path) -> None:
+    run()
+    system = folder / "system.py"
+    system.write_text(system.read_text().replace('"k", 47.0', '"k", 47.5'))
+    found = run()
+    assert done_again(found) == 4
+    assert [c.outcome for c in found.cases if c.model == "wrong.known"] == [Outcome.AGREES] * 2
+
+
+def test_what_system_py_reads_elsewhere_counts(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "k.txt").write_text("47.0")
+    system = folder / "system.py"
+    text = system.read_text().replace(
+        '"k", 47.0', '"k", float((Path(__file__).parent.parent / "k.txt").read_text())'
+    )
+    system.write_text("from pathlib import Path\n" + text)
+    run()
+    assert done_again(run()) == 0
+    (tmp_path / "k.txt").write_text("47.5")
+    found = run()
+    assert done_again(found) == 4
+    assert [c.outcome for c in found.cases if c.model == "good.known"] == [Outcome.DIFFERS] * 2
+
+
+def test_so_does_what_a_model_that_is_code_reads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pymunk")
+    monkeypatch.chdir(tmp_path)
+    folder = swept_folder(tmp_path / "mass", "space.py")
+    (tmp_path / "note.txt").write_text("one")
+    space = folder / "space.py"
+    reads = 'Path(__file__).resolve().parents[1].joinpath("note.txt").read_text()'
+    space.write_text(f"{space.read_text()}\nfrom pathlib import Path\n\n_ = {reads}\n")
+    first = run(of="mass")
+    assert done_again(run(of="mass")) == 0
+    (tmp_path / "note.txt").write_text("two")
+    assert done_again(run(of="mass")) == len(first.cases)
+
+
+def test_of_declared_bodies_likewise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    pytest.importorskip("mujoco")
+    arm = tmp_path / "arm"
+    arm.mkdir()
+    (arm / "system.py").write_text(SYSTEM)
+    (arm / "m.xml").write_text(MODEL)
+    (arm / "m.xml.toml").write_text('engines = ["mujoco"]\n\n[settings]\nsmooth = true\n')
+    first = run(of="arm")
+    assert first.cached == 0
+    second = run(of="arm")
+    assert done_again(second) == 0
+    assert second.cases == first.cases
+    assert second.models == first.models
+
+
+def test_what_failed_is_tried_again(folder: Path) -> None:
+    (folder / "wrong.known").write_text("names = [")
+    first = run()
+    assert {c.outcome for c in first.cases if c.model == "wrong.known"} == {Outcome.FAILED}
+    found = run()
+    assert found.cached == 2
+    assert {c.outcome for c in found.cases if c.model == "wrong.known"} == {Outcome.FAILED}
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b'{"piece": 1}', b"\xff\xfe"])
+def test_a_broken_entry_is_as_good_as_none(folder: Path, content: bytes) -> None:
+    first = run()
+    for path in Path("cache").glob("??/*.json"):
+        path.write_bytes(content)
+    found = run()
+    assert found.cached == 0
+    assert found.cases[0].verdict == first.cases[0].verdict
+
+
+def test_an_entry_of_other_work_is_not_taken(folder: Path) -> None:
+    """Whatever its name says, it has to be of the very piece."""
+    run()
+    cases = [
+        path
+        for path in Path("cache").glob("??/*.json")
+        if json.loads(path.read_text())["piece"]["kind"] == "case"
+    ]
+    contents = [path.read_bytes() for path in cases]
+    for path, content in zip(cases, contents[1:] + contents[:1], strict=True):
+        path.write_bytes(content)
+    assert run().cached == 0
+
+
+def test_the_source_of_an_adapter_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    place = tmp_path / "engine"
+    shutil.copytree(KNOWN_ANSWER, place)
+    monkeypatch.setattr(cached, "_engine_file", lambda _: place / "known_answer.py")
+    cached._adapter.cache_clear()
+    before = models_inputs(folder, 1e-9, None)
+    cached._adapter.cache_clear()
+    assert models_inputs(folder, 1e-9, None) == before
+    with (place / "known_answer.py").open("a") as file:
+        file.write("\n# another\n")
+    cached._adapter.cache_clear()
+    after = models_inputs(folder, 1e-9, None)
+    cached._adapter.cache_clear()
+    assert before.keys() == after.keys()
+    assert all(before[key] != after[key] for key in before)
+
+
+def test_where_nothing_can_be_kept_it_is_told_and_the_run_goes_on(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("cache").write_text("a file")
+    found = run()
+    assert len(found.cases) == 4
+    assert "nothing more is kept in the cache: cache" in capsys.readouterr().err
+
+
+def test_what_is_old_is_dropped(folder: Path) -> None:
+    run()
+    entries = list(Path("cache").glob("??/*.json"))
+    for path in entries:
+        os.utime(path, (0, 0))
+    os.utime("cache/pruned", (0, 0))
+    assert done_again(run()) == 4
+    assert Path("cache/.gitignore").read_text() == "*\n"
+
+
+def test_a_folder_that_no_longer_prepares_is_one_failure(folder: Path, tmp_path: Path) -> None:
+    """Its facts are known, a model is to be run, and then the equations can't be had."""
+    system = folder / "system.py"
+    broken = f'import os\n\nif os.path.exists("{tmp_path / "broken"}"):\n    raise ValueError\n'
+    system.write_text(broken + system.read_text())
+    run()
+    good = folder / "good.known"
+    good.write_text(good.read_text() + "\n# another\n")
+    (tmp_path / "broken").touch()
+    found = run()
+    assert found.cached == 2
+    assert [(c.model, c.outcome) for c in found.failed] == [
+        ("system.py", Outcome.FAILED), ("wrong.known", Outcome.DIFFERS),
+        ("wrong.known", Outcome.DIFFERS),
+    ]  # fmt: skip
+    assert found.not_run == ()
