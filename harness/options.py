@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from harness.cached import Cache
 from harness.files.choice import Choice
 from harness.records.baseline import Snapshot
 from harness.records.case import CaseId, ModelKey
 from harness.schedule.limits import Limits
+
+if TYPE_CHECKING:  # a cache asks the equations, and sympy takes a second
+    from harness.cached import Cache
 
 
 def resolvable(resolution: float) -> bool:

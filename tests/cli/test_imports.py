@@ -55,6 +55,11 @@ def test_no_arguments_import_what_only_the_work_needs(words: str, tmp_path: Path
     assert imported(tmp_path, *commands) == [f"imported after {given}" for given in commands]
 
 
+def test_a_resolution_is_read_without_sympy(tmp_path: Path) -> None:
+    given = "gate nowhere --resolution 1e-7"
+    assert imported(tmp_path, given, among=("sympy", "scipy")) == [f"imported after {given}"]
+
+
 def test_what_asks_no_physics_imports_none(tmp_path: Path) -> None:
     found = results(case(Outcome.AGREES), case(Outcome.DIFFERS))
     (tmp_path / "results.json").write_text(encoded(found))
