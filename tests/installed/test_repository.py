@@ -10,6 +10,7 @@ import yaml
 
 from tests.installed.conftest import Installed
 from tests.installed.workflow import run_job, steps_of
+from tests.standing import brief
 
 REPOSITORY = Path(__file__).parent / "repository"
 ROOT = Path(__file__).parents[2]
@@ -22,6 +23,8 @@ def test_a_fresh_repository_is_run_tested_accepted_and_gated(
 ) -> None:
     place = tmp_path / "robots"
     shutil.copytree(REPOSITORY, place)
+    for system in ("cart_pole", "double_pendulum"):
+        brief(place / "models" / system)
 
     def does(command: str, code: int = 0, **environment: str) -> str:
         done = installed.shell(command, place, **environment)
