@@ -79,9 +79,7 @@ class FolderWork:
 
     def begun(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
         """The jobs of the folder's models, after its preparation where that is needed."""
-        known = (
-            None if self._piece is None or self._cache is None else self._cache.find(self._piece)
-        )
+        known = self._had(self._piece)
         if known is None:
             yield self._preparation(models)
             return
