@@ -26,16 +26,18 @@ import msgspec
 
 import physics_crosscheck
 from harness.audit.run import Audit
-from harness.baseline.fingerprint import UNREADABLE, digest_of, digests, folder_files
+from harness.baseline.fingerprint import UNREADABLE, digest, digest_of, digests, folder_files
 from harness.baseline.inputs import inputs, versions
 from harness.cases.multibody import FileSurvey
 from harness.engines.registry import engines
+from harness.files.parts import named_files
 from harness.files.reads import recorded
+from harness.numerics.version import VERSION
 from harness.records.base import Record
 from harness.records.baseline import Measurement, Snapshot
 from harness.records.case import Case, ModelKey
 from harness.records.coverage import Coverage
-from harness.records.finding import Diagnosis
+from harness.records.finding import AuditFinding, Diagnosis
 from harness.records.model import EngineLinearization
 from harness.records.system import System
 from harness.records.write import write_whole
@@ -64,8 +66,23 @@ class FolderFacts(Record, frozen=True, kw_only=True):
     reads: tuple[str, ...]
 
 
+class RobotFacts(Record, frozen=True, kw_only=True):
+    """What is known of a robot's file once it is prepared, without its equations.
+
+    Attributes:
+        record: the robot's entry in the results.
+        left_out: what the file says beyond the equations.
+        findings: inertias that no body can have.
+    """
+
+    record: System
+    left_out: tuple[str, ...]
+    findings: tuple[AuditFinding, ...]
+
+
 KINDS: Mapping[str, Any] = {
     "folder": FolderFacts,
+    "robot": RobotFacts,
     "case": Case,
     "linearizations": tuple[EngineLinearization, ...],
     "coverage": Coverage,
@@ -203,6 +220,27 @@ def models_inputs(folder: Path, resolution: float, baseline: Path | None) -> dic
         key: digest_of(f"{known} {_surroundings()} {_adapter(key[-1])}".encode())
         for key, known in inputs(folder, resolution, baseline).items()
     }
+
+
+def piece_of_robot(file: Path, *, floating: bool) -> Piece:
+    """The preparation of a robot's file, with all that it names."""
+    return Piece(kind="robot", folder=str(file), inputs=_robot(file, floating))
+
+
+def robot_inputs(file: Path, engine: str, *, floating: bool, resolution: float) -> str:
+    """The hash of a robot's file in an engine; empty where files can't be read."""
+    known = _robot(file, floating)
+    return known and digest_of(f"{known} {engine} {resolution!r} {_adapter(engine)}".encode())
+
+
+def _robot(file: Path, floating: bool) -> str:
+    try:
+        beside = file.with_name(f"{file.name}.toml").is_file()  # which is told as not read
+        known = [(str(one), digest(one)) for one in (file, *named_files(file))]
+    except OSError:
+        return ""
+    told = (known, floating, beside, VERSION, _surroundings())
+    return digest_of(msgspec.json.encode(told))
 
 
 def with_snapshot(known: str, snapshot: Snapshot | None) -> str:

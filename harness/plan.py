@@ -18,7 +18,7 @@ from harness.files.sidecar import Sidecar
 from harness.options import Options
 from harness.plan_bodies import BodiesModel
 from harness.plan_energies import EnergiesModel
-from harness.plan_work import FolderWork
+from harness.plan_folder import FolderWork
 from harness.records.baseline import Snapshot
 from harness.records.case import CaseId
 from harness.schedule.jobs import Job
@@ -49,8 +49,8 @@ class Plan:
     def _models(self, work: FolderWork) -> Iterator[Job[Any]]:
         """Every model of a folder in every engine; those that can't be run are told at once."""
         self._found.systems.append(work.facts.record)
-        name, folder = work.facts.record.name, str(work.folder)
-        files = list(model_files(work.folder))
+        name, folder = work.facts.record.name, str(work.place)
+        files = list(model_files(work.place))
         unread = [
             (CaseId(system=name, model=one.model, scenario="-", engine="-"), one.reason)
             for one in files
@@ -80,7 +80,7 @@ class Plan:
             for one in record.scenarios
         ]
         choice = self._options.choice
-        return [case for case in cases if choice.includes(str(work.folder), case)]
+        return [case for case in cases if choice.includes(str(work.place), case)]
 
     def _chosen(self, folder: str, sidecar: Sidecar) -> list[str]:
         """The engines in which a model is to be run."""

@@ -12,7 +12,7 @@ from harness.collected import Jobs
 from harness.engines.protocol import Engine
 from harness.files.reading import read_regular
 from harness.files.sidecar import Sidecar
-from harness.plan_work import FolderWork
+from harness.plan_folder import FolderWork
 from harness.records.case import CaseId
 from harness.records.finding import Diagnosis
 from harness.records.model import Model
@@ -40,7 +40,7 @@ class ModelPlan(ABC):
         cases: Sequence[CaseId],
     ) -> None:
         self.work, self.sidecar, self.engine, self.cases = work, sidecar, engine, cases
-        self.folder, self.options = str(work.folder), work.options
+        self.folder, self.options = str(work.place), work.options
         self.key = self.folder, sidecar.model.name, engine
         self._engines = known
 

@@ -11,6 +11,7 @@ from typing import Any
 from msgspec import structs
 
 from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
+from harness.cached import RobotFacts, piece_of_robot, robot_inputs
 from harness.cases.not_run import absent, barred_case, failed_case
 from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
 from harness.collected import Collected, Jobs
@@ -20,8 +21,9 @@ from harness.engines.protocol import Engine
 from harness.engines.registry import readers, runners
 from harness.options import Options
 from harness.plan_model import text_of
-from harness.records.baseline import Measurement, Snapshot
-from harness.records.case import Case, CaseId
+from harness.plan_work import PlaceWork
+from harness.records.baseline import Snapshot
+from harness.records.case import Case, CaseId, ModelKey
 from harness.records.coverage import Coverage
 from harness.records.finding import Diagnosis
 from harness.records.model import Model
@@ -30,58 +32,146 @@ from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
 
 
+class RobotWork(PlaceWork[RobotFacts]):
+    """The work of a run on one file.
+
+    Args:
+        file: the model file.
+        options: of the run.
+        found: what the jobs bring.
+    """
+
+    def __init__(self, file: Path, options: Options, found: Collected) -> None:
+        known = piece_of_robot(file, floating=options.floating) if options.cache else None
+        super().__init__(file, options, found, known)
+
+    @property
+    def stand_in(self) -> CaseId:
+        """The file."""
+        return CaseId(system=self.place.stem, model=self.place.name, scenario="-", engine="-")
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """None: what a file names is in its hash."""
+        return ()
+
+    def _preparing(self) -> Task[Any, Any]:
+        return Task(partial(prepare_robot, floating=self.options.floating), self.place)
+
+    def _facts_of(self, prepared: PreparedRobot) -> RobotFacts:
+        return RobotFacts(
+            record=prepared.record, left_out=prepared.left_out, findings=prepared.findings
+        )
+
+    def _inputs(self, key: ModelKey) -> str:
+        options = self.options
+        return robot_inputs(
+            self.place, key[-1], floating=options.floating, resolution=options.resolution
+        )
+
+    def _told(self, failure: Failure) -> Failure:
+        return replace(failure, reason=failure.about(self.place))
+
+
 class RobotPlan:
     """What is to be done for robots' files; values go to `found`."""
 
     def __init__(self, options: Options, found: Collected) -> None:
         self._options, self._found = options, found
 
-    def file(self, file: Path) -> Job[PreparedRobot]:
+    def file(self, file: Path) -> Iterator[Job[Any]]:
         """Prepare a file, then run it."""
-        one = _stand_in(file)
-        self._found.expect(str(file), [one])
-        failed = partial(self._failed, one, file)
-        prepare = partial(prepare_robot, floating=self._options.floating)
-        return Job(task=Task(prepare, file), done=partial(self._engines, one), failed=failed)
+        work = RobotWork(file, self._options, self._found)
+        self._found.expect(str(file), [work.stand_in])
+        yield from work.begun(partial(self._engines, work))
 
-    def _engines(self, one: CaseId, prepared: PreparedRobot) -> Iterator[Job[Any]]:
+    def _engines(self, work: RobotWork) -> Iterator[Job[Any]]:
         """The file in every engine that reads its format, or in those that are wanted."""
-        file = prepared.file
-        self._found.systems.append(prepared.record)
+        file, facts = work.place, work.facts
+        self._found.systems.append(facts.record)
         wanted = [
             engine
             for engine in (readers if self._options.engines else runners)(file.suffix)
             if not self._options.engines or engine.name in self._options.engines
         ]
-        found = [(engine, _id(prepared, engine)) for engine in wanted]
+        found = [(engine, _id(work, engine)) for engine in wanted]
         choice = self._options.choice
         chosen = [(engine, case) for engine, case in found if choice.includes(str(file), case)]
-        self._found.left.pop((str(file), one), None)
+        self._found.left.pop((str(file), work.stand_in), None)
         self._found.expect(str(file), [case for _, case in chosen])
-        tasks: list[RobotTask] = []
+        begun: list[ModelKey] = []
         for engine, case in chosen:
             if why := absent(engine):
                 self._found.add(barred_case(case, str(file), why))
                 continue
-            model = _model(prepared, engine)
+            model = _model(work, engine)
             self._found.models[model.key] = model
-            task = prepared.task(engine.name, self._options.resolution)
-            tasks.append(task)
-            yield Job(
-                task=Task(run_robot, task),
-                done=partial(self._run, prepared, task),
-                failed=partial(self._failed, case, file),
-            )
+            begun.append(model.key)
+            yield from self._case(work, model.key, case)
+        if begun and self._options.selection is None:
+            yield from self._coverage(work, begun)
 
-        if tasks and self._options.selection is None:
-            yield self._coverage(tasks)
+    def _task(self, prepared: PreparedRobot, engine: str) -> RobotTask:
+        return prepared.task(engine, self._options.resolution)
 
-    def _coverage(self, tasks: Sequence[RobotTask]) -> Job[Coverage]:
+    def _case(self, work: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
+        """A case; one that differs is diagnosed, and what it does measured if wanted."""
+
+        def done(value: Case) -> Iterator[Job[Any]]:
+            self._found.add(value)
+            if not value.refused:
+                yield from work.measure(case, partial(self._measuring, case))
+            if self._options.diagnosed and value.outcome is Outcome.DIFFERS:
+                yield from self._diagnosis(work, key)
+
+        def failed(failure: Failure) -> Jobs:
+            told = replace(failure, reason=failure.about(work.place))
+            self._found.add(failed_case(case, str(work.place), told))
+            return ()
+
+        return work.do(
+            "case",
+            key,
+            lambda prepared: Task(run_robot, self._task(prepared, case.engine)),
+            done,
+            failed,
+            scenario=case.scenario,
+        )
+
+    def _measuring(
+        self, case: CaseId, prepared: PreparedRobot, accepted: Snapshot | None
+    ) -> Task[Any, Any]:
+        task = MeasureTreeTask(
+            task=self._task(prepared, case.engine),
+            system=prepared.system,
+            accepted=accepted,
+            reads=(),
+        )
+        return Task(measure_tree, task)
+
+    def _diagnosis(self, work: RobotWork, key: ModelKey) -> Iterator[Job[Any]]:
+        def done(value: Diagnosis) -> Jobs:
+            self._found.amend(key, diagnosis=value)
+            return ()
+
+        def failed(failure: Failure) -> Jobs:
+            return done(Diagnosis(failure=failure.reason))
+
+        return work.do(
+            "diagnosis",
+            key,
+            lambda prepared: Task(
+                diagnose_robot, RobotDiagnosisTask(task=self._task(prepared, key[-1]))
+            ),
+            done,
+            failed,
+        )
+
+    def _coverage(self, work: RobotWork, keys: Sequence[ModelKey]) -> Iterator[Job[Any]]:
         """The numbers of a file, counted once for all engines."""
 
         def done(value: Coverage) -> Jobs:
-            for task in tasks:
-                key = str(task.file), task.file.name, task.engine
+            for key in keys:
                 known = self._found.models[key].coverage or Coverage()
                 self._found.amend(key, coverage=structs.replace(value, left_out=known.left_out))
             return ()
@@ -89,67 +179,34 @@ class RobotPlan:
         def failed(failure: Failure) -> Jobs:
             return done(Coverage(note=failure.reason))
 
-        return Job(task=Task(count_robot, tasks[0]), done=done, failed=failed)
-
-    def _run(self, prepared: PreparedRobot, task: RobotTask, case: Case) -> Iterator[Job[Any]]:
-        """A case is done; one that differs is diagnosed, and what it does measured if wanted."""
-        self._found.add(case)
-        selection = self._options.selection
-        if selection is not None and not case.refused:
-            accepted = selection.snapshot(task.folder, case.id)
-            yield self._measuring(prepared, task, case.id, accepted)
-        if self._options.diagnosed and case.outcome is Outcome.DIFFERS:
-            yield self._diagnosis(task, case)
-
-    def _measuring(
-        self, prepared: PreparedRobot, task: RobotTask, case: CaseId, accepted: Snapshot | None
-    ) -> Job[Measurement]:
-        def done(value: Measurement | Failure) -> Jobs:
-            self._found.measured[task.folder, case] = value
-            return ()
-
-        measuring = MeasureTreeTask(task=task, system=prepared.system, accepted=accepted, reads=())
-        return Job(task=Task(measure_tree, measuring), done=done, failed=done)
-
-    def _diagnosis(self, task: RobotTask, case: Case) -> Job[Diagnosis]:
-        def done(value: Diagnosis) -> Jobs:
-            self._found.amend(case.key, diagnosis=value)
-            return ()
-
-        def failed(failure: Failure) -> Jobs:
-            return done(Diagnosis(failure=failure.reason))
-
-        inquiry = RobotDiagnosisTask(task=task)
-        return Job(task=Task(diagnose_robot, inquiry), done=done, failed=failed)
-
-    def _done(self, case: Case) -> Jobs:
-        self._found.add(case)
-        return ()
-
-    def _failed(self, case: CaseId, file: Path, failure: Failure) -> Jobs:
-        told = replace(failure, reason=failure.about(file))
-        return self._done(failed_case(case, str(file), told))
+        return work.do(
+            "coverage",
+            keys[0],
+            lambda prepared: Task(count_robot, self._task(prepared, keys[0][-1])),
+            done,
+            failed,
+        )
 
 
-def _stand_in(file: Path) -> CaseId:
-    return CaseId(system=file.stem, model=file.name, scenario="-", engine="-")
-
-
-def _id(prepared: PreparedRobot, engine: Engine) -> CaseId:
-    name = prepared.record.name
+def _id(work: RobotWork, engine: Engine) -> CaseId:
+    record = work.facts.record
     return CaseId(
-        system=name, model=prepared.file.name, scenario=prepared.scenario, engine=engine.name
+        system=record.name,
+        model=work.place.name,
+        scenario=record.scenarios[0].name,
+        engine=engine.name,
     )
 
 
-def _model(prepared: PreparedRobot, engine: Engine) -> Model:
+def _model(work: RobotWork, engine: Engine) -> Model:
+    file, facts = work.place, work.facts
     return Model(
-        system=prepared.record.name,
-        model=prepared.file.name,
+        system=facts.record.name,
+        model=file.name,
         engine=engine.name,
-        folder=str(prepared.file),
-        text=text_of(prepared.file),
+        folder=str(file),
+        text=text_of(file),
         sidecar="",
-        audit=prepared.findings,
-        coverage=Coverage(left_out=prepared.left_out),
+        audit=facts.findings,
+        coverage=Coverage(left_out=facts.left_out),
     )

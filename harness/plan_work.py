@@ -1,84 +1,92 @@
-"""What is to be done of a folder: had from earlier runs where nothing it depends on is another.
+"""What is to be done of a place: had from earlier runs where nothing it depends on is another.
 
-A folder is prepared before anything of it is run, and not at all where all of it is known.
+A folder or a file is prepared before anything of it is run, and not at all where all of it is
+known.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Generic, TypeVar
 
-from harness.baseline.inputs import inputs, with_elsewhere
-from harness.cached import (
-    FolderFacts,
-    Piece,
-    Reading,
-    Told,
-    models_inputs,
-    piece_of_folder,
-    with_snapshot,
-)
-from harness.cases.multibody import PreparedTree, prepare_folder
+from harness.cached import Piece, Reading, Told, with_snapshot
 from harness.cases.not_run import failed_case
-from harness.cases.prepare import Prepared
-from harness.collected import Collected, Jobs, stand_in
+from harness.collected import Collected, Jobs
 from harness.options import Options
 from harness.records.baseline import Snapshot
 from harness.records.case import CaseId, ModelKey
-from harness.records.journal import Kind, Work
+from harness.records.journal import Work
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
 
-KEPT_BY_JOURNALS = frozenset(get_args(Kind))
-
 Make = Callable[[Any], Task[Any, Any]]
-"""Makes a task of a folder's preparation."""
+"""Makes a task of a place's preparation."""
 
 Done = Callable[[Any], Jobs]
 Failed = Callable[[Failure], Jobs]
 
+Facts = TypeVar("Facts")
+"""What is known of a place once it is prepared, without its equations; a record."""
 
-class FolderWork:
-    """The work of a run in one folder.
+
+class PlaceWork(ABC, Generic[Facts]):
+    """The work of a run in a folder, or on a robot's file.
 
     Args:
-        folder: of the system.
+        place: the folder or the file.
         options: of the run.
-        snapshots: accepted ones of the cases that are to be measured, where no selection says it.
         found: what the jobs bring.
+        piece: its preparation, by what it depends on; None: nothing is had from earlier runs.
 
     Attributes:
-        folder, options, found: as given.
+        place, options, found: as given.
     """
 
     def __init__(
-        self,
-        folder: Path,
-        options: Options,
-        snapshots: Mapping[CaseId, Snapshot],
-        found: Collected,
+        self, place: Path, options: Options, found: Collected, piece: Piece | None
     ) -> None:
-        self.folder, self.options, self.found = folder, options, found
-        self._snapshots, self._cache = snapshots, options.cache
-        self._facts: FolderFacts | None = None
-        self._prepared: Prepared | PreparedTree | None = None
+        self.place, self.options, self.found = place, options, found
+        self._piece, self._cache = piece, options.cache
+        self._facts: Facts | None = None
+        self._prepared: Any = None
         self._waiting: list[Callable[[], Job[Any]]] | None = None
-        # As it is before anything of it is run: what changes meanwhile is another folder's.
-        known = options.resolution, options.baseline
-        self._journaled = inputs(folder, *known) if found.keeps else {}
-        self._cached = models_inputs(folder, *known) if self._cache else {}
-        self._piece = piece_of_folder(folder, described=options.described) if self._cache else None
 
     @property
-    def facts(self) -> FolderFacts:
-        """Of the folder, once it is prepared or known."""
+    def facts(self) -> Facts:
+        """Of the place, once it is prepared or known."""
         assert self._facts is not None
         return self._facts
 
+    @property
+    @abstractmethod
+    def stand_in(self) -> CaseId:
+        """What stands for all its cases while they are not known."""
+
+    @property
+    @abstractmethod
+    def reads(self) -> tuple[str, ...]:
+        """Files that its code has read, by their places relative to it; once that is known."""
+
+    @abstractmethod
+    def _preparing(self) -> Task[Any, Any]:
+        """What prepares it."""
+
+    @abstractmethod
+    def _facts_of(self, prepared: Any) -> Facts:
+        """What of that is known afterwards."""
+
+    @abstractmethod
+    def _inputs(self, key: ModelKey) -> str:
+        """Hash of what a model in an engine depends on; empty: it can't be told."""
+
+    def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
+        """A piece of work as the run's journal has it; None where it has not."""
+        return None
+
     def begun(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
-        """The jobs of the folder's models, after its preparation where that is needed."""
+        """The jobs of its models, after its preparation where that is needed."""
         known = self._had(self._piece)
         if known is None:
             yield self._preparation(models)
@@ -88,30 +96,29 @@ class FolderWork:
         if self._waiting:
             yield self._preparation(self._resumed)
 
-    def _preparation(self, then: Callable[[], Jobs]) -> Job[Prepared | PreparedTree]:
-        preparing = partial(prepare_folder, described=self.options.described)
-
-        def done(prepared: Prepared | PreparedTree) -> Jobs:
+    def _preparation(self, then: Callable[[], Jobs]) -> Job[Any]:
+        def done(prepared: Any) -> Jobs:
             self._prepared = prepared
             if self._facts is None:
-                self._facts = FolderFacts(
-                    record=prepared.record,
-                    bodies=isinstance(prepared, PreparedTree),
-                    reads=prepared.reads,
-                )
+                self._facts = self._facts_of(prepared)
                 self._keep(self._piece, self._facts, ())
             return then()
 
-        return Job(task=Task(preparing, self.folder), done=done, failed=self._unprepared)
+        return Job(task=self._preparing(), done=done, failed=self._unprepared)
 
     def _resumed(self) -> Jobs:
         waiting, self._waiting = self._waiting or [], None
         return [make() for make in waiting]
 
     def _unprepared(self, failure: Failure) -> Jobs:
-        self.found.forget(str(self.folder))
-        self.found.add(failed_case(stand_in(self.folder), str(self.folder), failure))
+        told = self._told(failure)
+        self.found.forget(str(self.place))
+        self.found.add(failed_case(self.stand_in, str(self.place), told))
         return ()
+
+    def _told(self, failure: Failure) -> Failure:
+        """Why it can't be prepared, as it is said."""
+        return failure
 
     def do(
         self,
@@ -129,7 +136,7 @@ class FolderWork:
         Args:
             kind: as `harness.cached.KINDS` has it.
             key: of the model.
-            make: the task, of the folder's preparation.
+            make: the task, of the place's preparation.
             done, failed: what follows, as of a job.
             scenario: of a case or a measurement.
             snapshot: what a measurement is to repeat.
@@ -149,7 +156,7 @@ class FolderWork:
             task = make(self._prepared)
             # Of a model that is code is not known before what it reads.
             if piece is not None and Path(piece.model).suffix == ".py":
-                task = Task(Reading(task, self.folder), task.argument)
+                task = Task(Reading(task, self.place), task.argument)
 
             def ended(told: Any) -> Jobs:
                 value, reads = (told.value, told.reads) if isinstance(told, Told) else (told, ())
@@ -171,19 +178,7 @@ class FolderWork:
     def _keep(self, piece: Piece | None, value: Any, reads: Iterable[str]) -> None:
         """For later runs, with what was read for it beside what `system.py` reads."""
         if piece is not None and self._cache is not None:
-            self._cache.keep(piece, value, (*self.facts.reads, *reads))
-
-    def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
-        """As the run's journal has it; None where it has not."""
-        if kind not in KEPT_BY_JOURNALS:
-            return None
-        known = with_elsewhere(self._journaled.get(key, ""), key, self.facts.reads)
-        folder, model, engine = key
-        what: Any = kind
-        work = Work(
-            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=known
-        )
-        return work if known else None
+            self._cache.keep(piece, value, (*self.reads, *reads))
 
     def _piece_of(
         self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None
@@ -191,7 +186,7 @@ class FolderWork:
         if self._cache is None:
             return None
         folder, model, engine = key
-        known = self._cached.get(key, "")
+        known = self._inputs(key)
         return Piece(
             kind=kind,
             folder=folder,
@@ -201,22 +196,20 @@ class FolderWork:
             inputs=with_snapshot(known, snapshot) if kind == "measurement" else known,
         )
 
-    def is_measured(self, case: CaseId) -> bool:
-        """Whether what a case's model does is wanted."""
-        return self.options.selection is not None or case in self._snapshots
-
     def snapshot(self, case: CaseId) -> Snapshot | None:
         """The one that was accepted of a case, or is to be repeated."""
         selection = self.options.selection
-        if selection is None:
-            return self._snapshots.get(case)
-        return selection.snapshot(str(self.folder), case)
+        return None if selection is None else selection.snapshot(str(self.place), case)
+
+    def is_measured(self, case: CaseId) -> bool:
+        """Whether what a case's model does is wanted."""
+        return self.options.selection is not None
 
     def measure(self, case: CaseId, make: Callable[[Any, Snapshot | None], Task[Any, Any]]) -> Jobs:
         """What a case's model does, where a snapshot was accepted, or may be."""
         if not self.is_measured(case):
             return ()
-        folder, accepted = str(self.folder), self.snapshot(case)
+        folder, accepted = str(self.place), self.snapshot(case)
 
         def done(value: Any) -> Jobs:
             self.found.measured[folder, case] = value

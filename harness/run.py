@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from msgspec.structs import replace
 
@@ -31,7 +30,7 @@ from harness.records.case import Case, CaseId
 from harness.records.results import BaselineChanges, Results
 from harness.schedule.chosen import executor
 from harness.schedule.failure import Failure
-from harness.schedule.jobs import Job, work
+from harness.schedule.jobs import work
 from harness.schedule.stop import Stop
 
 __all__ = ["Interruption", "Options", "Progress", "Run", "Selection", "run"]
@@ -81,11 +80,8 @@ def run(
         engines=options.engines,
     ) as workers:
         alone = RobotPlan(options, found)
-        jobs: list[Job[Any]] = [
-            *chain.from_iterable(map(plan.folder, folders)),
-            *map(alone.file, robots),
-        ]
-        work(jobs, workers, stop)
+        planned = [*map(plan.folder, folders), *map(alone.file, robots)]
+        work(chain.from_iterable(planned), workers, stop)
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}
     cases = mark_known(_sorted_cases(found, order), found.measured, before)

@@ -18,6 +18,7 @@ from harness.records.results import Results
 from harness.schedule.workers import Workers
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.mutation.test_trees import MODEL, SYSTEM
+from tests.robots.files import joint, link
 from tests.sweep.made import swept_folder
 
 
@@ -152,6 +153,29 @@ def test_of_declared_bodies_likewise(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert done_again(second) == 0
     assert second.cases == first.cases
     assert second.models == first.models
+
+
+ARM = "\n".join((
+    '<robot name="arm">', link("base"), link("fore"),
+    joint("elbow", "base", "fore", '<axis xyz="0 1 0"/><dynamics damping="0.1"/>'), "</robot>",
+))  # fmt: skip
+
+
+def test_of_a_robot_s_file_likewise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "arm.urdf"
+    file.write_text(ARM)
+    first = run("--engine", "mujoco", of="arm.urdf")
+    assert (first.cached, [case.outcome for case in first.cases]) == (0, [Outcome.AGREES])
+    with monkeypatch.context() as patched:
+        patched.setattr(Workers, "submit", None)
+        second = run("--engine", "mujoco", of="arm.urdf")
+    assert (second.cached, second.cases, second.models) == (1, first.cases, first.models)
+    file.write_text(ARM.replace('damping="0.1"', 'damping="0.2"'))
+    assert run("--engine", "mujoco", of="arm.urdf").cached == 0
+    file.write_text(ARM)
+    assert run("--engine", "mujoco", "--floating", of="arm.urdf").cached == 0
 
 
 def test_what_failed_is_tried_again(folder: Path) -> None:

@@ -1,0 +1,93 @@
+"""What is to be done of a system folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+from harness.baseline.inputs import inputs, with_elsewhere
+from harness.cached import FolderFacts, models_inputs, piece_of_folder
+from harness.cases.multibody import PreparedTree, prepare_folder
+from harness.cases.prepare import Prepared
+from harness.collected import Collected, stand_in
+from harness.options import Options
+from harness.plan_work import PlaceWork
+from harness.records.baseline import Snapshot
+from harness.records.case import CaseId, ModelKey
+from harness.records.journal import Kind, Work
+from harness.schedule.jobs import Task
+
+KEPT_BY_JOURNALS = frozenset(get_args(Kind))
+
+
+class FolderWork(PlaceWork[FolderFacts]):
+    """The work of a run in one folder.
+
+    Args:
+        folder: of the system.
+        options: of the run.
+        snapshots: accepted ones of the cases that are to be measured, where no selection says it.
+        found: what the jobs bring.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        options: Options,
+        snapshots: Mapping[CaseId, Snapshot],
+        found: Collected,
+    ) -> None:
+        cache = options.cache
+        piece = piece_of_folder(folder, described=options.described) if cache else None
+        super().__init__(folder, options, found, piece)
+        self._snapshots = snapshots
+        # As it is before anything of it is run: what changes meanwhile is another folder's.
+        known = options.resolution, options.baseline
+        self._journaled = inputs(folder, *known) if found.keeps else {}
+        self._cached = models_inputs(folder, *known) if cache else {}
+
+    @property
+    def stand_in(self) -> CaseId:
+        """Its `system.py`."""
+        return stand_in(self.place)
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """What `system.py` has read."""
+        return self.facts.reads
+
+    def _preparing(self) -> Task[Any, Any]:
+        return Task(partial(prepare_folder, described=self.options.described), self.place)
+
+    def _facts_of(self, prepared: Prepared | PreparedTree) -> FolderFacts:
+        return FolderFacts(
+            record=prepared.record,
+            bodies=isinstance(prepared, PreparedTree),
+            reads=prepared.reads,
+        )
+
+    def _inputs(self, key: ModelKey) -> str:
+        return self._cached.get(key, "")
+
+    def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
+        if kind not in KEPT_BY_JOURNALS:
+            return None
+        known = with_elsewhere(self._journaled.get(key, ""), key, self.facts.reads)
+        folder, model, engine = key
+        what: Any = kind
+        work = Work(
+            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=known
+        )
+        return work if known else None
+
+    def is_measured(self, case: CaseId) -> bool:
+        """Whether what a case's model does is wanted."""
+        return super().is_measured(case) or case in self._snapshots
+
+    def snapshot(self, case: CaseId) -> Snapshot | None:
+        """The one that was accepted of a case, or is to be repeated."""
+        if self.options.selection is None:
+            return self._snapshots.get(case)
+        return super().snapshot(case)
