@@ -100,8 +100,12 @@ def runners(suffix: str) -> tuple[Engine, ...]:
 
 
 def standing(suffix: str) -> tuple[Engine, ...]:
-    """The readers of a format that everybody installs, for a new sidecar."""
-    return tuple(engine for engine in readers(suffix) if not engine.extra)
+    """The readers of a format that everybody installs, for a new sidecar; all where there is none.
+
+    Without those that run it on request only.
+    """
+    known = tuple(engine for engine in readers(suffix) if not engine.on_request)
+    return tuple(engine for engine in known if not engine.extra) or known
 
 
 def readers(suffix: str) -> tuple[Engine, ...]:

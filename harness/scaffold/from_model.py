@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.files.reading import read_regular
-from harness.robots.named import read_robot
+from harness.robots.named import FORMATS, read_robot
 from harness.robots.robot import Robot
 from harness.scaffold.folder import NewError, write_folder
-from harness.scaffold.from_energies import Energies, format_settings
+from harness.scaffold.from_energies import STEP, Energies, format_settings
 from harness.scaffold.from_tree import from_tree
+from harness.scaffold.text import plain
 from harness.text.visible import odd_name, visible
 from reference.declaration import DeclarationError
 
@@ -47,8 +48,10 @@ def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
     Raises:
         NewError: naming file, line and what can't be read.
     """
-    if model.suffix not in (".urdf", ".xml"):
-        raise NewError(f"{model}: a model file is a .urdf, or an MJCF ending with .xml")
+    if model.suffix not in FORMATS:
+        raise NewError(
+            f"{model}: a model file is a .urdf, an SDFormat file with .sdf, or an MJCF with .xml"
+        )
     if (why := odd_name(model.name)) is not None:
         raise NewError(f"{visible(str(model))}: its name has {why}; rename it")
     try:
@@ -63,8 +66,19 @@ def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
         write_folder(target, found.files, found.check)
         said = f"energies: {found.operations} operations in T and V, of {_joints(robot)}"
         return Written(declares=said, remarks=tuple(found.remarks))
-    remarks = from_tree(robot, data, target, format_settings(model.suffix))
+    settings = _unstated(robot) if model.suffix == ".sdf" else format_settings(model.suffix)
+    remarks = from_tree(robot, data, target, settings)
     return Written(declares=f"bodies, and not energies: {found}", remarks=remarks)
+
+
+def _unstated(robot: Robot) -> list[str]:
+    """Lines of a sidecar's settings for what an SDFormat file says in its world, where it does."""
+    assert robot.told is not None
+    ordinary = {"step": STEP, "gravity": list(robot.told.gravity)}
+    missing = [f"{key} = {value}" for key, value in ordinary.items() if key not in robot.stated]
+    if not missing:
+        return []
+    return [f"# No world in {plain(robot.file.name)} states this.", "[settings]", *missing, ""]
 
 
 def _energies(robot: Robot, data: bytes, target: Path) -> Energies | str:
@@ -84,6 +98,8 @@ def _energies(robot: Robot, data: bytes, target: Path) -> Energies | str:
 def _too_much(robot: Robot) -> str:
     """What of a robot energies are not written of; empty where they may be."""
     assert robot.tree is not None
+    if robot.file.suffix == ".sdf":
+        return "those of an SDFormat file are not written"
     links = robot.tree.links
     if len(links) > MOST_JOINTS:
         return f"it has {_joints(robot)}, and formulas of more than {MOST_JOINTS} are long"
