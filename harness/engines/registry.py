@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import warnings
 from functools import lru_cache
@@ -10,6 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 
 from harness.engines.dart import DartEngine
 from harness.engines.drake import DrakeEngine
+from harness.engines.installed import python_path
 from harness.engines.mujoco import MjxEngine, MujocoEngine
 from harness.engines.newton import NewtonEngine
 from harness.engines.pinocchio import PinocchioEngine
@@ -29,7 +29,7 @@ def engines() -> dict[str, Engine]:
     One that can't be loaded is left out with a warning: the others still run.
     """
     known: dict[str, Engine] = {kind.name: kind() for kind in BUILT_IN}
-    for point in _points(_path(), tuple(map(id, sys.meta_path))):
+    for point in _points(python_path(), tuple(map(id, sys.meta_path))):
         try:
             engine: Engine = point.load()()
             if not isinstance(engine, Engine):
@@ -43,17 +43,6 @@ def engines() -> dict[str, Engine]:
             continue
         known.setdefault(engine.name, engine)
     return known
-
-
-def _path() -> tuple[tuple[str, int], ...]:
-    """Where Python looks for what is installed, and when something was put there."""
-    found = []
-    for folder in sys.path:
-        try:
-            found.append((folder, os.stat(folder or os.curdir).st_mtime_ns))
-        except OSError:
-            found.append((folder, 0))
-    return tuple(found)
 
 
 @lru_cache(maxsize=8)

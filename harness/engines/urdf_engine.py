@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
 
+from harness.engines.installed import version_of
 from harness.engines.mjcf_source import with_options
 from harness.engines.protocol import Array, Engine, EngineError, Model, ModelSpec, Sample, within
 from harness.engines.remark import Remark
@@ -50,12 +49,7 @@ class UrdfEngine(Engine):
 
     def version(self) -> str | None:
         """Version of the installed package, or None."""
-        if importlib.util.find_spec(self.package) is None:
-            return None
-        try:
-            return importlib.metadata.version(self.distribution)
-        except importlib.metadata.PackageNotFoundError:  # from elsewhere, as ROS has it
-            return "unknown"
+        return version_of(self.package, self.distribution)
 
     def load(self, spec: ModelSpec) -> Model:
         """Load a file, with the settings that it states itself."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engines.compiled import CompiledTree
+from harness.engines.installed import version_of
 from harness.engines.mistake import DefaultLeftOn, LeftOut
 from harness.engines.mujoco.forward import forward
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
@@ -103,9 +102,7 @@ class MujocoEngine(Engine):
 
     def version(self) -> str | None:
         """Version of the installed package, or None."""
-        if importlib.util.find_spec("mujoco") is None:
-            return None
-        return importlib.metadata.version("mujoco")
+        return version_of("mujoco", "mujoco")
 
     def load(self, spec: ModelSpec) -> MujocoModel:
         """Load an MJCF or URDF file."""

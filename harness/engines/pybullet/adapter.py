@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from harness.engines.bare import BARE, bare_cause, bare_links
+from harness.engines.installed import version_of
 from harness.engines.mistake import DefaultLeftOn
 from harness.engines.protocol import (
     Array,
@@ -97,9 +96,7 @@ class PybulletEngine(Engine):
 
     def version(self) -> str | None:
         """Version of the installed package, or None."""
-        if importlib.util.find_spec("pybullet") is None:
-            return None
-        return importlib.metadata.version("pybullet")
+        return version_of("pybullet", "pybullet")
 
     def load(self, spec: ModelSpec) -> PybulletModel:
         """Load a URDF into this process's physics server."""

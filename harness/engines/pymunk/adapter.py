@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
-import importlib.util
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from harness.engines.installed import version_of
 from harness.engines.mistake import DefaultLeftOn
 from harness.engines.protocol import (
     Array,
@@ -60,9 +59,7 @@ class PymunkEngine(Engine):
 
     def version(self) -> str | None:
         """Version of the installed package, or None."""
-        if importlib.util.find_spec("pymunk") is None:
-            return None
-        return importlib.metadata.version("pymunk")
+        return version_of("pymunk", "pymunk")
 
     def load(self, spec: ModelSpec) -> PymunkModel:
         """Run the file, and call its `build`."""
