@@ -18,7 +18,8 @@ import pybullet_data
 from rich.console import Console
 from rich.table import Table
 
-from harness.cases.robot import load_robot, prepare_robot
+from harness.cases.robot import prepare_robot
+from harness.cases.robot_task import load_robot
 from harness.engines.protocol import Model
 from harness.engines.registry import engines
 from harness.files.folders import builtin

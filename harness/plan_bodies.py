@@ -10,7 +10,8 @@ from msgspec import structs
 from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 from harness.cases.multibody import FileSurvey, PreparedTree, not_of_a_tree, survey_file
 from harness.cases.not_run import failed_case
-from harness.cases.robot import RobotTask, run_robot
+from harness.cases.robot import run_robot
+from harness.cases.robot_task import RobotTask
 from harness.collected import Jobs
 from harness.coverage.robot import count_robot
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot

@@ -13,7 +13,8 @@ from msgspec import structs
 from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 from harness.cached import RobotFacts, piece_of_robot, robot_inputs
 from harness.cases.not_run import absent, barred_case, failed_case
-from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
+from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
+from harness.cases.robot_task import RobotTask
 from harness.collected import Collected, Jobs
 from harness.coverage.robot import count_robot
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot

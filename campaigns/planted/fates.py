@@ -13,7 +13,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.cases.robot import PreparedRobot, RobotTask, judge_robot, prepare_robot
+from harness.cases.robot import PreparedRobot, judge_robot, prepare_robot
+from harness.cases.robot_task import RobotTask
 from harness.diagnosis.fit import Fit
 from harness.diagnosis.robot_problem import RobotProblem
 from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked

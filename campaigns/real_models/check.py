@@ -13,7 +13,8 @@ from msgspec import structs
 
 from campaigns.real_models.entry import STILL, Came, Entry
 from harness.cases.not_run import absent
-from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
+from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
+from harness.cases.robot_task import RobotTask
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.registry import readers
 from harness.records.case import Case

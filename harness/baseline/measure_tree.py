@@ -14,7 +14,7 @@ import numpy as np
 from harness.baseline.fingerprint import digests
 from harness.baseline.measure import comparable, is_accepted
 from harness.baseline.snapshot import PICKED, ends, segments_of
-from harness.cases.robot import RobotTask, load_robot, order_of
+from harness.cases.robot_task import RobotTask, load_robot, order_of
 from harness.cases.verdict import filled
 from harness.files.reads import recorded
 from harness.records.base import rows

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from harness.cases.followers import Followers
 from harness.cases.prepare import Prepared, derived
-from harness.cases.robot import SCENARIO, STATES, RobotTask, tree_states
+from harness.cases.robot import SCENARIO, STATES, tree_states
 from harness.cases.robot_record import inertia_findings, told, tree_record
+from harness.cases.robot_task import RobotTask
 from harness.files.reads import recorded
 from harness.files.sidecar import Sidecar
 from harness.records.case import CaseId

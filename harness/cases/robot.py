@@ -19,10 +19,11 @@ from harness.cases.robot_record import (
     told,
     tree_record,
 )
+from harness.cases.robot_task import RefusedError, RobotTask, load_robot, placed
 from harness.cases.verdict import Verdict, filled, judged
-from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
+from harness.engines.protocol import Model
 from harness.engines.registry import engines
-from harness.numerics.coordinates import CoordinateMap, identity
+from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
 from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate, held
 from harness.numerics.stepping import step_engine
@@ -36,7 +37,6 @@ from harness.robots.system import RobotError, robot_system
 from harness.schedule.failure import Failure
 from reference.integrate import ReferenceError
 from reference.multibody.coupled import Coupled
-from reference.multibody.tree import Tree
 from reference.numeric import Array
 from reference.samples import Samples, samples
 from reference.stepping import SteppedBodies
@@ -52,10 +52,6 @@ STATES = 40
 """Segments of a check: chosen ones, at which each number shows as at a hundred at random."""
 
 SEED = 1
-
-
-class RefusedError(EngineError):
-    """An engine would not load a robot's file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,39 +153,6 @@ def tree_states(system: TreeSystem, limits: tuple[Array, Array], count: int) -> 
     kept = Coupled(system.tree).kept
     within, home = np.stack(limits, axis=1)[kept], home_of(system.tree, limits)[kept]
     return samples(TreeEquations(system), within, home, count, SEED)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RobotTask:
-    """A robot's file in one engine.
-
-    Attributes:
-        file: the model file.
-        folder: whose case it is: the system's, or the file itself where it is given alone.
-        robot: its name.
-        scenario: what its states are called.
-        engine: that runs it.
-        names: of the coordinates, in the samples' order.
-        followers: what follows them.
-        tree: whose equations they are.
-        samples: states, and where the equations take them.
-        settings: with which the engine runs it.
-        resolution: that is asked.
-        springs: of its sidecar.
-    """
-
-    file: Path
-    folder: str
-    robot: str
-    scenario: str
-    engine: str
-    names: tuple[str, ...]
-    followers: Followers
-    tree: Tree
-    samples: Samples
-    settings: Mapping[str, object]
-    resolution: float
-    springs: tuple[Spring, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -385,54 +348,3 @@ def _dynamics(task: RobotTask, way: Followed) -> ForwardDynamics | None:
 def _stepped(task: RobotTask, way: Followed) -> SteppedBodies:
     """The equations, in the order of the engine's coordinates."""
     return SteppedBodies(task.tree, [task.names.index(name) for name in way.names])
-
-
-def load_robot(task: RobotTask) -> Model:
-    """The file as its engine loads it.
-
-    Raises:
-        RefusedError: naming file, place and remedy.
-    """
-    spec = ModelSpec(path=task.file, settings=task.settings, springs=task.springs)
-    try:
-        return engines()[task.engine].load(spec)
-    except EngineError as error:
-        raise RefusedError(str(error)) from error
-
-
-def placed(task: RobotTask, model: Model) -> tuple[Samples, CoordinateMap, tuple[str, ...]]:
-    """The states as the engine's coordinates have them, those maps, and the names of the states.
-
-    Raises:
-        EngineError: where they are not the same joints.
-    """
-    order, n = order_of(task, model), len(task.names)
-    if len(order) > n:
-        return task.samples, task.followers.map(order, task.names), task.names
-    own = tuple(model.coordinates)
-    return task.samples.ordered(order), replace(identity(n), push_matrix=np.eye(n)), own
-
-
-def order_of(task: RobotTask, model: Model) -> list[int]:
-    """Which of the equations' coordinates each of the engine's is.
-
-    Raises:
-        EngineError: naming those that only one of them has.
-    """
-    return joints_of(task.followers, model, task.file, task.engine)
-
-
-def joints_of(followers: Followers, model: Model, file: Path, engine: str) -> list[int]:
-    """Which of a tree's coordinates each of the engine's is.
-
-    Raises:
-        EngineError: naming those that only one of them has.
-    """
-    here, there = set(followers.names), set(model.coordinates)
-    if here != there or len(there) != len(model.coordinates):
-        missing, more = sorted(here - there), sorted(there - here)
-        parts = [f"it has no {', '.join(missing)}"] if missing else []
-        parts += [f"it has {', '.join(more)} besides"] if more else []
-        told = " and ".join(parts) or "two of its joints have one name"
-        raise EngineError(f"{file}: {engine} makes other joints of it: {told}")
-    return [followers.names.index(name) for name in model.coordinates]

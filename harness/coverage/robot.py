@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from harness.cases.robot import RobotTask
+from harness.cases.robot_task import RobotTask
 from harness.diagnosis.robot_task import problem_of
 from harness.engines.registry import engines
 from harness.records.coverage import Coverage, Unseen

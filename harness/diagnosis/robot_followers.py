@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harness.cases.followers import Followers
-from harness.cases.robot import Followed, RobotTask, follow_robot, scale_of
+from harness.cases.robot import Followed, follow_robot, scale_of
+from harness.cases.robot_task import RobotTask
 from harness.cases.verdict import filled
 from harness.diagnosis.samples import RUNGS_USED
 from harness.numerics.ladder import EPSILON

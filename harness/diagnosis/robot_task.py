@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.cases.robot import RobotTask
+from harness.cases.robot_task import RobotTask
 from harness.diagnosis.diagnose import Ranking, diagnose
 from harness.diagnosis.fit import Fit
 from harness.diagnosis.robot_followers import FollowersRun, Following, run_followers, scaled

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from harness.cases.robot import RobotTask, run_robot
+from harness.cases.robot import run_robot
+from harness.cases.robot_task import RobotTask
 from harness.diagnosis.hypotheses.trial import scratch
 from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked, some_of
 from harness.engines.protocol import EngineError

@@ -10,8 +10,8 @@ from pathlib import Path
 from harness.cases.case import load
 from harness.cases.followers import Followers
 from harness.cases.multibody import not_of_a_tree
-from harness.cases.robot import joints_of
 from harness.cases.robot_record import settings_of
+from harness.cases.robot_task import joints_of
 from harness.engines.protocol import Model, ModelSpec
 from harness.engines.registry import engines
 from harness.files.parts import named_files

@@ -12,13 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.cases.robot import (
-    RobotTask,
-    judge_loaded,
-    judge_robot,
-    load_robot,
-    prepare_robot,
-)
+from harness.cases.robot import judge_loaded, judge_robot, prepare_robot
+from harness.cases.robot_task import RobotTask, load_robot
 from harness.engines.registry import readers, runners
 from harness.records.outcome import Outcome
 from harness.robots.copies import copied

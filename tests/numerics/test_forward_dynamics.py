@@ -12,7 +12,8 @@ import pybullet_data
 import pytest
 
 from harness.cases.case import load
-from harness.cases.robot import load_robot, placed, prepare_robot
+from harness.cases.robot import prepare_robot
+from harness.cases.robot_task import load_robot, placed
 from harness.engines.protocol import Array
 from harness.files.folders import builtin
 from harness.files.model_files import model_files

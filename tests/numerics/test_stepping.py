@@ -13,7 +13,8 @@ import pytest
 
 from harness.cases.case import CaseTask, case_task, load, run_case
 from harness.cases.prepare import Prepared
-from harness.cases.robot import PreparedRobot, load_robot, placed, prepare_robot
+from harness.cases.robot import PreparedRobot, prepare_robot
+from harness.cases.robot_task import load_robot, placed
 from harness.engines.protocol import Array, Force, StateForce
 from harness.engines.step_rule import StepRule
 from harness.files.folders import builtin

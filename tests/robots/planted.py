@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.cases.robot import PreparedRobot, RobotTask, prepare_robot, run_robot
+from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
+from harness.cases.robot_task import RobotTask
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.registry import readers
 from harness.records.outcome import Outcome
