@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,8 +60,37 @@ class Group:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Figures:
+    """What the cases of a system show over each quantity that is varied."""
+
+    system: str
+    what: str
+    marks: tuple[Mark, ...]
+    pictures: tuple[Scatter, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """What is shown of each case: how it is called, and how it is read and told."""
+
+    what: str
+    of: Callable[[SweepRow], float | None]
+    told: Callable[[float | None], str]
+
+
+def _known_to(row: SweepRow) -> float | None:
+    """The larger of a case's discrepancy and uncertainty."""
+    return max((one for one in (row.discrepancy, row.uncertainty) if one is not None), default=None)
+
+
+AT_THE_STEP = Shown(what="error at the shipped step", of=lambda row: row.global_error, told=percent)
+OF_SEGMENTS = Shown(what="larger of E and U", of=_known_to, told=sci)
+"""Of a robot's states no motion is run at the shipped step."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Page:
-    """The page; `figures` are of one system each, with the marks of its engines."""
+    """The page; `figures` are of one system each: what they show, and the marks of its engines."""
 
     title: str
     summary: str
@@ -71,7 +100,7 @@ class Page:
     outcomes: tuple[Bar, ...]
     digits: tuple[Bar, ...]
     groups: tuple[Group, ...]
-    figures: tuple[tuple[str, tuple[Mark, ...], tuple[Scatter, ...]], ...]
+    figures: tuple[Figures, ...]
     rows: tuple[Row, ...]
 
 
@@ -122,41 +151,48 @@ def _cost(found: SweepSummary) -> str:
     )
 
 
-def _figures(found: SweepSummary, system: str) -> tuple[str, tuple[Mark, ...], tuple[Scatter, ...]]:
-    """The error at the shipped step over each varied quantity of a system."""
+def _figures(found: SweepSummary, system: str) -> Figures:
+    """What a system's cases show over each varied quantity."""
     rows = [row for row in found.sampled if row.system == system]
+    what = AT_THE_STEP if any(row.global_error is not None for row in rows) else OF_SEGMENTS
     series = list(dict.fromkeys(f"{row.engine}, {row.integrator}" for row in rows))
     names = [name for name in found.plan.constants if any(name in row.constants for row in rows)]
-    drawn = [scatter_of(rows, series, name) for name in names]
+    drawn = [scatter_of(rows, series, name, what) for name in names]
     if len({row.step for row in rows}) > 1:
-        drawn.append(scatter_of(rows, series, ""))
-    marks = tuple(mark(i, name) for i, name in enumerate(series))
-    return shown(system), marks, tuple(one for one in drawn if one is not None)
-
-
-def scatter_of(rows: list[SweepRow], series: list[str], name: str) -> Scatter | None:
-    """Errors over a constant, or over the step where no name is given."""
-    points = list(_points(rows, series, name))
-    what = name or "the step"
-    amiss = sum(p.outcome != Outcome.AGREES for p in points)
-    ringed = f", {amiss} ringed that did not agree" if amiss else ""
-    return scatter(
-        f"Error at the shipped step over {what}",
-        name or "step h [s]",
-        points,
-        f"{counted(len(points), 'case')}{ringed}; largest error"
-        f" {percent(max((p.y for p in points), default=None))}.",
+        drawn.append(scatter_of(rows, series, "", what))
+    return Figures(
+        system=shown(system),
+        what=what.what,
+        marks=tuple(mark(i, name) for i, name in enumerate(series)),
+        pictures=tuple(one for one in drawn if one is not None),
     )
 
 
-def _points(rows: list[SweepRow], series: list[str], name: str) -> Iterator[Point]:
+def scatter_of(
+    rows: list[SweepRow], series: list[str], name: str, what: Shown = AT_THE_STEP
+) -> Scatter | None:
+    """What is shown over a constant, or over the step where no name is given."""
+    points = list(_points(rows, series, name, what))
+    over = name or "the step"
+    amiss = sum(p.outcome != Outcome.AGREES for p in points)
+    ringed = f", {amiss} ringed that did not agree" if amiss else ""
+    largest = what.told(max((p.y for p in points), default=None))
+    return scatter(
+        f"{what.what[0].upper()}{what.what[1:]} over {over}",
+        name or "step h [s]",
+        points,
+        f"{counted(len(points), 'case')}{ringed}; {largest} at most.",
+    )
+
+
+def _points(rows: list[SweepRow], series: list[str], name: str, what: Shown) -> Iterator[Point]:
     for row in rows:
-        x = row.constants.get(name) if name else row.step
-        if x is None or row.global_error is None or row.outcome is Outcome.FAILED:
+        x, y = row.constants.get(name) if name else row.step, what.of(row)
+        if x is None or y is None or row.outcome is Outcome.FAILED:
             continue
         number = series.index(f"{row.engine}, {row.integrator}")
-        told = f"#{row.index} {row.name}: {percent(row.global_error)}"
-        yield Point(x=x, y=row.global_error, series=number, outcome=row.outcome.value, told=told)
+        told = f"#{row.index} {row.name}: {what.told(y)}"
+        yield Point(x=x, y=y, series=number, outcome=row.outcome.value, told=told)
 
 
 def _row(row: SweepRow) -> Row:

@@ -12,6 +12,7 @@ from harness.cases.robot import judge_robot, prepare_robot
 from harness.cli.main import main
 from harness.records.outcome import Outcome
 from harness.records.sweep import SweepRow
+from harness.report.sweep import render_sweep
 from harness.robots.copies import copied
 from harness.robots.named import robot_numbers
 from harness.schedule.workers import Workers
@@ -21,7 +22,8 @@ from harness.sweep.factors import SweepError
 from harness.sweep.plan import Plan
 from harness.sweep.planned import Block
 from harness.sweep.run import sweep
-from harness.sweep.store import read_rows
+from harness.sweep.store import read_plan, read_rows
+from harness.sweep.summary import summary
 from tests.robots.files import joint, link
 from tests.sweep.made import options, plan_of
 
@@ -91,6 +93,11 @@ def test_drawn_numbers_agree_in_every_engine_and_as_a_run_of_the_copy_does(
         assert row.digits > 9
         assert row.steps > 0
         assert set(row.constants) == {MASS, DAMPING}
+    record = read_plan(tmp_path / "rows")
+    assert record is not None
+    page = render_sweep(summary(record, rows))
+    assert "arm: the larger of E and U</h2>" in page
+    assert f"Larger of E and U over {DAMPING}" in page
     last = rows[-1]
     numbers = robot_numbers(urdf, {})
     values: Mapping[int, float] = {
