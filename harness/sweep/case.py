@@ -35,15 +35,21 @@ def swept(folder: str, varied: frozenset[str], content: str) -> Source:
     Raises:
         DeclarationError, SidecarError, RobotError: naming what is wrong and where.
     """
+    return _loaded(folder, content).varying(varied)
+
+
+@lru_cache(maxsize=16)
+def _loaded(folder: str, content: str) -> Source:
+    del content  # another one is another folder
     path = Path(folder)
     if path.is_file():
-        return SweptRobot(path, varied)
+        return SweptRobot(path)
     if isinstance(load_declaration(path), MultibodySystem):
         raise DeclarationError(
             f"{path / 'system.py'}: it declares bodies, whose numbers have no names to vary them"
             " by; sweep the numbers of a model file by itself: `crosscheck sweep --alone FILE`"
         )
-    return Swept(path, varied)
+    return Swept(path)
 
 
 def run_block(block: Block) -> tuple[SweepRow, ...]:

@@ -14,7 +14,7 @@ from difflib import get_close_matches
 
 from harness.schedule.limits import Limits
 from harness.sweep.draws import Design, Draws, draws
-from harness.sweep.factors import Factor, SweepError
+from harness.sweep.factors import Factor, SweepError, meant
 from harness.sweep.planned import Block, Planned
 from harness.sweep.survey import Pairing, Survey
 
@@ -54,11 +54,6 @@ class SweepOptions:
     limits: Limits = Limits()  # noqa: RUF009  # frozen
     scheduler: str = ""
     command: tuple[str, ...] = ()
-
-    @property
-    def varied(self) -> frozenset[str]:
-        """Names of the constants."""
-        return frozenset(one.name for one in self.factors)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +111,12 @@ class Plan:
         return sum(part.count for part in self.parts)
 
     @property
+    def constants(self) -> tuple[str, ...]:
+        """Names of all that is varied."""
+        names = (one.name for part in self.parts for one in part.draws.factors)
+        return tuple(dict.fromkeys(names))
+
+    @property
     def left_out(self) -> tuple[str, ...]:
         """What of the folders is not swept, a line each."""
         return tuple(line for part in self.parts for line in part.survey.left_out)
@@ -153,7 +154,7 @@ class Plan:
             folder=part.survey.folder,
             content=part.survey.content,
             system=part.survey.system,
-            varied=self.options.varied,
+            varied=frozenset(one.name for one in part.draws.factors),
             resolution=self.options.resolution,
             cases=cases,
         )
@@ -185,7 +186,7 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
     _check_names(options, surveys)
     parts, first = [], 0
     for one in surveys:
-        own = tuple(f for f in options.factors if f.name in one.constants)
+        own = meant(options.factors, one.constants)
         for varied in own:
             _check_sign(varied, one)
         # Segments of a robot's states are taken as the step goes to zero: none of them is shipped.
@@ -204,7 +205,10 @@ def plan(options: SweepOptions, surveys: Sequence[Survey]) -> Plan:
 
 def _check_names(options: SweepOptions, surveys: Sequence[Survey]) -> None:
     constants = list(dict.fromkeys(name for one in surveys for name in one.constants))
-    for name in sorted(options.varied.difference(constants)):
+    for varied in options.factors:
+        name = varied.name
+        if any(varied.of(one.constants) for one in surveys):
+            continue
         raise SweepError(
             f"--vary {name}: no system of these has such a constant; they have"
             f" {_told(name, constants)}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -43,7 +44,6 @@ class SweptRobot(Source):
 
     Args:
         file: the model file.
-        varied: addresses of the numbers that are varied, and names of other systems' constants.
 
     Raises:
         RobotError, ReferenceError: naming file, line and remedy.
@@ -51,14 +51,20 @@ class SweptRobot(Source):
 
     signed = False
 
-    def __init__(self, file: Path, varied: frozenset[str]) -> None:
+    def __init__(self, file: Path) -> None:
         self._prepared = prepare_robot(file)
         self._numbers = robot_numbers(file, self._prepared.settings)
         self._index = {self._numbers.numerals[i].address: i for i in reversed(self._numbers.saying)}
-        self._own = varied & self._index.keys()
+        self._own = frozenset[str]()
         self._resolved: Resolved | None = None
         self._ways: dict[str, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
         self._draws: OrderedDict[tuple[float, ...], _Draw] = OrderedDict()
+
+    def varying(self, varied: frozenset[str]) -> SweptRobot:
+        """Other numbers of the same file, by their addresses."""
+        other = copy(self)
+        other._own, other._draws = varied & self._index.keys(), OrderedDict()
+        return other
 
     @property
     def name(self) -> str:

@@ -80,7 +80,7 @@ def planned(options: SweepOptions, wanted: Wanted, workers: Executor) -> Plan:
         task = SurveyTask(
             folder=str(place),
             content=content_of(place),
-            varied=options.varied,
+            factors=options.factors,
             only=options.engines,
             models=tuple((one.model, one.engine) for one in models),
             scenarios=options.scenarios,
@@ -128,7 +128,7 @@ def plan_record(whole: Plan) -> SweepPlan:
         folders={part.survey.folder: part.survey.content for part in whole.parts},
         versions=known,
         cases=whole.count,
-        constants=tuple(one.name for one in options.factors),
+        constants=whole.constants,
     )
 
 

@@ -21,6 +21,10 @@ class Source(ABC):
     def name(self) -> str:
         """Of the system or the robot."""
 
+    @abstractmethod
+    def varying(self, varied: frozenset[str]) -> Source:
+        """The same with other constants varied; what doesn't depend on these is shared."""
+
     @property
     @abstractmethod
     def constants(self) -> Mapping[str, float]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from harness.engines.registry import engines
 from harness.sweep.case import swept
+from harness.sweep.factors import Factor, meant
 from harness.sweep.source import Source
 
 
@@ -18,7 +19,7 @@ class SurveyTask:
     Attributes:
         folder: of the system, or the robot's file.
         content: hash of what is in it.
-        varied: names of all constants that are varied.
+        factors: what is varied.
         only: engines; empty: all.
         models: files, with the engine that is meant of each, "" for all; empty: all.
         scenarios, integrators: names; empty: all scenarios, each model's own integrator.
@@ -26,7 +27,7 @@ class SurveyTask:
 
     folder: str
     content: str
-    varied: frozenset[str]
+    factors: tuple[Factor, ...]
     only: tuple[str, ...] = ()
     models: tuple[tuple[str, str], ...] = ()
     scenarios: tuple[str, ...] = ()
@@ -93,7 +94,9 @@ def survey(task: SurveyTask) -> Survey:
             what is wrong, where, and the remedy; a model that can't follow a varied constant among
             it.
     """
-    source = swept(task.folder, task.varied, task.content)
+    known = swept(task.folder, frozenset(), task.content).constants
+    varied = frozenset(one.name for one in meant(task.factors, known))
+    source = swept(task.folder, varied, task.content)
     runs = [one for one in source.runs(task.only) if _meant(task, *one)]
     absent = {name for _, name in runs if engines()[name].version() is None}
     found = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -69,8 +70,8 @@ class Swept(Source):
 
     signed = True  # equations are simplified with it
 
-    def __init__(self, folder: Path, varied: frozenset[str]) -> None:
-        self.folder, self.varied = folder, varied
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.varied = folder, frozenset[str]()
         self.system: System = load_system(folder)
         self.family = Family.of(derive(self.system))
         self._models: dict[tuple[str, str], Prepared] = {}
@@ -79,6 +80,12 @@ class Swept(Source):
             one.model.name if isinstance(one, Sidecar) else one.model: one
             for one in model_files(folder)
         }
+
+    def varying(self, varied: frozenset[str]) -> Swept:
+        """Its models follow other constants; the equations are the same."""
+        other = copy(self)
+        other.varied, other._models, other._motions = varied, {}, OrderedDict()
+        return other
 
     @property
     def own(self) -> frozenset[str]:

@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from harness.sweep.draws import Design, draws
-from harness.sweep.factors import SweepError, factor, factors
+from harness.sweep.factors import SweepError, factor, factors, meant
 
 
 def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:
@@ -25,11 +25,41 @@ def test_a_range_a_logarithmic_one_and_a_list_are_read() -> None:
         ("k=a:2", "'a' is no number"),
         ("k=1,nan", "'nan' is no finite number"),
         ("k=1,1", "twice"),
+        ("k=x1:2", "either all"),
+        ("k=xx1:x2", "'x1' is no number"),
     ],
 )
 def test_what_is_no_range_is_refused_with_what_it_should_be(text: str, said: str) -> None:
     with pytest.raises(SweepError, match=f"--vary {text}.*{said}"):
         factor(text)
+
+
+CONSTANTS = {"link[a]@mass": 2.0, "link[b]@mass": 0.5, "link[b]@ixy": 0.0, "x": -4.0}
+
+
+def test_multiples_are_of_what_is_declared_and_a_pattern_means_all_of_a_kind() -> None:
+    light, heavy = meant(factors(["link[*]@mass=x0.5:x1.5"]), CONSTANTS)
+    assert (light.name, light.low, light.high) == ("link[a]@mass", 1.0, 3.0)
+    assert (heavy.name, heavy.low, heavy.high) == ("link[b]@mass", 0.25, 0.75)
+    (below,) = meant(factors(["x=x1:x2"]), CONSTANTS)
+    assert (below.low, below.high) == (-8.0, -4.0)
+    (listed,) = meant(factors(["x=x1,x3"]), CONSTANTS)
+    assert listed.values == (-4.0, -12.0)
+    # What is nought has no multiples; brackets and dots of a name are no pattern.
+    assert [one.name for one in meant(factors(["*ix*=x1:x2", "link.a.@mass=1:2"]), CONSTANTS)] == []
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        (["link[b]@ixy=x1:x2"], r"link\[b\]@ixy: it is 0"),
+        (["link[*]@mass=1:2", "link[a]@mass=1:2"], r"link\[a\]@mass: two options mean it"),
+        (["x=x1:x2:log"], "x: it is below zero"),
+    ],
+)
+def test_what_a_factor_can_not_be_for_a_constant_is_told(texts: list[str], said: str) -> None:
+    with pytest.raises(SweepError, match=f"--vary {said}"):
+        meant(factors(texts), CONSTANTS)
 
 
 def test_a_constant_is_varied_once() -> None:

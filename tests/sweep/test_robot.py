@@ -133,6 +133,16 @@ def test_an_mjcf_is_swept_by_what_its_compiler_makes_of_it(
     assert len({row.discrepancy for row in rows}) == 3
 
 
+def test_a_pattern_means_all_numbers_of_a_kind(urdf: Path, workers: Workers) -> None:
+    plan = whole(urdf, workers, "link[*]/inertial/mass@value=x0.8:x1.25", engines=("mujoco",))
+    named = tuple(f"link[{name}]/inertial/mass@value" for name in ("base", "upper", "fore"))
+    assert plan.constants == named
+    rows = run_block(only_block(plan))
+    assert [row.outcome for row in rows] == [Outcome.AGREES] * 3
+    for row in rows:
+        assert all(1.6 <= row.constants[name] <= 2.5 for name in named)
+
+
 def test_a_draw_that_makes_no_robot_is_a_row_beside_the_others(
     urdf: Path, workers: Workers
 ) -> None:
