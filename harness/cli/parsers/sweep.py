@@ -24,8 +24,8 @@ def add(command: argparse.ArgumentParser) -> None:
         action=arguments.Gathered,
         default=[],
         metavar="NAME=LOW:HIGH[:log]",
-        help="draw a constant, or a number of a robot's file by its address, from a range (x0.8:x1.25:"
-        " multiples; * in a name: anything), or NAME=V1,V2 from a list; repeatable",
+        help="draw a constant, or a number of a robot's file by its address, from a range"
+        " (x0.8:x1.25: multiples; * in a name: anything), or NAME=V1,V2 from a list; repeatable",
     )
     command.add_argument(
         "--draws",
