@@ -78,6 +78,8 @@ def _roots() -> tuple[str, ...]:
     # A virtual environment has its packages here and its standard library elsewhere.
     roots |= {str(Path(os.__file__).parent)}
     roots |= {str(user_cache())}
+    if sys.pycache_prefix:  # our own modules' bytecode; a folder's is not read
+        roots |= {sys.pycache_prefix}
     both = {os.path.abspath(root) for root in roots} | {os.path.realpath(root) for root in roots}
     return tuple(sorted(f"{root}{os.sep}" for root in both))
 
