@@ -1,6 +1,6 @@
 """Many cases of a sweep: how many a second, how much memory, and what a kill in the middle loses.
 
-`python -m campaigns.many_cases --draws 286 --out /tmp/many` sweeps the drum with its pendulum, the
+`python -m campaigns.many_cases --draws 286 --out DIR` sweeps the drum with its pendulum, the
 anchored pair and an arm of seven joints (pybullet_data's), kills everything once with SIGKILL, goes
 on, tells what the rows cost, and runs some of them again by their own commands.
 """
