@@ -27,7 +27,7 @@ import msgspec
 import physics_crosscheck
 from harness.audit.run import Audit
 from harness.baseline.fingerprint import UNREADABLE, digest, digest_of, digests, folder_files
-from harness.baseline.inputs import inputs, versions
+from harness.baseline.inputs import versions
 from harness.cases.multibody import FileSurvey
 from harness.engines.registry import engines
 from harness.files.parts import named_files
@@ -208,39 +208,30 @@ def piece_of_folder(folder: Path, *, described: bool) -> Piece:
     return Piece(kind="folder", folder=str(folder), inputs=known and digest_of(known.encode()))
 
 
-def models_inputs(folder: Path, resolution: float, baseline: Path | None) -> dict[ModelKey, str]:
-    """The hash of each model of a folder in each engine; {} where files can't be read.
-
-    Args:
-        folder: of the system.
-        resolution: of the run.
-        baseline: a folder inside that is none of its own.
-    """
+def models_inputs(known: Mapping[ModelKey, str]) -> dict[ModelKey, str]:
+    """The hashes of models in engines, as `harness.baseline.inputs` has them, for all runs."""
     return {
-        key: digest_of(f"{known} {_surroundings()} {_adapter(key[-1])}".encode())
-        for key, known in inputs(folder, resolution, baseline).items()
+        key: digest_of(f"{one} {_surroundings()} {_adapter(key[-1])}".encode())
+        for key, one in known.items()
     }
 
 
 def piece_of_robot(file: Path, *, floating: bool) -> Piece:
     """The preparation of a robot's file, with all that it names."""
-    return Piece(kind="robot", folder=str(file), inputs=_robot(file, floating))
-
-
-def robot_inputs(file: Path, engine: str, *, floating: bool, resolution: float) -> str:
-    """The hash of a robot's file in an engine; empty where files can't be read."""
-    known = _robot(file, floating)
-    return known and digest_of(f"{known} {engine} {resolution!r} {_adapter(engine)}".encode())
-
-
-def _robot(file: Path, floating: bool) -> str:
     try:
         beside = file.with_name(f"{file.name}.toml").is_file()  # which is told as not read
-        known = [(str(one), digest(one)) for one in (file, *named_files(file))]
+        read = [(str(one), digest(one)) for one in (file, *named_files(file))]
+        told = (read, floating, beside, VERSION, _surroundings())
+        known = digest_of(msgspec.json.encode(told))
     except OSError:
-        return ""
-    told = (known, floating, beside, VERSION, _surroundings())
-    return digest_of(msgspec.json.encode(told))
+        known = ""
+    return Piece(kind="robot", folder=str(file), inputs=known)
+
+
+def robot_inputs(prepared: Piece, engine: str, resolution: float) -> str:
+    """The hash of a robot's file in an engine, by that of its preparation; empty where it is."""
+    known = prepared.inputs
+    return known and digest_of(f"{known} {engine} {resolution!r} {_adapter(engine)}".encode())
 
 
 def with_snapshot(known: str, snapshot: Snapshot | None) -> str:
@@ -265,7 +256,8 @@ def _surroundings() -> str:
 def _adapter(name: str) -> str:
     """Hash of the source that an engine's adapter is in; that of our own is in all."""
     file = _engine_file(name)
-    return "" if file is None else _source(file.parent)
+    ours = physics_crosscheck.BESIDE / "harness"
+    return "" if file is None or file.is_relative_to(ours) else _source(file.parent)
 
 
 def _engine_file(name: str) -> Path | None:

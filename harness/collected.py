@@ -84,14 +84,9 @@ class Collected:
         self.cases.append(case)
         self._progress(len(self.cases), len(self.cases) + len(self.left), case)
 
-    def knows(self, work: Work) -> bool:
-        """Whether the journal has what came of a piece of work."""
-        return self._journal is not None and work in self._journal.kept
-
-    def known(self, work: Work) -> Any:
-        """What came of it."""
-        assert self._journal is not None
-        return self._journal.kept[work]
+    def known(self, work: Work) -> Any | None:
+        """What came of a piece of work, if the journal has it."""
+        return None if self._journal is None else self._journal.kept.get(work)
 
     def keep(self, work: Work, value: Any) -> None:
         """What came of a piece of work goes to the journal, if there is one."""

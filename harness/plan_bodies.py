@@ -17,7 +17,7 @@ from harness.coverage.robot import count_robot
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.plan_model import ModelPlan
 from harness.records.baseline import Snapshot
-from harness.records.case import Case
+from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage
 from harness.records.outcome import Outcome
 from harness.schedule.jobs import Job, Task
@@ -34,7 +34,7 @@ class BodiesModel(ModelPlan):
             return
         self.begin()
         for case in self.cases:
-            yield from self._states(case.scenario)
+            yield from self._states(case)
             yield from self.work.measure(case, self._measuring)
         yield from self._survey()
         if self.options.selection is None:
@@ -52,9 +52,7 @@ class BodiesModel(ModelPlan):
         )
         return Task(measure_tree, task)
 
-    def _states(self, scenario: str) -> Iterator[Job[Any]]:
-        (case,) = (one for one in self.cases if one.scenario == scenario)
-
+    def _states(self, case: CaseId) -> Iterator[Job[Any]]:
         def done(value: Case) -> Jobs:
             self.work.found.add(value)
             asked = self.options.diagnosed
@@ -69,7 +67,7 @@ class BodiesModel(ModelPlan):
             lambda prepared: Task(run_robot, self._task(prepared)),
             done,
             failed,
-            scenario=scenario,
+            scenario=case.scenario,
         )
 
     def _named(self) -> Iterator[Job[Any]]:

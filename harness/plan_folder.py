@@ -44,9 +44,9 @@ class FolderWork(PlaceWork[FolderFacts]):
         super().__init__(folder, options, found, piece)
         self._snapshots = snapshots
         # As it is before anything of it is run: what changes meanwhile is another folder's.
-        known = options.resolution, options.baseline
-        self._journaled = inputs(folder, *known) if found.keeps else {}
-        self._cached = models_inputs(folder, *known) if cache else {}
+        wanted = found.keeps or cache
+        self._known = inputs(folder, options.resolution, options.baseline) if wanted else {}
+        self._cached = models_inputs(self._known) if cache else {}
 
     @property
     def stand_in(self) -> CaseId:
@@ -72,9 +72,9 @@ class FolderWork(PlaceWork[FolderFacts]):
         return self._cached.get(key, "")
 
     def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
-        if kind not in KEPT_BY_JOURNALS:
+        if kind not in KEPT_BY_JOURNALS or not self.found.keeps:
             return None
-        known = with_elsewhere(self._journaled.get(key, ""), key, self.facts.reads)
+        known = with_elsewhere(self._known.get(key, ""), key, self.facts.reads)
         folder, model, engine = key
         what: Any = kind
         work = Work(

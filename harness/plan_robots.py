@@ -65,10 +65,8 @@ class RobotWork(PlaceWork[RobotFacts]):
         )
 
     def _inputs(self, key: ModelKey) -> str:
-        options = self.options
-        return robot_inputs(
-            self.place, key[-1], floating=options.floating, resolution=options.resolution
-        )
+        assert self._piece is not None  # nothing is asked for without a cache
+        return robot_inputs(self._piece, key[-1], self.options.resolution)
 
     def _told(self, failure: Failure) -> Failure:
         return replace(failure, reason=failure.about(self.place))

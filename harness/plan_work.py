@@ -142,12 +142,11 @@ class PlaceWork(ABC, Generic[Facts]):
             snapshot: what a measurement is to repeat.
         """
         work = self._work(kind, key, scenario)
-        if work is not None and self.found.knows(work):
-            yield from done(self.found.known(work))
+        if work is not None and (value := self.found.known(work)) is not None:
+            yield from done(value)
             return
         piece = self._piece_of(kind, key, scenario, snapshot)
-        value = self._had(piece)
-        if value is not None:
+        if (value := self._had(piece)) is not None:
             self.found.cached += kind == "case"
             yield from done(value)
             return

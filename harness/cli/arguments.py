@@ -72,6 +72,24 @@ def scheduler(command: argparse.ArgumentParser) -> None:
     )
 
 
+def alone(command: argparse.ArgumentParser) -> None:
+    """Add --alone."""
+    command.add_argument(
+        "--alone",
+        action="store_true",
+        help="files in a system folder too are taken as robots' files, without their sidecars",
+    )
+
+
+def floating(command: argparse.ArgumentParser) -> None:
+    """Add --floating."""
+    command.add_argument(
+        "--floating",
+        action="store_true",
+        help="the root link of a URDF that is given alone moves freely; else it is fixed",
+    )
+
+
 def baseline(command: argparse.ArgumentParser) -> None:
     """Add --baseline DIR."""
     command.add_argument(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from harness.files.choice import Choice, NamedModel, chosen_models, matching
@@ -50,16 +50,27 @@ def asked_for(options: argparse.Namespace) -> Asked:
             print("the last run has nothing that failed", file=sys.stderr)
             return Asked(NamedFolders([], {}), [], Choice(only=only))
         names = names or list(dict.fromkeys(folder for folder, _ in only))
+    found = meant_by(names, alone=options.alone)
+    if not found.robots and not found.folders:
+        raise FolderError("; ".join(found.named.faults.values()))
+    return replace(found, choice=replace(found.choice, words=options.words, only=only))
+
+
+def meant_by(names: Sequence[str], *, alone: bool) -> Asked:
+    """Folders, robots' files and models of folders that names mean; with names that mean nothing.
+
+    Args:
+        names: of a command line; none: all built-in folders.
+        alone: whether files in a system folder are robots' files, too.
+    """
     models: dict[str, tuple[NamedModel, ...]] = {}
-    if not options.alone:
+    if not alone:
         names, models = chosen_models(names)
-    alone = robot_files(names)
-    choice = Choice(models=models, words=options.words, only=only)
-    if alone.others or not (alone.files or alone.faults):
-        named = named_folders(alone.others, beside=bool(alone.files or alone.faults))
+    robots = robot_files(names)
+    beside = bool(robots.files or robots.faults)
+    if robots.others or not beside:
+        named = named_folders(robots.others, beside=beside)
     else:
         named = NamedFolders([], {})
-    faults = {**alone.faults, **named.faults}
-    if not alone.files and not named.folders:
-        raise FolderError("; ".join(faults.values()))
-    return Asked(NamedFolders(named.folders, faults), alone.files, choice)
+    faults = {**robots.faults, **named.faults}
+    return Asked(NamedFolders(named.folders, faults), robots.files, Choice(models=models))

@@ -7,13 +7,12 @@ import sys
 from pathlib import Path
 
 from harness.cli import arguments
+from harness.cli.asked import meant_by
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
-from harness.files.choice import NamedModel, chosen_models
-from harness.files.folders import FolderError, check_engines, named_folders
+from harness.files.folders import FolderError, check_engines
 from harness.records.outcome import Outcome
 from harness.records.write import encoded, write_whole
 from harness.report.sweep import write_sweep
-from harness.robots.named import robot_files
 from harness.schedule.stop import Stop, asking
 from harness.sweep.draws import Design
 from harness.sweep.factors import SweepError, factors
@@ -71,17 +70,10 @@ def _stopped(stop: Stop, out: Path) -> int:
 
 def _wanted(options: argparse.Namespace) -> Wanted:
     """The folders, models and robots' files that are meant."""
-    names, models = list(options.folders), dict[str, tuple[NamedModel, ...]]()
-    if not options.alone:
-        names, models = chosen_models(names)
-    robots = robot_files(names)
-    beside = bool(robots.files or robots.faults)
-    named = named_folders(robots.others, beside=beside) if robots.others or not beside else None
-    faults = {**robots.faults, **({} if named is None else named.faults)}
-    if faults:
-        raise FolderError("; ".join(faults.values()))
-    folders = [] if named is None else named.folders
-    return Wanted(places=[*folders, *robots.files], models=models)
+    found = meant_by(options.folders, alone=options.alone)
+    if found.named.faults:
+        raise FolderError("; ".join(found.named.faults.values()))
+    return Wanted(places=[*found.folders, *found.robots], models=dict(found.choice.models))
 
 
 def _asked(options: argparse.Namespace) -> SweepOptions:

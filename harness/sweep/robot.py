@@ -7,7 +7,6 @@ they take them now.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -22,13 +21,11 @@ from harness.robots.named import robot_numbers
 from harness.robots.system import RobotError
 from harness.sweep.known import Known, Timed
 from harness.sweep.planned import Planned
+from harness.sweep.recent import Recent
 from harness.sweep.source import Source
 from reference.multibody.tree import Tree
 from reference.resolved import Resolved
 from reference.samples import Samples
-
-KEPT = 4
-"""Draws whose solutions a worker holds: all engines of a draw follow each other."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +55,12 @@ class SweptRobot(Source):
         self._own = frozenset[str]()
         self._resolved: Resolved | None = None
         self._ways: dict[str, tuple[str, Mapping[str, Mapping[str, object]]]] = {}
-        self._draws: OrderedDict[tuple[float, ...], _Draw] = OrderedDict()
+        self._draws = Recent[_Draw]()
 
     def varying(self, varied: frozenset[str]) -> SweptRobot:
         """Other numbers of the same file, by their addresses."""
         other = copy(self)
-        other._own, other._draws = varied & self._index.keys(), OrderedDict()
+        other._own, other._draws = varied & self._index.keys(), Recent[_Draw]()
         return other
 
     @property
@@ -102,7 +99,7 @@ class SweptRobot(Source):
         """Every segment of the drawn robot; what motions don't resolve, accelerations decide."""
         values = {self._index[name]: case.constants[name] for name in sorted(self._own)}
         with known.timing("reference_seconds"):
-            drawn = self._drawn(values)
+            drawn = self._draws.get(tuple(values.values()), lambda: self._solved(values))
         file = self._prepared.file
         if values:
             file = copied(file, self._numbers.texts(values), place)
@@ -126,14 +123,6 @@ class SweptRobot(Source):
 
     def _task(self, engine: str) -> RobotTask:
         return self._prepared.task(engine, resolution=0.0)
-
-    def _drawn(self, values: Mapping[int, float]) -> _Draw:
-        key = tuple(values.values())
-        if key not in self._draws:
-            self._draws[key] = self._solved(values)
-            while len(self._draws) > KEPT:
-                self._draws.popitem(last=False)
-        return self._draws[key]
 
     def _solved(self, values: Mapping[int, float]) -> _Draw:
         known = self._prepared

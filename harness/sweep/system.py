@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -28,6 +27,7 @@ from harness.records.base import number
 from harness.records.outcome import FLOOR, Outcome
 from harness.sweep.known import Known, Timed
 from harness.sweep.planned import Planned
+from harness.sweep.recent import Recent
 from harness.sweep.source import Source
 from reference.declaration import Scenario
 from reference.derive import derive
@@ -36,9 +36,6 @@ from reference.load import load_system
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.system import System
-
-KEPT = 4
-"""Motions that a worker holds: cases of one draw and scenario follow each other."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +72,7 @@ class Swept(Source):
         self.system: System = load_system(folder)
         self.family = Family.of(derive(self.system))
         self._models: dict[tuple[str, str], Prepared] = {}
-        self._motions: OrderedDict[tuple[object, ...], Motion] = OrderedDict()
+        self._motions = Recent[Motion]()
         self._sidecars = {
             one.model.name if isinstance(one, Sidecar) else one.model: one
             for one in model_files(folder)
@@ -84,13 +81,13 @@ class Swept(Source):
     def varying(self, varied: frozenset[str]) -> Swept:
         """Its models follow other constants; the equations are the same."""
         other = copy(self)
-        other.varied, other._models, other._motions = varied, {}, OrderedDict()
+        other.varied, other._models, other._motions = varied, {}, Recent[Motion]()
         return other
 
     @property
     def own(self) -> frozenset[str]:
         """Those of the varied constants that it has."""
-        return self.varied & {c.name for c in self.system.constants}
+        return self.varied & self.constants.keys()
 
     @property
     def needed(self) -> frozenset[str]:
@@ -158,12 +155,10 @@ class Swept(Source):
         Raises:
             DeclarationError, ReferenceError: where there is none.
         """
-        key = draw, equations.values, scenario
-        if key not in self._motions:
-            self._motions[key] = solve_drawn(equations, self.system.scenario(scenario))
-            while len(self._motions) > KEPT:
-                self._motions.popitem(last=False)
-        return self._motions[key]
+        return self._motions.get(
+            (draw, equations.values, scenario),
+            lambda: solve_drawn(equations, self.system.scenario(scenario)),
+        )
 
     @cached_property
     def declared_motions(self) -> Mapping[str, Motion]:

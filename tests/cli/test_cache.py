@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from harness import cached
+from harness.baseline.inputs import inputs
 from harness.cached import models_inputs
 from harness.cli.main import main
 from harness.records.outcome import Outcome
@@ -218,13 +219,13 @@ def test_the_source_of_an_adapter_counts(
     shutil.copytree(KNOWN_ANSWER, place)
     monkeypatch.setattr(cached, "_engine_file", lambda _: place / "known_answer.py")
     cached._adapter.cache_clear()
-    before = models_inputs(folder, 1e-9, None)
+    before = models_inputs(inputs(folder, 1e-9, None))
     cached._adapter.cache_clear()
-    assert models_inputs(folder, 1e-9, None) == before
+    assert models_inputs(inputs(folder, 1e-9, None)) == before
     with (place / "known_answer.py").open("a") as file:
         file.write("\n# another\n")
     cached._adapter.cache_clear()
-    after = models_inputs(folder, 1e-9, None)
+    after = models_inputs(inputs(folder, 1e-9, None))
     cached._adapter.cache_clear()
     assert before.keys() == after.keys()
     assert all(before[key] != after[key] for key in before)

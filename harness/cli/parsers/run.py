@@ -18,11 +18,7 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="only what did not agree in the last run, by DIR/results.json",
     )
-    command.add_argument(
-        "--alone",
-        action="store_true",
-        help="files in a system folder too are taken as robots' files, without their sidecars",
-    )
+    arguments.alone(command)
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
@@ -80,8 +76,4 @@ def add(command: argparse.ArgumentParser) -> None:
         help="exit 3 where a robot's file says what the check leaves out: limits, contacts, ...;"
         " or where one engine refuses it, whatever the others say",
     )
-    command.add_argument(
-        "--floating",
-        action="store_true",
-        help="the root link of a URDF that is given alone moves freely; else it is fixed",
-    )
+    arguments.floating(command)

@@ -14,11 +14,7 @@ DESIGNS = ("latin", "sobol", "random")
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     arguments.folders(command, some=False)
-    command.add_argument(
-        "--alone",
-        action="store_true",
-        help="files in a system folder too are taken as robots' files, without their sidecars",
-    )
+    arguments.alone(command)
     command.add_argument(
         "--vary",
         action=arguments.Gathered,

@@ -45,11 +45,7 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="name the cause where a model differs, in each version's report; takes a while",
     )
-    command.add_argument(
-        "--floating",
-        action="store_true",
-        help="the root link of a URDF that is given alone moves freely; else it is fixed",
-    )
+    arguments.floating(command)
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
