@@ -217,8 +217,12 @@ def _steps(_: Results, cases: list[Case], ax: Any) -> None:
     for case in cases:
         assert case.series is not None
         runs = case.series.full_runs
-        h, error = ([_number(x) for x in row] for row in (runs.h, runs.error))
-        (curve,) = ax.plot(h, error, "o-", markersize=3, linewidth=1, label=str(case.id))
+        points = sorted(
+            (_number(h), _number(error)) for h, error in zip(runs.h, runs.error, strict=True)
+        )
+        (curve,) = ax.plot(
+            *zip(*points, strict=True), "o-", markersize=3, linewidth=1, label=str(case.id)
+        )
         run = case.full_run
         if run is not None:
             at = [_number(run.shipped_step)], [_number(run.global_error)]

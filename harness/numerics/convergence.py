@@ -38,7 +38,7 @@ SLACK = 0.3
 
 NEXT_ORDERS = 3
 """Orders after the leading one that a shipped step's error may be made of. Whichever of them leads,
-what the finer runs foretell moves with each run by no less than a known share of what it is off."""
+what the other runs foretell moves with each run by no less than a known share of what it is off."""
 
 NUDGE = 1e-7
 """Relative distance of the start whose run shows how a motion multiplies differences."""
@@ -126,8 +126,8 @@ class Witness:
         until: end of the stretch on which it was read: errors are small there.
         residual: what is left of the error as h -> 0, by extrapolation of the three finest runs.
         left: how much may be left: what the finest run moved that, rounding, and the reference.
-        expected: largest error of the shipped run by what the next two finer ones foretell, where
-            they foretell a small one.
+        expected: largest error of the shipped run by what the two beside it foretell, where they
+            foretell a small one.
         surprise: by how much the shipped run's error is another there.
         unsure: how sure they are of it.
         settled: whether the order is one that the engine may claim, or can't be told.
@@ -161,7 +161,7 @@ def witness(
     motion: Motion,
     sensitive: Sensitivity | None = None,
 ) -> Witness:
-    """What runs bear out: the shipped one, then others, each of half or each of twice the step.
+    """What runs bear out: the shipped one, then others, of halves and doubles of its step.
 
     Args:
         claimed: order that the engine claims.
@@ -293,8 +293,8 @@ def _foretold(
     if len(others) < 2 or not all(run.finite for run in runs):
         return 0.0, 0.0, max(RESIDUAL, lost)
     own, *beside = _together(runs, until, size)
-    ratio = 2 if others[0].h > shipped.h else Fraction(1, 2)
-    one, two = _powers(ratio, claimed, 1), _powers(ratio, claimed, 2)
+    ratios = [Fraction(other.h / shipped.h) for other in others]
+    one, two = _powers(ratios[:1], claimed), _powers(ratios, claimed)
     rough = float(one[0]) * beside[0]
     better = np.tensordot([float(w) for w in two], np.stack(beside), axes=1)
     t = shipped.t[: len(own)]
@@ -302,7 +302,7 @@ def _foretold(
     share = Fraction(0)
     for exponent in range(claimed + 2, claimed + NEXT_ORDERS + 1):
         by_one, by_two = (
-            sum((w * Fraction(ratio) ** (i * exponent) for i, w in enumerate(ws, 1)), Fraction(0))
+            sum((w * r**exponent for w, r in zip(ws, ratios, strict=False)), Fraction(0))
             for ws in (one, two)
         )
         share = max(share, abs(1 - by_two) / abs(by_two - by_one))
@@ -311,14 +311,14 @@ def _foretold(
     return float(np.max(np.abs(better)[kept])), off, float(share) * moved + max(RESIDUAL, lost)
 
 
-def _powers(ratio: Fraction | int, lead: int, count: int) -> list[Fraction]:
-    """Weights of the errors at r, r^2, ... of a step that give that at the step itself.
+def _powers(ratios: Sequence[Fraction], lead: int) -> list[Fraction]:
+    """Weights of the errors at one multiple of a step, or two, that give that at the step itself.
 
     Exact for errors in its powers `lead`, `lead` + 1, ..., as many as there are weights.
     """
-    first = 1 / Fraction(ratio) ** lead
-    if count == 1:
-        return [first]
-    # a r^p + b r^2p = 1 for p and p + 1.
-    last = -(first**2) / Fraction(ratio)
-    return [first - last / first, last]
+    if len(ratios) == 1:
+        return [1 / ratios[0] ** lead]
+    # a + b = 1 and a r + b s = 1 for the shares a and b of the power `lead`.
+    r, s = ratios
+    a = (1 - s) / (r - s)
+    return [a / r**lead, (1 - a) / s**lead]

@@ -32,9 +32,10 @@ MOST_STEPS = 60_000
 MOST_RUNS = 6
 
 TINY = 1e-5
-"""Up to this global error, relative to the amplitude, coarser runs bear witness: they show orders
-where finer ones are all rounding, and all of them take fewer steps than the shipped one. What they
-may miss is less than the error that is told."""
+"""Up to this global error, relative to the amplitude, coarser runs alone bear witness: they show
+orders where finer ones are all rounding, and all of them take fewer steps than the shipped one.
+What they may miss is less than the error that is told. Beyond it a run of half the step and one of
+twice the step do, and where these don't bear the motion out those of a quarter and less."""
 
 CLEAR = 1e-6
 """Coarser runs are taken until their errors are clear of rounding, and two at least."""
@@ -53,7 +54,7 @@ class StepStudy:
 
     Attributes:
         shipped: run at the shipped step.
-        beside: runs at half, and where needed a quarter, of it; or at twice of it and more.
+        beside: runs at half of it, and at twice or a quarter; or at twice of it and more.
         global_error: largest position error at the shipped step, relative to the amplitude.
         witness: what the runs bear out together.
         decomposition: of the error of the position with the largest; None where it is not small.
@@ -94,15 +95,15 @@ def study_step(
         return full_run(model, coordinates, motion, power, h, every)
 
     shipped = run(model.step)
-    found: Witness | None = None
-    runs: list[FullRun] = []
-    if largest(shipped, size) <= TINY:
-        runs = _coarser(run, shipped, motion, size)
-        found = witness(_alike(runs), claimed, size, motion) if len(runs) > 2 else None
+    tiny = largest(shipped, size) <= TINY
+    runs = _coarser(run, shipped, motion, size, most=MOST_COARSER if tiny else 1)
+    if not tiny:
+        runs.insert(1, _half(run, shipped))
+    found = witness(_alike(runs), claimed, size, motion) if len(runs) > 2 else None
     if found is None or (agrees and not (found.bears_out and found.foretold)):
         runs, found = _finer(
             run,
-            shipped,
+            [shipped] if tiny else runs[:2],
             model=model,
             coordinates=coordinates,
             motion=motion,
@@ -123,16 +124,26 @@ def study_step(
     )
 
 
+def _half(run: Callable[[float, int], FullRun], of: FullRun) -> FullRun:
+    return run(of.h / 2, 2 * of.every)
+
+
 def _coarser(
-    run: Callable[[float, int], FullRun], shipped: FullRun, motion: Motion, size: Array
+    run: Callable[[float, int], FullRun],
+    shipped: FullRun,
+    motion: Motion,
+    size: Array,
+    *,
+    most: int,
 ) -> list[FullRun]:
     """The shipped run, and those of twice its step and more, as far as they follow the motion."""
     runs, every = [shipped], shipped.every
     whole = first_break_off(shipped.h, motion)
-    for _ in range(MOST_COARSER):
+    for _ in range(most):
         h, every = 2 * runs[-1].h, max(1, every // 2)
         few = motion.duration / h < FEWEST_STEPS or h * motion.fastest * FEWEST_STEPS > 2 * math.pi
-        if few or first_break_off(h, motion) < whole:
+        large = 2 * largest(runs[-1], size) > SMALL  # of twice the step, at any order
+        if few or large or first_break_off(h, motion) < whole:
             break
         coarse = run(h, every)
         if not coarse.finite or largest(coarse, size) > SMALL:
@@ -151,7 +162,7 @@ def _alike(runs: Sequence[FullRun]) -> list[SampledRun]:
 
 def _finer(
     run: Callable[[float, int], FullRun],
-    shipped: FullRun,
+    runs: list[FullRun],
     *,
     model: Model,
     coordinates: CoordinateMap,
@@ -160,17 +171,18 @@ def _finer(
     amplitude: Array,
     agrees: bool,
 ) -> tuple[list[FullRun], Witness]:
-    """The shipped run and those of half its step and less, and what they bear out."""
+    """The shipped run and those of half its step and less, and what they bear out.
+
+    Args:
+        runs: the shipped one, and that of half its step where it was run.
+    """
     size = amplitude[: len(amplitude) // 2]
-
-    def half(of: FullRun) -> FullRun:
-        return run(of.h / 2, 2 * of.every)
-
-    runs = [shipped, half(shipped)]
+    shipped = runs[0]
+    runs = runs if len(runs) > 1 else [shipped, _half(run, shipped)]
     found = witness(runs, claimed, size, motion)
     # Three runs to extrapolate; more where errors are not small enough yet for the leading term.
     while _wants_more(runs, found):
-        runs.append(half(runs[-1]))
+        runs.append(_half(run, runs[-1]))
         found = witness(runs, claimed, size, motion)
     together: list[SampledRun] = [*runs]
     if len(runs) == 2:  # a third in full would take too many steps

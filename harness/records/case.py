@@ -248,7 +248,7 @@ class StepErrors(Record, frozen=True, kw_only=True):
     """Full runs at several steps.
 
     Attributes:
-        h: seconds.
+        h: seconds; of the shipped step first.
         error: largest position error, relative to the amplitude.
         seconds: of wall-clock time that the engine took for each.
     """

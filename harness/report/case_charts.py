@@ -9,7 +9,7 @@ import numpy as np
 
 from harness.records.outcome import FLOOR
 from harness.report.packs import Array, Chart, Curve
-from harness.report.runs import Run, ends, largest, single, values
+from harness.report.runs import Run, coarse_to_fine, ends, largest, single, values
 from harness.report.text import percent, quantity, sci, shown
 
 OVERLAID = 9
@@ -195,7 +195,8 @@ def _energy(run: Run) -> Iterator[Chart]:
 
 
 def _convergence(run: Run) -> Chart:
-    found, steps = run.series.convergence, values(run.series.full_runs.h)
+    found, full = run.series.convergence, run.series.full_runs
+    steps = values(full.h)[coarse_to_fine(full)]
     h, defect, increments = values(found.h), values(found.defect), values(found.increments)
     column = run.pack.column
     curves = [
@@ -253,6 +254,7 @@ def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
         if other.seconds is not None
     ]
     runs = run.series.full_runs
+    finest = int(coarse_to_fine(runs)[-1])
     yield Chart(
         part=COST,
         title="Work and precision",
@@ -263,8 +265,8 @@ def _work(run: Run, others: Sequence[Run]) -> Iterator[Chart]:
         " shipped step and at others, each half or twice the last. Further to the lower left is"
         " better.",
         summary=f"This engine takes {quantity(runs.seconds[0], 's', 2)} for an error of"
-        f" {percent(runs.error[0])}, and {quantity(runs.seconds[-1], 's', 2)} for"
-        f" {percent(runs.error[-1])}.",
+        f" {percent(runs.error[0])}, and {quantity(runs.seconds[finest], 's', 2)} for"
+        f" {percent(runs.error[finest])}.",
         log_x=True,
         log_y=True,
     )

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.records.base import Numbers
-from harness.records.case import Case, FullRun, Series, Verdict
+from harness.records.case import Case, FullRun, Series, StepErrors, Verdict
 from harness.report.packs import Array, Column, Pack
 from harness.report.text import quantity, shown
 
@@ -53,6 +54,7 @@ def _run(case: Case, place: int) -> Run | None:
         return None
     pack = Pack(f"pack-case-{place}")
     seconds = series.full_runs.seconds
+    order = coarse_to_fine(series.full_runs)
     return Run(
         case=case,
         verdict=verdict,
@@ -64,9 +66,14 @@ def _run(case: Case, place: int) -> Run | None:
         t=pack.column(series.t, 7),
         reference=tuple(pack.column(row, 6) for row in series.reference),
         engine=tuple(pack.column(single(row), 6) for row in series.engine),
-        error=pack.column(single(series.full_runs.error), 5),
-        seconds=pack.column(seconds, 3) if any(seconds) else None,
+        error=pack.column(single(series.full_runs.error)[order], 5),
+        seconds=pack.column(values(seconds)[order], 3) if any(seconds) else None,
     )
+
+
+def coarse_to_fine(runs: StepErrors) -> NDArray[np.intp]:
+    """The runs' places by falling step, as lines are drawn; the shipped step's is told first."""
+    return np.argsort(-values(runs.h))
 
 
 def values(row: Numbers) -> Array:

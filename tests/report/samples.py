@@ -156,7 +156,9 @@ def series(random: np.random.Generator, coordinates: int) -> Series:
             defect=row(0.3 * h, 4),
             increments=row(10.0 ** -np.arange(1.0, len(RUNGS)), 4),
         ),
-        full_runs=StepErrors(h=(0.002, 0.001), error=(0.0091, 0.0045), seconds=(0.11, 0.23)),
+        full_runs=StepErrors(
+            h=(0.002, 0.001, 0.004), error=(0.0091, 0.0045, 0.019), seconds=(0.11, 0.23, 0.06)
+        ),
         energy=EnergySeries(
             held=row(np.sin(t), 5),
             supplied=row(np.sin(t) + 0.01, 5),
