@@ -1,13 +1,14 @@
 """The HTML report, drawn from results alone.
 
-results --view--> strings, tables and packed plots --templates--> one HTML file
+results --view--> strings, tables and packed plots --templates--> one HTML file; of many cases, a
+file of the overview and, beside it, files of cases, which it reads when they are looked at
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -18,11 +19,22 @@ from markupsafe import Markup
 from harness.records.history import Past
 from harness.records.results import Results
 from harness.records.write import write_whole
-from harness.report.view import report
+from harness.report.parts import (
+    WHOLE,
+    Part,
+    divided,
+    forget_parts,
+    packs_of,
+    part_of_cases,
+    part_of_group,
+    write_parts,
+)
+from harness.report.view import Report, report
 from harness.text.next_steps import DEFAULT_OUT
 
 SCRIPTS = (
     "packs",
+    "parts",
     "looks",
     "plots",
     "legends",
@@ -35,52 +47,108 @@ SCRIPTS = (
 )
 """Files of `script/`, in the order in which they follow each other in one function."""
 
+ROWS = 500
+"""Of the list of cases at first, until all are asked for: to lay out ten thousand takes seconds."""
+
 EARLY = 'document.documentElement.classList.add("js");'
 """What runs before anything is shown: without it, everything stays readable."""
 
 
 def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> None:
-    """Write the report of results as one HTML file that asks for nothing else."""
-    write_whole(path, render(results, path.parent, history))
+    """Write the report of results: one HTML file that asks for nothing else.
+
+    Of more than `WHOLE` cases, the cases' own pages are in a folder beside it, `index.parts` of
+    `index.html`, and nothing else is asked for.
+
+    Raises:
+        OSError: as the file system has it; the page that was there is as it was.
+    """
+    if len(results.cases) <= WHOLE:
+        write_whole(path, render(results, path.parent, history))
+        forget_parts(path)
+        return
+    found = report(results, path.parent, history)
+    environment = _environment()
+
+    def parts() -> Iterator[Part]:
+        page = environment.get_template("part.html")
+        for group in found.groups:
+            html = page.render(groups=[group], cases=())
+            yield part_of_group(group, html, found.packs)
+        for cases in divided(found.groups):
+            yield part_of_cases(cases, page.render(groups=(), cases=cases), found.packs)
+
+    def write(folder: str, places: str) -> None:
+        write_whole(path, _page(found, folder, places))
+
+    write_parts(path, parts(), write)
 
 
 def render(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> str:
-    """The report of results as HTML; the same results and history give the same text.
+    """The report of results as one HTML file; the same results and history give the same text.
 
     Args:
         results: of a run.
         out: folder that it lies in, as its commands name it.
         history: cases in past runs.
     """
+    return _page(report(results, out, history))
+
+
+def _page(found: Report, folder: str = "", places: str = "") -> str:
+    """The page of a report.
+
+    Args:
+        found: what it shows.
+        folder: that has the files of its cases; empty where the page has them itself.
+        places: JSON of where each case is.
+    """
     scripts = [_inline(text) for text in (_bokeh(), _own())]
+    elsewhere: set[str] = set()
+    if folder:
+        elsewhere = {case.pack for case in found.cases}
+        elsewhere.update(name for group in found.groups for name in packs_of(group))
     return template(
         "report.html",
         scripts,
-        report=report(results, out, history),
+        folder,
+        report=found,
+        packs=((name, found.packs[name]) for name in found.packs if name not in elsewhere),
         early=Markup(EARLY),
         scripts=[Markup(text) for text in scripts],
+        whole=not folder,
+        most=ROWS,
+        places=Markup(_inline(places)),
     )
 
 
-def template(name: str, running: Sequence[str] = (), **values: object) -> str:
+def template(name: str, running: Sequence[str] = (), folder: str = "", /, **values: object) -> str:
     """A page in the report's style.
 
     Args:
         name: of its template.
         running: scripts that it runs, beside the early one; none: it runs nothing at all.
+        folder: beside it, from which it may read scripts; empty: none.
         values: what it shows.
     """
-    environment = jinja2.Environment(
+    return (
+        _environment()
+        .get_template(name)
+        .render(
+            style=Markup(_resource("style.css")),
+            policy=_policy([EARLY, *running] if running else [], folder),
+            **values,
+        )
+    )
+
+
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-    )
-    return environment.get_template(name).render(
-        style=Markup(_resource("style.css")),
-        policy=_policy([EARLY, *running] if running else []),
-        **values,
     )
 
 
@@ -106,10 +174,16 @@ def _inline(script: str) -> str:
     return script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
 
 
-def _policy(scripts: list[str]) -> str:
-    """What the page may do: run these scripts, style itself, and load nothing from anywhere."""
+def _policy(scripts: list[str], folder: str) -> str:
+    """What the page may do: run these scripts, style itself, and load nothing from anywhere.
+
+    Of a page with files of cases, scripts from where it is itself too: from its server, or where it
+    is a file from files, among which no policy tells one from another.
+    """
     hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
     allowed = " ".join(f"'sha256-{each}'" for each in hashes) or "'none'"
+    if folder:
+        allowed += " 'self' file:"
     return (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline';"
         " img-src data: blob:; base-uri 'none'; form-action 'none'"

@@ -30,13 +30,10 @@ def case_charts(
         reach: largest magnitude of each component in the system's motions.
     """
     half = len(run.reference) // 2
-    shown_others = others[:OVERLAID]
     names = run.series.components
     telling = names.index(run.verdict.component) if run.verdict.component in names else 0
     # A series may be of nothing: then nothing leads.
-    motions = _led(
-        (_motion(run, shown_others, i, units[i]) for i in range(half)), telling % max(half, 1)
-    )
+    motions = _led((_motion(run, others, i, units[i]) for i in range(half)), telling % max(half, 1))
     errors = _led((_error(run, i, units[i], reach[i]) for i in range(2 * half)), telling)
     return (
         *motions,
@@ -44,7 +41,7 @@ def case_charts(
         *errors,
         *_energy(run),
         _convergence(run),
-        *_work(run, shown_others),
+        *_work(run, others),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.records.case import Case, ModelKey
@@ -41,6 +41,27 @@ class Motion:
     others: tuple[Track, ...]
 
 
+Parts = tuple[Pack, tuple[Chart, ...], Mapping[str, object]]
+"""A pack, its charts, and what else it holds."""
+
+
+class _Packed(Mapping[str, str]):
+    """Packs as text, none of which is kept."""
+
+    def __init__(self, packs: Mapping[str, Parts]) -> None:
+        self._packs = packs
+
+    def __getitem__(self, name: str) -> str:
+        pack, charts, more = self._packs[name]
+        return pack.packed(charts, **more)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._packs)
+
+    def __len__(self) -> int:
+        return len(self._packs)
+
+
 class Content:
     """Packs of a report, under the ids of the elements that hold them.
 
@@ -50,7 +71,7 @@ class Content:
     def __init__(self, results: Results, history: Sequence[Past] = ()) -> None:
         self._systems = {system.folder: system for system in results.systems}
         self._runs = runs(results.cases)
-        self._packs: dict[str, tuple[Pack, tuple[Chart, ...], Mapping[str, object]]] = {}
+        self._packs: dict[str, Parts] = {}
         self._linear: dict[ModelKey, tuple[Chart, ...]] = {}
         for place, model in enumerate(results.models):
             system = self._systems.get(model.folder)
@@ -83,11 +104,9 @@ class Content:
         """Id of the pack of the diagnosis of the model at that place; empty without."""
         return self._diagnosis_packs[place]
 
-    def packs(self) -> dict[str, str]:
-        """Every pack, by its id."""
-        return {
-            name: pack.packed(charts, **more) for name, (pack, charts, more) in self._packs.items()
-        }
+    def packs(self) -> Mapping[str, str]:
+        """Every pack, by its id, packed when it is asked for."""
+        return _Packed(self._packs)
 
     def _keep(self, pack: Pack, charts: Iterable[Chart], **more: object) -> None:
         self._packs[pack.id] = pack, tuple(charts), more
@@ -101,7 +120,8 @@ class Content:
             if run is None:
                 continue
             folder = run.case.folder
-            others = [r for r in together[folder, run.case.scenario] if r is not run]
+            near = together[folder, run.case.scenario][: OVERLAID + 1]
+            others = [other for other in near if other is not run][:OVERLAID]
             charts = case_charts(run, others, self._units(run), reach[folder])
             linear = self._linear.get(run.case.key, ())
             reaching = self._packs[self._system_packs[folder]][1] if folder in self._systems else ()
@@ -130,7 +150,7 @@ class Content:
             engine=tuple(column.key for column in run.engine[:half]),
             others=tuple(
                 Track(_address(other.t), tuple(_address(c) for c in other.engine[:half]))
-                for other in others[:OVERLAID]
+                for other in others
             ),
         )
 

@@ -1,25 +1,46 @@
+/** Rows that are shown at first; the page comes with the others hidden. */
+const MOST = Number(document.getElementById("cases").dataset.most);
+
+/** A cell of a row: not of `row.cells`, of which 10 000 would be kept up to date with every move. */
+function nth(row, place) {
+  let cell = row.firstElementChild;
+  for (let i = 0; i < place; i++) cell = cell.nextElementSibling;
+  return cell;
+}
+
 /** Make the list of cases sortable and filterable, and the matrix follow the filter. */
 function overview() {
   const table = document.getElementById("cases");
   const body = table.tBodies[0];
   const rows = [...body.rows].map((row, place) => ({ row, place, text: row.textContent.toLowerCase() }));
+  const byRow = new Map(rows.map((each) => [each.row, each]));
   const field = (id) => document.getElementById(id);
   const choices = ["outcome", "system", "engine"].map((name) => [name, field(`filter-${name}`)]);
-  const search = field("search"), matching = field("matching");
+  const search = field("search"), matching = field("matching"), all = field("all");
+  let most = MOST;
 
   function filter() {
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
     let count = 0;
     for (const each of rows) {
       const chosen = choices.every(([name, choice]) => !choice.value || each.row.dataset[name] === choice.value);
-      each.row.hidden = !chosen || !words.every((word) => each.text.includes(word));
-      count += !each.row.hidden;
+      each.chosen = chosen && words.every((word) => each.text.includes(word));
+      count += each.chosen;
     }
+    limit(count);
     matching.textContent = count === rows.length ? `${count} cases` : `${count} of ${rows.length} cases`;
-    const cells = new Set(rows.filter((each) => !each.row.hidden).map((each) => `${each.row.dataset.system} ${each.row.dataset.model} ${each.row.dataset.engine}`));
+    const cells = new Set(rows.filter((each) => each.chosen).map((each) => `${each.row.dataset.system} ${each.row.dataset.model} ${each.row.dataset.engine}`));
     for (const cell of document.querySelectorAll(".matrix .cell[data-cell]")) {
       cell.classList.toggle("faded", !cells.has(cell.dataset.cell));
     }
+  }
+
+  /** Show so many of the chosen rows: to lay out ten thousand takes seconds. */
+  function limit(count) {
+    let left = most;
+    for (const row of [...body.rows]) row.hidden = !byRow.get(row).chosen || left-- <= 0;
+    all.hidden = count <= most;
+    all.textContent = `Show all ${count}, not ${most}`;
   }
 
   function sort(head, place) {
@@ -27,7 +48,7 @@ function overview() {
     for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
     head.setAttribute("aria-sort", up === 1 ? "ascending" : "descending");
     const value = ({ row }) => {
-      const cell = row.cells[place];
+      const cell = nth(row, place);
       if (cell.dataset.v === undefined) return cell.textContent.trim();
       return cell.dataset.v === "" ? NaN : Number(cell.dataset.v);
     };
@@ -39,7 +60,10 @@ function overview() {
       const order = typeof a.key === "string" ? a.key.localeCompare(b.key) : a.key - b.key;
       return up * order || a.place - b.place;
     });
-    body.append(...keyed.map((each) => each.row));
+    body.remove(); // to move 10 000 rows within the document takes a minute
+    body.replaceChildren(...keyed.map((each) => each.row));
+    table.append(body);
+    limit(rows.filter((each) => each.chosen).length);
   }
 
   [...table.tHead.rows[0].cells].forEach((head, place) => {
@@ -50,6 +74,10 @@ function overview() {
   });
   for (const [, choice] of choices) choice.addEventListener("change", filter);
   search.addEventListener("input", filter);
+  all.addEventListener("click", () => {
+    most = Infinity;
+    filter();
+  });
   field("clear").addEventListener("click", () => {
     search.value = "";
     for (const [, choice] of choices) choice.value = "";

@@ -10,7 +10,8 @@ document.addEventListener("securitypolicyviolation", (event) => note("blocked", 
 const packs = new Map();
 
 /** The content of a pack, unpacked once. */
-function pack(id) {
+async function pack(id) {
+  if (away(id)) await part(id);
   if (!packs.has(id)) packs.set(id, unpack(document.getElementById(id).textContent));
   return packs.get(id);
 }

@@ -1,18 +1,36 @@
 /** What the address points to; the overview where it points nowhere. */
-function target() {
+async function target() {
   const id = location.hash.slice(1);
-  const found = id && document.getElementById(id);
-  if (found) return found;
+  for (const name of [id, decoded(id)]) {
+    if (!name) continue;
+    if (away(name)) await part(name).catch((error) => missing(error.message));
+    const found = document.getElementById(name);
+    if (found) return found;
+  }
+  return document.getElementById("overview");
+}
+
+function decoded(id) {
   try {
-    return document.getElementById(decodeURIComponent(id)) ?? document.getElementById("overview");
+    return decodeURIComponent(id);
   } catch {
-    return document.getElementById("overview");
+    return "";
   }
 }
 
+/** Say on the overview what could not be read. */
+function missing(what) {
+  note("errors", what);
+  const at = document.querySelector("#overview .verdict");
+  if (!document.getElementById("missing")) at.after(make("p", { class: "note", id: "missing", role: "alert" }));
+  document.getElementById("missing").textContent = `${what[0].toUpperCase()}${what.slice(1)}.`;
+}
+
 /** Show the view that the address points to, and no other; build its plots. */
-function route() {
-  const to = target();
+async function route() {
+  const asked = location.hash;
+  const to = await target();
+  if (location.hash !== asked) return; // somebody went on before the file came
   const view = to.closest(".view") ?? document.getElementById("overview");
   for (const other of document.querySelectorAll(".view.current")) {
     if (other === view) continue;

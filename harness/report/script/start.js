@@ -1,7 +1,7 @@
 addEventListener("DOMContentLoaded", () => {
   overview();
   copying();
-  route();
+  route().then(() => { page.dataset.ready = "yes"; });
   addEventListener("hashchange", route);
   document.addEventListener("click", (event) => {
     const link = event.target.closest("a[href^='#']");
@@ -22,5 +22,4 @@ addEventListener("DOMContentLoaded", () => {
     if (matchMedia("print").matches) return;
     for (const element of document.querySelectorAll("figure[data-drawn]")) element.rest();
   });
-  page.dataset.ready = "yes";
 });

@@ -1,0 +1,32 @@
+// Of many cases, their pages and packs are in files beside this one.
+const beside = JSON.parse(document.getElementById("parts")?.textContent ?? '{"places": {}}');
+const arriving = new Map();
+
+/** What files of cases call: their name, their pages, their packs. */
+globalThis.crosscheckPart = (name, pages, packed) => arriving.get(name)?.resolve({ pages, packed });
+
+/** Read the file that has an id, once: its pages go into the document, and its packs are known. */
+function part(id) {
+  const name = beside.names[beside.places[id]];
+  if (!arriving.has(name)) {
+    const one = {};
+    one.whole = new Promise((resolve, reject) => Object.assign(one, { resolve, reject })).then(taken);
+    arriving.set(name, one);
+    const script = make("script", { src: `${beside.folder}/${name}` });
+    script.addEventListener("error", () => {
+      arriving.delete(name);
+      one.reject(new Error(`the file ${beside.folder}/${name} can't be read: it goes with this page`));
+    });
+    document.head.append(script);
+  }
+  return arriving.get(name).whole;
+}
+
+async function taken({ pages, packed }) {
+  const { html } = await unpack(pages);
+  document.getElementById("main").insertAdjacentHTML("beforeend", html);
+  for (const [id, text] of Object.entries(packed)) packs.set(id, unpack(text));
+}
+
+/** Whether an id is in a file that has not been read. */
+const away = (id) => Object.hasOwn(beside.places, id) && !document.getElementById(id) && !packs.has(id);
