@@ -4,8 +4,9 @@
    does the same steps from the same states.
 2. Engine steps to certify a trajectory to 1e-9 against the steps that plain refinement would need.
 3. The whole matrix with two workers against one.
-4. The report of it, and one of two thousand cases: size, time to draw it up, and in a headless
-   Chromium until it can be used, and until a case's first plots are drawn.
+4. The report of it, and those of two and of ten thousand cases: size of the page, and of the files
+   beside it, time to draw it up, and in a headless Chromium until it can be used, until a case's
+   first plots are drawn, and until the list is filtered and sorted.
 5. Two files of an arm of seven joints held against each other: processor time, and discrepancies.
 6. Each engine that is installed: microseconds a step and a state, beside a bare loop.
 7. The time to certify 1e-6 and 1e-9 against a script of `solve_ivp` and `allclose`.
@@ -71,23 +72,28 @@ def renamed(one: Model | Case, i: int) -> dict[str, str]:
 def report(console: Console, found: Results) -> None:
     table = Table(
         "cases",
-        "HTML",
+        "page",
+        "beside it",
         "drawn up in",
         "usable after",
         "a case's first plots after",
         "filtered in",
+        "sorted in",
         title="Report",
     )
-    for times in (1, math.ceil(2000 / len(found.cases))):
+    for cases in (1, 2_000, 10_000):
+        times = math.ceil(cases / len(found.cases))
         results = multiplied(found, times)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "index.html"
             began = time.perf_counter()
             write_report(path, results)
             drawn_up = time.perf_counter() - began
-            size = f"{path.stat().st_size / 1e6:.1f} MB"
-            seen = looked_at(path) if CHROMIUM else ("no browser",) * 3
-        table.add_row(str(len(results.cases)), size, f"{drawn_up:.1f} s", *seen)
+            size = path.stat().st_size / 1e6
+            beside = sum(one.stat().st_size for one in Path(folder).glob("*/*.js")) / 1e6
+            seen = looked_at(path) if CHROMIUM else ("no browser",) * 4
+        sizes = f"{size:.1f} MB", f"{beside:.0f} MB"
+        table.add_row(str(len(results.cases)), *sizes, f"{drawn_up:.1f} s", *seen)
     console.print(table)
 
 
@@ -101,9 +107,17 @@ FILTER = """(() => {
 })()"""
 
 
+SORT = """(() => {
+  const began = performance.now();
+  document.querySelector("#cases th[data-kind=number] button").click();
+  document.body.offsetHeight;
+  return (performance.now() - began) / 1000;
+})()"""
+
+
 def looked_at(path: Path) -> tuple[str, ...]:
-    """Median times of a page in a browser: until usable, a case drawn, the list filtered."""
-    usable, opened, filtered = [], [], []
+    """Median times in a browser: until usable, a case drawn, the list filtered, and sorted."""
+    usable, opened, filtered, sorted_in = [], [], [], []
     with running(path.parent) as browser:
         for _ in range(REPEATS):
             with browser.tab() as tab:
@@ -111,14 +125,14 @@ def looked_at(path: Path) -> tuple[str, ...]:
                 tab.open(path.as_uri())
                 usable.append(time.perf_counter() - began)
                 began = time.perf_counter()
-                tab.go(
-                    tab.run("document.querySelector('[data-pack^=pack-case]').closest('.case').id")
-                )
+                tab.go(tab.run("document.querySelector('#cases tbody a').hash.slice(1)"))
                 tab.until("document.querySelector('.view.current [data-drawn]')")
                 opened.append(time.perf_counter() - began)
                 tab.go("overview")
                 filtered.append(tab.run(FILTER))
-    return tuple(f"{statistics.median(times):.2f} s" for times in (usable, opened, filtered))
+                sorted_in.append(tab.run(SORT))
+    seen = (usable, opened, filtered, sorted_in)
+    return tuple(f"{statistics.median(times):.2f} s" for times in seen)
 
 
 def matrix(console: Console) -> Results:

@@ -24,7 +24,6 @@ from harness.report.parts import (
     Part,
     divided,
     forget_parts,
-    packs_of,
     part_of_cases,
     part_of_group,
     write_parts,
@@ -107,7 +106,7 @@ def _page(found: Report, folder: str = "", places: str = "") -> str:
     elsewhere: set[str] = set()
     if folder:
         elsewhere = {case.pack for case in found.cases}
-        elsewhere.update(name for group in found.groups for name in packs_of(group))
+        elsewhere.update(name for group in found.groups for name in group.packs)
     return template(
         "report.html",
         scripts,

@@ -73,16 +73,19 @@ class Content:
         self._runs = runs(results.cases)
         self._packs: dict[str, Parts] = {}
         self._linear: dict[ModelKey, tuple[Chart, ...]] = {}
+        self._folder_packs: dict[str, list[str]] = {}
         for place, model in enumerate(results.models):
             system = self._systems.get(model.folder)
             if system is not None:
                 pack = Pack(f"pack-model-{place}")
+                self._folder_packs.setdefault(model.folder, []).append(pack.id)
                 self._linear[model.key] = responses(pack, model, system)
                 self._keep(pack, ())
         self._system_packs: dict[str, str] = {}
         for place, system in enumerate(results.systems):
             pack = Pack(f"pack-system-{place}")
             self._system_packs[system.folder] = pack.id
+            self._folder_packs.setdefault(system.folder, []).append(pack.id)
             self._keep(pack, reaches(pack, system), sketch=system.sketch)
         self._history = by_case(history)
         self._keep_cases(_reach(results.cases))
@@ -99,6 +102,10 @@ class Content:
     def system_pack(self, folder: str) -> str:
         """Id of the pack of a folder's system."""
         return self._system_packs[folder]
+
+    def folder_packs(self, folder: str) -> tuple[str, ...]:
+        """Ids of the packs of a folder's system, models and diagnoses."""
+        return tuple(self._folder_packs.get(folder, ()))
 
     def diagnosis_pack(self, place: int) -> str:
         """Id of the pack of the diagnosis of the model at that place; empty without."""
@@ -179,6 +186,7 @@ class Content:
         if not charts:
             return ""
         self._keep(pack, charts)
+        self._folder_packs.setdefault(model.folder, []).append(pack.id)
         return pack.id
 
 

@@ -76,14 +76,8 @@ def part_of_cases(cases: Sequence[Shown], html: str, packs: Mapping[str, str]) -
 def part_of_group(group: Group, html: str, packs: Mapping[str, str]) -> Part:
     """The file of a folder: its page, which has the sketch of its motions, and its diagnoses."""
     diagnoses = [model.diagnosis for model in group.models if model.diagnosis]
-    own = {name: packs[name] for name in packs_of(group)}
+    own = {name: packs[name] for name in group.packs}
     return _part(html, own, [group.id, *(diagnosis.id for diagnosis in diagnoses)])
-
-
-def packs_of(group: Group) -> list[str]:
-    """Packs of a folder and of its diagnoses."""
-    found = [group.about.pack] if group.about else []
-    return [*found, *(m.diagnosis.pack for m in group.models if m.diagnosis and m.diagnosis.pack)]
 
 
 def _part(html: str, own: Mapping[str, str], views: Sequence[str]) -> Part:

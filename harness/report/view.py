@@ -69,12 +69,14 @@ class Group:
         name: of the system; with its folder where two systems have the same name.
         models: one for each model file and engine.
         about: the system itself; None where it could not be read.
+        packs: of the system, its models and its diagnoses.
     """
 
     id: str
     name: str
     models: tuple[ModelGroup, ...]
     about: SystemView | None
+    packs: tuple[str, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,6 +199,7 @@ def _groups(
             name=names[folder],
             models=_model_groups(cases[folder], diagnoses),
             about=abouts.get(folder),
+            packs=content.folder_packs(folder),
         )
         for folder, page in pages.items()
     )
