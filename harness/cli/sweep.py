@@ -9,6 +9,7 @@ from pathlib import Path
 from harness.cli import arguments
 from harness.cli.asked import meant_by
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
+from harness.cli.sweep_versions import under, under_versions
 from harness.files.folders import FolderError, check_engines
 from harness.records.outcome import Outcome
 from harness.records.write import encoded, write_whole
@@ -36,6 +37,8 @@ def main(options: argparse.Namespace) -> int:
     try:
         if options.summary is not None:
             return _summary(options.summary)
+        if options.versions:
+            return under_versions(options, _command(options))
         return _sweep(options)
     except SweepError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
@@ -90,7 +93,7 @@ def _asked(options: argparse.Namespace) -> SweepOptions:
         jobs=options.jobs or JOBS,
         limits=arguments.limits_of(options),
         scheduler=options.scheduler,
-        command=tuple(_command(options)),
+        command=(*_command(options), *under(options)),
     )
 
 

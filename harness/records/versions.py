@@ -40,7 +40,6 @@ class VersionTask(Record, frozen=True, kw_only=True):
     Attributes:
         engine: its name.
         version: that must be there; empty: any.
-        package: folder in which this package must be found.
         folders, robots: system folders, and robots' files alone.
         resolution: relative discrepancy to resolve.
         jobs: worker processes; 0: one a processor.
@@ -53,7 +52,6 @@ class VersionTask(Record, frozen=True, kw_only=True):
 
     engine: str
     version: str
-    package: str
     folders: tuple[str, ...]
     robots: tuple[str, ...]
     resolution: float

@@ -25,8 +25,15 @@ class AskedVersion:
     place: Path | None = None
 
 
-def asked_versions(words: Sequence[str]) -> tuple[str, tuple[AskedVersion, ...]]:
+def asked_versions(
+    words: Sequence[str], option: str = "--engine", least: int = 2
+) -> tuple[str, tuple[AskedVersion, ...]]:
     """An engine's name and its versions, as in `NAME 1.2.3 1.3=path/to/venv`.
+
+    Args:
+        words: of the command line.
+        option: after which they stand.
+        least: so many versions are needed.
 
     Raises:
         FolderError: naming what is wrong, and the remedy.
@@ -34,28 +41,28 @@ def asked_versions(words: Sequence[str]) -> tuple[str, tuple[AskedVersion, ...]]
     name, *given = words
     if name not in (known := engines()):
         raise FolderError(f"no engine {name!r} is known; known are {', '.join(sorted(known))}")
-    found = [_version(word) for word in given]
+    found = [_version(word, option) for word in given]
     numbers = [one.version for one in found]
     if twice := [number for number in numbers if numbers.count(number) > 1]:
-        raise FolderError(f"--engine {name}: {twice[0]} is asked for twice; name two versions")
-    if len(found) < 2:
+        raise FolderError(f"{option} {name}: {twice[0]} is asked for twice; name two versions")
+    if len(found) < least:
         raise FolderError(
-            f"--engine {name}: name two versions of it or more, the older first, as in"
-            f" `--engine {name} 1.2.3 1.3.0`"
+            f"{option} {name}: name two versions of it or more, the older first, as in"
+            f" `{option} {name} 1.2.3 1.3.0`"
         )
     return name, tuple(found)
 
 
-def _version(word: str) -> AskedVersion:
+def _version(word: str, option: str) -> AskedVersion:
     number, equals, place = word.partition("=")
     if not _VERSION.fullmatch(number):
         raise FolderError(
-            f"--engine: {visible(word)} is no version; folders and files come before --engine"
+            f"{option}: {visible(word)} is no version; folders and files come before {option}"
         )
     if not equals:
         return AskedVersion(number)
     if not Path(place).is_dir():
-        raise FolderError(f"--engine: {visible(place)}: there is no such environment")
+        raise FolderError(f"{option}: {visible(place)}: there is no such environment")
     return AskedVersion(number, Path(place))
 
 

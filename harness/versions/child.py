@@ -17,32 +17,36 @@ from harness.schedule.workers import Failure
 from harness.text.progress import Progress
 
 
-def main(task: Path, found: Path) -> str:
-    """Do what a file asks for, and write what was found; returns why it can't be done, or ""."""
+def main(task: Path, found: Path) -> None:
+    """Do what a file asks for, and write what was found."""
     asked = decoded(task.read_bytes(), VersionTask)
-    version = engines()[asked.engine].version()
-    if why := _unusable(asked, version):
-        return why
     ran = _run(asked)
     out = Path(asked.out)
     write_whole(out / "results.json", encoded(ran.results))
     write_report(out / "index.html", ran.results)
-    write_whole(found, encoded(_version_run(version or "", ran)))
-    return ""
+    write_whole(found, encoded(_version_run(asked.version, ran)))
 
 
-def _unusable(asked: VersionTask, version: str | None) -> str:
-    """Why this is not the version or the code that was asked for; empty where it is."""
+def unusable(engine: str, wanted: str, package: str) -> str:
+    """Why this is not the version or the code that was asked for; empty where it is.
+
+    Args:
+        engine: its name.
+        wanted: the version.
+        package: where this package lies.
+    """
     here = str(physics_crosscheck.BESIDE)
-    if here != asked.package:
+    if here != package:
         return (
             f"it has a physics-crosscheck of its own in {here}, which would be run instead of this"
             f" one; `{sys.executable} -m pip uninstall physics-crosscheck` takes it out"
         )
+    known = engines().get(engine)
+    version = known.version() if known else None
     if version is None:
-        return f"it has no {asked.engine}; {sys.executable} -m pip can install it"
-    if asked.version and version != asked.version:
-        return f"it has {asked.engine} {version}"
+        return f"it has no {engine}; {sys.executable} -m pip can install it"
+    if version != wanted:
+        return f"it has {engine} {version}"
     return ""
 
 

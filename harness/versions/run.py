@@ -6,17 +6,14 @@ versions --environments--> interpreters --a process each--> runs --upgrade--> wh
 from __future__ import annotations
 
 import datetime
-import os
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-import physics_crosscheck
 from harness.engines.registry import distribution, engines
 from harness.records.read import decoded
 from harness.records.versions import (
@@ -37,31 +34,14 @@ from harness.versions.environments import (
     Tell,
     environment,
     interpreter,
-    site_folders,
 )
+from harness.versions.launch import launch
 from harness.versions.place import cache
 
-_LAUNCH = """
-import pathlib, site, sys
-here, places, separator, task, found = sys.argv[1:]
-def end(why):
-    pathlib.Path(found).with_suffix(".why").write_text(why, encoding="utf-8")
-    sys.exit(1)
-own = f"{sys.version_info.major}.{sys.version_info.minor}"
-if own != here:
-    end(f"it is Python {own}, and this program's packages are for {here}")
-for place in filter(None, places.split(separator)):
-    if place not in sys.path:
-        site.addsitedir(place)
-try:
-    import physics_crosscheck
-    from harness.versions.child import main
-except ImportError as error:
-    end(f"{type(error).__name__}: {error}")
-if why := main(pathlib.Path(task), pathlib.Path(found)):
-    end(why)
+_CHILD = """
+from harness.versions.child import main
+main(*map(pathlib.Path, rest))
 """
-"""What an environment's interpreter runs: the packages of this one come after its own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +81,7 @@ def run_versions(
     """
     began = time.perf_counter()
     created = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    pythons = [_interpreter(engine, one, options, tell) for one in versions]
+    pythons = [interpreter_of(engine, one, options.environments, tell) for one in versions]
     runs: list[VersionRun] = []
     found = [
         EngineVersion(
@@ -126,8 +106,19 @@ def run_versions(
     )
 
 
-def _interpreter(engine: str, asked: AskedVersion, options: VersionOptions, tell: Tell) -> str:
-    """The interpreter that has a version; an environment is made where there is none."""
+def interpreter_of(engine: str, asked: AskedVersion, environments: Path | None, tell: Tell) -> str:
+    """The interpreter that has a version; an environment is made where there is none.
+
+    Args:
+        engine: its name.
+        asked: the version.
+        environments: folder of all of them; None: the user's cache.
+        tell: is shown each command before it is run.
+
+    Raises:
+        EnvironmentError_: for a version that can't be had.
+        OSError: as the file system has it.
+    """
     if asked.place is not None:
         python = interpreter(asked.place).absolute()
         if not python.exists():
@@ -141,7 +132,7 @@ def _interpreter(engine: str, asked: AskedVersion, options: VersionOptions, tell
         tell(f"{engine} {asked.version}: the one that is installed here")
         return sys.executable
     wanted = Requirement(engine=engine, distribution=distribution(known), version=asked.version)
-    return str(interpreter(environment(wanted, options.environments or cache(), tell)))
+    return str(interpreter(environment(wanted, environments or cache(), tell)))
 
 
 def _repeated(runs: Iterable[VersionRun]) -> tuple[Repeated, ...]:
@@ -164,7 +155,6 @@ def _task(
     return VersionTask(
         engine=engine,
         version=one.version,
-        package=str(physics_crosscheck.BESIDE),
         folders=tuple(map(str, models.folders)),
         robots=tuple(map(str, models.robots)),
         resolution=options.resolution,
@@ -187,30 +177,8 @@ def _run(one: EngineVersion, task: VersionTask) -> VersionRun:
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as scratch:
         asked, found = Path(scratch) / "task.json", Path(scratch) / "found.json"
         write_whole(asked, encoded(task))
-        here = f"{sys.version_info.major}.{sys.version_info.minor}"
-        places = os.pathsep.join(site_folders())
-        given = here, places, os.pathsep, str(asked), str(found)
-        code = subprocess.run(
-            [one.python, "-P", "-c", _LAUNCH, *given],
-            stdin=subprocess.DEVNULL,
-            env=_surroundings(),
-            check=False,
-        ).returncode
-        if code == 0:
-            return decoded(found.read_bytes(), VersionRun)
-        told = found.with_suffix(".why")
-        why = told.read_text(encoding="utf-8") if told.is_file() else f"it ended with code {code}"
-    raise EnvironmentError_(f"{task.engine} {one.version} can't be run by {one.python}: {why}")
-
-
-def _surroundings() -> Mapping[str, str]:
-    """The environment variables of that process: a checkout comes first on its path.
-
-    Where this package is installed it is found with its dependencies, after the environment's own
-    packages: before them, the engine beside it would be the one that is run.
-    """
-    here = str(physics_crosscheck.BESIDE)
-    if here in {str(Path(place).resolve()) for place in site_folders()}:
-        return os.environ
-    path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH", "")]))
-    return {**os.environ, "PYTHONPATH": path}
+        words = str(asked), str(found)
+        if code := launch(task.engine, one.version, one.python, _CHILD, words):
+            name = f"{task.engine} {one.version}"
+            raise EnvironmentError_(f"{name} can't be run by {one.python}: it ended with {code}")
+        return decoded(found.read_bytes(), VersionRun)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import pytest
 
 from harness.records.read import decoded
 from harness.records.versions import Versions
+from harness.sweep.store import read_rows
 from harness.versions.environments import interpreter, site_folders
 from tests.faults.known_folder import ROOT, SYSTEM
 
@@ -55,10 +57,14 @@ class Home:
     place: Path
 
     def versions(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
-        """Run the command in it."""
+        """Run `crosscheck versions` in it."""
+        return self.run("versions", *words)
+
+    def run(self, *words: str | Path) -> subprocess.CompletedProcess[str]:
+        """Run a command in it."""
         clean = {k: v for k, v in os.environ.items() if not k.startswith(("PIP_", "PYTHON"))}
         return subprocess.run(
-            [interpreter(self.place / "home"), "-m", "physics_crosscheck", "versions", *words],
+            [interpreter(self.place / "home"), "-m", "physics_crosscheck", *words],
             cwd=self.place,
             capture_output=True,
             text=True,
@@ -173,3 +179,51 @@ def test_a_version_that_is_not_there_is_told_before_anything_is_run(home: Home) 
     assert "pip index versions toy" in line
     assert not (home.place / "nothing").exists()
     assert not list((home.place / "cache").rglob("toy-9.9-*/"))
+
+
+@pytest.mark.slow
+def test_a_sweep_runs_the_same_cases_under_each_version_and_tells_which_are_others(
+    home: Home, done: subprocess.CompletedProcess[str]
+) -> None:
+    words = "sweep", "oscillator"
+    ran = home.run(*words, "--versions", "toy", "1.0", "2.0", "3.0", "--out", "rows")
+    assert ran.returncode == 1, ran.stdout + ran.stderr
+    rows = {
+        version: {row.index: row for row in read_rows(home.place / "rows" / f"toy-{version}")}
+        for version in ("1.0", "2.0", "3.0")
+    }
+    assert {len(found) for found in rows.values()} == {2}
+    for index, row in rows["1.0"].items():
+        assert row.outcome.value == "AGREES"
+        assert rows["2.0"][index].outcome.value == "DIFFERS"
+        assert rows["3.0"][index].discrepancy == row.discrepancy
+    lines = ran.stdout.splitlines()
+    first, second = (line for line in lines if line.startswith("toy") and " -> " in line)
+    assert first.startswith("toy 1.0 -> 2.0: 2 cases: 2 have another verdict; 2 have another limit")
+    assert second.startswith("toy 2.0 -> 3.0: 2 cases: 2 have another verdict")
+    # Each case by its own command, under the version that it was run under.
+    _, *again = shlex.split(rows["2.0"][1].command)
+    assert again[-5:] == ["--versions", "toy", "2.0", "--only", "1"]
+    alone = home.run(*again)
+    assert alone.returncode == 1
+    assert "DIFFERS #1 " in alone.stdout
+    # Gone on with: nothing is run again.
+    more = home.run(*words, "--versions", "toy", "1.0", "3.0", "--out", "rows")
+    assert more.returncode == 0, more.stdout + more.stderr
+    assert "toy 1.0 -> 3.0: 2 cases: all are the same" in more.stdout
+
+
+@pytest.mark.slow
+def test_a_sweep_of_versions_that_makes_no_sense_is_told_once(home: Home) -> None:
+    sweep = "sweep", "oscillator", "--versions", "toy"
+    for words, told in (
+        ((*sweep, "1.0"), "name two versions of it or more"),
+        ((*sweep, "1.0", "2.0", "--engine", "mujoco"), "--engine names another; leave it out"),
+        ((*sweep, "1.0", "2.0", "--scheduler", "tcp://x"), "leave --scheduler out"),
+        ((*sweep, "1.0", "2.0", "--scenario", "none"), "none"),
+    ):
+        ran = home.run(*words)
+        assert ran.returncode == 2, ran.stdout + ran.stderr
+        (line,) = ran.stderr.strip().splitlines()
+        assert line.startswith("crosscheck: ")
+        assert told in line

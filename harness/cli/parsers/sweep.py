@@ -53,6 +53,22 @@ def add(command: argparse.ArgumentParser) -> None:
             help=f"{of} to try; repeatable ({'each model’s own' if of[0] == 'i' else 'all'})",
         )
     arguments.engine(command)
+    command.add_argument(
+        "--versions",
+        nargs="+",
+        default=[],
+        metavar="NAME VERSION",
+        help="only this engine, in each of these versions of it: the same cases, each version's"
+        " rows in a folder of --out, and what is another; of one that is installed already:"
+        " VERSION=path/to/environment",
+    )
+    command.add_argument("--under", nargs=2, default=[], help=argparse.SUPPRESS)
+    command.add_argument(
+        "--environments",
+        type=Path,
+        metavar="DIR",
+        help="where environments of versions are made once and kept (as of `versions`)",
+    )
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command, "two")
