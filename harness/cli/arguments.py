@@ -90,6 +90,22 @@ def floating(command: argparse.ArgumentParser) -> None:
     )
 
 
+def environments(command: argparse.ArgumentParser) -> None:
+    """Add --environments DIR."""
+    # Imported here: most commands make none.
+    from harness.versions.place import cache
+
+    place = cache()
+    if place.is_relative_to(Path.home()):  # as a help text shows it
+        place = Path("~") / place.relative_to(Path.home())
+    command.add_argument(
+        "--environments",
+        type=Path,
+        metavar="DIR",
+        help=f"where environments are made once and kept ({place})",
+    )
+
+
 def baseline(command: argparse.ArgumentParser) -> None:
     """Add --baseline DIR."""
     command.add_argument(

@@ -9,7 +9,6 @@ from pathlib import Path
 from harness.cli import arguments
 from harness.cli.asked import meant_by
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
-from harness.cli.sweep_versions import under, under_versions
 from harness.files.folders import FolderError, check_engines
 from harness.records.outcome import Outcome
 from harness.records.write import encoded, write_whole
@@ -38,6 +37,9 @@ def main(options: argparse.Namespace) -> int:
         if options.summary is not None:
             return _summary(options.summary)
         if options.versions:
+            # Imported here: one version alone needs no environments, and nothing that fills them.
+            from harness.cli.sweep_versions import under_versions
+
             return under_versions(options, _command(options))
         return _sweep(options)
     except SweepError as error:
@@ -93,7 +95,7 @@ def _asked(options: argparse.Namespace) -> SweepOptions:
         jobs=options.jobs or JOBS,
         limits=arguments.limits_of(options),
         scheduler=options.scheduler,
-        command=(*_command(options), *under(options)),
+        command=tuple(_command(options)),
     )
 
 
@@ -110,6 +112,8 @@ def _command(options: argparse.Namespace) -> list[str]:
         words += ["--step", ",".join(f"{step!r}" for step in options.step)]
     if options.resolution != 1e-9:
         words += ["--resolution", f"{options.resolution!r}"]
+    if options.under:
+        words += ["--versions", *options.under]
     return words
 
 

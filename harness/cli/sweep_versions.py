@@ -21,16 +21,10 @@ from harness.versions.launch import launch
 from harness.versions.run import interpreter_of
 
 _CHILD = """
-import sys
 from harness.cli.main import program
 sys.argv[1:] = rest
 sys.exit(program())
 """
-
-
-def under(options: argparse.Namespace) -> list[str]:
-    """The words that name the version that this is run under, where it was asked for."""
-    return ["--versions", *options.under] if options.under else []
 
 
 def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
@@ -54,9 +48,9 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
         for one, python in found:
             out = options.out / f"{engine}-{one.version}"
             _tell(f"{engine} {one.version}:")
-            given = [*_without_engine(words[1:]), "--engine", engine, *_local(options)]
-            given += ["--out", str(out), "--under", engine, one.version]
-            code = launch(engine, one.version, python, _CHILD, given)
+            given = [*words[1:], *([] if options.engine else ["--engine", engine])]
+            given += [*_local(options), "--out", str(out), "--under", engine, one.version]
+            code = launch(engine, one.version, python, _CHILD, given, range(256))
             if code not in (AGREE, DIFFER, FAIL):
                 return code  # no sense, or stopped: it has said so
             codes.append(code)
@@ -72,11 +66,6 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
         for (a, one), (b, other) in pairwise(zip(versions, outs, strict=True))
     ]
     return max(worst, DIFFER if any(others) else AGREE)
-
-
-def _without_engine(words: Sequence[str]) -> list[str]:
-    rest = iter(words)
-    return [word for word in rest if word != "--engine" or not next(rest)]
 
 
 def _local(options: argparse.Namespace) -> list[str]:

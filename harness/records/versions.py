@@ -39,7 +39,7 @@ class VersionTask(Record, frozen=True, kw_only=True):
 
     Attributes:
         engine: its name.
-        version: that must be there; empty: any.
+        version: that is there.
         folders, robots: system folders, and robots' files alone.
         resolution: relative discrepancy to resolve.
         jobs: worker processes; 0: one a processor.

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from harness.records.base import number
 from harness.records.outcome import Outcome
 from harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
+from harness.sweep.most import Most
 
 TROUBLES, EXTREMES = 10, 3
 """Cases that are told one by one: of those that did not agree, and of those with the fewest digits
@@ -20,28 +20,6 @@ and the largest errors."""
 
 POINTS = 2000
 """Rows in a picture, at most: more are one blot."""
-
-
-class _Most:
-    """The rows with the largest of something."""
-
-    def __init__(self, size: Callable[[SweepRow], float | None], count: int) -> None:
-        self._size, self._count = size, count
-        self._heap: list[tuple[float, int, SweepRow]] = []
-
-    def add(self, row: SweepRow) -> None:
-        value = self._size(row)
-        if value is None or math.isnan(value):
-            return
-        item = value, -row.index, row
-        if len(self._heap) < self._count:
-            heapq.heappush(self._heap, item)
-        elif item > self._heap[0]:
-            heapq.heapreplace(self._heap, item)
-
-    def rows(self) -> list[SweepRow]:
-        """The largest first."""
-        return [row for *_, row in sorted(self._heap, reverse=True)]
 
 
 def _trouble(row: SweepRow) -> float | None:
@@ -79,7 +57,7 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
     done = steps = 0
     outcomes, digits = Counter[str](), Counter[str]()
     groups: dict[tuple[str, str, str], _Group] = {}
-    most = _Most(_trouble, TROUBLES), _Most(_few_digits, EXTREMES), _Most(_error, EXTREMES)
+    most = Most(_trouble, TROUBLES), Most(_few_digits, EXTREMES), Most(_error, EXTREMES)
     rng = np.random.default_rng(0)
     sampled: list[SweepRow] = []
     seconds = np.zeros(4)
@@ -97,7 +75,7 @@ def summary(plan: SweepPlan, rows: Iterable[SweepRow]) -> SweepSummary:
             sampled.append(row)
         elif (place := int(rng.integers(done))) < POINTS:  # reservoir sampling (Vitter 1985)
             sampled[place] = row
-    worst = {row.index: row for one in most for row in one.rows()}
+    worst = {row.index: row for one in most for row in one.items()}
     engine, reference, loading, every = seconds.tolist()
     return SweepSummary(
         plan=plan,

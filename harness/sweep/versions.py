@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from harness.records.sweep import SweepRow
+from harness.sweep.most import Most
 
 MOVED = 0.01
 """A global error that has changed by more than this share of itself is another."""
@@ -46,9 +46,16 @@ class Pair:
         return abs(other - one) / one
 
     @property
-    def size(self) -> tuple[bool, bool, float]:
-        """The larger, the more it is to be looked at."""
-        return self.verdict, self.limit, self.error
+    def index(self) -> int:
+        """The case's number in the plan."""
+        return self.after.index
+
+    @property
+    def size(self) -> float | None:
+        """The larger, the more it is to be looked at; None where nothing is another."""
+        if not (self.verdict or self.limit or self.error > MOVED):
+            return None
+        return 2 * self.verdict + self.limit + self.error / (1 + self.error)
 
 
 @dataclass
@@ -81,7 +88,7 @@ def moved(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> Moved:
     """
     known = {row.index: row for row in before}
     found = Moved()
-    told: list[tuple[tuple[bool, bool, float], int, Pair]] = []
+    told = Most[Pair](lambda pair: pair.size, TOLD)
     for row in after:
         if row.index not in known:
             continue
@@ -90,9 +97,6 @@ def moved(before: Iterable[SweepRow], after: Iterable[SweepRow]) -> Moved:
         found.verdicts += pair.verdict
         found.limits += pair.limit
         found.errors += pair.error > MOVED
-        if pair.verdict or pair.limit or pair.error > MOVED:
-            heapq.heappush(told, (pair.size, -row.index, pair))
-            if len(told) > TOLD:
-                heapq.heappop(told)
-    found.largest = [pair for *_, pair in sorted(told, key=lambda one: one[:2], reverse=True)]
+        told.add(pair)
+    found.largest = told.items()
     return found

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
 import physics_crosscheck
@@ -36,14 +36,22 @@ if said := unusable(engine, version, package):
 """What an environment's interpreter runs: the packages of this one come after its own."""
 
 
-def launch(engine: str, version: str, python: str, code: str, words: Sequence[str]) -> int:
+def launch(
+    engine: str,
+    version: str,
+    python: str,
+    code: str,
+    words: Sequence[str],
+    answers: Container[int] = (0,),
+) -> int:
     """Run code in an environment, in a process of its own; returns its exit code.
 
     Args:
         engine, version: that it must have.
         python: the environment's interpreter.
-        code: finds `words` in `rest`, and may call `end` with the reason why it can't be done.
+        code: finds `words` in `rest`.
         words: what it is given.
+        answers: exit codes that are its own; with any other it could not be done.
 
     Raises:
         EnvironmentError_: where it can't be done, with the reason.
@@ -60,7 +68,7 @@ def launch(engine: str, version: str, python: str, code: str, words: Sequence[st
             check=False,
         ).returncode
         said = why.read_text(encoding="utf-8") if why.is_file() else ""
-    if ended < 0:
+    if ended not in answers:
         said = said or f"it ended with code {ended}"
     if said:
         raise EnvironmentError_(f"{engine} {version} can't be run by {visible(python)}: {said}")

@@ -63,12 +63,7 @@ def add(command: argparse.ArgumentParser) -> None:
         " VERSION=path/to/environment",
     )
     command.add_argument("--under", nargs=2, default=[], help=argparse.SUPPRESS)
-    command.add_argument(
-        "--environments",
-        type=Path,
-        metavar="DIR",
-        help="where environments of versions are made once and kept (as of `versions`)",
-    )
+    arguments.environments(command)
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command, "two")

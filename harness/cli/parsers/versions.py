@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 from harness.cli import arguments
-from harness.versions.place import cache
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -26,12 +25,7 @@ def add(command: argparse.ArgumentParser) -> None:
         help="an engine and two versions of it or more, each held against the one before; of one"
         " that is installed already: VERSION=path/to/environment",
     )
-    command.add_argument(
-        "--environments",
-        type=Path,
-        metavar="DIR",
-        help=f"where environments are made once and kept ({_home(cache())})",
-    )
+    arguments.environments(command)
     command.add_argument(
         "--out",
         type=Path,
@@ -49,8 +43,3 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
-
-
-def _home(path: Path) -> str:
-    """A path as a help text shows it."""
-    return f"~/{path.relative_to(Path.home())}" if path.is_relative_to(Path.home()) else str(path)

@@ -1,0 +1,43 @@
+"""The few with the largest of something, of many that go by."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable
+from typing import Generic, Protocol, TypeVar
+
+
+class Numbered(Protocol):
+    """A row of a sweep, or what is made of some."""
+
+    @property
+    def index(self) -> int:
+        """Its number in the plan."""
+        ...
+
+
+Item = TypeVar("Item", bound=Numbered)
+
+
+class Most(Generic[Item]):
+    """The items with the largest of something, at most so many; of equal ones the first numbers."""
+
+    def __init__(self, size: Callable[[Item], float | None], count: int) -> None:
+        self._size, self._count = size, count
+        self._heap: list[tuple[float, int, Item]] = []
+
+    def add(self, one: Item) -> None:
+        """Take an item, unless it has no size."""
+        value = self._size(one)
+        if value is None or math.isnan(value):
+            return
+        item = value, -one.index, one
+        if len(self._heap) < self._count:
+            heapq.heappush(self._heap, item)
+        elif item > self._heap[0]:
+            heapq.heapreplace(self._heap, item)
+
+    def items(self) -> list[Item]:
+        """The largest first."""
+        return [one for *_, one in sorted(self._heap, reverse=True)]
