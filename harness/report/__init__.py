@@ -62,25 +62,21 @@ def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> 
     Raises:
         OSError: as the file system has it; the page that was there is as it was.
     """
-    if len(results.cases) <= WHOLE:
-        write_whole(path, render(results, path.parent, history))
-        forget_parts(path)
-        return
     found = report(results, path.parent, history)
-    environment = _environment()
+    places, names = "", frozenset[str]()
+    if len(results.cases) > WHOLE:
+        places, names = write_parts(path, _parts(found))
+    write_whole(path, _page(found, places))
+    forget_parts(path, names)
 
-    def parts() -> Iterator[Part]:
-        page = environment.get_template("part.html")
-        for group in found.groups:
-            html = page.render(groups=[group], cases=())
-            yield part_of_group(group, html, found.packs)
-        for cases in divided(found.groups):
-            yield part_of_cases(cases, page.render(groups=(), cases=cases), found.packs)
 
-    def write(folder: str, places: str) -> None:
-        write_whole(path, _page(found, folder, places))
-
-    write_parts(path, parts(), write)
+def _parts(found: Report) -> Iterator[Part]:
+    """The files of a report's folders, and of its cases."""
+    page = _environment().get_template("part.html")
+    for group in found.groups:
+        yield part_of_group(group, page.render(groups=[group], cases=()), found.packs)
+    for cases in divided(found.groups):
+        yield part_of_cases(cases, page.render(groups=(), cases=cases), found.packs)
 
 
 def render(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = ()) -> str:
@@ -94,40 +90,41 @@ def render(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     return _page(report(results, out, history))
 
 
-def _page(found: Report, folder: str = "", places: str = "") -> str:
+def _page(found: Report, places: str = "") -> str:
     """The page of a report.
 
     Args:
         found: what it shows.
-        folder: that has the files of its cases; empty where the page has them itself.
-        places: JSON of where each case is.
+        places: JSON of which file each case is in; empty where the page has them itself.
     """
     scripts = [_inline(text) for text in (_bokeh(), _own())]
     elsewhere: set[str] = set()
-    if folder:
+    if places:
         elsewhere = {case.pack for case in found.cases}
         elsewhere.update(name for group in found.groups for name in group.packs)
     return template(
         "report.html",
         scripts,
-        folder,
+        bool(places),
         report=found,
         packs=((name, found.packs[name]) for name in found.packs if name not in elsewhere),
         early=Markup(EARLY),
         scripts=[Markup(text) for text in scripts],
-        whole=not folder,
+        whole=not places,
         most=ROWS,
         places=Markup(_inline(places)),
     )
 
 
-def template(name: str, running: Sequence[str] = (), folder: str = "", /, **values: object) -> str:
+def template(
+    name: str, running: Sequence[str] = (), reads: bool = False, /, **values: object
+) -> str:
     """A page in the report's style.
 
     Args:
         name: of its template.
         running: scripts that it runs, beside the early one; none: it runs nothing at all.
-        folder: beside it, from which it may read scripts; empty: none.
+        reads: whether it may read scripts beside it.
         values: what it shows.
     """
     return (
@@ -135,7 +132,7 @@ def template(name: str, running: Sequence[str] = (), folder: str = "", /, **valu
         .get_template(name)
         .render(
             style=Markup(_resource("style.css")),
-            policy=_policy([EARLY, *running] if running else [], folder),
+            policy=_policy([EARLY, *running] if running else [], reads),
             **values,
         )
     )
@@ -173,7 +170,7 @@ def _inline(script: str) -> str:
     return script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
 
 
-def _policy(scripts: list[str], folder: str) -> str:
+def _policy(scripts: list[str], reads: bool) -> str:
     """What the page may do: run these scripts, style itself, and load nothing from anywhere.
 
     Of a page with files of cases, scripts from where it is itself too: from its server, or where it
@@ -181,7 +178,7 @@ def _policy(scripts: list[str], folder: str) -> str:
     """
     hashes = [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts]
     allowed = " ".join(f"'sha256-{each}'" for each in hashes) or "'none'"
-    if folder:
+    if reads:
         allowed += " 'self' file:"
     return (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline';"

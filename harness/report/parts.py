@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import tempfile
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -92,15 +92,15 @@ def folder_of(page: Path) -> Path:
     return page.with_name(f"{page.stem}.parts")
 
 
-def write_parts(page: Path, parts: Iterable[Part], write: Callable[[str, str], None]) -> None:
-    """Write the files of a page's cases, then the page that names them, then forget other files.
+def write_parts(page: Path, parts: Iterable[Part]) -> tuple[str, frozenset[str]]:
+    """Write the files of a page's cases: JSON of where each id is, and the files' names.
 
-    Whoever has the page before open finds its files until the new one is there.
+    Files of the page that was there stay: whoever has it open finds them until the new one is there
+    and `forget_parts` is asked to.
 
     Args:
         page: the page's path.
         parts: one after the other, none of which is kept.
-        write: the page, given the name of the folder, and JSON of where each id is.
 
     Raises:
         OSError: as the file system has it; the page that was there is as it was.
@@ -118,19 +118,14 @@ def write_parts(page: Path, parts: Iterable[Part], write: Callable[[str, str], N
         for name in names:
             Path(temporary, name).replace(folder / name)
     given = {"folder": folder.name, "names": names, "places": places}
-    write(folder.name, msgspec.json.encode(given).decode())
-    _remove(folder, kept=set(names))
+    return msgspec.json.encode(given).decode(), frozenset(names)
 
 
-def forget_parts(page: Path) -> None:
-    """Remove the files of a page that has none any more, and their folder where that is all."""
+def forget_parts(page: Path, kept: Collection[str]) -> None:
+    """Remove files that a page has no longer, and their folder where that was all."""
     folder = folder_of(page)
-    _remove(folder, kept=())
-    with contextlib.suppress(OSError):  # there is none, or somebody has put other files there
-        folder.rmdir()
-
-
-def _remove(folder: Path, kept: Collection[str]) -> None:
     for old in folder.glob("*.js"):
         if old.name not in kept:
             old.unlink()
+    with contextlib.suppress(OSError):  # there is none, or there are files in it
+        folder.rmdir()
