@@ -17,8 +17,8 @@ import numpy as np
 
 from harness.cases.robot import SEED
 from harness.cases.robot_record import settings_of
-from harness.robots.named import read_robot, robot_numbers
 from harness.robots.numerals import NUDGE
+from harness.robots.read import read_robot, robot_numbers
 from harness.robots.robot import Robot, home_of
 from harness.robots.system import robot_system
 from reference.excitation import telling

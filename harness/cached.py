@@ -25,10 +25,8 @@ from typing import Any
 import msgspec
 
 import physics_crosscheck
-from harness.audit.run import Audit
 from harness.baseline.fingerprint import UNREADABLE, digest, digest_of, digests, folder_files
 from harness.baseline.inputs import versions
-from harness.cases.multibody import FileSurvey
 from harness.engines.registry import engines
 from harness.files.parts import named_files
 from harness.files.reads import recorded
@@ -39,6 +37,7 @@ from harness.records.case import Case, ModelKey
 from harness.records.coverage import Coverage
 from harness.records.finding import AuditFinding, Diagnosis
 from harness.records.model import EngineLinearization
+from harness.records.survey import Audit, FileSurvey
 from harness.records.system import System
 from harness.records.write import write_whole
 from harness.schedule.jobs import Task

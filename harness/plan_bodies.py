@@ -1,27 +1,29 @@
-"""A model of a folder that declares bodies: its states, and what its file says besides."""
+"""A model of a folder that declares bodies: its states, and what its file says besides.
+
+What workers run is imported where a task is made of it: nothing is where all of it is known.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
-from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
-from harness.cases.multibody import FileSurvey, PreparedTree, not_of_a_tree, survey_file
-from harness.cases.not_run import failed_case
-from harness.cases.robot import run_robot
-from harness.cases.robot_task import RobotTask
+from harness.cases.not_run import failed_case, not_of_a_tree
 from harness.collected import Jobs
-from harness.coverage.robot import count_robot
-from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.plan_model import ModelPlan
 from harness.records.baseline import Snapshot
 from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage
 from harness.records.outcome import Outcome
+from harness.records.survey import FileSurvey
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
+
+if TYPE_CHECKING:
+    from harness.cases.multibody import PreparedTree
+    from harness.cases.robot_task import RobotTask
 
 
 class BodiesModel(ModelPlan):
@@ -44,6 +46,8 @@ class BodiesModel(ModelPlan):
         return prepared.task(self.sidecar, self.engine, self.options.resolution)
 
     def _measuring(self, prepared: PreparedTree, accepted: Snapshot | None) -> Task[Any, Any]:
+        from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
+
         task = MeasureTreeTask(
             task=self._task(prepared),
             system=prepared.system.tree_system,
@@ -61,10 +65,15 @@ class BodiesModel(ModelPlan):
         def failed(failure: Failure) -> Jobs:
             return done(failed_case(case, self.folder, failure))
 
+        def make(prepared: PreparedTree) -> Task[Any, Any]:
+            from harness.cases.robot import run_robot
+
+            return Task(run_robot, self._task(prepared))
+
         return self.work.do(
             "case",
             self.key,
-            lambda prepared: Task(run_robot, self._task(prepared)),
+            make,
             done,
             failed,
             scenario=case.scenario,
@@ -72,15 +81,14 @@ class BodiesModel(ModelPlan):
 
     def _named(self) -> Iterator[Job[Any]]:
         """The numbers of a file that are not those of the declared bodies."""
-        return self.work.do(
-            "diagnosis",
-            self.key,
-            lambda prepared: Task(
-                diagnose_robot, RobotDiagnosisTask(task=self._task(prepared), own=False)
-            ),
-            self.diagnosed,
-            self.undiagnosed,
-        )
+
+        def make(prepared: PreparedTree) -> Task[Any, Any]:
+            from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+
+            task = RobotDiagnosisTask(task=self._task(prepared), own=False)
+            return Task(diagnose_robot, task)
+
+        return self.work.do("diagnosis", self.key, make, self.diagnosed, self.undiagnosed)
 
     def _coverage(self) -> Iterator[Job[Any]]:
         def done(value: Coverage) -> Jobs:
@@ -92,13 +100,12 @@ class BodiesModel(ModelPlan):
         def failed(failure: Failure) -> Jobs:
             return done(Coverage(note=failure.reason))
 
-        return self.work.do(
-            "coverage",
-            self.key,
-            lambda prepared: Task(count_robot, self._task(prepared)),
-            done,
-            failed,
-        )
+        def make(prepared: PreparedTree) -> Task[Any, Any]:
+            from harness.coverage.robot import count_robot
+
+            return Task(count_robot, self._task(prepared))
+
+        return self.work.do("coverage", self.key, make, done, failed)
 
     def _survey(self) -> Iterator[Job[Any]]:
         def done(value: FileSurvey) -> Jobs:
@@ -111,6 +118,9 @@ class BodiesModel(ModelPlan):
             self.work.found.amend(self.key, audit_failure=failure.reason)
             return ()
 
-        return self.work.do(
-            "survey", self.key, lambda _: Task(survey_file, self.sidecar), done, failed
-        )
+        def make(_: PreparedTree) -> Task[Any, Any]:
+            from harness.cases.multibody import survey_file
+
+            return Task(survey_file, self.sidecar)
+
+        return self.work.do("survey", self.key, make, done, failed)

@@ -1,34 +1,30 @@
-"""A model of a folder that declares energies: its cases, and what is found of it beside."""
+"""A model of a folder that declares energies: its cases, and what is found of it beside.
+
+What workers run is imported where a task is made of it: nothing is where all of it is known.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from harness.audit.run import Audit, run_audit
-from harness.audit.task import audit_task
-from harness.baseline.measure import measure, measure_task
-from harness.cases.case import (
-    CaseTask,
-    case_task,
-    linearization_task,
-    run_case,
-    run_linearizations,
-)
 from harness.cases.not_run import failed_case
-from harness.cases.prepare import Prepared
 from harness.collected import Jobs
-from harness.coverage.count import count_numbers
-from harness.diagnosis.task import diagnose_model, diagnosis_task
 from harness.plan_model import ModelPlan
 from harness.records.baseline import Snapshot
 from harness.records.case import Case, CaseId
 from harness.records.coverage import Coverage
 from harness.records.model import EngineLinearization
 from harness.records.outcome import Outcome
+from harness.records.survey import Audit
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
+
+if TYPE_CHECKING:
+    from harness.audit.task import AuditTask
+    from harness.cases.case import CaseTask
+    from harness.cases.prepare import Prepared
 
 
 class EnergiesModel(ModelPlan):
@@ -46,13 +42,22 @@ class EnergiesModel(ModelPlan):
         yield from self._audit()
 
     def _task(self, prepared: Prepared, case: CaseId) -> CaseTask:
+        from harness.cases.case import case_task
+
         return case_task(
             prepared, self.sidecar, self.engine, case.scenario, self.options.resolution
         )
 
+    def _audited(self, prepared: Prepared) -> AuditTask:
+        from harness.audit.task import audit_task
+
+        return audit_task(prepared, self.sidecar, self.engine)
+
     def _measuring(
         self, case: CaseId, prepared: Prepared, accepted: Snapshot | None
     ) -> Task[Any, Any]:
+        from harness.baseline.measure import measure, measure_task
+
         return Task(measure, measure_task(self._task(prepared, case), prepared, accepted))
 
     def _case(self, case: CaseId) -> Iterator[Job[Any]]:
@@ -63,10 +68,15 @@ class EnergiesModel(ModelPlan):
         def failed(failure: Failure) -> Jobs:
             return done(failed_case(case, self.folder, failure))
 
+        def make(prepared: Prepared) -> Task[Any, Any]:
+            from harness.cases.case import run_case
+
+            return Task(run_case, self._task(prepared, case))
+
         return self.work.do(
             "case",
             self.key,
-            lambda prepared: Task(run_case, self._task(prepared, case)),
+            make,
             done,
             failed,
             scenario=case.scenario,
@@ -78,15 +88,13 @@ class EnergiesModel(ModelPlan):
         differs = any(case.outcome is Outcome.DIFFERS for case in mine)
         if not self.options.diagnosed or not differs or len(mine) < len(self.cases):
             return
-        yield from self.work.do(
-            "diagnosis",
-            self.key,
-            lambda prepared: Task(
-                diagnose_model, diagnosis_task(prepared, self.sidecar, self.engine)
-            ),
-            self.diagnosed,
-            self.undiagnosed,
-        )
+
+        def make(prepared: Prepared) -> Task[Any, Any]:
+            from harness.diagnosis.task import diagnose_model, diagnosis_task
+
+            return Task(diagnose_model, diagnosis_task(prepared, self.sidecar, self.engine))
+
+        yield from self.work.do("diagnosis", self.key, make, self.diagnosed, self.undiagnosed)
 
     def _linearizations(self) -> Iterator[Job[Any]]:
         def done(value: tuple[EngineLinearization, ...]) -> Jobs:
@@ -97,16 +105,14 @@ class EnergiesModel(ModelPlan):
             self.work.found.amend(self.key, linearization_failure=failure.reason)
             return ()
 
-        return self.work.do(
-            "linearizations",
-            self.key,
-            lambda prepared: Task(
-                run_linearizations,
-                linearization_task(prepared, self.sidecar, self.engine, self.options.resolution),
-            ),
-            done,
-            failed,
-        )
+        def make(prepared: Prepared) -> Task[Any, Any]:
+            from harness.cases.case import linearization_task, run_linearizations
+
+            resolution = self.options.resolution
+            task = linearization_task(prepared, self.sidecar, self.engine, resolution)
+            return Task(run_linearizations, task)
+
+        return self.work.do("linearizations", self.key, make, done, failed)
 
     def _audit(self) -> Iterator[Job[Any]]:
         def done(value: Audit) -> Jobs:
@@ -117,13 +123,12 @@ class EnergiesModel(ModelPlan):
             self.work.found.amend(self.key, audit_failure=failure.reason)
             return ()
 
-        return self.work.do(
-            "audit",
-            self.key,
-            lambda prepared: Task(run_audit, audit_task(prepared, self.sidecar, self.engine)),
-            done,
-            failed,
-        )
+        def make(prepared: Prepared) -> Task[Any, Any]:
+            from harness.audit.run import run_audit
+
+            return Task(run_audit, self._audited(prepared))
+
+        return self.work.do("audit", self.key, make, done, failed)
 
     def _coverage(self) -> Iterator[Job[Any]]:
         """Apart from the audit: what moved numbers do to an engine must not lose its findings."""
@@ -135,10 +140,9 @@ class EnergiesModel(ModelPlan):
         def failed(failure: Failure) -> Jobs:
             return done(Coverage(note=failure.reason))
 
-        return self.work.do(
-            "coverage",
-            self.key,
-            lambda prepared: Task(count_numbers, audit_task(prepared, self.sidecar, self.engine)),
-            done,
-            failed,
-        )
+        def make(prepared: Prepared) -> Task[Any, Any]:
+            from harness.coverage.count import count_numbers
+
+            return Task(count_numbers, self._audited(prepared))
+
+        return self.work.do("coverage", self.key, make, done, failed)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from harness.baseline.inputs import inputs, with_elsewhere
 from harness.cached import FolderFacts, models_inputs, piece_of_folder
-from harness.cases.multibody import PreparedTree, prepare_folder
-from harness.cases.prepare import Prepared
 from harness.collected import Collected, stand_in
 from harness.options import Options
 from harness.plan_work import PlaceWork
@@ -18,6 +16,10 @@ from harness.records.baseline import Snapshot
 from harness.records.case import CaseId, ModelKey
 from harness.records.journal import Kind, Work
 from harness.schedule.jobs import Task
+
+if TYPE_CHECKING:
+    from harness.cases.multibody import PreparedTree
+    from harness.cases.prepare import Prepared
 
 KEPT_BY_JOURNALS = frozenset(get_args(Kind))
 
@@ -59,9 +61,13 @@ class FolderWork(PlaceWork[FolderFacts]):
         return self.facts.reads
 
     def _preparing(self) -> Task[Any, Any]:
+        from harness.cases.multibody import prepare_folder
+
         return Task(partial(prepare_folder, described=self.options.described), self.place)
 
     def _facts_of(self, prepared: Prepared | PreparedTree) -> FolderFacts:
+        from harness.cases.multibody import PreparedTree
+
         return FolderFacts(
             record=prepared.record,
             bodies=isinstance(prepared, PreparedTree),

@@ -1,4 +1,7 @@
-"""The jobs of robots' files: each is read and solved once, and run in every engine for it."""
+"""The jobs of robots' files: each is read and solved once, and run in every engine for it.
+
+What workers run is imported where a task is made of it: nothing is where all of it is known.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +9,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
-from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 from harness.cached import RobotFacts, piece_of_robot, robot_inputs
 from harness.cases.not_run import absent, barred_case, failed_case
-from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
-from harness.cases.robot_task import RobotTask
 from harness.collected import Collected, Jobs
-from harness.coverage.robot import count_robot
-from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers, runners
 from harness.options import Options
@@ -31,6 +29,10 @@ from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
+
+if TYPE_CHECKING:
+    from harness.cases.robot import PreparedRobot
+    from harness.cases.robot_task import RobotTask
 
 
 class RobotWork(PlaceWork[RobotFacts]):
@@ -57,6 +59,8 @@ class RobotWork(PlaceWork[RobotFacts]):
         return ()
 
     def _preparing(self) -> Task[Any, Any]:
+        from harness.cases.robot import prepare_robot
+
         return Task(partial(prepare_robot, floating=self.options.floating), self.place)
 
     def _facts_of(self, prepared: PreparedRobot) -> RobotFacts:
@@ -128,18 +132,18 @@ class RobotPlan:
             self._found.add(failed_case(case, str(work.place), told))
             return ()
 
-        return work.do(
-            "case",
-            key,
-            lambda prepared: Task(run_robot, self._task(prepared, case.engine)),
-            done,
-            failed,
-            scenario=case.scenario,
-        )
+        def make(prepared: PreparedRobot) -> Task[Any, Any]:
+            from harness.cases.robot import run_robot
+
+            return Task(run_robot, self._task(prepared, case.engine))
+
+        return work.do("case", key, make, done, failed, scenario=case.scenario)
 
     def _measuring(
         self, case: CaseId, prepared: PreparedRobot, accepted: Snapshot | None
     ) -> Task[Any, Any]:
+        from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
+
         task = MeasureTreeTask(
             task=self._task(prepared, case.engine),
             system=prepared.system,
@@ -156,15 +160,12 @@ class RobotPlan:
         def failed(failure: Failure) -> Jobs:
             return done(Diagnosis(failure=failure.reason))
 
-        return work.do(
-            "diagnosis",
-            key,
-            lambda prepared: Task(
-                diagnose_robot, RobotDiagnosisTask(task=self._task(prepared, key[-1]))
-            ),
-            done,
-            failed,
-        )
+        def make(prepared: PreparedRobot) -> Task[Any, Any]:
+            from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+
+            return Task(diagnose_robot, RobotDiagnosisTask(task=self._task(prepared, key[-1])))
+
+        return work.do("diagnosis", key, make, done, failed)
 
     def _coverage(self, work: RobotWork, keys: Sequence[ModelKey]) -> Iterator[Job[Any]]:
         """The numbers of a file, counted once for all engines."""
@@ -178,13 +179,12 @@ class RobotPlan:
         def failed(failure: Failure) -> Jobs:
             return done(Coverage(note=failure.reason))
 
-        return work.do(
-            "coverage",
-            keys[0],
-            lambda prepared: Task(count_robot, self._task(prepared, keys[0][-1])),
-            done,
-            failed,
-        )
+        def make(prepared: PreparedRobot) -> Task[Any, Any]:
+            from harness.coverage.robot import count_robot
+
+            return Task(count_robot, self._task(prepared, keys[0][-1]))
+
+        return work.do("coverage", keys[0], make, done, failed)
 
 
 def _id(work: RobotWork, engine: Engine) -> CaseId:

@@ -48,8 +48,7 @@ def check(system: Declaration) -> None:
     _check_values(system, where)
     _check_smooth(system, where)
     _check_units(system, where)
-    _check_energies(system, where)
-    _check_maps(system, where)
+    _check_maps(system, _check_energies(system, where), where)
     _check_sketch(system, where)
 
 
@@ -213,7 +212,8 @@ def _check_smooth(system: Declaration, where: str) -> None:
                 raise DeclarationError(f"{where}: {name} is not differentiable: it has {found}")
 
 
-def _check_energies(system: Declaration, where: str) -> None:
+def _check_energies(system: Declaration, where: str) -> sp.Matrix:
+    """Returns the mass matrix: deriving it takes as long as all else here."""
     for name in ("T", "V", "D"):
         expression = getattr(system, name)
         allowed = {*system.q, t, *(c.symbol for c in system.constants)}
@@ -222,19 +222,18 @@ def _check_energies(system: Declaration, where: str) -> None:
         for symbol in sorted(expression.free_symbols - allowed, key=str):
             raise DeclarationError(f"{where}: {name} must not depend on {symbol}")
     rest = dict.fromkeys(system.v, sp.Integer(0))
-    for name in ("T", "D"):
-        expression = getattr(system, name)
-        gradient = [sp.diff(expression, v).xreplace(rest) for v in system.v]
-        if name == "D" and any(sp.simplify(g) != 0 for g in (*gradient, expression.xreplace(rest))):
-            raise DeclarationError(f"{where}: D must vanish, with its slope, where nothing moves")
-    hessian = sp.hessian(system.T, system.v)
-    if hessian.free_symbols & {*system.v}:
+    slope = [sp.diff(system.D, v).xreplace(rest) for v in system.v]
+    if any(sp.simplify(g) != 0 for g in (*slope, system.D.xreplace(rest))):
+        raise DeclarationError(f"{where}: D must vanish, with its slope, where nothing moves")
+    mass = sp.hessian(system.T, system.v)
+    if mass.free_symbols & {*system.v}:
         raise DeclarationError(f"{where}: T must be quadratic in the velocities")
-    if _always_singular(hessian, system):
+    if _always_singular(mass, system):
         names = ", ".join(c.name for c in system.coordinates)
         raise DeclarationError(
             f"{where}: the mass matrix of {names} is singular; T lacks an inertia"
         )
+    return mass
 
 
 def _always_singular(mass: sp.Matrix, system: Declaration) -> bool:
@@ -250,7 +249,7 @@ def _always_singular(mass: sp.Matrix, system: Declaration) -> bool:
     return True
 
 
-def _check_maps(system: Declaration, where: str) -> None:
+def _check_maps(system: Declaration, mass: sp.Matrix, where: str) -> None:
     constants = {c.symbol for c in system.constants}
     for equilibrium in system.equilibria:
         place = f"{where}, equilibrium {equilibrium.name!r}"
@@ -258,9 +257,10 @@ def _check_maps(system: Declaration, where: str) -> None:
             _check_map(equilibrium.at, system.coordinates, constants, place)
             for coordinate, value in equilibrium.at.items():
                 number_of(value, system.values, f"{place}: the value of {coordinate.name}")
+    at_first = mass.xreplace(system.values | {t: sp.Integer(0)})
     for scenario in system.scenarios:
         with about("Scenario", scenario.name):
-            _check_scenario(system, scenario, f"{where}, scenario {scenario.name!r}")
+            _check_scenario(system, scenario, at_first, f"{where}, scenario {scenario.name!r}")
     for published in system.published:
         if published.states not in CLAIMS:
             raise DeclarationError(
@@ -269,7 +269,7 @@ def _check_maps(system: Declaration, where: str) -> None:
             )
 
 
-def _check_scenario(system: Declaration, scenario: Scenario, place: str) -> None:
+def _check_scenario(system: Declaration, scenario: Scenario, mass: sp.Matrix, place: str) -> None:
     constants = {c.symbol for c in system.constants}
     for name, start in (("q", scenario.q), ("v", scenario.v)):
         _check_map(start, system.coordinates, constants, f"{place}, {name}")
@@ -288,7 +288,6 @@ def _check_scenario(system: Declaration, scenario: Scenario, place: str) -> None
             " which no engine steps; make it longer"
         )
     at = {c.q: sp.sympify(scenario.q[c]).xreplace(system.values) for c in system.coordinates}
-    mass = sp.hessian(system.T, system.v).xreplace(system.values | {t: sp.Integer(0)})
     if not mass.xreplace(at).evalf().is_positive_definite:
         raise DeclarationError(f"{place}: the mass matrix there is not positive definite")
     at |= {c.v: sp.sympify(scenario.v[c]).xreplace(system.values) for c in system.coordinates}

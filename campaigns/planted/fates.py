@@ -21,8 +21,8 @@ from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked
 from harness.engines.protocol import EngineError
 from harness.records.outcome import Outcome
 from harness.robots.copies import copied
-from harness.robots.named import Numbers, robot_numbers
 from harness.robots.numerals import SMALL, Numeral
+from harness.robots.read import Numbers, robot_numbers
 from reference.flows import Flow
 from reference.integrate import ReferenceError
 

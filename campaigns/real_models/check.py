@@ -21,7 +21,7 @@ from harness.records.case import Case
 from harness.records.finding import Diagnosis
 from harness.records.outcome import Outcome
 from harness.robots.inertias import impossible
-from harness.robots.named import read_robot
+from harness.robots.read import read_robot
 from harness.schedule.failure import Failure
 from harness.schedule.jobs import Job, Task
 from harness.text.causes import cause_sentences

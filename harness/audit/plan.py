@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from harness.audit.run import Audit, run_audit
+from harness.audit.run import run_audit
 from harness.audit.task import audit_task
-from harness.cases.multibody import FileSurvey, PreparedTree, prepare_folder, survey_file
+from harness.cases.multibody import PreparedTree, prepare_folder, survey_file
 from harness.cases.not_run import hurdle
 from harness.cases.prepare import Prepared
 from harness.engines.registry import engines as registered
@@ -19,6 +19,7 @@ from harness.files.sidecar import Sidecar
 from harness.records.case import ModelId
 from harness.records.finding import AuditFinding
 from harness.records.outcome import Outcome
+from harness.records.survey import Audit, FileSurvey
 from harness.schedule.chosen import executor
 from harness.schedule.failure import Failure
 from harness.schedule.jobs import Job, Task, work

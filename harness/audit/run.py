@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence, Set
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import msgspec
 
@@ -20,14 +20,7 @@ from harness.numerics.coordinates import CoordinateMap, coordinate_map
 from harness.poses.check import check_poses
 from harness.records.finding import BEYOND, AuditFinding
 from harness.records.poses import Poses
-
-
-@dataclass(frozen=True, kw_only=True)
-class Audit:
-    """What was found of a model without motion."""
-
-    findings: tuple[AuditFinding, ...]
-    poses: Poses
+from harness.records.survey import Audit
 
 
 def run_audit(task: AuditTask) -> Audit:

@@ -18,9 +18,9 @@ from harness.cases.robot_task import RobotTask
 from harness.files.reads import recorded
 from harness.files.sidecar import Sidecar
 from harness.records.case import CaseId
-from harness.records.finding import AuditFinding
+from harness.records.survey import FileSurvey
 from harness.records.system import System as SystemRecord
-from harness.robots.named import read_robot
+from harness.robots.read import read_robot
 from reference.integrate import ReferenceError
 from reference.load import load_declaration
 from reference.samples import Samples
@@ -123,34 +123,6 @@ def states_of(declared: MultibodySystem, count: int) -> Samples:
         ReferenceError: where a joint moves nothing that has mass.
     """
     return tree_states(declared.tree_system, declared.assembled.limits, count)
-
-
-def not_of_a_tree(sidecar: Sidecar) -> str:
-    """Why a sidecar does not fit beside declared bodies, in a sentence; empty where it does."""
-    given = {
-        "coordinates": sidecar.coordinates, "readback": sidecar.readback,
-        "bindings": sidecar.bindings, "frames": sidecar.frames,
-    }  # fmt: skip
-    unread = [f"[{key}]" for key, value in given.items() if value]
-    if not unread:
-        return ""
-    return (
-        f"{sidecar.model}.toml: {', '.join(unread)}: system.py declares bodies, whose joints are"
-        f" matched by their names alone; take {'it' if len(unread) == 1 else 'them'} out"
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileSurvey:
-    """What a model file says beyond its motions.
-
-    Attributes:
-        findings: inertias that no body can have.
-        left_out: what the file says and the check leaves out.
-    """
-
-    findings: tuple[AuditFinding, ...]
-    left_out: tuple[str, ...]
 
 
 def survey_file(sidecar: Sidecar) -> FileSurvey:

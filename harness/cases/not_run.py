@@ -68,3 +68,18 @@ def _case(one: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) 
         reason=reason,
         stdout=stdout,
     )
+
+
+def not_of_a_tree(sidecar: Sidecar) -> str:
+    """Why a sidecar does not fit beside declared bodies, in a sentence; empty where it does."""
+    given = {
+        "coordinates": sidecar.coordinates, "readback": sidecar.readback,
+        "bindings": sidecar.bindings, "frames": sidecar.frames,
+    }  # fmt: skip
+    unread = [f"[{key}]" for key, value in given.items() if value]
+    if not unread:
+        return ""
+    return (
+        f"{sidecar.model}.toml: {', '.join(unread)}: system.py declares bodies, whose joints are"
+        f" matched by their names alone; take {'it' if len(unread) == 1 else 'them'} out"
+    )

@@ -31,7 +31,7 @@ from harness.records.case import Case, Stepping
 from harness.records.finding import AuditFinding
 from harness.records.outcome import Outcome
 from harness.records.system import System
-from harness.robots.named import read_robot
+from harness.robots.read import read_robot
 from harness.robots.robot import home_of
 from harness.robots.system import RobotError, robot_system
 from harness.schedule.failure import Failure

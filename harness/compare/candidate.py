@@ -15,7 +15,8 @@ from harness.files.model_files import check_springs
 from harness.files.parts import PartError, check_parts
 from harness.files.sidecar import Sidecar, read_sidecar
 from harness.robots.compiled import compiler, read_compiled_robot
-from harness.robots.named import FORMATS, read_robot
+from harness.robots.named import FORMATS
+from harness.robots.read import read_robot
 from harness.robots.robot import LeftOut, Robot
 from harness.robots.system import names_of
 

@@ -11,8 +11,8 @@ from harness.cases.robot_task import RobotTask
 from harness.diagnosis.robot_task import problem_of
 from harness.engines.registry import engines
 from harness.records.coverage import Coverage, Unseen
-from harness.robots.named import robot_numbers
 from harness.robots.numerals import Numeral
+from harness.robots.read import robot_numbers
 
 SHOWN = 3
 """Numbers that are named as examples of a reason that is known."""

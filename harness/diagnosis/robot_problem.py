@@ -14,8 +14,8 @@ import numpy as np
 from harness.diagnosis.fit import Hypothesis
 from harness.diagnosis.hypotheses.trial import REFUSED
 from harness.diagnosis.robot_followers import Following
-from harness.robots.named import Numbers
 from harness.robots.numerals import NUDGE
+from harness.robots.read import Numbers
 from reference.flows import Flow
 from reference.integrate import ReferenceError
 from reference.multibody.tree import Tree

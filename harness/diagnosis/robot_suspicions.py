@@ -10,8 +10,8 @@ from harness.diagnosis.hypotheses.candidate import rank
 from harness.diagnosis.robot_problem import Suspicion
 from harness.records.base import SourceLine
 from harness.records.cause import CauseId
-from harness.robots.named import Numbers
 from harness.robots.numerals import Numeral
+from harness.robots.read import Numbers
 
 LISTED = 4
 """Elements that are named where all that they say is dropped."""

@@ -19,7 +19,7 @@ from harness.numerics.ladder import EPSILON
 from harness.records.base import number
 from harness.records.cause import Cause
 from harness.records.finding import Diagnosis, Explanation
-from harness.robots.named import Numbers, robot_numbers
+from harness.robots.read import Numbers, robot_numbers
 from harness.robots.system import RobotError
 from reference.flows import Flow
 from reference.numeric import Array

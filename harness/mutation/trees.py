@@ -26,8 +26,8 @@ from harness.records.cause import CauseId
 from harness.records.mutation import FaultKind, FaultVerdict, Mutation
 from harness.records.outcome import Outcome
 from harness.robots.copies import copied
-from harness.robots.named import robot_numbers
 from harness.robots.numerals import SMALL, Numeral
+from harness.robots.read import robot_numbers
 
 SHOWN = 2.0
 """A fault whose effect is larger than what is uncertain by so many times has to be caught."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from harness.cases.case import load
 from harness.cases.followers import Followers
-from harness.cases.multibody import not_of_a_tree
+from harness.cases.not_run import not_of_a_tree
 from harness.cases.robot_record import settings_of
 from harness.cases.robot_task import joints_of
 from harness.engines.protocol import Model, ModelSpec
@@ -21,7 +21,7 @@ from harness.notebook.subject import Subject, sidecar_of
 from harness.notebook.trajectory import MotionError, Trajectory
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.full_run import simulated, why_no_run
-from harness.robots.named import read_robot
+from harness.robots.read import read_robot
 from harness.robots.robot import Robot
 from harness.robots.system import robot_system
 from reference.declaration import Scenario

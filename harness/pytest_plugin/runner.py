@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from harness.audit.run import Audit, run_audit
+from harness.audit.run import run_audit
 from harness.audit.task import audit_task
 from harness.baseline.audits import mark_models
 from harness.baseline.known import Accepted, accepted, mark_known
@@ -18,8 +18,8 @@ from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 from harness.baseline.store import read_baseline
 from harness.cases.case import case_task, run_case
 from harness.cases.declared import Declared, declared
-from harness.cases.multibody import PreparedTree, not_of_a_tree, prepare_folder, survey_file
-from harness.cases.not_run import Hurdle, failed_case, hurdle
+from harness.cases.multibody import PreparedTree, prepare_folder, survey_file
+from harness.cases.not_run import Hurdle, failed_case, hurdle, not_of_a_tree
 from harness.cases.prepare import Prepared
 from harness.cases.robot import run_robot
 from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
@@ -32,6 +32,7 @@ from harness.records.finding import Diagnosis
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.poses import Poses
+from harness.records.survey import Audit
 from harness.schedule.main_module import without_main
 from harness.schedule.workers import Failure, Limits, Workers
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Iterator, Sequence
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
@@ -138,7 +139,9 @@ def template(
     )
 
 
+@cache
 def _environment() -> jinja2.Environment:
+    """Kept, as compiling its pages takes longer than filling them."""
     return jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")),
         autoescape=True,

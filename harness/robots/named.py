@@ -5,42 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
-from harness.robots.compiled import compiler, read_compiled_robot
-from harness.robots.compiled_numbers import CompiledNumbers
-from harness.robots.numerals import Numeral
-from harness.robots.robot import Robot
-from harness.robots.sdf import read_sdf_robot
-from harness.robots.sdf_numbers import SdfNumbers
-from harness.robots.system import RobotError
-from harness.robots.urdf import read_urdf_robot
-from harness.robots.urdf_numbers import UrdfNumbers
 from harness.text.visible import odd_name, visible
-from reference.multibody.tree import Tree
 
 FORMATS = (".urdf", ".sdf", ".xml")
 """Endings of the files that are read as robots."""
 
 _TOLD = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
-
-
-class Numbers(Protocol):
-    """The numbers of a robot's file, and the tree that results where some of them are others."""
-
-    @property
-    def numerals(self) -> tuple[Numeral, ...]:
-        """All of them, in their order."""
-
-    @property
-    def saying(self) -> tuple[int, ...]:
-        """Indices of those that may say something of the tree."""
-
-    def tree(self, values: Mapping[int, float]) -> Tree | None:
-        """The tree with other values of some, by their index; None where there is none."""
-
-    def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
-        """The files, by their paths, with other values of some numbers."""
 
 
 @dataclass(frozen=True)
@@ -80,38 +51,3 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
         elif path not in files:
             files.append(path)
     return NamedRobots(files, others, faults)
-
-
-def read_robot(file: Path, *, floating: bool = False) -> Robot:
-    """A robot's file, by its ending; a URDF's root link may float, an SDFormat file says it."""
-    if file.suffix == ".sdf":
-        return read_sdf_robot(file)
-    if file.suffix == ".urdf":
-        return read_urdf_robot(file, floating=floating)
-    return read_compiled_robot(file)
-
-
-def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
-    """The numbers of a robot's file that has a tree, by its ending.
-
-    Args:
-        file: the model file.
-        settings: with which engines run it.
-
-    Raises:
-        RobotError: where nothing that compiles the file is installed.
-    """
-    if file.suffix == ".sdf":
-        return SdfNumbers(file)
-    if file.suffix == ".urdf":
-        held = settings.get("held", [])
-        return UrdfNumbers(
-            file,
-            floating=bool(settings.get("floating")),
-            held=held if isinstance(held, list) else [],
-        )
-    engine = compiler(file.suffix)
-    if engine is None:
-        raise RobotError(f"{file}: no engine is installed that compiles {file.suffix} files")
-    controls = settings.get("controls", [])
-    return CompiledNumbers(file, engine, controls if isinstance(controls, list) else [])

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.files.reading import read_regular
-from harness.robots.named import FORMATS, read_robot
+from harness.robots.named import FORMATS
+from harness.robots.read import read_robot
 from harness.robots.robot import Robot
 from harness.scaffold.folder import NewError, write_folder
 from harness.scaffold.from_energies import STEP, Energies, format_settings

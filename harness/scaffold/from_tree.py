@@ -13,7 +13,7 @@ from harness.engines.registry import standing
 from harness.files.brief import brief
 from harness.files.sidecar import read_sidecar
 from harness.records.outcome import Outcome
-from harness.robots.named import read_robot
+from harness.robots.read import read_robot
 from harness.robots.robot import Robot, Told
 from harness.robots.system import summary
 from harness.scaffold.folder import NewError, write_folder

@@ -13,7 +13,7 @@ import sympy as sp
 from harness.scaffold.folder import NewError
 from harness.scaffold.mechanism import Joint
 from harness.scaffold.rest import ROOM, clipped, named_position, rest_position
-from reference.declaration import Equilibrium, Scenario, t
+from reference.declaration import Scenario, t
 from reference.derive import Equations, derive
 from reference.integrate import ReferenceError, trajectory
 from reference.numeric import Array
@@ -309,14 +309,9 @@ def _states(equations: Equations, motion: Motion) -> tuple[Array, Array]:
         },
         duration=motion.duration,
     )
-    whole = replace(
-        system,
-        scenarios=(scenario,),
-        equilibria=(Equilibrium("any", dict.fromkeys(system.coordinates, 0), True, "any"),),
-    )
     times = np.linspace(0.0, motion.duration, 600)
     start = np.array([*motion.start, *motion.speeds])
     try:
-        return times, trajectory(equations, start, pieces(whole, scenario), times, rtol=1e-8)
+        return times, trajectory(equations, start, pieces(system, scenario), times, rtol=1e-8)
     except ReferenceError as error:
         raise NewError(f"its motion can't be followed: {error}") from None

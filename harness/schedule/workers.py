@@ -19,7 +19,7 @@ import warnings
 import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from multiprocessing import forkserver, resource_tracker
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
@@ -260,7 +260,10 @@ def _dismiss(crew: list[_Worker], scratch: Path) -> None:
 
 
 def _context() -> Any:
-    """How processes are started: from a server that has imported what every task needs."""
+    """How processes are started: from a server that has imported what every task needs.
+
+    It is started with the first of them: where all is known, nothing has to be imported.
+    """
     methods = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if "forkserver" in methods:
@@ -275,8 +278,6 @@ def _context() -> Any:
                 "scipy.linalg",
             ]
         )
-        with _as_servers_start():
-            forkserver.ensure_running()
     return context
 
 

@@ -17,7 +17,7 @@ from harness.cases.robot_task import RobotTask, load_robot
 from harness.engines.registry import readers, runners
 from harness.records.outcome import Outcome
 from harness.robots.copies import copied
-from harness.robots.named import robot_numbers
+from harness.robots.read import robot_numbers
 from harness.robots.system import RobotError
 from harness.sweep.known import Known, Timed
 from harness.sweep.planned import Planned

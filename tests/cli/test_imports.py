@@ -12,8 +12,11 @@ import pytest
 from harness.cli.main import COMMANDS
 from harness.cli.parsers.sweep import DESIGNS
 from harness.records.outcome import Outcome
+from harness.records.read import read_results
 from harness.records.write import encoded
 from harness.sweep.draws import Design
+from tests.commands import crosscheck
+from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.records.made import case, results
 
 ROOT = Path(__file__).parents[2]
@@ -24,7 +27,9 @@ HEAVY = (
 )  # fmt: skip
 
 
-def imported(folder: Path, *commands: str, among: tuple[str, ...] = HEAVY) -> list[str]:
+def imported(
+    folder: Path, *commands: str, among: tuple[str, ...] = HEAVY, path: tuple[Path, ...] = (ROOT,)
+) -> list[str]:
     """What is imported, of some names, after command lines one after the other in one process."""
     script = (
         "import sys; from harness.cli.main import main\n"
@@ -40,7 +45,7 @@ def imported(folder: Path, *commands: str, among: tuple[str, ...] = HEAVY) -> li
         capture_output=True,
         text=True,
         check=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path))},
     )
     lines = done.stdout.splitlines()
     assert len([line for line in lines if line.startswith("usage: ")]) == sum(
@@ -70,6 +75,17 @@ def test_what_asks_no_physics_imports_none(tmp_path: Path) -> None:
     assert (tmp_path / "index.html").is_file()
     assert (tmp_path / "changes.html").is_file()
     assert (tmp_path / "arm" / "system.py").is_file()
+
+
+def test_what_is_known_from_a_cache_needs_no_equations(tmp_path: Path) -> None:
+    known_folder(tmp_path / "osc", {"good": ""})
+    command = "run osc --cache cache --jobs 1"
+    assert crosscheck(*command.split(), cwd=tmp_path, known=True).returncode == 0
+    there = imported(
+        tmp_path, command, among=("sympy", "scipy", "mpmath"), path=(ROOT, KNOWN_ANSWER)
+    )
+    assert there == [f"imported after {command}"]
+    assert read_results(tmp_path / "reports" / "results.json").cached == 2
 
 
 def test_the_designs_of_a_sweep_are_those_that_there_are() -> None:

@@ -26,7 +26,7 @@ from harness.engines.registry import engines, readers
 from harness.records.cause import CauseId
 from harness.records.finding import Diagnosis
 from harness.records.outcome import Outcome
-from harness.robots.named import robot_numbers
+from harness.robots.read import robot_numbers
 from harness.text.causes import cause_sentences
 from reference.flows import Flow
 

@@ -12,7 +12,7 @@ from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
 from harness.engines.registry import standing
 from harness.records.outcome import Outcome
 from harness.robots.copies import copied
-from harness.robots.named import robot_numbers
+from harness.robots.read import robot_numbers
 from tests.robots.files import joint, link
 
 MJCF = """<mujoco><compiler angle="radian"/><worldbody>

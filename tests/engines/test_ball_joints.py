@@ -9,7 +9,7 @@ import pytest
 
 from harness.engines.protocol import Array, Model, ModelSpec, StateForce
 from harness.engines.registry import engines
-from harness.robots.named import read_robot
+from harness.robots.read import read_robot
 from harness.robots.system import robot_system
 from reference.trees import TreeEquations
 

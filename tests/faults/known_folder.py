@@ -69,10 +69,12 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from harness.records.write import encoded, write_whole
+from harness.options import Selection
 from harness.run import Options, run
 from harness.schedule.limits import Limits
-out, limit, *folders = sys.argv[1:]
-options = Options(jobs=2, limits=Limits(seconds=float(limit)))
+out, limit, alone, *folders = sys.argv[1:]
+selection = Selection(models=None) if alone == "verdicts" else None
+options = Options(jobs=2, limits=Limits(seconds=float(limit)), selection=selection)
 found = run([Path(f) for f in folders], options, lambda *_: None)
 write_whole(Path(out), encoded(found.results))
 """
@@ -85,11 +87,19 @@ def environment(*first: Path | str) -> dict[str, str]:
 
 
 def run_folders(
-    *folders: Path, out: Path, limit: float = 60.0, first_on_path: Iterable[Path] = ()
+    *folders: Path,
+    out: Path,
+    limit: float = 60.0,
+    first_on_path: Iterable[Path] = (),
+    verdicts: bool = False,
 ) -> Results:
-    """Run every case of the folders in a process of its own with two workers; its results."""
+    """Run every case of the folders in a process of its own with two workers; its results.
+
+    `verdicts`: those alone, no audit, linearization or diagnosis.
+    """
+    wanted = [str(out), str(limit), "verdicts" if verdicts else "all", *map(str, folders)]
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, str(out), str(limit), *map(str, folders)],
+        [sys.executable, "-c", SCRIPT, *wanted],
         capture_output=True,
         text=True,
         timeout=1800,

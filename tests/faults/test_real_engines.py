@@ -138,7 +138,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     used = [f for f in folders.values() if any(f.glob("*.toml"))]
     for folder in used:
         standing_only(folder)
-    results = run_folders(*used, out=place / "results.json", limit=60.0)
+    results = run_folders(*used, out=place / "results.json", verdicts=True)
     found: Ran = {}
     for case in results.cases:
         stem, suffix = case.model.split(".")

@@ -12,12 +12,12 @@ import pytest
 
 # Imported here: pytester forgets, after each run in this process, what that run imported first.
 import harness.pytest_plugin.session
-from harness.audit.run import Audit
 from harness.files.folders import builtin
 from harness.pytest_plugin.runner import CaseRunner
 from harness.records.case import Case, CaseId
 from harness.records.finding import AuditFinding, Diagnosis
 from harness.records.poses import Poses
+from harness.records.survey import Audit
 from tests.records.made import case
 from tests.standing import brief, standing_only
 

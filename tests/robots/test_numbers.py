@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.robots.named import Numbers, read_robot, robot_numbers
+from harness.robots.read import Numbers, read_robot, robot_numbers
 from reference.multibody.tree import Tree
 from tests.robots.files import joint, link
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.robots.named import read_robot, robot_files, robot_numbers
+from harness.robots.named import robot_files
+from harness.robots.read import read_robot, robot_numbers
 from harness.robots.robot import Robot
 from reference.multibody.algebra import from_rpy
 from reference.multibody.lump import Place

@@ -16,7 +16,7 @@ import pytest
 from harness.files.model_files import UnreadModel, model_files
 from harness.files.sidecar import Sidecar, read_sidecar
 from harness.records.outcome import Outcome
-from harness.robots.named import read_robot
+from harness.robots.read import read_robot
 from harness.run import Options, Selection, run
 from harness.scaffold.folder import NewError
 from harness.scaffold.from_model import from_model

@@ -14,7 +14,7 @@ from harness.records.outcome import Outcome
 from harness.records.sweep import SweepRow
 from harness.report.sweep import render_sweep
 from harness.robots.copies import copied
-from harness.robots.named import robot_numbers
+from harness.robots.read import robot_numbers
 from harness.schedule.workers import Workers
 from harness.sweep import robot as swept_robot
 from harness.sweep.case import run_block, swept
