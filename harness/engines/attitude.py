@@ -109,3 +109,9 @@ def cross(one: Array, other: Array) -> Array:
 def _dot(one: Array, other: Array) -> Array:
     found: Array = np.sum(one * other, axis=-1, keepdims=True)
     return found
+
+
+def turned(turn: Array, of: Array) -> Array:
+    """Vectors (B, 3), each by its own matrix."""
+    found: Array = (turn @ of[..., None])[..., 0]
+    return found

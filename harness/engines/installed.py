@@ -1,12 +1,15 @@
-"""Which version of a package is installed: looked up once for a path that has not changed."""
+"""What is installed: versions, looked up once for a path that has not changed, and modules."""
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import importlib.util
 import os
 import sys
+import warnings
 from functools import lru_cache
+from typing import Any
 
 Path = tuple[tuple[str, int], ...]
 
@@ -38,3 +41,10 @@ def _looked_up(package: str, distribution: str, _: Path) -> str | None:
         return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
         return "unknown"
+
+
+def quietly(name: str) -> Any:
+    """A module whose import warns: SWIG's ends the process where warnings are errors."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return importlib.import_module(name)

@@ -9,6 +9,7 @@ from importlib.metadata import EntryPoint, entry_points
 
 from harness.engines.dart import DartEngine
 from harness.engines.drake import DrakeEngine
+from harness.engines.idyntree import IdyntreeEngine
 from harness.engines.installed import python_path
 from harness.engines.mujoco import MjxEngine, MujocoEngine
 from harness.engines.newton import NewtonEngine
@@ -20,6 +21,7 @@ from harness.engines.pymunk import PymunkEngine
 BUILT_IN = (
     *(MujocoEngine, PybulletEngine, PymunkEngine),
     *(PinocchioEngine, DrakeEngine, DartEngine, NewtonEngine, MjxEngine),
+    IdyntreeEngine,
 )
 
 

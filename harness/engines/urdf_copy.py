@@ -60,6 +60,14 @@ def _without(robot: ET.Element, tag: str) -> None:
             link.remove(shape)
 
 
+def with_masses(robot: ET.Element) -> None:
+    """Give links with moments and no mass what no digit of a motion shows."""
+    for inertial in robot.findall("link/inertial"):
+        mass = inertial.find("mass")
+        if mass is not None and float(mass.get("value", "0")) == 0:
+            mass.set("value", "1e-300")
+
+
 def without_limits(robot: ET.Element) -> None:
     """Limits that PyBullet takes for none: the lower one above the upper."""
     for joint in robot.findall("joint"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -23,15 +24,46 @@ from tests.robots.files import joint, link
 from tests.sweep.made import swept_folder
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def made(place: Path) -> Path:
     """Two models of the known-answer engine: one is right, one is not."""
-    monkeypatch.syspath_prepend(KNOWN_ANSWER)
-    monkeypatch.chdir(tmp_path)
-    folder = known_folder(tmp_path / "osc", {"good": "", "wrong": ""})
+    folder = known_folder(place / "osc", {"good": "", "wrong": ""})
     wrong = folder / "wrong.known"
     wrong.write_text(wrong.read_text().replace("47.0", "47.5"))
     return folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of both, in which nothing was run yet."""
+    monkeypatch.syspath_prepend(KNOWN_ANSWER)
+    monkeypatch.chdir(tmp_path)
+    return made(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def ran_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A place where such a folder was run; nobody changes this one."""
+    place = tmp_path_factory.mktemp("ran")
+    made(place)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(KNOWN_ANSWER)
+        patch.chdir(place)
+        run()
+    return place
+
+
+@pytest.fixture
+def ran(ran_once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder that was run, with the cache of that beside it, elsewhere by now."""
+    monkeypatch.syspath_prepend(KNOWN_ANSWER)
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(ran_once, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "osc"
+
+
+def first() -> Results:
+    """What that run found."""
+    return read_results(Path("out/results.json"))
 
 
 def run(*more: str, of: str = "osc") -> Results:
@@ -43,12 +75,12 @@ def done_again(found: Results) -> int:
     return len(found.cases) - found.cached
 
 
+@pytest.mark.usefixtures("ran")
 def test_what_is_known_is_not_run_again_nor_derived(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    first = run()
-    assert first.cached == 0
-    assert "from the cache" not in capsys.readouterr().out
+    before = first()
+    assert before.cached == 0
 
     def refused(*_: object, **__: object) -> None:
         raise AssertionError("something is run")
@@ -58,9 +90,9 @@ def test_what_is_known_is_not_run_again_nor_derived(
     assert "; 4 had from the cache" in capsys.readouterr().out
     assert second.cached == 4
     # All of it: the diagnosis of the one that differs, linearizations, coverage, the derivation.
-    assert second.cases == first.cases
-    assert second.models == first.models
-    assert second.systems == first.systems
+    assert second.cases == before.cases
+    assert second.models == before.models
+    assert second.systems == before.systems
     assert {case.outcome for case in second.cases} == {Outcome.AGREES, Outcome.DIFFERS}
     assert any(model.diagnosis for model in second.models)
 
@@ -72,8 +104,8 @@ def test_what_is_measured_beside_a_baseline_is_known_too(
     (folder / "wrong.known").unlink()
     (folder / "wrong.known.toml").unlink()
     assert main(["accept", "--folder", "osc", "--reason", "a test"]) == 0
-    first = run()
-    assert first.baseline is not None
+    before = run()
+    assert before.baseline is not None
     known = Workers.submit
     submitted: list[str] = []
 
@@ -83,16 +115,15 @@ def test_what_is_measured_beside_a_baseline_is_known_too(
 
     monkeypatch.setattr(Workers, "submit", counted)
     second = run()
-    assert (submitted, second.cached, second.baseline) == ([], 2, first.baseline)
+    assert (submitted, second.cached, second.baseline) == ([], 2, before.baseline)
     good = folder / "good.known"
     good.write_text(good.read_text().replace("step = 0.005", "step = 0.01"))
     third = run()
-    assert (third.cached, third.baseline == first.baseline) == (0, False)
+    assert (third.cached, third.baseline == before.baseline) == (0, False)
 
 
-def test_a_changed_model_alone_is_run(folder: Path) -> None:
-    run()
-    wrong = folder / "wrong.known"
+def test_a_changed_model_alone_is_run(ran: Path) -> None:
+    wrong = ran / "wrong.known"
     wrong.write_text(wrong.read_text().replace("47.5", "47.0"))
     found = run()
     assert done_again(found) == 2
@@ -100,9 +131,8 @@ def test_a_changed_model_alone_is_run(folder: Path) -> None:
     assert done_again(run("--resolution", "1e-8")) == 4
 
 
-def test_a_changed_system_runs_all(folder: Path) -> None:
-    run()
-    system = folder / "system.py"
+def test_a_changed_system_runs_all(ran: Path) -> None:
+    system = ran / "system.py"
     system.write_text(system.read_text().replace('"k", 47.0', '"k", 47.5'))
     found = run()
     assert done_again(found) == 4
@@ -134,10 +164,10 @@ def test_so_does_what_a_model_that_is_code_reads(
     space = folder / "space.py"
     reads = 'Path(__file__).resolve().parents[1].joinpath("note.txt").read_text()'
     space.write_text(f"{space.read_text()}\nfrom pathlib import Path\n\n_ = {reads}\n")
-    first = run(of="mass")
+    before = run(of="mass")
     assert done_again(run(of="mass")) == 0
     (tmp_path / "note.txt").write_text("two")
-    assert done_again(run(of="mass")) == len(first.cases)
+    assert done_again(run(of="mass")) == len(before.cases)
 
 
 def test_of_declared_bodies_likewise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,12 +178,12 @@ def test_of_declared_bodies_likewise(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (arm / "system.py").write_text(SYSTEM)
     (arm / "m.xml").write_text(MODEL)
     (arm / "m.xml.toml").write_text('engines = ["mujoco"]\n\n[settings]\nsmooth = true\n')
-    first = run(of="arm")
-    assert first.cached == 0
+    before = run(of="arm")
+    assert before.cached == 0
     second = run(of="arm")
     assert done_again(second) == 0
-    assert second.cases == first.cases
-    assert second.models == first.models
+    assert second.cases == before.cases
+    assert second.models == before.models
 
 
 ARM = "\n".join((
@@ -167,12 +197,12 @@ def test_of_a_robot_s_file_likewise(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
-    first = run("--engine", "mujoco", of="arm.urdf")
-    assert (first.cached, [case.outcome for case in first.cases]) == (0, [Outcome.AGREES])
+    before = run("--engine", "mujoco", of="arm.urdf")
+    assert (before.cached, [case.outcome for case in before.cases]) == (0, [Outcome.AGREES])
     with monkeypatch.context() as patched:
         patched.setattr(Workers, "submit", None)
         second = run("--engine", "mujoco", of="arm.urdf")
-    assert (second.cached, second.cases, second.models) == (1, first.cases, first.models)
+    assert (second.cached, second.cases, second.models) == (1, before.cases, before.models)
     file.write_text(ARM.replace('damping="0.1"', 'damping="0.2"'))
     assert run("--engine", "mujoco", of="arm.urdf").cached == 0
     file.write_text(ARM)
@@ -181,26 +211,27 @@ def test_of_a_robot_s_file_likewise(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_what_failed_is_tried_again(folder: Path) -> None:
     (folder / "wrong.known").write_text("names = [")
-    first = run()
-    assert {c.outcome for c in first.cases if c.model == "wrong.known"} == {Outcome.FAILED}
+    before = run()
+    assert {c.outcome for c in before.cases if c.model == "wrong.known"} == {Outcome.FAILED}
     found = run()
     assert found.cached == 2
     assert {c.outcome for c in found.cases if c.model == "wrong.known"} == {Outcome.FAILED}
 
 
-@pytest.mark.parametrize("content", [b"", b"{", b'{"piece": 1}', b"\xff\xfe"])
-def test_a_broken_entry_is_as_good_as_none(folder: Path, content: bytes) -> None:
-    first = run()
-    for path in Path("cache").glob("??/*.json"):
-        path.write_bytes(content)
+@pytest.mark.usefixtures("ran")
+def test_a_broken_entry_is_as_good_as_none() -> None:
+    before = first()
+    broken = cycle([b"", b"{", b'{"piece": 1}', b"\xff\xfe"])
+    for path in sorted(Path("cache").glob("??/*.json")):
+        path.write_bytes(next(broken))
     found = run()
     assert found.cached == 0
-    assert found.cases[0].verdict == first.cases[0].verdict
+    assert found.cases[0].verdict == before.cases[0].verdict
 
 
-def test_an_entry_of_other_work_is_not_taken(folder: Path) -> None:
+@pytest.mark.usefixtures("ran")
+def test_an_entry_of_other_work_is_not_taken() -> None:
     """Whatever its name says, it has to be of the very piece."""
-    run()
     cases = [
         path
         for path in Path("cache").glob("??/*.json")
@@ -240,8 +271,8 @@ def test_where_nothing_can_be_kept_it_is_told_and_the_run_goes_on(
     assert "nothing more is kept in the cache: cache" in capsys.readouterr().err
 
 
-def test_what_is_old_is_dropped(folder: Path) -> None:
-    run()
+@pytest.mark.usefixtures("ran")
+def test_what_is_old_is_dropped() -> None:
     entries = list(Path("cache").glob("??/*.json"))
     for path in entries:
         os.utime(path, (0, 0))

@@ -10,7 +10,7 @@ import pytest
 from harness.engines.protocol import Model, ModelSpec
 from harness.engines.registry import engines, missing
 
-EXTRAS = ("pinocchio", "drake", "dart")
+EXTRAS = ("pinocchio", "drake", "dart", "idyntree")
 
 
 H = 1e-4

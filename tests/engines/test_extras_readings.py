@@ -39,16 +39,21 @@ def test_damping_is_applied(name: str, tmp_path: Path) -> None:
     assert moved(model, 0.0, 1.0, 0.01)[1] == pytest.approx(np.exp(-0.3), rel=2e-3)
 
 
-def test_pinocchio_itself_leaves_damping_out_and_its_remedy_brings_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["pinocchio", "idyntree"])
+def test_some_themselves_leave_damping_out_and_a_remedy_brings_it(
+    name: str, tmp_path: Path
+) -> None:
     text = urdf('<dynamics damping="0.3"/>')
-    model = load("pinocchio", text, tmp_path, settings={"damping": False})
+    model = load(name, text, tmp_path, settings={"damping": False})
     assert moved(model, 0.0, 1.0, 0.01)[1] == 1.0
     (undone,) = model.remedies.values()
-    again = load("pinocchio", text, tmp_path, settings=undone)
+    again = load(name, text, tmp_path, settings=undone)
     assert moved(again, 0.0, 1.0, 0.01)[1] < 0.75
 
 
-@pytest.mark.parametrize(("name", "left"), [("pinocchio", 1.0), ("drake", 1.0), ("dart", 0.8)])
+@pytest.mark.parametrize(("name", "left"), [
+    ("pinocchio", 1.0), ("drake", 1.0), ("dart", 0.8), ("idyntree", 1.0),
+])  # fmt: skip
 def test_friction_is_applied_by_dart_unless_all_is_to_be_smooth(
     name: str, left: float, tmp_path: Path
 ) -> None:
@@ -60,7 +65,7 @@ def test_friction_is_applied_by_dart_unless_all_is_to_be_smooth(
 
 
 @pytest.mark.parametrize(("name", "stopped"), [
-    ("pinocchio", False), ("drake", True), ("dart", False),
+    ("pinocchio", False), ("drake", True), ("dart", False), ("idyntree", False),
 ])  # fmt: skip
 def test_limits_stop_a_joint_in_drakes_discrete_plants_alone(
     name: str, stopped: bool, tmp_path: Path
@@ -91,6 +96,7 @@ def test_springs_of_gazebo_pull(name: str, tmp_path: Path) -> None:
     ("drake", {"stepping": "continuous"}, 0.41, 1.0),
     ("drake", {"stepping": "continuous", "hold_mimics": True}, 1e-13, 0.2),
     ("dart", {}, 1e-2, 1.0),
+    ("idyntree", {}, 0.41, 1.0), ("idyntree", {"hold_mimics": True}, 1e-13, 0.2),
 ])  # fmt: skip
 def test_a_mimic_is_left_out_held_or_a_servo(
     name: str, settings: dict[str, object], off: float, led: float, tmp_path: Path
@@ -154,7 +160,7 @@ def test_a_welded_link_without_inertia_is_a_kilogram_in_dart_unless_told(
 
 
 @pytest.mark.parametrize(("name", "refused"), [
-    ("pinocchio", False), ("drake", True), ("dart", False),
+    ("pinocchio", False), ("drake", True), ("dart", False), ("idyntree", False),
 ])  # fmt: skip
 @pytest.mark.parametrize("body", [
     BODY.replace('ixx="0.01"', 'ixx="0.1"'),
@@ -172,10 +178,35 @@ def test_an_inertia_for_which_drake_takes_a_ball_is_refused(
         load(name, text, tmp_path)
 
 
-@pytest.mark.parametrize("name", EXTRAS)
-def test_what_is_no_slide_or_hinge_is_refused(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "kind"), [
+    ("pinocchio", "floating"), ("drake", "floating"), ("dart", "floating"),
+    ("idyntree", "spherical"),
+])  # fmt: skip
+def test_what_is_no_slide_or_hinge_is_refused(name: str, kind: str, tmp_path: Path) -> None:
     with pytest.raises(EngineError, match=f"{name}.urdf: joint '[aj]' is no slide or hinge"):
-        load(name, urdf(kind="floating"), tmp_path)
+        load(name, urdf(kind=kind), tmp_path)
+
+
+def test_what_idyntree_reads_over_with_an_error_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(EngineError, match=r"idyntree\.urdf: iDynTree can't load it: .* floating"):
+        load("idyntree", urdf(kind="floating"), tmp_path)
+
+
+def test_links_without_mass_are_frames_to_idyntree_and_its_remedy_keeps_their_moments(
+    tmp_path: Path,
+) -> None:
+    tip = '<inertial><mass value="0"/><inertia ixx="1" iyy="0.04" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    text = urdf(beside=WELDED.format(f"{tip}</inertial>"))
+    push = np.full((1, 100, 1), 0.1)
+    rest = np.zeros((1, 1))
+    for settings, inertia in ({}, 0.01), ({"massless_links": True}, 0.05):
+        model = load("idyntree", text, tmp_path, settings=settings)
+        _, w = model.rollout(rest, rest, H, 100, push, 100)
+        assert w[0, 0, 0] == pytest.approx(0.1 * 100 * H / inertia, rel=1e-9)
+        undone = [] if settings else [{"massless_links": True}]
+        assert list(model.remedies.values()) == undone
+        assert "link:tip" in model.places
+        assert ("centre:tip" in model.places) is bool(settings)
 
 
 @pytest.mark.parametrize("name", ["pinocchio", "dart"])

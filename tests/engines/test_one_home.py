@@ -53,7 +53,8 @@ def test_the_known_answer_engine_is_known_only_where_it_is_asked_for() -> None:
 
 
 def test_readers_of_a_format_come_with_the_preferred_one_first() -> None:
-    everyones, extras = ["pybullet", "mujoco"], ["pinocchio", "drake", "dart", "newton", "mjx"]
+    everyones = ["pybullet", "mujoco"]
+    extras = ["pinocchio", "drake", "dart", "newton", "mjx", "idyntree"]
     assert [engine.name for engine in readers(".urdf")] == [*everyones, *extras]
     assert [engine.name for engine in standing(".urdf")] == everyones
     assert [engine.name for engine in readers(".xml")] == [

@@ -10,22 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from harness.engines.mistake import DefaultLeftOn
 from harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
 from harness.engines.pinocchio.mjcf import PinocchioMjcf
-from harness.engines.pinocchio.model import DAMPING
 from harness.engines.pinocchio.urdf import PinocchioUrdf
 from harness.engines.protocol import Model, ModelSpec, Sample
+from harness.engines.stepped_here import ADDED_HERE, dampers_not_added
 from harness.engines.urdf import IDLE, sample_urdf
 from harness.engines.urdf_engine import UrdfEngine
-from harness.engines.urdf_sidecar import ROBOTS
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
-    **ROBOTS,
-    # Whether dampers are added, as forces by velocity; Pinocchio's dynamics leave them out.
-    "damping": True,
-    # Whether a URDF's joints are held to those that they follow; Pinocchio lets them go.
-    "hold_mimics": False,
+    **ADDED_HERE,
     **ADDED,
     # Whether all root bodies of an MJCF are read; Pinocchio reads the first alone.
     "all_roots": True,
@@ -52,11 +46,7 @@ class PinocchioEngine(UrdfEngine):
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
     idle = MappingProxyType({**IDLE, **MJCF_IDLE})
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
-    usual_mistakes = (
-        DefaultLeftOn(
-            name="Pinocchio's dampers not added", setting="damping", value=False, cause=DAMPING
-        ),
-    )
+    usual_mistakes = (dampers_not_added("Pinocchio"),)
 
     def loaded(self, spec: ModelSpec) -> Model:
         """A file whose settings are in order."""

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.attitude import cross, matrix
+from harness.engines.attitude import cross, matrix, turned
 from harness.engines.following import held_accelerations, leading
 from harness.engines.pinocchio.reading import frames
 from harness.engines.protocol import Array, EngineError
-from harness.engines.remark import Remark
-from harness.engines.runge_kutta import RungeKutta, to_state
-from harness.engines.step_rule import StepRule
-from harness.engines.tree_model import FREE, TreeModel
+from harness.engines.runge_kutta import to_state
+from harness.engines.stepped_here import SteppedHere
+from harness.engines.tree_model import FREE
 from harness.engines.urdf import Mimic
 
-DAMPING = "Pinocchio's leaving out of joints' dampers"
 
+class PinocchioModel(SteppedHere):
+    """A tree of slides and hinges, fixed or not."""
 
-class PinocchioModel(TreeModel):
-    """A tree of slides and hinges, fixed or not, stepped by the classical rule of order four."""
-
-    integrator = "Runge-Kutta 4"
     body_kind = "link"
     """What a body is called in places."""
 
@@ -69,8 +65,7 @@ class PinocchioModel(TreeModel):
         # Where each of Pinocchio's velocities is among those here, unless it is there itself.
         self._order = None if np.array_equal(at, np.arange(model.nv)) else np.argsort(at)
         damping = np.array(model.damping)[at[first:]]
-        self._springs = self.name(singles, damping if self.settings["damping"] else None)
-        self._undamped = not self.settings["damping"] and bool(damping.any())
+        self._springs = self.dampers(singles, damping)
         along = leading(mimics, self.coordinates, self.path) if mimics else None
         # In Pinocchio's order.
         self._along = along if along is None or self._order is None else along[self._order]
@@ -81,13 +76,8 @@ class PinocchioModel(TreeModel):
         self._straight = own and np.array_equal(there, np.arange(len(singles)))
         self._permuted = np.argsort(there) if own else None
         bare = self._straight and self._along is None and self._order is None
-        self.forward = self._plain if bare else self._accelerations
         one = None if self.floats or self._along is not None else self._one
-        self.stepper = RungeKutta(self.forward, self.floats, one)
-        z = np.zeros((1, len(self.coordinates)))
-        x, m = to_state(z, z) if self.floats else (z, z)
-        if not np.isfinite(self.forward(x, m, z)).all():
-            raise EngineError(f"{self.path}: a joint moves nothing that has inertia")
+        self.step_by(self._plain if bare else self._accelerations, one)
 
     def _plain(self, x: Array, m: Array, f: Array) -> Array:
         """Of a tree of slides and hinges with limits, whose positions are Pinocchio's own."""
@@ -115,12 +105,13 @@ class PinocchioModel(TreeModel):
             pull[:, free:] += self._springs.at(x[:, free + bool(free) :], m[:, free:])
         if self.floats:
             turn = matrix(x[:, 3:7])
-            own = np.concatenate([_turned_back(turn, m[:, :3]), m[:, 3:]], axis=1)
-            pull[:, :3] = _turned_back(turn, pull[:, :3])
+            back = turn.swapaxes(1, 2)
+            own = np.concatenate([turned(back, m[:, :3]), m[:, 3:]], axis=1)
+            pull[:, :3] = turned(back, pull[:, :3])
         a = self._own(self._configuration(x), own, pull)
         if self.floats:
             inward = a[:, :3] + cross(own[:, 3:6], own[:, :3])
-            a[:, :3] = (turn @ inward[..., None])[..., 0]
+            a[:, :3] = turned(turn, inward)
         return a
 
     def _own(self, q: Array, v: Array, pull: Array) -> Array:
@@ -173,29 +164,6 @@ class PinocchioModel(TreeModel):
             q[..., at], q[..., at + 1] = np.cos(angle), np.sin(angle)
         return q
 
-    def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """Order 4, until an input is held over the step."""
-        return (1 if varying_input else 4), 1
-
-    @property
-    def step_rule(self) -> StepRule:
-        """All forces at each stage."""
-        return StepRule(scheme="Runge-Kutta 4")
-
-    @property
-    def undamped(self) -> dict[str, Mapping[str, object]]:
-        """That dampers are left out, where they are, with what undoes it."""
-        return {DAMPING: {"damping": True}} if self._undamped else {}
-
-    def damping_remarks(self) -> Iterator[Remark]:
-        """Dampers that are left out."""
-        if self._undamped:
-            yield Remark(
-                message=f"{DAMPING}, by the setting damping: nothing brakes a joint",
-                address="sidecar:settings.damping",
-                shows_in=("damping",),
-            )
-
     @property
     def places(self) -> tuple[str, ...]:
         """Bodies; and centres of mass of those with which no other moves as one."""
@@ -220,9 +188,3 @@ def _run(indices: NDArray[np.intp]) -> NDArray[np.intp] | slice:
     first = int(indices[0]) if len(indices) else 0
     whole = np.array_equal(indices, np.arange(first, first + len(indices)))
     return slice(first, first + len(indices)) if whole else indices
-
-
-def _turned_back(turn: Array, of: Array) -> Array:
-    """Vectors (B, 3) of the world's axes along those of what `turn` (B, 3, 3) has turned."""
-    found: Array = (turn.swapaxes(1, 2) @ of[..., None])[..., 0]
-    return found

@@ -1,0 +1,200 @@
+"""iDynTree, on URDF: the accelerations of its mass matrix and bias forces, stepped here.
+
+iDynTree has no stepper. Its dynamics take no account of the dampers and the friction of joints that
+it reads, nor of limits, contacts and `<mimic>`. A link without mass that hangs on a fixed joint is
+a frame of its neighbour to it, so that the file's root need not be its base link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from harness.engines.attitude import cross, matrix, turned
+from harness.engines.captured import STDERR, STDOUT, captured
+from harness.engines.following import held_accelerations, leading
+from harness.engines.installed import quietly
+from harness.engines.protocol import Array, EngineError, Model, ModelSpec
+from harness.engines.remark import Remark
+from harness.engines.runge_kutta import each_alone, to_state
+from harness.engines.source import folded
+from harness.engines.stepped_here import ADDED_HERE, SteppedHere, dampers_not_added
+from harness.engines.tree_model import FREE
+from harness.engines.urdf import UrdfReader
+from harness.engines.urdf_copy import with_masses, without_shapes
+from harness.engines.urdf_engine import UrdfEngine, UrdfModel
+
+MIMICS = "iDynTree's leaving out of <mimic>"
+MASSLESS = "iDynTree's taking of links without mass for frames"
+
+DEFAULTS: Mapping[str, bool] = MappingProxyType({
+    **ADDED_HERE,
+    # Whether a link with moments and no mass keeps them; to iDynTree it is a frame.
+    "massless_links": False,
+})  # fmt: skip
+
+READER = UrdfReader(
+    name="idyntree",
+    no_inertial="no mass and no moments",
+    no_friction="iDynTree",
+    no_stops="iDynTree",
+)
+
+
+class IdyntreeEngine(UrdfEngine):
+    """Adapter of iDynTree (Nori et al. 2015, Frontiers in Robotics and AI 2:6)."""
+
+    name = "idyntree"
+    title = "iDynTree"
+    package, distribution, extra = "idyntree", "idyntree", "idyntree"
+    defaults = DEFAULTS
+    capabilities = (
+        "URDF", "slides and hinges, roots that float", "accelerations alone, stepped here by RK4",
+        "joint springs and dampers, springs on joint combinations, URDF mimic as added here",
+    )  # fmt: skip
+    unstated = "no step, since it takes none, and no gravity"
+    ignores = frozenset({"dynamics@friction"})
+    usual_mistakes = (dampers_not_added("iDynTree"),)
+
+    def loaded(self, spec: ModelSpec) -> Model:
+        """A file whose settings are in order."""
+        return IdyntreeModel(spec)
+
+
+class IdyntreeModel(SteppedHere, UrdfModel):
+    """A tree of slides and hinges, fixed or not."""
+
+    def __init__(self, spec: ModelSpec) -> None:
+        idt = quietly("idyntree.bindings")
+        kept = (with_masses,) if spec.settings.get("massless_links") else ()
+        UrdfModel.__init__(self, spec, "iDynTree", READER, DEFAULTS, (without_shapes, *kept))
+        self._loader = idt.ModelLoader()  # what it has read goes with it
+        with captured((STDOUT, STDERR), again=False) as said:
+            done = self._loader.loadModelFromString(self.declared.text, "urdf")
+        # Of what it can't read it goes on with what is left, and says so.
+        if not done or any("[ERROR]" in text for text in said):
+            raise EngineError(f"{spec.path}: iDynTree can't load it: {folded(' '.join(said))}")
+        self._model = self._loader.model()
+        links = [self._model.getLink(i).getInertia() for i in range(self._model.getNrOfLinks())]
+        self._heavy = {
+            self._model.getLinkName(i): np.array(link.getCenterOfMass().toNumPy())
+            for i, link in enumerate(links)
+            if link.getMass() > 0
+        }
+        self._computed = idt.KinDynComputations()
+        self._computed.loadRobotModel(self._model)
+        self._mass = idt.FreeFloatingMassMatrix(self._model)
+        self._bias = idt.FreeFloatingGeneralizedTorques(self._model)
+        self._springs = self.dampers(*self._joints())
+        self._held = self.mimics if self.settings["hold_mimics"] else ()
+        self._along = leading(self._held, self.coordinates, self.path) if self._held else None
+        # Where its base link is in the file's root link.
+        base = self._model.getLinkName(self._model.getDefaultBaseLink())
+        placed = self._computed.getRelativeTransform(self.declared.root, base)
+        self._turn, self._arm = (
+            np.array(part.toNumPy()) for part in (placed.getRotation(), placed.getPosition())
+        )
+        self._down = np.array(self.gravity)
+        if self.floats:
+            self.step_by(self._floating)
+        else:
+            # A base link that stands still is where iDynTree's world is.
+            self._down = self._turn.T @ self._down
+            self.step_by(each_alone(self._fixed), self._fixed)
+
+    def _joints(self) -> tuple[list[str], Array]:
+        """Names and dampers of those that move, in iDynTree's order."""
+        found = {}
+        for i in range(self._model.getNrOfJoints()):
+            joint, name = self._model.getJoint(i), self._model.getJointName(i)
+            if joint.getNrOfDOFs() > 1:
+                raise EngineError(f"{self.path}: joint {name!r} is no slide or hinge")
+            if joint.getNrOfDOFs():
+                found[joint.getDOFsOffset()] = name, float(joint.getDamping(0))
+        ordered = [found[i] for i in sorted(found)]
+        return [name for name, _ in ordered], np.array([damper for _, damper in ordered])
+
+    def _fixed(self, x: Array, m: Array, f: Array) -> Array:
+        """Of one state, (n,) each."""
+        pull = f if self._springs.empty else f + self._springs.at(x, m)
+        self._computed.setRobotState(x, m, self._down)
+        self._computed.getFreeFloatingMassMatrix(self._mass)
+        self._computed.generalizedBiasForces(self._bias)
+        mass = self._mass.toNumPy()[FREE:, FREE:]
+        return self._solved(mass, pull - self._bias.jointTorques().toNumPy())
+
+    def _floating(self, x: Array, m: Array, f: Array) -> Array:
+        """Of the root's origin; iDynTree's are of its base link's, all along the world's axes."""
+        pull, turn = f.copy(), matrix(x[:, 3:7])
+        pull[:, FREE:] += self._springs.at(x[:, FREE + 1 :], m[:, FREE:])
+        arm, spin = turn @ self._arm, turned(turn, m[:, 3:6])
+        base = np.concatenate([m[:, :3] + cross(spin, arm), spin], axis=1)
+        pull[:, 3:6] = turned(turn, f[:, 3:6]) - cross(arm, f[:, :3])
+        masses, biases = [], []
+        for way, row, push, v in zip(turn, x, base, m[:, FREE:], strict=True):
+            at = self._frame(way, row[:3])
+            self._computed.setRobotState(at, row[FREE + 1 :], push, v, self._down)
+            self._computed.getFreeFloatingMassMatrix(self._mass)
+            self._computed.generalizedBiasForces(self._bias)
+            masses.append(np.array(self._mass.toNumPy()))
+            parts = self._bias.baseWrench(), self._bias.jointTorques()
+            biases.append(np.concatenate([part.toNumPy() for part in parts]))
+        mass, bias = np.array(masses), np.array(biases)
+        a = self._solved(mass, pull - bias)
+        a[:, :3] -= cross(a[:, 3:6], arm) + cross(spin, cross(spin, arm))
+        a[:, 3:6] = turned(turn.swapaxes(1, 2), a[:, 3:6])
+        return a
+
+    def _frame(self, turn: Array, origin: Array) -> Array:
+        """Where the base link is, (4, 4), by where the root link is."""
+        found = np.eye(4)
+        found[:3, :3], found[:3, 3] = turn @ self._turn, origin + turn @ self._arm
+        return found
+
+    def _solved(self, mass: Array, pull: Array) -> Array:
+        if self._along is not None:
+            return held_accelerations(mass, pull, self._along)
+        try:
+            return np.asarray(np.linalg.solve(mass, pull[..., None])[..., 0], dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return np.full_like(pull, np.inf)
+
+    @property
+    def remedies(self) -> Mapping[str, Mapping[str, object]]:
+        """What iDynTree leaves out and the settings let stand, with what undoes it."""
+        lost: dict[str, Mapping[str, object]] = {}
+        if self.mimics and not self._held:
+            lost[MIMICS] = {"hold_mimics": True}
+        if any(moment for link, moment in self.declared.moments.items() if link not in self._heavy):
+            lost[MASSLESS] = {"massless_links": True}
+        return {**self.undamped, **lost}
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What the URDF says in vain, and dampers that are left out."""
+        yield from UrdfModel.remarks(self, z, w)
+        yield from self.damping_remarks()
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Links, and the centres of those that have a mass."""
+        names = self.declared.links
+        return (*(f"link:{n}" for n in names), *(f"centre:{n}" for n in names if n in self._heavy))
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """By its forward kinematics."""
+        origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
+        x = to_state(z, 0 * z)[0] if self.floats else z
+        for i, row in enumerate(x):
+            turn = matrix(row[None, 3:7])[0] if self.floats else np.eye(3)
+            origin, q = (row[:3], row[FREE + 1 :]) if self.floats else (np.zeros(3), row)
+            rest = np.zeros(FREE), np.zeros(len(q)), self._down
+            self._computed.setRobotState(self._frame(turn, origin), q, *rest)
+            for k, (kind, _, link) in enumerate(place.partition(":") for place in places):
+                at = self._computed.getWorldTransform(link)
+                turns[i, k] = at.getRotation().toNumPy()
+                origins[i, k] = at.getPosition().toNumPy()
+                if kind == "centre":
+                    origins[i, k] += turns[i, k] @ self._heavy[link]
+        return origins, turns
