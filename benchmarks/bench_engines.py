@@ -77,22 +77,44 @@ def bare_pinocchio(model: Any) -> Loop:
     import pinocchio as pin
 
     own = model._model
-    data, h, damping = own.createData(), model.step, np.array(own.damping)
+    data, damping = own.createData(), np.array(own.damping)
 
     def at(q: Any, v: Any) -> Any:
         return pin.aba(own, data, q, v, -damping * v)  # dampers, which it leaves out
 
+    def after(q: Any, move: Any) -> Any:
+        return pin.integrate(own, q, move)
+
+    return _runge_kutta(at, after, pin.neutral(own), own.nv, model.step)
+
+
+def bare_idyntree(model: Any) -> Loop:
+    own, mass, bias = model._computed, model._mass, model._bias
+    (_, damping), n = model._joints(), len(model.coordinates)
+    down = np.array(model.gravity)
+
+    def at(q: Any, v: Any) -> Any:
+        own.setRobotState(q, v, down)
+        own.getFreeFloatingMassMatrix(mass)
+        own.generalizedBiasForces(bias)
+        pull = -damping * v - bias.jointTorques().toNumPy()
+        return np.linalg.solve(mass.toNumPy()[6:, 6:], pull)
+
+    return _runge_kutta(at, np.add, np.zeros(n), n, model.step)
+
+
+def _runge_kutta(at: Any, after: Any, start: Any, n: int, h: float) -> Loop:
     def loop() -> None:
-        q, v = pin.neutral(own), np.zeros(own.nv)
+        q, v = start, np.zeros(n)
         for _ in range(STEPS):
             a = at(q, v)
             v2 = v + h / 2 * a
-            b = at(pin.integrate(own, q, h / 2 * v), v2)
+            b = at(after(q, h / 2 * v), v2)
             v3 = v + h / 2 * b
-            c = at(pin.integrate(own, q, h / 2 * v2), v3)
+            c = at(after(q, h / 2 * v2), v3)
             v4 = v + h * c
-            d = at(pin.integrate(own, q, h * v3), v4)
-            q = pin.integrate(own, q, h / 6 * (v + 2 * v2 + 2 * v3 + v4))
+            d = at(after(q, h * v3), v4)
+            q = after(q, h / 6 * (v + 2 * v2 + 2 * v3 + v4))
             v = v + h / 6 * (a + 2 * b + 2 * c + d)
 
     return loop
@@ -132,6 +154,7 @@ BARE: dict[str, Callable[[Any], Loop]] = {
     "pybullet": bare_pybullet,
     "pymunk": bare_pymunk,
     "pinocchio": bare_pinocchio,
+    "idyntree": bare_idyntree,
     "drake": bare_drake,
     "dart": bare_dart,
 }

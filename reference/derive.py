@@ -7,7 +7,7 @@ Mechanics, 3rd ed., section 1.5), for any number of coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import sympy as sp
@@ -176,22 +176,34 @@ def _spread(force: sp.Expr) -> sp.Expr:
 
 def derive(system: System) -> Equations:
     """Return the equations of motion of a system."""
-    lagrangian = system.T - system.V
-    q, v = system.q, system.v
+    mass, force = _mass_and_force(system.T, system.V, system.D, system.q, system.v)
+    return Equations(
+        system=system,
+        mass=mass,
+        force=sp.ImmutableMatrix([f + g for f, g in zip(force, system.forces(), strict=True)]),
+        energy=system.T + system.V,
+        dissipated=sp.Add(*(vi * sp.diff(system.D, vi) for vi in system.v)),
+        supplied=sp.Add(*(vi * qi for vi, qi in zip(system.v, system.forces(), strict=True))),
+    )
+
+
+@lru_cache(maxsize=16)  # a model's audit and another's are of one system, in one process
+def _mass_and_force(
+    kinetic: sp.Expr,
+    potential: sp.Expr,
+    dissipation: sp.Expr,
+    q: tuple[sp.Symbol, ...],
+    v: tuple[sp.Symbol, ...],
+) -> tuple[sp.ImmutableMatrix, tuple[sp.Expr, ...]]:
+    """M (n, n), and what M a is without the inputs, (n,)."""
+    lagrangian = kinetic - potential
     momenta = [sp.diff(lagrangian, vi) for vi in v]
-    mass = sp.hessian(system.T, v).applyfunc(tidy)
+    mass = sp.hessian(kinetic, v).applyfunc(tidy)
     force = []
-    for qi, vi, pi, generalized in zip(q, v, momenta, system.forces(), strict=True):
+    for qi, vi, pi in zip(q, v, momenta, strict=True):
         # d/dt p(q, v, t) = M a + (dp/dq) v + dp/dt; what is not M a goes to the right.
         transport = sp.Add(*(sp.diff(pi, qj) * vj for qj, vj in zip(q, v, strict=True)))
         transport += sp.diff(pi, t)
-        rest = sp.diff(lagrangian, qi) - sp.diff(system.D, vi) - transport
-        force.append(_spread(tidy(rest)) + generalized)
-    return Equations(
-        system=system,
-        mass=sp.ImmutableMatrix(mass),
-        force=sp.ImmutableMatrix(force),
-        energy=system.T + system.V,
-        dissipated=sp.Add(*(vi * sp.diff(system.D, vi) for vi in v)),
-        supplied=sp.Add(*(vi * qi for vi, qi in zip(v, system.forces(), strict=True))),
-    )
+        rest = sp.diff(lagrangian, qi) - sp.diff(dissipation, vi) - transport
+        force.append(_spread(tidy(rest)))
+    return sp.ImmutableMatrix(mass), tuple(force)

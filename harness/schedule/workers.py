@@ -43,6 +43,15 @@ MOST_PRINTED = 4000
 _TRIES = 5
 """Times that a worker is tried to be started: a task may end the process that starts them."""
 
+# First what binds our names: the server begins in the user's folder, which may have a package
+# called harness. Last what sympy imports only as it adds and simplifies.
+PRELOADED = (
+    "physics_crosscheck", "harness.cases.case", "harness.cases.multibody", "harness.audit.run",
+    "harness.coverage.count", "harness.diagnosis.task", "scipy.integrate", "scipy.linalg",
+    "sympy.tensor.tensor", "sympy.physics.units",
+)  # fmt: skip
+"""What is imported once, for all worker processes."""
+
 _UNKNOWN = 255
 """Exit code that multiprocessing gives where the process that would have told it is gone."""
 
@@ -267,17 +276,7 @@ def _context() -> Any:
     methods = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if "forkserver" in methods:
-        # First what binds our names: the server begins in the user's folder, which may have a
-        # package called harness.
-        context.set_forkserver_preload(
-            [
-                "physics_crosscheck",
-                "harness.cases.case",
-                "harness.cases.prepare",
-                "scipy.integrate",
-                "scipy.linalg",
-            ]
-        )
+        context.set_forkserver_preload(list(PRELOADED))
     return context
 
 
