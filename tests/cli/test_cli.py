@@ -124,7 +124,7 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path
 
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (["run", "nowhere"], "nowhere: no such folder; built-in systems are anchored_pair"),
-    (["run", "--engine", "havok"], "no engine 'havok' is known; known are dart, drake, mjx"),
+    (["run", "--engine", "havok"], "no engine 'havok' is known; known are dart, drake, idyntree"),
     (["run", "--resolution", "0"], "is not between"),
     (["run", "--jobs", "0"], "no positive number"),
     (["report", "nothing.json"], "nothing.json: can't be read"),

@@ -50,7 +50,7 @@ EXCEPTED = [
      DRUM, "mujoco_rolling.xml", [("inertial diaginertia", "0.002")]),
     ("the same", DRUM, "robot.urdf", moments("0.002")),
     ("whether a joint follows another is no number", DRUM, "robot.urdf.toml",
-     [(f"settings.{engine}.hold_mimics", "True") for engine in ("pinocchio", "drake")]),
+     [(f"settings.{engine}.hold_mimics", "True") for engine in ("pinocchio", "idyntree", "drake")]),
     ("a point mass has no moments; MuJoCo refuses none",
      PENDULUM, "mujoco.xml", [("inertial diaginertia", "1e-14")]),
     ("the same", PENDULUM, "robot.urdf", moments("1e-14")),

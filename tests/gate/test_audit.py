@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-import harness.plan_energies
+import harness.audit.run
 from harness.baseline.changes import Status
 from harness.baseline.store import read_baseline
 from harness.cli.exit_codes import DIFFER
@@ -88,7 +88,7 @@ def _broken(_: object) -> None:
 def test_an_audit_that_fails_is_no_pass_and_can_t_be_accepted(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(harness.plan_energies, "run_audit", _broken)
+    monkeypatch.setattr(harness.audit.run, "run_audit", _broken)
     found = repository.gate("pymunk", every=True)
     assert {change.status for change in found.changes} == {Status.NOT_RUN}
     assert "its audit failed: RuntimeError: no audit today" in found.changes[0].messages[0]
