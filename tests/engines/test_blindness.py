@@ -3,6 +3,7 @@
 import ast
 import dataclasses
 import math
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,14 +13,16 @@ import pytest
 
 import harness.cases.case
 from harness.cases.case import CaseTask, case_task, run_case
+from harness.cases.prepare import prepare
 from harness.engines.protocol import Engine, ModelSpec
 from harness.engines.registry import engines
+from harness.files.folders import builtin
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
 from harness.records.case import Case
 from reference.declaration import Constant
 from tests.engines.extras import EXTRAS
-from tests.physics import physics
+from tests.standing import brief
 
 ROOT = Path(__file__).parents[2]
 HOME = ROOT / "harness" / "engines"
@@ -98,9 +101,9 @@ class _PoisonedModel:
         return self._poisoning.poisoned(self._model.rollout, *arguments)
 
 
-def tasks(name: str) -> Iterator[CaseTask]:
-    """One case of every model file and engine of a built-in system."""
-    prepared = physics(name)
+def tasks(folder: Path) -> Iterator[CaseTask]:
+    """One case of every model file and engine of a system's folder."""
+    prepared = prepare(folder, described=False)
     scenario = prepared.system.scenarios[-1].name
     for sidecar in model_files(prepared.folder):
         assert isinstance(sidecar, Sidecar)
@@ -121,9 +124,12 @@ def without_times(case: Case) -> Case:
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_case_with_poisoned_constants_comes_out_the_same(
-    name: str, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for task in tasks(name):
+    folder = tmp_path / name
+    shutil.copytree(builtin() / name, folder, ignore=shutil.ignore_patterns("__pycache__"))
+    brief(folder)
+    for task in tasks(folder):
         assert engines()[task.engine].version() is not None
         shorter = dataclasses.replace(task, resolution=1e-6)
         plain = run_case(shorter)

@@ -49,16 +49,23 @@ MESHES = """<mujoco model="meshes">
 """Looks of no name, of which only their files' names are known; nothing moves by them."""
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A user's cache: the other version is installed there once."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.mark.slow
 def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit(
-    tmp_path: Path,
+    tmp_path: Path, cache: Path
 ) -> None:
     here = importlib.metadata.version("mujoco")
     (tmp_path / "rotated.urdf").write_text(ROTATED)
     (tmp_path / "meshes.xml").write_text(MESHES)
     command = [
         *(sys.executable, "-m", "physics_crosscheck", "versions", "rotated.urdf", "meshes.xml"),
-        *("--engine", "mujoco", OTHER, here, "--environments", "kept", "--json", "found.json"),
+        *("--engine", "mujoco", OTHER, here, "--json", "found.json"),
+        *("--environments", str(cache / "physics-crosscheck" / "environments")),
     ]
     done = subprocess.run(
         command,
@@ -85,7 +92,9 @@ def test_a_mended_fault_is_told_and_what_is_the_same_is_the_same_to_the_last_bit
 
 
 @pytest.mark.slow
-def test_a_gripper_that_pulls_its_wrist_down_is_told_as_the_page_has_it(tmp_path: Path) -> None:
+def test_a_gripper_that_pulls_its_wrist_down_is_told_as_the_page_has_it(
+    tmp_path: Path, cache: Path
+) -> None:
     shutil.copy(ROOT / "docs" / "cases" / "gripper.urdf", tmp_path)
     _, excepted = commands((ROOT / "docs" / "cases.md").read_text())
     (command,) = (one for one in excepted if one.text.startswith("crosscheck versions gripper"))
@@ -93,7 +102,7 @@ def test_a_gripper_that_pulls_its_wrist_down_is_told_as_the_page_has_it(tmp_path
     done = subprocess.run(
         [sys.executable, "-m", "physics_crosscheck", *command.text.split()[1:]],
         cwd=tmp_path,
-        env=environment() | {"XDG_CACHE_HOME": str(tmp_path)},
+        env=environment() | {"XDG_CACHE_HOME": str(cache)},
         capture_output=True,
         text=True,
         timeout=1800,
