@@ -48,6 +48,29 @@ def test_nothing_is_drawn_before_it_is_looked_at(tab: Tab, address: str) -> None
     tab.until("document.querySelectorAll('[data-drawn]').length === 0")
 
 
+def test_plots_of_a_case_that_is_left_at_once_are_not_drawn_behind_it(
+    tab: Tab, address: str
+) -> None:
+    tab.open(address)
+    tab.run("""(() => {
+      const own = Bokeh, from = own.bk ?? own, drawing = from.Plotting;
+      const show = async (...given) => {  // as on a busy machine
+        const view = await drawing.show(...given);
+        location.hash = '#overview';
+        await new Promise((done) => setTimeout(done, 500));
+        setTimeout(() => { window.long = true; }, 500);
+        return view;
+      };
+      const Plotting = Object.create(drawing, { show: { value: show } });
+      const bk = Object.create(from, { Plotting: { value: Plotting } });
+      window.Bokeh = Object.create(own, { bk: { value: bk } });
+    })()""")
+    tab.run(f"location.hash = '#{CASE}'")
+    tab.until("window.long")
+    assert shown(tab) == ["overview"]
+    assert tab.run("document.querySelectorAll('[data-drawn]').length") == 0
+
+
 def test_a_permalink_opens_its_case_and_the_way_back_the_overview(tab: Tab, address: str) -> None:
     tab.open(f"{address}#{BOTH}")
     assert shown(tab) == [BOTH]

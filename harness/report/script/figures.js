@@ -129,6 +129,8 @@ async function figure(id, chart, clock, shared) {
     if (chart.over_time) state.place = follow(canvas, state.view, clock);
     const points = content.curves.reduce((sum, curve) => sum + curve.x.length, 0);
     element.dataset.drawn = `${content.curves.length} curves, ${points} points`;
+    // The reader may have gone on meanwhile.
+    if (!element.closest(".view").classList.contains("current")) element.rest();
   };
   if (chart.over_time) clock.listeners.add((t) => { readout.textContent = reading(content, t); });
   const wait = () => { waiting.set(element, state.draw); near.observe(element); };
