@@ -48,7 +48,8 @@ def check(system: Declaration) -> None:
     _check_values(system, where)
     _check_smooth(system, where)
     _check_units(system, where)
-    _check_maps(system, _check_energies(system, where), where)
+    mass = _check_energies(system, where)
+    _check_maps(system, mass, where)
     _check_sketch(system, where)
 
 

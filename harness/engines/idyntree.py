@@ -46,9 +46,8 @@ READER = UrdfReader(
 class IdyntreeEngine(UrdfEngine):
     """Adapter of iDynTree (Nori et al. 2015, Frontiers in Robotics and AI 2:6)."""
 
-    name = "idyntree"
+    name = package = distribution = extra = "idyntree"
     title = "iDynTree"
-    package, distribution, extra = "idyntree", "idyntree", "idyntree"
     defaults = DEFAULTS
     capabilities = (
         "URDF", "slides and hinges, roots that float", "accelerations alone, stepped here by RK4",
@@ -77,25 +76,23 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         if not done or any("[ERROR]" in text for text in said):
             raise EngineError(f"{spec.path}: iDynTree can't load it: {folded(' '.join(said))}")
         self._model = self._loader.model()
-        links = [self._model.getLink(i).getInertia() for i in range(self._model.getNrOfLinks())]
-        self._heavy = {
+        self._centres = {
             self._model.getLinkName(i): np.array(link.getCenterOfMass().toNumPy())
-            for i, link in enumerate(links)
-            if link.getMass() > 0
+            for i in range(self._model.getNrOfLinks())
+            if (link := self._model.getLink(i).getInertia()).getMass() > 0
         }
         self._computed = idt.KinDynComputations()
         self._computed.loadRobotModel(self._model)
         self._mass = idt.FreeFloatingMassMatrix(self._model)
         self._bias = idt.FreeFloatingGeneralizedTorques(self._model)
         self._springs = self.dampers(*self._joints())
-        self._held = self.mimics if self.settings["hold_mimics"] else ()
-        self._along = leading(self._held, self.coordinates, self.path) if self._held else None
+        held = self.mimics if self.settings["hold_mimics"] else ()
+        self._along = leading(held, self.coordinates, self.path) if held else None
         # Where its base link is in the file's root link.
         base = self._model.getLinkName(self._model.getDefaultBaseLink())
         placed = self._computed.getRelativeTransform(self.declared.root, base)
-        self._turn, self._arm = (
-            np.array(part.toNumPy()) for part in (placed.getRotation(), placed.getPosition())
-        )
+        self._turn = np.array(placed.getRotation().toNumPy())
+        self._arm = np.array(placed.getPosition().toNumPy())
         self._down = np.array(self.gravity)
         if self.floats:
             self.step_by(self._floating)
@@ -114,16 +111,21 @@ class IdyntreeModel(SteppedHere, UrdfModel):
             if joint.getNrOfDOFs():
                 found[joint.getDOFsOffset()] = name, float(joint.getDamping(0))
         ordered = [found[i] for i in sorted(found)]
-        return [name for name, _ in ordered], np.array([damper for _, damper in ordered])
+        return [name for name, _ in ordered], np.array([one for _, one in ordered])
+
+    def _terms(self, *state: Array) -> tuple[Array, Array]:
+        """Mass matrix (6 + n, 6 + n) of a state, and forces at which nothing is accelerated."""
+        self._computed.setRobotState(*state, self._down)
+        self._computed.getFreeFloatingMassMatrix(self._mass)
+        self._computed.generalizedBiasForces(self._bias)
+        wrench, torques = self._bias.baseWrench().toNumPy(), self._bias.jointTorques().toNumPy()
+        return np.array(self._mass.toNumPy()), np.concatenate([wrench, torques])
 
     def _fixed(self, x: Array, m: Array, f: Array) -> Array:
         """Of one state, (n,) each."""
         pull = f if self._springs.empty else f + self._springs.at(x, m)
-        self._computed.setRobotState(x, m, self._down)
-        self._computed.getFreeFloatingMassMatrix(self._mass)
-        self._computed.generalizedBiasForces(self._bias)
-        mass = self._mass.toNumPy()[FREE:, FREE:]
-        return self._solved(mass, pull - self._bias.jointTorques().toNumPy())
+        mass, bias = self._terms(x, m)
+        return self._solved(mass[FREE:, FREE:], pull - bias[FREE:])
 
     def _floating(self, x: Array, m: Array, f: Array) -> Array:
         """Of the root's origin; iDynTree's are of its base link's, all along the world's axes."""
@@ -132,16 +134,9 @@ class IdyntreeModel(SteppedHere, UrdfModel):
         arm, spin = turn @ self._arm, turned(turn, m[:, 3:6])
         base = np.concatenate([m[:, :3] + cross(spin, arm), spin], axis=1)
         pull[:, 3:6] = turned(turn, f[:, 3:6]) - cross(arm, f[:, :3])
-        masses, biases = [], []
-        for way, row, push, v in zip(turn, x, base, m[:, FREE:], strict=True):
-            at = self._frame(way, row[:3])
-            self._computed.setRobotState(at, row[FREE + 1 :], push, v, self._down)
-            self._computed.getFreeFloatingMassMatrix(self._mass)
-            self._computed.generalizedBiasForces(self._bias)
-            masses.append(np.array(self._mass.toNumPy()))
-            parts = self._bias.baseWrench(), self._bias.jointTorques()
-            biases.append(np.concatenate([part.toNumPy() for part in parts]))
-        mass, bias = np.array(masses), np.array(biases)
+        rows = zip(turn, x, base, m[:, FREE:], strict=True)
+        terms = [self._terms(self._frame(w, q[:3]), q[FREE + 1 :], v, u) for w, q, v, u in rows]
+        mass, bias = (np.array(part) for part in zip(*terms, strict=True))
         a = self._solved(mass, pull - bias)
         a[:, :3] -= cross(a[:, 3:6], arm) + cross(spin, cross(spin, arm))
         a[:, 3:6] = turned(turn.swapaxes(1, 2), a[:, 3:6])
@@ -165,9 +160,11 @@ class IdyntreeModel(SteppedHere, UrdfModel):
     def remedies(self) -> Mapping[str, Mapping[str, object]]:
         """What iDynTree leaves out and the settings let stand, with what undoes it."""
         lost: dict[str, Mapping[str, object]] = {}
-        if self.mimics and not self._held:
+        if self.mimics and self._along is None:
             lost[MIMICS] = {"hold_mimics": True}
-        if any(moment for link, moment in self.declared.moments.items() if link not in self._heavy):
+        if any(
+            moment for link, moment in self.declared.moments.items() if link not in self._centres
+        ):
             lost[MASSLESS] = {"massless_links": True}
         return {**self.undamped, **lost}
 
@@ -180,7 +177,10 @@ class IdyntreeModel(SteppedHere, UrdfModel):
     def places(self) -> tuple[str, ...]:
         """Links, and the centres of those that have a mass."""
         names = self.declared.links
-        return (*(f"link:{n}" for n in names), *(f"centre:{n}" for n in names if n in self._heavy))
+        return (
+            *(f"link:{n}" for n in names),
+            *(f"centre:{n}" for n in names if n in self._centres),
+        )
 
     def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
         """By its forward kinematics."""
@@ -196,5 +196,5 @@ class IdyntreeModel(SteppedHere, UrdfModel):
                 turns[i, k] = at.getRotation().toNumPy()
                 origins[i, k] = at.getPosition().toNumPy()
                 if kind == "centre":
-                    origins[i, k] += turns[i, k] @ self._heavy[link]
+                    origins[i, k] += turns[i, k] @ self._centres[link]
         return origins, turns

@@ -125,9 +125,8 @@ class KnownModel(Model):
         q, v = (a.astype(self._number) for a in (q + self._fault.remembered, v))
         qs: list[Array] = []
         vs: list[Array] = []
-        given = self._given(force, q, n)
         for i in range(n):
-            held = self._asked(force, q, i) if isinstance(force, StateForce) else given[:, i]
+            held = self._held(force, q, i)
             a = self._acceleration(q, v, held)
             if self.integrator == "heun":
                 later = self._acceleration(q + h * v, v + h * a, held)
@@ -135,29 +134,24 @@ class KnownModel(Model):
             else:
                 v = v + h * a
                 q = q + h * v
-            if self._fault:
-                q, v = self._fault.disturb(q, v, h, i + 1, self._mass)
+            q, v = self._fault.disturb(q, v, h, i + 1, self._mass)
             if (i + 1) % every == 0:
                 qs.append(q)
                 vs.append(v)
         return np.stack(qs, axis=1).astype(np.float64), np.stack(vs, axis=1).astype(np.float64)
 
     def _acceleration(self, q: Array, v: Array, force: Array) -> Array:
-        pull = force - _times(self._damper, v) - _times(self._spring, q)
-        if self._weight.any():
-            pull = pull - np.sin(q) * self._weight
+        pull = force - _times(self._damper, v) - _times(self._spring, q) - np.sin(q) * self._weight
         return _times(self._inverse, pull)
 
-    def _given(self, force: Force, q: Array, n: int) -> Array:
-        """The forces of all steps, (B, n, nz), where they are no functions of the state."""
-        if force is None or isinstance(force, StateForce):
-            return np.broadcast_to(np.zeros_like(q)[:, None, :], (len(q), n, q.shape[1]))
-        return force.astype(self._number)
-
-    def _asked(self, force: StateForce, q: Array, i: int) -> Array:
-        """The force of a step at the state at its start, (B, nz)."""
-        rows = zip(q.tolist(), force.inputs[:, i].tolist(), strict=True)
-        return np.array([force.at(z, u) for z, u in rows], dtype=self._number)
+    def _held(self, force: Force, q: Array, i: int) -> Array:
+        """The force of a step, (B, nz): given, or asked for at the state at its start."""
+        if force is None:
+            return np.zeros_like(q)
+        if isinstance(force, StateForce):
+            rows = zip(q.tolist(), force.inputs[:, i].tolist(), strict=True)
+            return np.array([force.at(z, u) for z, u in rows], dtype=self._number)
+        return force[:, i].astype(self._number)
 
 
 def _times(matrix: Array, rows: Array) -> Array:
@@ -173,9 +167,6 @@ class _Fault:
 
     def __init__(self, wanted: Mapping[str, Any]) -> None:
         self._wanted, self._calls = wanted, 0
-
-    def __bool__(self) -> bool:
-        return bool(self._wanted)
 
     def number(self, name: str, default: float) -> float:
         """What the file says of a fault."""

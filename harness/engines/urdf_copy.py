@@ -61,7 +61,7 @@ def _without(robot: ET.Element, tag: str) -> None:
 
 
 def with_masses(robot: ET.Element) -> None:
-    """Give links with moments and no mass what no digit of a motion shows."""
+    """Give links whose mass is 0 one that no digit of a motion shows."""
     for inertial in robot.findall("link/inertial"):
         mass = inertial.find("mass")
         if mass is not None and float(mass.get("value", "0")) == 0:

@@ -218,25 +218,29 @@ def test_what_failed_is_tried_again(folder: Path) -> None:
     assert {c.outcome for c in found.cases if c.model == "wrong.known"} == {Outcome.FAILED}
 
 
+def kind(entry: Path) -> str:
+    """Of what work it is."""
+    return str(json.loads(entry.read_bytes())["piece"]["kind"])
+
+
 @pytest.mark.usefixtures("ran")
-def test_a_broken_entry_is_as_good_as_none() -> None:
+def test_a_broken_entry_is_as_good_as_none(capsys: pytest.CaptureFixture[str]) -> None:
     before = first()
-    broken = cycle([b"", b"{", b'{"piece": 1}', b"\xff\xfe"])
-    for path in sorted(Path("cache").glob("??/*.json")):
-        path.write_bytes(next(broken))
+    contents = [b"", b"{", b'{"piece": 1}', b"\xff\xfe"]
+    entries = sorted(Path("cache").glob("??/*.json"), key=kind)  # each content for a case's
+    assert len([one for one in entries if kind(one) == "case"]) == len(contents)
+    for path, content in zip(entries, cycle(contents), strict=False):
+        path.write_bytes(content)
     found = run()
     assert found.cached == 0
+    assert "from the cache" not in capsys.readouterr().out
     assert found.cases[0].verdict == before.cases[0].verdict
 
 
 @pytest.mark.usefixtures("ran")
 def test_an_entry_of_other_work_is_not_taken() -> None:
     """Whatever its name says, it has to be of the very piece."""
-    cases = [
-        path
-        for path in Path("cache").glob("??/*.json")
-        if json.loads(path.read_text())["piece"]["kind"] == "case"
-    ]
+    cases = [path for path in Path("cache").glob("??/*.json") if kind(path) == "case"]
     contents = [path.read_bytes() for path in cases]
     for path, content in zip(cases, contents[1:] + contents[:1], strict=True):
         path.write_bytes(content)
