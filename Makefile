@@ -5,13 +5,20 @@ BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: report test check docs bench soak fuzz clean
+.PHONY: report test test-slow check docs bench soak fuzz clean
 
 report: .venv/.report
 	$(BIN)/crosscheck run --out reports
 
+# Two workers; a file's tests stay together, and files are dealt as they stand: the built-in systems last.
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+
 test: check
-	$(BIN)/python -m pytest -n 2 --dist loadfile tests --crosscheck models --require-engines
+	$(PYTEST) tests -m "not slow" --crosscheck models --require-engines --durations 10
+
+# Whole pages, files and matrices, each five seconds and more; the longest folders first.
+test-slow: .venv/.test
+	$(PYTEST) tests/installed tests/versions tests -m slow
 
 check: .venv/.test
 	$(BIN)/ruff check .

@@ -44,6 +44,7 @@ def test_no_right_mechanism_fails_and_no_limit_is_outside(first: int) -> None:
         assert result.truth < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 18, 9))
 def test_every_fault_that_shows_is_told_and_no_other(first: int) -> None:
     options = Options(seed=7, joints=3, segments=9, faults=4)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from msgspec import structs
 
 from campaigns.real_models.__main__ import is_done
@@ -40,6 +41,7 @@ def ran(folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_each_robot_has_a_line_and_each_refusal_its_reason(tmp_path: Path) -> None:
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -47,6 +47,7 @@ def test_make_test_runs_them_as_tests() -> None:
     assert any("--crosscheck models" in line and "--require-engines" in line for line in lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_the_engines_linearizations_are_taylors(folder: Path) -> None:
     physics = prepare(folder)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from harness.records.cause import CauseId
 from harness.records.read import read_results
 from tests.commands import crosscheck
 from tests.faults.known_folder import ROOT, one_scenario
 
 
+@pytest.mark.slow
 def test_a_body_called_nut_and_bolt_with_a_wrong_mass_is_named_with_its_line(
     tmp_path: Path,
 ) -> None:

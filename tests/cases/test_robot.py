@@ -126,6 +126,7 @@ def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
     return commands.crosscheck("run", *arguments, "--out", "out", "--jobs", "1", cwd=folder)
 
 
+@pytest.mark.slow
 def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())
     done = crosscheck(tmp_path, "arm.urdf")
@@ -175,6 +176,7 @@ FLOATING = {"quadruped/minitaur.urdf": 22, "laikago/laikago_toes_zup.urdf": 18, 
 """Degrees of freedom of some that every engine reads, with a root that moves freely."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", FLOATING)
 def test_a_robot_that_floats_agrees(name: str, engine: str) -> None:
@@ -199,6 +201,7 @@ ADRIFT = """<robot name="adrift">
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_base_whose_center_is_off_its_origin_and_turned(tmp_path: Path, engine: str) -> None:
     file = tmp_path / "adrift.urdf"
@@ -213,6 +216,7 @@ def test_a_base_whose_center_is_off_its_origin_and_turned(tmp_path: Path, engine
     assert run_robot(prepare_robot(file).task(engine, 1e-9)).outcome is Outcome.AGREES
 
 
+@pytest.mark.slow
 def test_from_the_command_line_a_root_floats_where_it_is_said(tmp_path: Path) -> None:
     (tmp_path / "adrift.urdf").write_text(ADRIFT)
     chosen = [word for name in ENGINES for word in ("--engine", name)]
@@ -248,6 +252,7 @@ def test_a_missing_file_is_told_as_a_file_and_the_others_are_judged(tmp_path: Pa
     assert "AGREES" in beside.stdout
 
 
+@pytest.mark.slow
 def test_a_cause_and_the_numbers_that_count_are_told(tmp_path: Path) -> None:
     """MuJoCo drops the moments of links without mass."""
     (tmp_path / "panda.urdf").write_text((DATA / "franka_panda" / "panda.urdf").read_text())

@@ -63,6 +63,7 @@ def edit(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new))
 
 
+@pytest.mark.slow
 def test_a_users_folder_runs_like_ours_and_leaves_results_and_a_report(
     folder: Path, tmp_path: Path
 ) -> None:
@@ -109,6 +110,7 @@ def test_a_bad_file_exits_3_and_is_named_with_its_place(
     assert "Traceback" not in done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_a_bad_file_does_not_cost_the_models_beside_it(folder: Path, tmp_path: Path) -> None:
     edit(folder / "mujoco.xml", "<worldbody>", "<worldbody")
     done = crosscheck("run", folder, cwd=tmp_path)
@@ -140,6 +142,7 @@ def test_wrong_usage_exits_2_with_a_sentence(
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["run", "audit", "derive"])
 def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
     folder: Path, tmp_path: Path, command: str
@@ -274,6 +277,7 @@ def test_what_could_not_be_printed_for_want_of_room_is_told(tmp_path: Path) -> N
     assert done.stderr == "crosscheck: standard output: No space left on device\n"
 
 
+@pytest.mark.slow
 def test_a_run_writes_its_files_where_nobody_reads_what_it_prints(
     folder: Path, tmp_path: Path
 ) -> None:

@@ -71,6 +71,7 @@ def outcomes(place: Path) -> dict[str, Outcome]:
     return {case.model: case.outcome for case in results.cases}
 
 
+@pytest.mark.slow
 def test_a_saved_file_is_run_again_with_its_results_among_the_others(
     place: Path, watching: Watching
 ) -> None:
@@ -94,6 +95,7 @@ def test_a_saved_file_is_run_again_with_its_results_among_the_others(
     assert watching.end() == 130
 
 
+@pytest.mark.slow
 def test_a_new_model_is_run_and_one_that_is_gone_is_left_out(
     place: Path, watching: Watching
 ) -> None:

@@ -41,6 +41,7 @@ def test_the_built_in_models_agree_across_formats_and_engines(
     assert found.recorded.driven.sum() >= 40
 
 
+@pytest.mark.slow
 def test_a_drum_that_rolls_by_an_equality_agrees_with_one_that_rolls_by_a_gear() -> None:
     drum = "drum_pendulum"
     found = agrees(compared(model(drum, "mujoco_rolling.xml"), model(drum, "robot.urdf")))

@@ -185,6 +185,7 @@ def test_a_joint_that_turns_the_other_way_is_named(
     assert mapped.judgement.outcome is Outcome.AGREES
 
 
+@pytest.mark.slow
 def test_a_mirror_image_does_not_tell_which_joint_is_turned(tmp_path: Path) -> None:
     path = model("drum_pendulum", "mujoco.xml")
     b = changed(tmp_path, path, ('axis="0 -1 0"/>', 'axis="0 1 0"/>'))
@@ -216,6 +217,7 @@ def test_across_formats_a_constant_names_both_lines(tmp_path: Path) -> None:
     assert edit.where_b.file.endswith("robot.urdf")
 
 
+@pytest.mark.slow
 def test_a_following_joint_that_is_let_go_is_told_as_a_constraint(tmp_path: Path) -> None:
     path = model("drum_pendulum", "robot.urdf")
     line = '<mimic joint="x" multiplier="5.555555555555555" offset="0"/>'

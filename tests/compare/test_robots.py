@@ -256,6 +256,7 @@ def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
     assert found.terms == ()
 
 
+@pytest.mark.slow
 def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> None:
     mimic = ('<axis xyz="0.6 0.8 0"/>', '<axis xyz="0.6 0.8 0"/><mimic joint="shoulder"/>')
     a, b = written(tmp_path, "a.urdf", URDF, mimic), written(tmp_path, "b.urdf", URDF)
@@ -306,6 +307,7 @@ def test_a_literal_of_a_default_class_is_named(
     assert single(found).explained == 1.0
 
 
+@pytest.mark.slow
 def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> None:
     """MuJoCo drops the moments of a link without mass."""
     path = robots("franka_panda/panda.urdf")

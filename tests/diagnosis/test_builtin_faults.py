@@ -37,6 +37,7 @@ def folder(tmp_path: Path) -> Callable[[str], Path]:
     return copy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "file", "engine", "old", "new", "cause", "wanted"), [
     ("drum_pendulum", "mujoco.xml", "mujoco", 'diaginertia="0.024 0.024 0.0001"',
      'diaginertia="0.024 0.024012 0.0001"', "body[rod]/inertial@diaginertia[1]", 0.024),
@@ -88,6 +89,7 @@ def float_of(text: str) -> float:
     return next(n for n in reversed(numbers) if n not in (0.0, 0.0001))
 
 
+@pytest.mark.slow
 def test_audit_exits_1_for_a_literal_that_no_motion_depends_on(
     folder: Callable[[str], Path], tmp_path: Path
 ) -> None:
@@ -102,6 +104,7 @@ def test_audit_exits_1_for_a_literal_that_no_motion_depends_on(
     assert "6 AGREES" in run.stdout
 
 
+@pytest.mark.slow
 def test_every_small_fault_of_a_literal_that_matters_is_caught_and_named() -> None:
     physics = prepare(builtin() / "mass_spring_damper", described=False)
     rows = []

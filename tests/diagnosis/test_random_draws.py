@@ -27,6 +27,7 @@ SOFT = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_no_model_differs_at_random_constants() -> None:
     results = campaign(27, 11)
     assert len(pairings()) == 27  # so that it goes once over all of them

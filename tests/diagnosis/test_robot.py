@@ -169,6 +169,7 @@ def test_a_wrong_number_of_an_mjcf_or_of_what_it_includes_is_named(
     assert first.endswith(address)
 
 
+@pytest.mark.slow
 def test_what_an_engine_reads_over_is_told_with_all_its_lines() -> None:
     """MuJoCo drops the moments of two links without mass that it welds to others."""
     panda = prepare_robot(Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf")
@@ -242,6 +243,7 @@ def test_slopes_near_no_fault_are_worked_out_once(tmp_path: Path) -> None:
     assert np.array_equal(other.defect({}), np.ones(nothing.size))
 
 
+@pytest.mark.slow
 def test_what_an_engine_does_on_its_own_is_named() -> None:
     """PyBullet's principal axes of tensors with products: no number of the file is wrong."""
     file = Path(pybullet_data.getDataPath()) / "aliengo" / "aliengo.urdf"

@@ -65,6 +65,7 @@ def check_named(file: Path, engine: str, address: str, share: float) -> None:
     assert cause.estimate == pytest.approx(one.value, abs=1e-3 * share)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [1e-6, 1e-2])
 @pytest.mark.parametrize(
     ("equality", "address"),

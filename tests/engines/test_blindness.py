@@ -122,6 +122,7 @@ def without_times(case: Case) -> Case:
     return msgspec.structs.replace(case, seconds=0.0, series=series)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_case_with_poisoned_constants_comes_out_the_same(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

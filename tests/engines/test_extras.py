@@ -76,6 +76,7 @@ def test_where_nothing_else_runs_a_model_it_is_absent(folder: Path) -> None:
     assert "pip install 'physics-crosscheck[pinocchio]'" in found.cases[0].reason
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("absent")
 def test_what_is_absent_is_no_case_of_a_run_that_agrees(folder: Path) -> None:
     found = check(folder, resolution=1e-6)
@@ -109,6 +110,7 @@ def test_standing_engines_are_no_extras() -> None:
     assert not {"mujoco", "pybullet", "pymunk"} & set(absent_extras())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("absent")
 def test_the_line_is_told_once_where_a_run_ends(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

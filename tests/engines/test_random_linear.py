@@ -11,6 +11,7 @@ COUNT = 25
 SEED = 2025
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pairing", PAIRINGS)
 def test_the_true_error_of_random_linear_systems_is_within_the_uncertainty(
     pairing: str, capsys: pytest.CaptureFixture[str]

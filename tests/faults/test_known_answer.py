@@ -84,6 +84,7 @@ def outcomes(ran: Results, name: str) -> list[Outcome]:
     return [case.outcome for case in cases(ran, name)]
 
 
+@pytest.mark.slow
 def test_a_right_model_agrees_to_a_thousandth_of_the_resolution(ran: Results) -> None:
     for case in cases(ran, "good"):
         assert case.outcome == "AGREES"
@@ -152,6 +153,7 @@ def test_values_that_are_not_numbers_fail_whenever_they_come(ran: Results) -> No
         assert "no longer finite at t = 2" in case.reason
 
 
+@pytest.mark.slow
 def test_a_hang_fails_after_its_processor_seconds_and_the_run_ends(tmp_path: Path) -> None:
     folder = known_folder(tmp_path / "oscillator", {"hangs": "[fault]\nhang = 1000\n"})
     found = run_folders(folder, out=tmp_path / "results.json", limit=LIMIT)
@@ -235,6 +237,7 @@ def test_every_number_of_the_results_is_finite_or_null(ran: Results) -> None:
     walk(json.loads(encoded(ran)))
 
 
+@pytest.mark.slow
 def test_an_engine_that_is_not_installed_is_absent(tmp_path: Path) -> None:
     folder = known_folder(tmp_path / "oscillator", {"good": ""})
     (folder / "space.py").write_text("")

@@ -155,6 +155,7 @@ def pairs(
     return [p for p in everything if not wanted or p[-1] in wanted]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "good", "far_range"))
 def test_the_file_as_it_is_agrees(ran: Ran, system: str, source: str, name: str) -> None:
     for case in ran[system, source, name]:

@@ -121,6 +121,7 @@ def test_a_system_that_is_no_file_is_not_opened(
         load_system(tmp_path)
 
 
+@pytest.mark.slow
 def test_files_beyond_reason_are_not_read(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (folder / "m.xml").open("ab") as file:
         file.truncate(reading.MOST_MODEL + 1)

@@ -46,6 +46,7 @@ def test_an_entry_is_a_line_a_quantity_with_a_summary_on_top(repository: Reposit
     assert json.loads(text)["format"] == 2
 
 
+@pytest.mark.slow
 def test_accepting_one_case_changes_the_lines_of_that_case_alone(repository: Repository) -> None:
     before = repository.file.read_text()
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
@@ -94,6 +95,7 @@ def test_a_gone_case_is_taken_out_with_its_text_and_snapshots_none_needs(
     assert repository.gate().passes
 
 
+@pytest.mark.slow
 def test_a_failed_case_can_t_be_accepted_and_nothing_is_written(repository: Repository) -> None:
     before = repository.file.read_bytes()
     repository.edit("mujoco.xml", "<worldbody>", "<worldbody")
@@ -147,6 +149,7 @@ def test_a_known_difference_passes_until_it_changes(repository: Repository) -> N
     assert not repository.gate().passes
 
 
+@pytest.mark.slow
 def test_a_known_difference_that_is_mended_is_an_improvement(repository: Repository) -> None:
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     repository.accept("for now", "*/space.py/*")

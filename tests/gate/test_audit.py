@@ -52,6 +52,7 @@ def test_a_number_on_which_no_motion_depends_is_a_change_with_its_line(
     assert (note.file, note.line, note.level) == (file, line, "error")
 
 
+@pytest.mark.slow
 def test_what_was_accepted_of_an_audit_passes_until_it_is_another(
     wrong: Repository, tmp_path_factory: pytest.TempPathFactory, found: GateResult
 ) -> None:

@@ -238,6 +238,7 @@ def test_a_file_that_changes_while_it_is_run_is_no_pass(
     }
 
 
+@pytest.mark.slow
 def test_two_folders_of_one_system_are_refused(
     repository: Repository, gate: Gating, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -146,6 +146,7 @@ def changed(pristine: Repository, tmp_path_factory: pytest.TempPathFactory) -> G
     return repository.gate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("index", "name", "status", "kinds", "told"),
     [(i, row[1], *row[4:]) for i, row in enumerate(MODEL_CHANGES)],
@@ -289,6 +290,7 @@ def test_a_system_that_is_gone_is_told_unless_others_were_asked_for(repository: 
     assert not repository.gate(parents=()).passes
 
 
+@pytest.mark.slow
 def test_solver_settings_that_soften_a_constraint_move_the_model(repository: Repository) -> None:
     folder = repository.root / "models" / "drum_pendulum"
     shutil.copytree(builtin() / "drum_pendulum", folder)
@@ -306,6 +308,7 @@ def test_solver_settings_that_soften_a_constraint_move_the_model(repository: Rep
     assert "model" in kinds
 
 
+@pytest.mark.slow
 def test_a_file_that_a_model_includes_is_one_that_it_depends_on(repository: Repository) -> None:
     folder = repository.folder
     shared = repository.root / "shared"

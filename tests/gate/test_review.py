@@ -106,6 +106,7 @@ def test_nobody_is_asked_where_nobody_sits(repository: Repository) -> None:
         assert "review asks a person at a terminal" in done.stderr
 
 
+@pytest.mark.slow
 def test_at_a_terminal_what_is_accepted_is_in_the_baseline(repository: Repository) -> None:
     repository.edit("space.py", "DAMPING = 0.9 ", "DAMPING = 0.91 ")
     code, said = _at_a_terminal(repository, "a\na new damper\nr\ns\n")

@@ -78,6 +78,7 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Told:
     return Told(same, changed, gone, console.export_text())
 
 
+@pytest.mark.slow
 def test_nothing_is_told_where_nothing_changed(repository: Told) -> None:
     same = repository.same
     assert changes(same).changes == ()

@@ -24,16 +24,19 @@ def follow(document: str, installed: Installed, place: Path) -> None:
         check_shown(command, done.stdout)
 
 
+@pytest.mark.slow
 def test_the_tutorial_does_what_it_says(installed: Installed, tmp_path: Path) -> None:
     follow("docs/tutorial.md", installed, tmp_path)
 
 
+@pytest.mark.slow
 def test_coordinates_are_mapped_as_the_page_on_folders_says(
     installed: Installed, tmp_path: Path
 ) -> None:
     follow("docs/folder.md", installed, tmp_path)
 
 
+@pytest.mark.slow
 def test_cases_that_people_had_are_told_as_the_page_says(
     installed: Installed, tmp_path: Path
 ) -> None:
@@ -41,12 +44,14 @@ def test_cases_that_people_had_are_told_as_the_page_says(
     follow("docs/cases.md", installed, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", ["files-differ", "which-step", "engine-reads", "own-engine"])
 def test_how_to_pages_do_what_they_say(installed: Installed, tmp_path: Path, page: str) -> None:
     shutil.copytree(ROOT / "docs" / "cases", tmp_path, dirs_exist_ok=True)
     follow(f"docs/how-to/{page}.md", installed, tmp_path)
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_readme_work(installed: Installed, tmp_path: Path) -> None:
     template = ROOT / "template"
     (tmp_path / "path" / "to").mkdir(parents=True)

@@ -34,6 +34,7 @@ def test_the_checkout_is_not_what_is_installed(installed: Installed, place: Path
     assert done.stdout.count(str(installed.bin.parent)) == 2
 
 
+@pytest.mark.slow
 def test_new_and_run_work_beside_packages_called_like_ours(
     installed: Installed, place: Path
 ) -> None:
@@ -50,6 +51,7 @@ def test_new_and_run_work_beside_packages_called_like_ours(
     assert (place / "reports" / "index.html").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_python_has_motions_and_comparisons_beside_packages_called_like_ours(
     installed: Installed, tmp_path: Path
 ) -> None:
@@ -67,6 +69,7 @@ print(compare("simple_pendulum/mujoco.xml", "simple_pendulum/robot.urdf", engine
     assert done.stdout == "True True\nTrue\n", done.stderr
 
 
+@pytest.mark.slow
 def test_a_module_in_the_folder_is_not_taken_for_an_engine(
     installed: Installed, place: Path
 ) -> None:
@@ -75,6 +78,7 @@ def test_a_module_in_the_folder_is_not_taken_for_an_engine(
     assert "nothing to say" in done.stdout
 
 
+@pytest.mark.slow
 def test_the_plugin_works_beside_packages_called_like_ours(
     installed: Installed, place: Path
 ) -> None:
@@ -120,6 +124,7 @@ def test_python_m_finds_us_by_the_name_that_is_ours_alone(
     assert "the package of the user" in installed.shell("python -m harness engines", place).stderr
 
 
+@pytest.mark.slow
 def test_mutate_and_compare_are_there(installed: Installed, tmp_path: Path) -> None:
     installed.shell("crosscheck new rod", tmp_path)
     done = installed.shell("crosscheck compare rod/mujoco.xml rod/mujoco.xml", tmp_path)

@@ -6,6 +6,7 @@ import re
 import shutil
 from pathlib import Path
 
+import pytest
 import yaml
 
 from tests.installed.conftest import Installed
@@ -18,6 +19,7 @@ WORKFLOW = ROOT / "docs" / "ci" / "github-workflow.yml"
 HOOKS = ROOT / ".pre-commit-hooks.yaml"
 
 
+@pytest.mark.slow
 def test_a_fresh_repository_is_run_tested_accepted_and_gated(
     installed: Installed, tmp_path: Path
 ) -> None:

@@ -67,6 +67,7 @@ def edited(found: Sequence[tuple[Subject, Mistake]], tmp_path: Path) -> list[tup
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "names"),
     [
@@ -100,6 +101,7 @@ def test_another_step_or_integrator_agrees_and_is_told_by_its_global_error(few: 
     assert 1.8 < after / before < 2.2  # of first order
 
 
+@pytest.mark.slow
 def test_a_folder_is_tried_whole_literals_first_and_progress_ends_with_the_last() -> None:
     if engines()["pymunk"].version() is None:
         pytest.skip("pymunk is not installed")
@@ -122,6 +124,7 @@ def test_a_folder_is_tried_whole_literals_first_and_progress_ends_with_the_last(
     assert not any(r.verdict is FaultVerdict.MISSED for r in found)
 
 
+@pytest.mark.slow
 def test_a_mistake_told_by_another_name_is_caught_but_not_named(few: None) -> None:
     task = sound(MSD, "mujoco.xml")
     known = survey(task)

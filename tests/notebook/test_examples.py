@@ -52,6 +52,7 @@ def test_there_are_three_and_none_has_outputs() -> None:
         assert sum("assert" in "".join(one["source"]) for one in code) >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_in_a_kernel_and_shows_pictures_and_tables(
     notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -93,6 +94,7 @@ FAULTS = {
 """By notebook: what is right, and what its asserts must notice."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "right", "wrong"),
     [(name, *pair) for name, pairs in FAULTS.items() for pair in pairs],
@@ -108,6 +110,7 @@ def test_a_fault_in_a_notebook_is_noticed(
         run([cell.replace(right, wrong) for cell in code], tmp_path, monkeypatch)
 
 
+@pytest.mark.slow
 def test_the_page_does_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pandas")
     blocks = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE.read_text(), re.DOTALL | re.MULTILINE)

@@ -69,6 +69,7 @@ def test_frequency_and_damping_error_are_those_of_the_difference_equation(
     assert found.explained > 0.999
 
 
+@pytest.mark.slow
 def test_a_wrong_frequency_is_told_as_that(bench: MakeBench) -> None:
     model = SymplecticEuler(stiffness=STIFFNESS * 1.002, step=1e-4)
     found = decomposed(bench(model, duration=8.0))
@@ -223,6 +224,7 @@ class Leaning(SymplecticEuler):
         return super().rollout(q, v, h, n, push, every)
 
 
+@pytest.mark.slow
 def test_an_error_that_does_not_fall_with_the_step_is_a_finding(bench: MakeBench) -> None:
     found = study(bench(Leaning(step=2e-5)))
     assert not found.witness.bears_out

@@ -17,6 +17,7 @@ def outside_ci(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
 
 
+@pytest.mark.slow
 def test_what_the_selected_cases_do_is_accepted_with_the_reason(project: Project) -> None:
     path = project.add() / "mujoco.xml"
     project.edit(path, 'stiffness="47.0"', 'stiffness="47.5"')

@@ -94,6 +94,7 @@ def test_wrong_arguments_are_refused_by_name() -> None:
         check("torsional_disc", resolution=0)
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_may_call_it() -> None:
     script = "from harness import check\n"
     script += "print(check('torsional_disc', engines=['pymunk'], jobs=1).agree)\n"

@@ -123,6 +123,7 @@ def test_a_crash_is_one_failed_test_with_what_was_printed(project: Project) -> N
     )
 
 
+@pytest.mark.slow
 def test_a_model_that_hangs_is_stopped_at_the_time_limit(project: Project) -> None:
     folder = project.add(files=("space.py",))
     project.edit(folder / "space.py", "def build():", "def build():\n    while True: pass\n")
@@ -133,6 +134,7 @@ def test_a_model_that_hangs_is_stopped_at_the_time_limit(project: Project) -> No
     done.stdout.fnmatch_lines([f"FAILED: */space.py:*: {spent}"])
 
 
+@pytest.mark.slow
 def test_all_tests_of_a_system_are_one_xdist_workers(
     project: Project, pytester: pytest.Pytester
 ) -> None:
@@ -178,6 +180,7 @@ def test_a_known_difference_passes_and_is_shown(project: Project, answers: Answe
     assert told["accepted"] == "a soft joint"
 
 
+@pytest.mark.slow
 def test_what_was_accepted_passes_until_it_changes(
     project: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -144,6 +144,7 @@ def test_the_example_itself_is_read(tmp_path: Path) -> None:
     assert read_results(path).cases[0].verdict is not None
 
 
+@pytest.mark.slow
 def test_each_is_refused_in_one_sentence_that_names_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

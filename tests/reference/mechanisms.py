@@ -24,6 +24,8 @@ NAMES = sorted(path.parent.name for path in MODELS.glob("*/system.py"))
 SCENARIOS = [
     (name, scenario.name) for name in NAMES for scenario in load_system(MODELS / name).scenarios
 ]
+LINEAR = {"anchored_pair", "free_pair", "mass_spring_damper", "torsional_disc"}
+"""Said, not derived, while tests are collected; tests/reference/test_integration.py holds it."""
 EPS = 2.0**-52
 
 

@@ -22,11 +22,11 @@ from reference.numeric import Array, compile_function
 from reference.roundoff import running_error
 from reference.signal import pieces
 from reference.solve import solve
-from tests.reference.mechanisms import EPS, SCENARIOS, equations_of, oscillator
+from tests.reference.mechanisms import EPS, LINEAR, SCENARIOS, equations_of, oscillator
 from tests.reference.test_closed_form import FREQUENCY, textbook
 from tests.reference.test_pendulum import STARTS, G, L, flow, solved
 
-LINEAR = [(name, scenario) for name, scenario in SCENARIOS if equations_of(name).linear]
+MOTIONS = [(name, scenario) for name, scenario in SCENARIOS if name in LINEAR]
 EVERY = 3  # segments, of which one is looked at
 
 
@@ -59,7 +59,7 @@ def off(equations: Equations, name: str, motion: Motion) -> Array:
     return np.array(found)
 
 
-@pytest.mark.parametrize(("name", "scenario"), LINEAR)
+@pytest.mark.parametrize(("name", "scenario"), MOTIONS)
 def test_every_segment_of_a_linear_system_ends_within_its_bound(name: str, scenario: str) -> None:
     motion = motion_of(name, scenario)
     assert motion.method.startswith("matrix exponential")

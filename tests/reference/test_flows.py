@@ -68,6 +68,7 @@ def ends(one: Tree, start: Array, forces: Array) -> Array:
     return np.asarray(y.T)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kinds", KINDS)
 def test_a_changed_tree_moves_the_ends_as_two_solutions_differ(kinds: tuple[Kind, ...]) -> None:
     one = mechanism(kinds)

@@ -27,6 +27,7 @@ from reference.solve import solve, tile
 from tests.reference.mechanisms import (
     CART,
     EPS,
+    LINEAR,
     NAMES,
     SCENARIOS,
     built_in,
@@ -35,7 +36,7 @@ from tests.reference.mechanisms import (
 )
 
 NONLINEAR = [
-    *((n, s) for n, s in SCENARIOS if not equations_of(n).linear),
+    *((n, s) for n, s in SCENARIOS if n not in LINEAR),
     (CART.name, "free"),
 ]
 HEYOKA = reference.integrate.heyoka_installed()
@@ -53,8 +54,9 @@ def sizes(motion: Motion) -> Array:
     return np.concatenate([np.full(n, largest[:n].max()), np.full(n, largest[n:].max())])
 
 
-def test_some_systems_are_nonlinear() -> None:
-    assert {name for name, _ in NONLINEAR} >= {"drum_pendulum", "simple_pendulum"}
+@pytest.mark.parametrize("name", NAMES)
+def test_a_system_is_linear_or_not_as_these_tests_have_it(name: str) -> None:
+    assert equations_of(name).linear == (name in LINEAR)
 
 
 @pytest.mark.parametrize(("name", "scenario"), NONLINEAR)

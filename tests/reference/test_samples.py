@@ -57,6 +57,7 @@ def in_long_doubles(one: Tree, found: Samples) -> Array:
     return np.array(fine + (fine - coarse) / 15).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_ends_are_those_of_more_digits_within_their_bound(seed: int) -> None:
     one = tree(KINDS, seed)

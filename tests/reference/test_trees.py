@@ -99,6 +99,7 @@ def test_slopes_are_the_formulas_derivatives(written: Equations, recursive: Tree
     assert np.max(np.abs(found - exact)) < 1e-6 * np.max(np.abs(exact))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("torque", [sp.Integer(0), sp.Rational(1, 5) * sp.sin(3 * t)])
 def test_a_motion_is_that_of_the_formulas_within_both_bounds(
     written: Equations, torque: sp.Expr

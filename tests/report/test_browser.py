@@ -15,6 +15,7 @@ from tests.report.steps import BOTH, BUILT, CASE, PLOTS, TALL, needs_browser, ro
 pytestmark = needs_browser
 
 
+@pytest.mark.slow
 def test_every_case_system_and_diagnosis_opens_with_all_its_plots(
     tab: Tab, address: str, troubled: Results
 ) -> None:

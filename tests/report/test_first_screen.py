@@ -101,6 +101,7 @@ def test_the_buttons_copy_the_patch_and_the_command(planted_tab: Tab) -> None:
     assert planted_tab.run("kept[2]") == patch
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_patch_is_readable_for_everybody(planted_tab: Tab, scheme: str) -> None:

@@ -30,6 +30,7 @@ from tests.report.test_page import HOSTILE, hostile
 pytestmark = needs_browser
 
 
+@pytest.mark.slow
 def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{CASE}")
@@ -129,6 +130,7 @@ CHECK = """axe.run(document, {resultTypes: ["violations"]}).then((found) => foun
   .map((v) => [v.id, v.nodes.slice(0, 3).map((n) => n.html.slice(0, 200) + n.failureSummary)]))"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_an_accessibility_checker_finds_nothing_serious(
     tab: Tab, address: str, scheme: str
@@ -143,6 +145,7 @@ def test_an_accessibility_checker_finds_nothing_serious(
         assert tab.run(CHECK) == [], view
 
 
+@pytest.mark.slow
 def test_hostile_names_neither_run_nor_break_the_plots(
     browser: Browser, tmp_path: Path, troubled: Results
 ) -> None:

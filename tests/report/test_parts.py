@@ -74,6 +74,7 @@ def test_the_page_has_no_case_of_its_own_and_every_case_is_in_one_file(
     assert written.stat().st_size < len(render(troubled)) - 50_000
 
 
+@pytest.mark.slow
 @needs_browser
 def test_every_case_opens_with_its_plots_and_those_of_other_files_over_it(
     many: Tab, written: Path, troubled: Results

@@ -64,6 +64,7 @@ def outcome(file: Path) -> tuple[Outcome, str]:
     return case.outcome, case.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOUND)
 def test_a_robot_that_others_wrote_agrees(name: str) -> None:
     file = ASSETS / f"{name}.xml"
@@ -107,6 +108,7 @@ LOOSE = """<mujoco model="loose">
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
 def test_so_do_free_and_ball_joints(tmp_path: Path, integrator: str) -> None:
     """A free root whose armature and dampers are its own, balls with anchors, one unnamed."""

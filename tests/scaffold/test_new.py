@@ -53,6 +53,7 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Path], Read]:
     return found
 
 
+@pytest.mark.slow
 def test_the_example_agrees_at_once_in_every_engine(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -104,6 +105,7 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["cart_pole", "double_pendulum"])
 @pytest.mark.parametrize("file", ["mujoco.xml", "robot.urdf"])
 def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
@@ -130,6 +132,7 @@ def test_what_is_read_from_a_file_is_the_mechanism_written_by_hand(
     assert not mismatches(found)
 
 
+@pytest.mark.slow
 def test_defaults_degrees_shapes_springs_and_oblique_axes_are_read(
     read: Callable[[Path], Read],
 ) -> None:
@@ -164,6 +167,7 @@ SHARED = """<mujoco>
 """
 
 
+@pytest.mark.slow
 def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text(SHARED)
     assert from_model(tmp_path / "m.xml", tmp_path / "read").remarks == ()
@@ -183,6 +187,7 @@ def test_a_number_that_is_two_quantities_is_a_constant_for_each_unit(tmp_path: P
     assert {case.outcome for case in found.cases} == {"AGREES"}
 
 
+@pytest.mark.slow
 def test_turned_frames_products_fixed_joints_and_limits_are_read(
     read: Callable[[Path], Read],
 ) -> None:
@@ -260,6 +265,7 @@ def test_bodies_are_declared_where_energies_are_not(
     assert len(found.cases) == (2 if suffix == ".urdf" else 1)
 
 
+@pytest.mark.slow
 def test_a_reading_that_no_engine_shares_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

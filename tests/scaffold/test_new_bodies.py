@@ -166,6 +166,7 @@ def test_a_number_that_is_changed_afterwards_differs_and_is_named(
         assert [place.line for place in first.where] == [line]
 
 
+@pytest.mark.slow
 def test_all_that_a_format_has_is_written_and_agrees(tmp_path: Path) -> None:
     """Includes, a mesh that has a say, replicas, free and ball joints, tendons, actuators."""
     file, made = written(tmp_path / "given"), tmp_path / "made"
@@ -210,6 +211,7 @@ def test_just_the_meshes_that_have_a_say_are_copied(tmp_path: Path) -> None:
     assert "not copied, since no inertia follows from it: 'shown.obj'" in said.remarks
 
 
+@pytest.mark.slow
 def test_a_root_may_float(tmp_path: Path) -> None:
     from_model(DATA / "laikago" / "laikago_toes_zup.urdf", tmp_path / "dog", floating=True)
     assert bodies(tmp_path / "dog").bodies[0].joints[0].kind == "free"
@@ -296,6 +298,7 @@ def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
     return commands.crosscheck(*arguments, cwd=folder, CI=None, GITHUB_ACTIONS=None)
 
 
+@pytest.mark.slow
 def test_from_the_command_line_to_a_gate(tmp_path: Path) -> None:
     (tmp_path / "m").mkdir()
     file = tmp_path / "arm.urdf"

@@ -66,6 +66,7 @@ def travelled(system: System) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "suffix", "limits"), [
     # Nothing pulls a vertical axis.
     (chain('axis="0 0 1" damping="0.1"', 'axis="0 0 1" limited="true" range="-2 2"'), ".xml",

@@ -123,6 +123,7 @@ def alike(value: Any) -> Any:
     return [alike(one) for one in value] if isinstance(value, list) else value
 
 
+@pytest.mark.slow
 def test_a_run_has_the_records_of_a_local_one(
     cluster: Loopback, pendulum: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -267,6 +268,7 @@ def test_a_scheduler_needs_nothing_of_this_package(cluster: Loopback, pool: Exec
         assert not client.run_on_scheduler(lambda: {"harness", "reference"} & set(sys.modules))
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_lost_is_told_and_what_is_done_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -339,6 +341,7 @@ def test_nothing_of_it_is_imported_where_no_scheduler_is_asked_for() -> None:
     subprocess.run([sys.executable, "-c", asked], check=True, env=environment())
 
 
+@pytest.mark.slow
 def test_more_than_a_run_may_send_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -51,6 +51,7 @@ def test_nothing_is_judged_in_a_checkout(tmp_path: Path, monkeypatch: pytest.Mon
     assert (tmp_path / "mine").is_file()
 
 
+@pytest.mark.slow
 def test_commands_refuse_what_they_are_given(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -60,6 +61,7 @@ def test_commands_refuse_what_they_are_given(
     assert not wrong([alone(entry) for entry in COMMANDS])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", range(0, len(FOLDERS), 24))
 def test_hostile_folders_fail_alone_and_are_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: int

@@ -25,6 +25,7 @@ def expected() -> Undisturbed:
     return undisturbed()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
 def test_a_fault_while_running_costs_nothing_that_was_done(
     expected: Undisturbed, name: str

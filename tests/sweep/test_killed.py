@@ -9,6 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
 from harness.records.outcome import Outcome
 from harness.sweep.store import done, parts, read_plan, read_rows
 from tests.faults.known_folder import environment
@@ -24,6 +26,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_what_was_done_is_kept_and_the_rest_is_run_once(tmp_path: Path) -> None:
     folder, out = swept_folder(tmp_path / "mass", "mujoco.xml"), tmp_path / "out"
     asked = [str(folder), "--vary", "k=20:100", "--draws", "12", "--jobs", "1", "--out", str(out)]

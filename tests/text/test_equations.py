@@ -187,6 +187,7 @@ def test_an_equilibrium_that_is_none_is_refused() -> None:
         derivation(dataclasses.replace(system, equilibria=(off,)))
 
 
+@pytest.mark.slow
 def test_an_arm_of_two_joints_is_printed_within_seconds() -> None:
     """Its mass matrix is two by two, but too long to be inverted, expanded or read as symbols."""
     began = time.process_time()
@@ -201,6 +202,7 @@ def test_an_arm_of_two_joints_is_printed_within_seconds() -> None:
     environments(latex)
 
 
+@pytest.mark.slow
 def test_three_coordinates_with_short_equations_have_their_symbols() -> None:
     text = describe(derivation(CART))
     assert "l1*m1 + l1*m2" in text
@@ -335,6 +337,7 @@ def folder_of(path: Path, friction: str) -> Path:
     return path / "two"
 
 
+@pytest.mark.slow
 def test_what_rests_at_no_round_angle_is_inverted_in_numbers(tmp_path: Path) -> None:
     """Its short matrices have digits of a search in them, which sympy factors without end."""
     found = derivation(load_system(folder_of(tmp_path, "")))
