@@ -125,7 +125,7 @@ class Cache:
         place: the folder; made where there is none.
 
     Attributes:
-        trouble: why nothing is kept any more; empty while it is.
+        trouble: why nothing is kept any more, in a sentence; empty while it is.
     """
 
     def __init__(self, place: Path) -> None:
@@ -180,7 +180,8 @@ class Cache:
         try:
             yield
         except OSError as error:
-            self.trouble = f"{error.filename or self._place}: {error.strerror or error}"
+            why = f"{error.filename or self._place}: {error.strerror or error}"
+            self.trouble = f"nothing more is kept in the cache: {why}"
 
     def _prune(self) -> None:
         """Drop what is old, once a day at most."""

@@ -38,7 +38,7 @@ class BodiesModel(ModelPlan):
         for case in self.cases:
             yield from self._states(case)
             yield from self.work.measure(case, self._measuring)
-        yield from self._survey()
+        yield from self._audit()
         if self.options.selection is None:
             yield from self._coverage()
 
@@ -107,7 +107,7 @@ class BodiesModel(ModelPlan):
 
         return self.work.do("coverage", self.key, make, done, failed)
 
-    def _survey(self) -> Iterator[Job[Any]]:
+    def _audit(self) -> Iterator[Job[Any]]:
         def done(value: FileSurvey) -> Jobs:
             known = self.work.found.models[self.key].coverage or Coverage()
             coverage = structs.replace(known, left_out=value.left_out)

@@ -60,6 +60,13 @@ class FolderWork(PlaceWork[FolderFacts]):
         """What `system.py` has read."""
         return self.facts.reads
 
+    def _known_facts(self) -> FolderFacts | None:
+        """Those with a derivation serve as well where none is asked for."""
+        known = super()._known_facts()
+        if known is None and self.options.cache and not self.options.described:
+            known = self._had(piece_of_folder(self.place, described=True))
+        return known
+
     def _preparing(self) -> Task[Any, Any]:
         from harness.cases.multibody import prepare_folder
 

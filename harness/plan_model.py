@@ -52,9 +52,18 @@ class ModelPlan(ABC):
             return
         yield from self._jobs()
 
+    def audit(self) -> Iterator[Job[Any]]:
+        """Its audit, and nothing else of it."""
+        self.begin()
+        yield from self._audit()
+
     @abstractmethod
     def _jobs(self) -> Iterator[Job[Any]]:
         """Of a model that can be run."""
+
+    @abstractmethod
+    def _audit(self) -> Iterator[Job[Any]]:
+        """What is read of its file without a motion."""
 
     def begin(self) -> None:
         """It is run: its file and its sidecar, as they are; nothing is found of it yet."""

@@ -87,7 +87,7 @@ class PlaceWork(ABC, Generic[Facts]):
 
     def begun(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
         """The jobs of its models, after its preparation where that is needed."""
-        known = self._had(self._piece)
+        known = self._known_facts()
         if known is None:
             yield self._preparation(models)
             return
@@ -95,6 +95,10 @@ class PlaceWork(ABC, Generic[Facts]):
         yield from models()  # what is to be run waits
         if self._waiting:
             yield self._preparation(self._resumed)
+
+    def _known_facts(self) -> Facts | None:
+        """What earlier runs knew of the place, where they did."""
+        return self._had(self._piece)
 
     def _preparation(self, then: Callable[[], Jobs]) -> Job[Any]:
         def done(prepared: Any) -> Jobs:

@@ -62,6 +62,18 @@ def jobs(command: argparse.ArgumentParser, otherwise: str = "one per processor")
     )
 
 
+def cache(command: argparse.ArgumentParser) -> None:
+    """Add --cache DIR."""
+    command.add_argument(
+        "--cache",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="what was found is kept there, and had from there where nothing it depends on is"
+        " another, such as .crosscheck_cache",
+    )
+
+
 def scheduler(command: argparse.ArgumentParser) -> None:
     """Add --scheduler ADDRESS."""
     command.add_argument(
@@ -93,9 +105,9 @@ def floating(command: argparse.ArgumentParser) -> None:
 def environments(command: argparse.ArgumentParser) -> None:
     """Add --environments DIR."""
     # Imported here: most commands make none.
-    from harness.versions.place import cache
+    from harness.versions import place as kept
 
-    place = cache()
+    place = kept.cache()
     if place.is_relative_to(Path.home()):  # as a help text shows it
         place = Path("~") / place.relative_to(Path.home())
     command.add_argument(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from harness.audit.plan import audits
+from harness.audits import audits
+from harness.cached import Cache
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.cli.missing import tell_missing, with_missing
@@ -20,8 +21,16 @@ def main(options: argparse.Namespace) -> int:
     check_engines(options.engine)
     named = named_folders(options.folders)
     tell_missing(named)
-    limits = arguments.limits_of(options)
-    found = audits(named.folders, engines=tuple(options.engine), jobs=options.jobs, limits=limits)
+    cache = None if options.cache is None else Cache(options.cache)
+    found = audits(
+        named.folders,
+        engines=options.engine,
+        jobs=options.jobs,
+        limits=arguments.limits_of(options),
+        cache=cache,
+    )
+    if cache is not None and cache.trouble:
+        print(f"crosscheck: {cache.trouble}", file=sys.stderr)
     code = AGREE
     if all(model.absent for model in found):
         print(f"crosscheck: {nothing_tested(m.id.engine for m in found)}", file=sys.stderr)

@@ -79,7 +79,7 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
     _tell(results, options, wanted.robots)
     _tell_stopped(results, options.out, done)
     if cache is not None and cache.trouble:
-        print(f"crosscheck: nothing more is kept in the cache: {cache.trouble}", file=sys.stderr)
+        print(f"crosscheck: {cache.trouble}", file=sys.stderr)
     for line in absent_lines(wanted.folders) if asked.choice.everything else ():
         print(f"crosscheck: {line}", file=sys.stderr)
     if results.untested:

@@ -156,7 +156,7 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType({
     "scheduler": Setting(
         argument="scheduler", read=_text, commands=frozenset({"run", "sweep"})
     ),
-    "cache": Setting(argument="cache", read=_path, commands=frozenset({"run"})),
+    "cache": Setting(argument="cache", read=_path, commands=frozenset({"run", "audit"})),
     "baseline": Setting(argument="baseline", read=_path, commands=_RUNNING),
     "out": Setting(argument="out", read=_path, commands=frozenset({"run"})),
     "strict": Setting(argument="strict", read=_switch, commands=frozenset({"run"})),

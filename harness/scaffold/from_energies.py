@@ -8,7 +8,7 @@ from pathlib import Path
 
 import sympy as sp
 
-from harness.audit.plan import audits
+from harness.audits import audits
 from harness.engines.registry import standing
 from harness.scaffold.assets import neighbours
 from harness.scaffold.constants import Ledger, Row

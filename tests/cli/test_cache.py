@@ -97,6 +97,39 @@ def test_what_is_known_is_not_run_again_nor_derived(
     assert any(model.diagnosis for model in second.models)
 
 
+def audited(capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    """Exit code and lines of an audit with that cache."""
+    capsys.readouterr()
+    code = main(["audit", "osc", "--cache", "cache", "--jobs", "1"])
+    return code, capsys.readouterr().out
+
+
+def test_an_audit_has_what_a_run_found_and_finds_what_has_changed(
+    ran: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    submit = Workers.submit
+    submitted: list[object] = []
+
+    def counted(workers: Workers, function: object, argument: object, **more: bool) -> object:
+        submitted.append(function)
+        return submit(workers, function, argument, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Workers, "submit", counted)
+    code, told = audited(capsys)
+    assert (code, submitted) == (1, [])
+    assert "47.5" in told.split("oscillator/wrong.known")[1]
+    assert "47.5" not in told.split("oscillator/wrong.known")[0]
+    wrong = ran / "wrong.known"
+    wrong.write_text(wrong.read_text().replace("47.5", "47.0"))
+    code, told = audited(capsys)
+    assert (code, len(submitted)) == (0, 2)  # the folder's physics, and that model
+    assert "47.5" not in told
+    assert audited(capsys) == (code, told)
+    assert len(submitted) == 2  # an audit keeps what it found
+    # Of a run it has all that a report shows, which an audit did not ask for.
+    assert run().systems == first().systems
+
+
 def test_what_is_measured_beside_a_baseline_is_known_too(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

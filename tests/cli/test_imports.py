@@ -81,10 +81,11 @@ def test_what_is_known_from_a_cache_needs_no_equations(tmp_path: Path) -> None:
     known_folder(tmp_path / "osc", {"good": ""})
     command = "run osc --cache cache --jobs 1"
     assert crosscheck(*command.split(), cwd=tmp_path, known=True).returncode == 0
+    commands = [command, "audit osc --cache cache"]
     there = imported(
-        tmp_path, command, among=("sympy", "scipy", "mpmath"), path=(ROOT, KNOWN_ANSWER)
+        tmp_path, *commands, among=("sympy", "scipy", "mpmath"), path=(ROOT, KNOWN_ANSWER)
     )
-    assert there == [f"imported after {command}"]
+    assert there == [f"imported after {given}" for given in commands]
     assert read_results(tmp_path / "reports" / "results.json").cached == 2
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.audit.plan import audits
+from harness.audits import audits
 from harness.run import Options, Selection, run
 from harness.scaffold.from_model import from_model
 from reference.derive import derive

@@ -13,3 +13,4 @@ def add(command: argparse.ArgumentParser) -> None:
     arguments.engine(command)
     arguments.limits(command)
     arguments.jobs(command)
+    arguments.cache(command)

@@ -43,14 +43,7 @@ def add(command: argparse.ArgumentParser) -> None:
     how_much.add_argument(
         "-v", "--verbose", action="store_true", help="print a line for each case in a log"
     )
-    command.add_argument(
-        "--cache",
-        type=Path,
-        default=None,
-        metavar="DIR",
-        help="what was found is kept there, and had from there where nothing it depends on is"
-        " another, such as .crosscheck_cache",
-    )
+    arguments.cache(command)
     command.add_argument(
         "--resume",
         action="store_true",

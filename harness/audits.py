@@ -1,0 +1,120 @@
+"""Audits of every model of some folders, without running a motion.
+
+The jobs are those of a run's audits, and with a cache they are known from runs and audits before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from harness.cases.not_run import hurdle
+from harness.collected import Collected
+from harness.engines.registry import engines as registered
+from harness.files.model_files import UnreadModel, chosen_engines, model_files
+from harness.options import Options, Selection
+from harness.plan_bodies import BodiesModel
+from harness.plan_energies import EnergiesModel
+from harness.plan_folder import FolderWork
+from harness.records.case import ModelId
+from harness.records.finding import AuditFinding
+from harness.records.outcome import Outcome
+from harness.schedule.chosen import executor
+from harness.schedule.failure import Failure
+from harness.schedule.jobs import Job, work
+from harness.schedule.limits import Limits
+
+if TYPE_CHECKING:
+    from harness.cached import Cache
+
+ALONE = Selection(models=None)
+"""No derivation is shown, nothing is diagnosed."""
+
+
+@dataclass(frozen=True)
+class ModelAudit:
+    """What the audit of a model in an engine has to say.
+
+    Attributes:
+        id: the model; `-` for its engine where it can't be read.
+        findings: and notes.
+        failure: why there are none; empty otherwise.
+        absent: whether that is since the engine is not installed.
+    """
+
+    id: ModelId
+    findings: tuple[AuditFinding, ...] = ()
+    failure: str = ""
+    absent: bool = False
+
+
+def audits(
+    folders: Sequence[Path],
+    *,
+    engines: Sequence[str] = (),
+    jobs: int = 0,
+    limits: Limits | None = None,
+    cache: Cache | None = None,
+) -> tuple[ModelAudit, ...]:
+    """Audit every model of the folders; engines, limits and cache are those of a run."""
+    options = Options(
+        engines=tuple(engines),
+        jobs=jobs,
+        limits=limits or Limits(),
+        selection=ALONE,
+        cache=cache,
+    )
+    of_folders = [_FolderAudits(folder, options) for folder in folders]
+    with executor(jobs=options.jobs, limits=options.limits) as workers:
+        work(chain.from_iterable(one.jobs() for one in of_folders), workers)
+    return tuple(chain.from_iterable(one.told() for one in of_folders))
+
+
+class _FolderAudits:
+    """The audits of a folder's models: what is to be done, and what came of it."""
+
+    def __init__(self, folder: Path, options: Options) -> None:
+        self._folder, self._options = folder, options
+        self._found = Collected(lambda *_: None)
+        self._told: list[ModelAudit] = []
+
+    def jobs(self) -> Iterator[Job[Any]]:
+        """Prepare the folder where that is needed, then audit its models."""
+        place = FolderWork(self._folder, self._options, {}, self._found)
+        yield from place.begun(partial(self._models, place))
+
+    def told(self) -> Iterator[ModelAudit]:
+        """What was found, as the models stand in the folder; or why that can't be prepared."""
+        for case in self._found.cases:
+            one = ModelId(system=case.system, model=case.model, engine=case.engine)
+            yield ModelAudit(one, failure=case.reason)
+        for told in self._told:
+            record = self._found.models.get((str(self._folder), told.id.model, told.id.engine))
+            if record is None:
+                yield told
+            elif record.audit is not None:
+                yield ModelAudit(told.id, record.audit)
+            elif record.audit_failure:
+                failure = Failure(record.audit_failure, "")
+                yield ModelAudit(told.id, failure=failure.about(self._folder / told.id.model))
+
+    def _models(self, place: FolderWork) -> Iterator[Job[Any]]:
+        system, known = place.facts.record.name, registered()
+        model = BodiesModel if place.facts.bodies else EnergiesModel
+        for file in model_files(self._folder):
+            if isinstance(file, UnreadModel):
+                unread = ModelId(system=system, model=file.model, engine="-")
+                self._told.append(ModelAudit(unread, failure=file.reason))
+                continue
+            for engine in chosen_engines(file, self._options.engines):
+                one = ModelId(system=system, model=file.model.name, engine=engine)
+                if why := hurdle(known, engine, file):
+                    absent = why.outcome is Outcome.ABSENT
+                    self._told.append(ModelAudit(one, failure=why.reason, absent=absent))
+                    continue
+                self._told.append(ModelAudit(one))  # what comes of it goes to its record
+                yield from model(place, known, file, engine, ()).audit()
