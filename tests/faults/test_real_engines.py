@@ -21,7 +21,7 @@ from tests.standing import standing_only
 Ran = dict[tuple[str, str, str], list[Case]]
 """Cases by system, file and name of the variant."""
 
-pytestmark = pytest.mark.xdist_group("real engines")
+pytestmark = [pytest.mark.xdist_group("real engines"), pytest.mark.slow]
 
 for engine in ("mujoco", "pybullet", "pymunk"):
     pytest.importorskip(engine)
@@ -155,7 +155,6 @@ def pairs(
     return [p for p in everything if not wanted or p[-1] in wanted]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("system", "source", "name"), pairs(OTHERS, "good", "far_range"))
 def test_the_file_as_it_is_agrees(ran: Ran, system: str, source: str, name: str) -> None:
     for case in ran[system, source, name]:

@@ -386,6 +386,7 @@ def test_a_mesh_that_is_nowhere_is_told_with_where_it_was_looked_for(tmp_path: P
     assert not (tmp_path / "again").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "names"), [
     (CRANE, {"body"}), (ARM, {"link"}),
 ])  # fmt: skip
