@@ -21,11 +21,12 @@ from harness.engines.registry import engines
 from harness.files.folders import builtin, system_folders
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
+from harness.numerics.batch import Batch
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.full_run import FullRun, full_run
 from harness.numerics.ladder import weights
 from harness.numerics.rounding import with_companions
-from harness.numerics.segments import Batch, Extrapolated, extrapolate
+from harness.numerics.segments import Extrapolated, extrapolate
 from reference.motion import Motion
 
 REPEATS = 5

@@ -27,9 +27,10 @@ from harness.files.bindings import at_constants, with_constants
 from harness.files.folders import system_folders
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
+from harness.numerics.batch import Batch
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.linearization import linearize_engine
-from harness.numerics.segments import Batch, Extrapolated, extrapolate
+from harness.numerics.segments import Extrapolated, extrapolate
 from harness.records.outcome import Outcome
 from reference.derive import Equations, derive
 from reference.linearize import linearize

@@ -21,8 +21,9 @@ from campaigns.mechanisms.written import joint_name, sidecar
 from harness.cases.verdict import Verdict, component_scale, judge
 from harness.engines.protocol import Array, Engine, Model
 from harness.engines.registry import engines
+from harness.numerics.batch import Batch, movement
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.segments import Batch, Extrapolated, extrapolate, movement
+from harness.numerics.segments import Extrapolated, extrapolate
 from reference.motion import Motion, Span
 
 SEGMENTS_A_PERIOD = 20

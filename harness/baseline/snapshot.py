@@ -14,8 +14,9 @@ import numpy as np
 import sympy as sp
 
 from harness.engines.protocol import Model
+from harness.numerics.batch import Batch, Rows, spread
 from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.segments import Batch, Rows, extrapolate, spread
+from harness.numerics.segments import extrapolate
 from harness.records.baseline import Snapshot
 from reference.motion import Motion
 from reference.numeric import Array

@@ -24,13 +24,14 @@ from harness.engines.protocol import Model
 from harness.engines.registry import engines
 from harness.files.locations import line_of
 from harness.files.sidecar import Sidecar
+from harness.numerics.batch import Batch, over
 from harness.numerics.coordinates import CoordinateMap, coordinate_map
 from harness.numerics.discrete import LARGEST, linearize_step
 from harness.numerics.evenly import evenly
 from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
 from harness.numerics.full_run import why_no_run
 from harness.numerics.linearization import linearize_engine
-from harness.numerics.segments import Batch, BlownUpError, extrapolate, over
+from harness.numerics.segments import BlownUpError, extrapolate
 from harness.numerics.step_study import study_step
 from harness.numerics.stepping import step_engine
 from harness.numerics.stops import stopped

@@ -23,9 +23,10 @@ from harness.cases.robot_task import RefusedError, RobotTask, load_robot, placed
 from harness.cases.verdict import Verdict, filled, judged
 from harness.engines.protocol import Model
 from harness.engines.registry import engines
+from harness.numerics.batch import Batch, held
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
-from harness.numerics.segments import Batch, BlownUpError, Extrapolated, extrapolate, held
+from harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
 from harness.numerics.stepping import step_engine
 from harness.records.case import Case, Stepping
 from harness.records.finding import AuditFinding

@@ -18,8 +18,8 @@ from harness.compare.match import Match
 from harness.compare.runs import Runs, ends
 from harness.compare.scales import HELD, CharacteristicScales, characteristic_scales
 from harness.engines.protocol import Array, Model
+from harness.numerics.batch import movement
 from harness.numerics.ladder import Limit
-from harness.numerics.segments import movement
 
 SEED = 20260101
 DRAWN = 20

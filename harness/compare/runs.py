@@ -8,9 +8,10 @@ import numpy as np
 
 from harness.compare.match import Match
 from harness.engines.protocol import Array, Model
+from harness.numerics.batch import Batch, held
 from harness.numerics.coordinates import CoordinateMap, identity
 from harness.numerics.ladder import RUNGS, Limit
-from harness.numerics.segments import Batch, extrapolate, held, limits_alone
+from harness.numerics.segments import extrapolate, limits_alone
 
 QUICK = RUNGS[:8]
 

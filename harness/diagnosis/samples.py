@@ -9,9 +9,10 @@ from itertools import groupby
 import numpy as np
 
 from harness.engines.protocol import Model
+from harness.numerics.batch import Batch, over, spread
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import EPSILON, RUNGS
-from harness.numerics.segments import Batch, extrapolate, limits_alone, over, spread
+from harness.numerics.segments import extrapolate, limits_alone
 from reference.motion import Motion
 from reference.numeric import Array
 from reference.signal import Inputs

@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
+from harness.numerics.batch import floored
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import RUNGS, weights
 from harness.numerics.rounding import with_companions
-from harness.numerics.segments import BlownUpError, Observable, climb, floored
+from harness.numerics.segments import BlownUpError, Observable, climb
 from reference.numeric import Array
 
 STEPS = range(4, 9)

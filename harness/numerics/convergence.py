@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
+from harness.numerics.batch import Batch
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.full_run import SampledRun, follow
 from harness.numerics.ladder import EPSILON, weights
 from harness.numerics.rounding import NEAR, without_companions
-from harness.numerics.segments import Batch, run_rung
+from harness.numerics.segments import run_rung
 from reference.motion import Motion
 from reference.numeric import Array
 

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.engines.protocol import Array, Model
+from harness.numerics.batch import floored
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.evenly import evenly
 from harness.numerics.judgement import Judgement, judge
 from harness.numerics.rounding import with_companions
-from harness.numerics.segments import floored
 from harness.numerics.stepping import MARGIN, ROUNDED, is_linear
 from reference.stepping import Stepped
 

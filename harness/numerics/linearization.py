@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
 from harness.numerics.accelerations import Estimate
+from harness.numerics.batch import Batch, held
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.differences import moved, slopes
 from harness.numerics.discrete import LARGEST
 from harness.numerics.ladder import EPSILON, RUNGS
-from harness.numerics.segments import Batch, extrapolate, held
+from harness.numerics.segments import extrapolate
 from reference.numeric import Array
 
 RUNGS_USED = RUNGS[:8]

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harness.engines.protocol import Model
+from harness.numerics.batch import Batch, movement
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.ladder import (
     EPSILON,
@@ -26,101 +26,13 @@ from harness.numerics.ladder import (
     suffices,
     weights,
 )
+from harness.numerics.residual import Residual, residual_of
 from harness.numerics.rounding import Starts, unheld, with_companions, without_companions
-from reference.motion import Motion, Span
 from reference.numeric import Array
-from reference.signal import Inputs
-
-FINEST = 3
-"""Rungs, the finest, whose own values bound what is left of the coordinate map."""
-
-Rows = NDArray[np.intp]
-StepInputs = Callable[[Rows, int], Array]
-"""Inputs over chosen segments, at the starts of so many equal steps: (B, steps, inputs)."""
-
-LEAST_SHARE = 1e-3
-"""A component that moves less than this share of the one that moves most is measured against it."""
 
 
 class BlownUpError(RuntimeError):
     """An engine returned values that are not finite."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Batch:
-    """K segments to be run, in a system's coordinates; c = 2n components.
-
-    Attributes:
-        states: where they start, (K, c).
-        lengths: seconds of each, (K,).
-        inputs: over each segment.
-        varying: whether an input changes over a segment, and is held over each step.
-        scale: what counts as one, per component, (c,); None: how far the runs themselves move.
-        ends: about where they end, (K, c), near which angles are taken; None: near their starts.
-        times: when they start, (K,), and
-        name: of their scenario, for messages.
-        partial: whether segments that are not finite are left without a limit, where others are.
-    """
-
-    states: Array
-    lengths: Array
-    inputs: StepInputs
-    varying: bool
-    scale: Array | None
-    ends: Array | None = None
-    times: Array | None = None
-    name: str = ""
-    partial: bool = False
-
-    @staticmethod
-    def of(motion: Motion, scale: Array) -> Batch:
-        """All segments of a motion."""
-        return Batch(
-            states=motion.start,
-            lengths=motion.lengths,
-            inputs=over(motion.inputs, motion.t, motion.lengths),
-            varying=motion.varying,
-            scale=scale,
-            ends=motion.end,
-            times=motion.t,
-        )
-
-
-def over(inputs: Inputs, t: Array, lengths: Array) -> StepInputs:
-    """Inputs u(t) of a scenario, over segments from times t on, (K,)."""
-
-    def at(rows: Rows, steps: int) -> Array:
-        h = lengths[rows, None] / steps
-        times = t[rows, None] + h * np.arange(steps)
-        values = inputs(times.ravel(), slack=float(np.min(h)) / 4)
-        return values.reshape(len(rows), steps, -1)
-
-    return at
-
-
-def held(values: Array) -> StepInputs:
-    """Inputs (K, m) that are held throughout each segment."""
-
-    def at(rows: Rows, steps: int) -> Array:
-        return np.repeat(values[rows, None, :], steps, axis=1)
-
-    return at
-
-
-@dataclass(frozen=True, kw_only=True)
-class Residual:
-    """What the engine's coordinates leave of the map at the ends of K segments, as h -> 0.
-
-    The equations' is zero: see `CoordinateMap.residual`.
-
-    Attributes:
-        limit: of positions, then velocities, (K, 2nz).
-        scale: what counts as one: how far each moves over a segment at most by the map, floored by
-            its like; the largest of these where the map holds one still, (2nz,).
-    """
-
-    limit: Limit
-    scale: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,7 +102,7 @@ def extrapolate(
     found = climb(observable, rungs, resolution)
     if batch.ends is None or not coordinates.redundant:
         return found
-    return replace(found, residual=_residual(coordinates, batch, starts, found.rungs, left))
+    return replace(found, residual=residual_of(coordinates, batch, starts, found.rungs, left))
 
 
 def limits_alone(
@@ -339,96 +251,3 @@ def run_rung(
         if coordinates.redundant:
             residual[chosen] = coordinates.residual(end_z, end_w, ends[chosen])
     return ends, residual
-
-
-def _residual(
-    coordinates: CoordinateMap,
-    batch: Batch,
-    starts: Starts,
-    rungs: tuple[int, ...],
-    left: Sequence[Array],
-) -> Residual:
-    """The limit of what the rungs left of the coordinate map.
-
-    Extrapolated with the exponents 1, 2, 3, ..., which hold whatever the engine claims of a motion:
-    what holds a constraint may be of a lower order, and as stiff as the step allows. A constraint
-    that holds to the last digits leaves them in no order at all: its rungs have no limit, and are
-    near zero. So the uncertainty is never more than what the finest rungs leave themselves.
-    """
-    assert batch.ends is not None
-    count = starts.count
-    ends = np.stack(left)[:, :count]
-    finite: NDArray[np.bool_] = np.array([np.isfinite(one).all() for one in ends.swapaxes(0, 1)])
-    moved = [np.concatenate(coordinates.to_engine(a), axis=1) for a in (batch.ends, batch.states)]
-    scale = np.maximum(_held_scale(*moved), _reach(coordinates, batch))
-    rounding = coordinates.residual_rounding_scale(starts.z[:count], starts.w[:count])
-    limit = limits(
-        list(np.where(finite[:, None], ends, 0.0)),
-        rungs,
-        (1, 1),
-        scale,
-        np.maximum(rounding, scale),
-        [starts.observed_rounding(one) for one in left],
-        starts.last_digits(left[-1]),
-        starts.epsilon,
-    )
-    finest = np.max(np.abs(ends[-FINEST:]), axis=0)
-    closer = finest < limit.uncertainty
-    limit = replace(
-        limit,
-        value=np.where(closer, ends[-1], limit.value),
-        uncertainty=np.where(closer, finest, limit.uncertainty),
-    )
-    limit.uncertainty[~finite] = np.inf
-    return Residual(limit=limit, scale=scale)
-
-
-def _reach(coordinates: CoordinateMap, batch: Batch) -> Array:
-    """How far engine coordinates move where each component moves by what counts as one, (2nz,)."""
-    at = np.concatenate(coordinates.to_engine(batch.states), axis=1)
-    if batch.scale is None:
-        return np.zeros(at.shape[1])
-    moved = [
-        np.concatenate(coordinates.to_engine(batch.states + step), axis=1) - at
-        for step in np.diag(batch.scale)
-    ]
-    reach: Array = np.max(np.abs(moved), axis=(0, 1))
-    return reach
-
-
-def _held_scale(ends: Array, starts: Array) -> Array:
-    """What counts as one of engine coordinates, (2nz,): `movement`, and where the map holds one
-    still the largest of its like.
-    """
-    scale = movement(ends, starts)
-    moved = np.max(np.abs(ends - starts), axis=0)
-    half = len(scale) // 2
-    for part in (slice(0, half), slice(half, None)):
-        still = moved[part] <= EPSILON * scale[part]
-        scale[part] = np.where(still, np.max(scale[part]), scale[part])
-    return scale
-
-
-def movement(ends: Array, starts: Array) -> Array:
-    """What counts as one, (c,): how far each component moves at most, floored by its like."""
-    with np.errstate(invalid="ignore"):
-        moved = np.abs(ends - starts)
-    reach = np.max(np.where(np.isfinite(moved), moved, 0.0), axis=0, initial=0.0)
-    half = len(reach) // 2
-    return np.concatenate([floored(reach[:half]), floored(reach[half:])])
-
-
-def floored(sizes: Array) -> Array:
-    """Sizes of what is alike, (c,): none below `LEAST_SHARE` of the largest, and nowhere zero."""
-    found = np.maximum(sizes, LEAST_SHARE * np.max(sizes, initial=0.0))
-    return np.where(found > 0, found, 1.0)
-
-
-def spread(motion: Motion, picked: int) -> Iterator[tuple[Span, Rows]]:
-    """Pick about so many segments evenly, from each span in proportion, at least two: indices."""
-    first = 0
-    for span in motion.spans:
-        count = min(span.count, max(2, round(picked * span.count / len(motion.t))))
-        # An even spread, off the ends: a start at rest tells little.
-        yield span, first + np.floor((np.arange(count) + 0.5) * span.count / count).astype(np.intp)
-        first += span.count

@@ -14,12 +14,12 @@ import numpy as np
 
 from harness.engines.protocol import Array, Model
 from harness.engines.step_rule import StepRule
+from harness.numerics.batch import movement
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.evenly import evenly
 from harness.numerics.judgement import Judgement, judge
 from harness.numerics.ladder import EPSILON
 from harness.numerics.rounding import Starts, unheld, with_companions, without_companions
-from harness.numerics.segments import movement
 from reference.stepping import Stepped, next_states
 
 LATER, LONG = 10, 1000

@@ -19,10 +19,11 @@ from harness.engines.registry import engines
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
 from harness.files.redrawn import Redrawn, redrawn
 from harness.files.sidecar import Sidecar, SidecarError
+from harness.numerics.batch import Batch
 from harness.numerics.convergence import largest
 from harness.numerics.coordinates import CoordinateFamily, CoordinateMap, coordinate_family
 from harness.numerics.full_run import sampled_run, why_no_run
-from harness.numerics.segments import Batch, extrapolate
+from harness.numerics.segments import extrapolate
 from harness.records.base import number
 from harness.records.outcome import FLOOR, Outcome
 from harness.sweep.known import Known, Timed

@@ -19,7 +19,8 @@ from reference.multibody.algebra import (
     turned,
     turned_back,
 )
-from reference.multibody.recursion import Acting, Placement, Recursion
+from reference.multibody.carried import Acting, Placement
+from reference.multibody.recursion import Recursion
 from reference.multibody.tree import WORLD, Link, Tree
 from reference.multibody.ways import Cord, FrameForce, JointForce, Mark, Way
 

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from reference.multibody.algebra import DOUBLES, Field, Scalars, cross, turned, turned_back
-from reference.multibody.recursion import Acting, Moving, Placement, Recursion
+from reference.multibody.carried import Acting, Moving, Placement
+from reference.multibody.recursion import Recursion
 from reference.multibody.tree import Immersed, Medium, Tree
 from reference.numeric import Array
 

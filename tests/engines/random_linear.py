@@ -16,8 +16,9 @@ from sympy import Heaviside, exp, sin
 from harness.cases.verdict import component_scale, judge
 from harness.engines.registry import engines
 from harness.files.sidecar import read_sidecar
+from harness.numerics.batch import Batch
 from harness.numerics.coordinates import coordinate_map
-from harness.numerics.segments import Batch, extrapolate
+from harness.numerics.segments import extrapolate
 from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
 from reference import solve as reference_solve
 from reference.derive import derive

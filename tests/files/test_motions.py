@@ -17,7 +17,8 @@ from harness.files.bindings import at_constants, bindings, with_constants, with_
 from harness.files.folders import system_folders
 from harness.files.model_files import model_files
 from harness.files.sidecar import Sidecar
-from harness.numerics.segments import Batch, extrapolate
+from harness.numerics.batch import Batch
+from harness.numerics.segments import extrapolate
 from harness.records.outcome import Outcome
 from reference import System
 from reference.derive import derive

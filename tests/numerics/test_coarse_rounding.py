@@ -12,9 +12,10 @@ from harness.compare.runs import Runs
 from harness.compare.runs import ends as compared_ends
 from harness.diagnosis.samples import engine_ends, reference_ends, sample_segments
 from harness.numerics.accelerations import Accelerations
+from harness.numerics.batch import Batch
 from harness.numerics.linearization import linearize_engine
 from harness.numerics.rounding import Starts
-from harness.numerics.segments import Batch, extrapolate
+from harness.numerics.segments import extrapolate
 from reference.linearize import linearize
 from reference.numeric import Array
 from tests.numerics.conftest import DAMPING, MASS, STIFFNESS, Bench, Coarse, MakeBench

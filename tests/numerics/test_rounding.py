@@ -5,6 +5,7 @@ import pytest
 
 from harness.cases.verdict import component_scale
 from harness.engines.protocol import Array, Force
+from harness.numerics.batch import Batch
 from harness.numerics.ladder import EPSILON, RUNGS
 from harness.numerics.rounding import (
     ALIKE,
@@ -15,7 +16,7 @@ from harness.numerics.rounding import (
     with_companions,
     without_companions,
 )
-from harness.numerics.segments import Batch, Observable, climb, extrapolate
+from harness.numerics.segments import Observable, climb, extrapolate
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 
 LAST_DIGIT = 2.0**-40

@@ -8,14 +8,9 @@ from sympy import Expr, Heaviside, Rational, sin
 
 from harness.cases.verdict import Verdict, component_scale, judge
 from harness.engines.protocol import Array, Force
+from harness.numerics.batch import Batch
 from harness.numerics.ladder import RUNGS
-from harness.numerics.segments import (
-    Batch,
-    BlownUpError,
-    Extrapolated,
-    extrapolate,
-    limits_alone,
-)
+from harness.numerics.segments import BlownUpError, Extrapolated, extrapolate, limits_alone
 from harness.records.outcome import Outcome
 from reference import t
 from tests.numerics.conftest import MASS, STIFFNESS, Bench, MakeBench, SymplecticEuler

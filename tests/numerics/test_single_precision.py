@@ -8,10 +8,11 @@ import pytest
 
 from harness.cases.verdict import component_scale, judge
 from harness.engines.protocol import Array, Force, StateForce
+from harness.numerics.batch import Batch
 from harness.numerics.judgement import resolvable
 from harness.numerics.ladder import EPSILON, RUNGS, exact_weights, least_weights, limits
 from harness.numerics.rounding import unheld
-from harness.numerics.segments import Batch, Extrapolated, extrapolate
+from harness.numerics.segments import Extrapolated, extrapolate
 from harness.numerics.step_study import study_step
 from harness.records.outcome import Outcome
 from tests.numerics.conftest import Bench, MakeBench, SymplecticEuler

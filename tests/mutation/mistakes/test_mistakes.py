@@ -19,7 +19,8 @@ from harness.engines.protocol import EngineError
 from harness.engines.registry import engines
 from harness.files.folders import builtin
 from harness.files.sidecar import Sidecar, read_sidecar
-from harness.numerics.segments import Batch, extrapolate
+from harness.numerics.batch import Batch
+from harness.numerics.segments import extrapolate
 from harness.records.case import FullRun
 from harness.records.outcome import Outcome
 from reference.derive import derive

@@ -1,0 +1,102 @@
+"""What the ends of segments leave of the coordinate map, as h -> 0."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harness.numerics.batch import Batch, movement
+from harness.numerics.coordinates import CoordinateMap
+from harness.numerics.ladder import EPSILON, Limit, limits
+from harness.numerics.rounding import Starts
+from reference.numeric import Array
+
+FINEST = 3
+"""Rungs, the finest, whose own values bound what is left of the coordinate map."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Residual:
+    """What the engine's coordinates leave of the map at the ends of K segments, as h -> 0.
+
+    The equations' is zero: see `CoordinateMap.residual`.
+
+    Attributes:
+        limit: of positions, then velocities, (K, 2nz).
+        scale: what counts as one: how far each moves over a segment at most by the map, floored by
+            its like; the largest of these where the map holds one still, (2nz,).
+    """
+
+    limit: Limit
+    scale: Array
+
+
+def residual_of(
+    coordinates: CoordinateMap,
+    batch: Batch,
+    starts: Starts,
+    rungs: tuple[int, ...],
+    left: Sequence[Array],
+) -> Residual:
+    """The limit of what the rungs left of the coordinate map.
+
+    Extrapolated with the exponents 1, 2, 3, ..., which hold whatever the engine claims of a motion:
+    what holds a constraint may be of a lower order, and as stiff as the step allows. A constraint
+    that holds to the last digits leaves them in no order at all: its rungs have no limit, and are
+    near zero. So the uncertainty is never more than what the finest rungs leave themselves.
+    """
+    assert batch.ends is not None
+    count = starts.count
+    ends = np.stack(left)[:, :count]
+    finite: NDArray[np.bool_] = np.array([np.isfinite(one).all() for one in ends.swapaxes(0, 1)])
+    moved = [np.concatenate(coordinates.to_engine(a), axis=1) for a in (batch.ends, batch.states)]
+    scale = np.maximum(_held_scale(*moved), _reach(coordinates, batch))
+    rounding = coordinates.residual_rounding_scale(starts.z[:count], starts.w[:count])
+    limit = limits(
+        list(np.where(finite[:, None], ends, 0.0)),
+        rungs,
+        (1, 1),
+        scale,
+        np.maximum(rounding, scale),
+        [starts.observed_rounding(one) for one in left],
+        starts.last_digits(left[-1]),
+        starts.epsilon,
+    )
+    finest = np.max(np.abs(ends[-FINEST:]), axis=0)
+    closer = finest < limit.uncertainty
+    limit = replace(
+        limit,
+        value=np.where(closer, ends[-1], limit.value),
+        uncertainty=np.where(closer, finest, limit.uncertainty),
+    )
+    limit.uncertainty[~finite] = np.inf
+    return Residual(limit=limit, scale=scale)
+
+
+def _reach(coordinates: CoordinateMap, batch: Batch) -> Array:
+    """How far engine coordinates move where each component moves by what counts as one, (2nz,)."""
+    at = np.concatenate(coordinates.to_engine(batch.states), axis=1)
+    if batch.scale is None:
+        return np.zeros(at.shape[1])
+    moved = [
+        np.concatenate(coordinates.to_engine(batch.states + step), axis=1) - at
+        for step in np.diag(batch.scale)
+    ]
+    reach: Array = np.max(np.abs(moved), axis=(0, 1))
+    return reach
+
+
+def _held_scale(ends: Array, starts: Array) -> Array:
+    """What counts as one of engine coordinates, (2nz,): `movement`, and where the map holds one
+    still the largest of its like.
+    """
+    scale = movement(ends, starts)
+    moved = np.max(np.abs(ends - starts), axis=0)
+    half = len(scale) // 2
+    for part in (slice(0, half), slice(half, None)):
+        still = moved[part] <= EPSILON * scale[part]
+        scale[part] = np.where(still, np.max(scale[part]), scale[part])
+    return scale
