@@ -70,6 +70,8 @@ def audits(
     )
     of_folders = [_FolderAudits(folder, options) for folder in folders]
     with executor(jobs=options.jobs, limits=options.limits) as workers:
+        if cache is None:
+            workers.begin()
         work(chain.from_iterable(one.jobs() for one in of_folders), workers)
     return tuple(chain.from_iterable(one.told() for one in of_folders))
 

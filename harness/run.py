@@ -79,6 +79,8 @@ def run(
         files=partial(luggage, (*folders, *robots)),
         engines=options.engines,
     ) as workers:
+        if options.cache is None:
+            workers.begin()
         alone = RobotPlan(options, found)
         planned = [*map(plan.folder, folders), *map(alone.file, robots)]
         work(chain.from_iterable(planned), workers, stop)

@@ -19,7 +19,7 @@ import warnings
 import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from multiprocessing import resource_tracker
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
@@ -155,6 +155,12 @@ class Workers(Executor):
         self._started = 0
         # At the latest when Python ends: before multiprocessing waits for the processes.
         self._end = weakref.finalize(self, _dismiss, self._crew, self._scratch)
+
+    def begin(self) -> None:
+        """Start what workers are started from, which imports while this process does."""
+        if self._context.get_start_method() == "forkserver":
+            with _as_servers_start():
+                forkserver.ensure_running()
 
     def turn(self) -> list[Pending[Any]]:
         """Hand out tasks, wait a moment for something to happen, and return those that ended."""

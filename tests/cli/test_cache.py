@@ -11,12 +11,15 @@ from pathlib import Path
 import pytest
 
 from harness import cached
+from harness.audits import audits
 from harness.baseline.inputs import inputs
 from harness.cached import models_inputs
 from harness.cli.main import main
+from harness.options import Options
 from harness.records.outcome import Outcome
 from harness.records.read import read_results
 from harness.records.results import Results
+from harness.run import run as run_all
 from harness.schedule.workers import Workers
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.mutation.test_trees import MODEL, SYSTEM
@@ -86,6 +89,7 @@ def test_what_is_known_is_not_run_again_nor_derived(
         raise AssertionError("something is run")
 
     monkeypatch.setattr(Workers, "submit", refused)
+    monkeypatch.setattr(Workers, "begin", refused)
     second = run()
     assert "; 4 had from the cache" in capsys.readouterr().out
     assert second.cached == 4
@@ -95,6 +99,17 @@ def test_what_is_known_is_not_run_again_nor_derived(
     assert second.systems == before.systems
     assert {case.outcome for case in second.cases} == {Outcome.AGREES, Outcome.DIFFERS}
     assert any(model.diagnosis for model in second.models)
+
+
+def test_only_where_nothing_may_be_known_workers_are_begun_before_there_is_a_task(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[str] = []
+    monkeypatch.setattr(Workers, "begin", lambda workers: begun.append("a run or an audit"))
+    for cache in (None, cached.Cache(tmp_path / "kept")):
+        run_all([], Options(cache=cache), lambda *_: None)
+        audits([], cache=cache)
+    assert len(begun) == 2
 
 
 def audited(capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:

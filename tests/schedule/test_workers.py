@@ -120,6 +120,10 @@ def leave_well(_: object) -> None:
     os._exit(0)
 
 
+def parent(_: object) -> int:
+    return os.getppid()
+
+
 def leave_in_c(_: object) -> None:
     ctypes.CDLL(None)._exit(0)
 
@@ -351,6 +355,27 @@ def test_what_starts_the_workers_hears_no_signal_and_they_do(
     assert not set(SIGNALS) & before[0]
     assert set(SIGNALS) <= server
     assert not set(SIGNALS) & worker
+
+
+BEGUN = """
+import os
+from harness.schedule.workers import Workers
+from tests.schedule.test_workers import parent
+def children():
+    return open(f"/proc/self/task/{os.getpid()}/children").read().split()
+with Workers(1) as pool:
+    before = children()
+    pool.begin()
+    began = set(children()) - set(before)
+    print(str(pool.outcome(pool.submit(parent, 0))) in began)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc to look into")
+def test_what_starts_the_workers_is_begun_before_there_is_a_task() -> None:
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", BEGUN], cwd=root, stdout=subprocess.PIPE)
+    assert done.stdout.split() == [b"True"]
 
 
 def test_what_a_task_started_ends_with_its_worker(workers: Workers) -> None:
