@@ -19,7 +19,7 @@ import warnings
 import weakref
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from multiprocessing import forkserver, resource_tracker
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from multiprocessing.reduction import ForkingPickler
@@ -159,6 +159,8 @@ class Workers(Executor):
     def begin(self) -> None:
         """Start what workers are started from, which imports while this process does."""
         if self._context.get_start_method() == "forkserver":
+            from multiprocessing import forkserver  # which can't be imported where there is none
+
             with _as_servers_start():
                 forkserver.ensure_running()
 
