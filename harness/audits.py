@@ -69,9 +69,7 @@ def audits(
         cache=cache,
     )
     of_folders = [_FolderAudits(folder, options) for folder in folders]
-    with executor(jobs=options.jobs, limits=options.limits) as workers:
-        if cache is None:
-            workers.begin()
+    with executor(jobs=options.jobs, limits=options.limits, sure=cache is None) as workers:
         work(chain.from_iterable(one.jobs() for one in of_folders), workers)
     return tuple(chain.from_iterable(one.told() for one in of_folders))
 

@@ -78,9 +78,8 @@ def run(
         scheduler=options.scheduler,
         files=partial(luggage, (*folders, *robots)),
         engines=options.engines,
+        sure=options.cache is None,
     ) as workers:
-        if options.cache is None:
-            workers.begin()
         alone = RobotPlan(options, found)
         planned = [*map(plan.folder, folders), *map(alone.file, robots)]
         work(chain.from_iterable(planned), workers, stop)

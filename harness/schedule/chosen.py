@@ -18,6 +18,7 @@ def executor(
     scheduler: str = "",
     files: Callable[[], Iterable[Path]] = tuple,
     engines: Sequence[str] = (),
+    sure: bool = False,
 ) -> Executor:
     """Who does the tasks; to be used as a context manager.
 
@@ -27,12 +28,16 @@ def executor(
         scheduler: address of a dask cluster's; empty: processes of this machine.
         files: what tasks read, as it is named here; asked for where a cluster gets copies of it.
         engines: whose versions must be the same there; none: those of all that are installed here.
+        sure: whether tasks are sure to come: what takes its time is begun at once.
 
     Raises:
         ClusterError: for a cluster that can't be worked with; says what to do.
     """
     if not scheduler:
-        return Workers(jobs or os.cpu_count() or 1, limits)
+        workers = Workers(jobs or os.cpu_count() or 1, limits)
+        if sure:
+            workers.begin()
+        return workers
     # Imported where it is asked for alone: it is an extra, and takes a second.
     from harness.schedule.cluster import Cluster
 

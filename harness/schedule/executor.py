@@ -64,9 +64,6 @@ class Executor(ABC):
             self._waiting.append(pending)
         return pending
 
-    def begin(self) -> None:  # noqa: B027  # not everybody has anything to begin
-        """Tasks are sure to come: begin what takes its time before the first of them is there."""
-
     @abstractmethod
     def turn(self) -> list[Pending[Any]]:
         """Hand out tasks, wait a moment for something to happen, and return those that ended."""

@@ -151,21 +151,20 @@ class LinkMotion(NamedTuple):
         force = np.concatenate([point, centers, still, still], axis=1)
         return force, np.concatenate([0 * point, cross(eye, point), moments], axis=1)
 
-
-def carried(
-    base: LinkMotion, here: Placement, one: LinkNumbers, v: Scalars, a: Scalars | None
-) -> LinkMotion:
-    """The motion of a link that another one carries, its joint's velocities constant without a."""
-    w, r = base.angular, here.origin
-    carried = turned_back(here.rotation, w)
-    turning, sliding = np.tensordot(one.turning, v, 1), np.tensordot(one.sliding, v, 1)
-    point = base.linear + cross(base.turning, r) + cross(w, cross(w, r))
-    angular = turned_back(here.rotation, base.turning) + cross(carried, turning)
-    linear = turned_back(here.rotation, point) + cross(2 * carried + turning, sliding)
-    if a is not None:
-        angular = angular + np.tensordot(one.turning, a, 1)
-        linear = linear + np.tensordot(one.sliding, a, 1)
-    return LinkMotion(carried + turning, angular, linear)
+    def carrying(
+        self, here: Placement, one: LinkNumbers, v: Scalars, a: Scalars | None
+    ) -> LinkMotion:
+        """The motion of a link that this one carries, its joint's velocities constant without a."""
+        w, r = self.angular, here.origin
+        carried = turned_back(here.rotation, w)
+        turning, sliding = np.tensordot(one.turning, v, 1), np.tensordot(one.sliding, v, 1)
+        point = self.linear + cross(self.turning, r) + cross(w, cross(w, r))
+        angular = turned_back(here.rotation, self.turning) + cross(carried, turning)
+        linear = turned_back(here.rotation, point) + cross(2 * carried + turning, sliding)
+        if a is not None:
+            angular = angular + np.tensordot(one.turning, a, 1)
+            linear = linear + np.tensordot(one.sliding, a, 1)
+        return LinkMotion(carried + turning, angular, linear)
 
 
 def carried_down(placed: Placement, force: Scalars, moment: Scalars) -> tuple[Scalars, Scalars]:

@@ -30,7 +30,6 @@ from reference.multibody.carried import (
     LinkNumbers,
     Moving,
     Placement,
-    carried,
     carried_down,
     numbers_of,
     tall,
@@ -161,7 +160,7 @@ class Recursion:
             base = LinkMotion(still, still, up) if link.parent == WORLD else found[link.parent]
             there = tree.velocities[i]
             own = None if a is None else a[there]
-            found.append(carried(base, placements[i], one, v[there], own))
+            found.append(base.carrying(placements[i], one, v[there], own))
         return found
 
     def velocities(self, placements: list[Placement], v: Scalars) -> list[Moving]:

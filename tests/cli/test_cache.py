@@ -64,6 +64,20 @@ def ran(ran_once: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return tmp_path / "osc"
 
 
+@pytest.fixture
+def submitted(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """The functions that workers get from now on."""
+    submit = Workers.submit
+    found: list[object] = []
+
+    def counted(workers: Workers, function: object, argument: object, **more: bool) -> object:
+        found.append(function)
+        return submit(workers, function, argument, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Workers, "submit", counted)
+    return found
+
+
 def first() -> Results:
     """What that run found."""
     return read_results(Path("out/results.json"))
@@ -120,16 +134,8 @@ def audited(capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
 
 
 def test_an_audit_has_what_a_run_found_and_finds_what_has_changed(
-    ran: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ran: Path, submitted: list[object], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    submit = Workers.submit
-    submitted: list[object] = []
-
-    def counted(workers: Workers, function: object, argument: object, **more: bool) -> object:
-        submitted.append(function)
-        return submit(workers, function, argument, **more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(Workers, "submit", counted)
     code, told = audited(capsys)
     assert (code, submitted) == (1, [])
     assert "47.5" in told.split("oscillator/wrong.known")[1]
@@ -146,7 +152,7 @@ def test_an_audit_has_what_a_run_found_and_finds_what_has_changed(
 
 
 def test_what_is_measured_beside_a_baseline_is_known_too(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch, submitted: list[object]
 ) -> None:
     monkeypatch.delenv("CI", raising=False)
     (folder / "wrong.known").unlink()
@@ -154,14 +160,7 @@ def test_what_is_measured_beside_a_baseline_is_known_too(
     assert main(["accept", "--folder", "osc", "--reason", "a test"]) == 0
     before = run()
     assert before.baseline is not None
-    known = Workers.submit
-    submitted: list[str] = []
-
-    def counted(workers: Workers, function: object, argument: object, **more: bool) -> object:
-        submitted.append(str(function))
-        return known(workers, function, argument, **more)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(Workers, "submit", counted)
+    submitted.clear()
     second = run()
     assert (submitted, second.cached, second.baseline) == ([], 2, before.baseline)
     good = folder / "good.known"

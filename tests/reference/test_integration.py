@@ -54,6 +54,10 @@ def sizes(motion: Motion) -> Array:
     return np.concatenate([np.full(n, largest[:n].max()), np.full(n, largest[n:].max())])
 
 
+def test_some_systems_are_nonlinear() -> None:
+    assert {name for name, _ in NONLINEAR} >= {"drum_pendulum", "simple_pendulum"}
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_system_is_linear_or_not_as_these_tests_have_it(name: str) -> None:
     assert equations_of(name).linear == (name in LINEAR)
