@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any
 from harness.cases.not_run import hurdle
 from harness.collected import Collected
 from harness.engines.registry import engines as registered
+from harness.files.choice import Choice
 from harness.files.model_files import UnreadModel, chosen_engines, model_files
+from harness.files.sidecar import Sidecar
 from harness.options import Options, Selection
 from harness.plan_bodies import BodiesModel
 from harness.plan_energies import EnergiesModel
@@ -59,14 +61,16 @@ def audits(
     jobs: int = 0,
     limits: Limits | None = None,
     cache: Cache | None = None,
+    choice: Choice = Choice(),  # noqa: B008  # frozen
 ) -> tuple[ModelAudit, ...]:
-    """Audit every model of the folders; engines, limits and cache are those of a run."""
+    """Audit every model of the folders, or those chosen; all else is as of a run."""
     options = Options(
         engines=tuple(engines),
         jobs=jobs,
         limits=limits or Limits(),
         selection=ALONE,
         cache=cache,
+        choice=choice,
     )
     of_folders = [_FolderAudits(folder, options) for folder in folders]
     with executor(jobs=options.jobs, limits=options.limits, sure=cache is None) as workers:
@@ -106,15 +110,24 @@ class _FolderAudits:
         system, known = place.facts.record.name, registered()
         model = BodiesModel if place.facts.bodies else EnergiesModel
         for file in model_files(self._folder):
+            if not self._wants(file):
+                continue
             if isinstance(file, UnreadModel):
                 unread = ModelId(system=system, model=file.model, engine="-")
                 self._told.append(ModelAudit(unread, failure=file.reason))
                 continue
             for engine in chosen_engines(file, self._options.engines):
                 one = ModelId(system=system, model=file.model.name, engine=engine)
+                if not self._wants(file, engine):
+                    continue
                 if why := hurdle(known, engine, file):
                     absent = why.outcome is Outcome.ABSENT
                     self._told.append(ModelAudit(one, failure=why.reason, absent=absent))
                     continue
                 self._told.append(ModelAudit(one))  # what comes of it goes to its record
                 yield from model(place, known, file, engine, ()).audit()
+
+    def _wants(self, file: Sidecar | UnreadModel, engine: str = "") -> bool:
+        """Whether a model is to be audited, in an engine or in any."""
+        name = file.model if isinstance(file, UnreadModel) else file.model.name
+        return self._options.choice.includes_model(str(self._folder), name, engine)

@@ -10,13 +10,14 @@ from harness.cli.completion import completed_by, engine_names, systems_and_files
 from harness.schedule.limits import MEMORY, SECONDS, Limits
 
 
-def folders(command: argparse.ArgumentParser, *, some: bool) -> None:
-    """Add FOLDER ...; `some`: at least one."""
+def folders(command: argparse.ArgumentParser, *, some: bool, models: bool = True) -> None:
+    """Add FOLDER ...; `some`: at least one; `models`: files in them may be named too."""
+    told = "system folders, or model files in them" if models else "system folders"
     action = command.add_argument(
         "folders",
         nargs="+" if some else "*",
         metavar="FOLDER",
-        help="system folders" if some else "system folders, or model files in them; none: built-in",
+        help=told if some else f"{told}; none: built-in",
     )
     completed_by(action, systems_and_files)
 

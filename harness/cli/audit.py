@@ -4,31 +4,36 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 
 from harness.audits import audits
 from harness.cached import Cache
 from harness.cli import arguments
+from harness.cli.asked import Asked, meant_by
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.cli.missing import tell_missing, with_missing
-from harness.files.folders import check_engines, named_folders
+from harness.files.folders import FolderError, check_engines
 from harness.records.results import nothing_tested
 from harness.text.findings import audit_lines
 from harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Audit every model of the folders and print what was found."""
+    """Audit the models that are named and print what was found."""
     check_engines(options.engine)
-    named = named_folders(options.folders)
-    tell_missing(named)
+    wanted = _asked_for(options.folders)
+    tell_missing(wanted.named)
     cache = None if options.cache is None else Cache(options.cache)
     found = audits(
-        named.folders,
+        wanted.folders,
         engines=options.engine,
         jobs=options.jobs,
         limits=arguments.limits_of(options),
         cache=cache,
+        choice=wanted.choice,
     )
+    if not found:
+        raise FolderError("no model has such a name in such an engine; `crosscheck list` has all")
     if cache is not None and cache.trouble:
         print(f"crosscheck: {cache.trouble}", file=sys.stderr)
     code = AGREE
@@ -45,4 +50,22 @@ def main(options: argparse.Namespace) -> int:
             print(f"  {visible(text)}")
         if any(finding.severity == "finding" for finding in model.findings):
             code = max(code, DIFFER)
-    return with_missing(code, named)
+    return with_missing(code, wanted.named)
+
+
+def _asked_for(names: Sequence[str]) -> Asked:
+    """Folders and models in them.
+
+    Raises:
+        FolderError: where none is named, or a file that no equations stand beside.
+    """
+    found = meant_by(names, alone=False)
+    if found.robots:
+        file = visible(str(found.robots[0]))
+        raise FolderError(
+            f"{file}: no sidecar says what its numbers should be; `crosscheck run {file}` runs it"
+            " against the equations of its own bodies"
+        )
+    if not found.folders:
+        raise FolderError("; ".join(found.named.faults.values()))
+    return found

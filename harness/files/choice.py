@@ -33,11 +33,11 @@ class NamedModel:
 
     def includes(self, case: CaseId) -> bool:
         """Whether a case of its folder is meant."""
-        return (
-            case.model == self.model
-            and self.scenario in ("", case.scenario)
-            and self.engine in ("", case.engine)
-        )
+        return self.includes_model(case.model, case.engine) and self.scenario in ("", case.scenario)
+
+    def includes_model(self, model: str, engine: str = "") -> bool:
+        """Whether a model of its folder is meant, be it in one scenario; in an engine or in any."""
+        return model == self.model and (not engine or self.engine in ("", engine))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +58,11 @@ class Choice:
     def everything(self) -> bool:
         """Whether nothing is left out."""
         return not (self.models or self.words) and self.only is None
+
+    def includes_model(self, folder: str, model: str, engine: str = "") -> bool:
+        """Whether a model is among those that are meant, in an engine or in any."""
+        named = self.models.get(folder)
+        return named is None or any(one.includes_model(model, engine) for one in named)
 
     def includes(self, folder: str, case: CaseId) -> bool:
         """Whether a case is wanted."""

@@ -32,7 +32,7 @@ from harness.schedule.limits import MEMORY, SECONDS, Limits
 from harness.schedule.main_module import without_main
 from harness.schedule.workers import Workers
 from harness.text.comparison import print_comparison
-from harness.text.troubles import shown_path
+from harness.text.places import shown_path
 
 _OPTION = re.compile(r"--([a-z][a-z-]*)")
 

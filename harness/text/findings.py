@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from msgspec.structs import replace
+
+from harness.records.base import SourceLine
 from harness.records.finding import AuditFinding
+from harness.text.places import shown_path
 
 
 def audit_lines(findings: Iterable[AuditFinding], notes: bool = True) -> list[str]:
@@ -14,6 +18,9 @@ def audit_lines(findings: Iterable[AuditFinding], notes: bool = True) -> list[st
     for severity in ("finding", "note") if notes else ("finding",):
         for one in known:
             if one.severity == severity:
-                where = f"{one.where}: " if one.where else ""
-                lines.append(f"{severity:<8} {one.kind:<12} {where}{one.message}")
+                lines.append(f"{severity:<8} {one.kind:<12} {_place(one.where)}{one.message}")
     return lines or ["nothing to say: literals and compiled terms are those of the equations"]
+
+
+def _place(where: SourceLine | None) -> str:
+    return "" if where is None else f"{replace(where, file=shown_path(where.file))}: "

@@ -11,7 +11,8 @@ from harness.records.cause import Cause
 from harness.records.model import Model
 from harness.records.results import Results
 from harness.text.causes import IN_FILE, digits_known
-from harness.text.troubles import explained_alike, shown_line
+from harness.text.places import shown_line
+from harness.text.troubles import explained_alike
 
 MOST = 3
 """Changes that are told; the page has them all."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from harness.records.outcome import Outcome
 from harness.records.results import Results
 from harness.text.github import Annotation, case_notes
-from harness.text.troubles import shown_line, shown_path
+from harness.text.places import shown_line, shown_path
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from pathlib import Path
 
-from msgspec.structs import replace
 from rich.console import Console
 
-from harness.records.base import SourceLine
 from harness.records.case import Case, ModelKey
-from harness.records.finding import Explanation
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
 from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 from harness.text.findings import audit_lines
 from harness.text.markup import escape
+from harness.text.places import placed
 from harness.text.styles import STYLES
 
 MOST_TOLD = 40
@@ -83,28 +79,6 @@ def untold_failures(results: Results) -> list[tuple[Model, str, str]]:
         for what, why in model.failures
         if why not in told.get(model.key, ())
     ]
-
-
-def shown_path(path: str | Path) -> str:
-    """A path from where one stands, if it lies below; else as it is."""
-    here, whole = Path.cwd(), Path(os.path.abspath(path))
-    return str(whole.relative_to(here) if whole.is_relative_to(here) else path)
-
-
-def shown_line(folder: str, where: SourceLine) -> SourceLine:
-    """A line of a model's file, with the path from where one stands."""
-    place = Path(folder)
-    beside = (place if place.is_dir() else place.parent) / Path(where.file).name
-    return replace(where, file=shown_path(beside)) if beside.is_file() else where
-
-
-def placed(explanation: Explanation, folder: str) -> Explanation:
-    """An explanation whose lines have paths from where one stands."""
-    causes = tuple(
-        replace(cause, where=tuple(shown_line(folder, one) for one in cause.where))
-        for cause in explanation.causes
-    )
-    return replace(explanation, causes=causes)
 
 
 def print_troubles(console: Console, results: Results) -> None:

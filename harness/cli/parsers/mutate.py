@@ -11,7 +11,7 @@ from harness.schedule.limits import FAULT_SECONDS
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    arguments.folders(command, some=True)
+    arguments.folders(command, some=True, models=False)
     arguments.engine(command)
     arguments.limits(command, FAULT_SECONDS)
     arguments.jobs(command, "two")

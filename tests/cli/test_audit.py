@@ -1,0 +1,80 @@
+"""`crosscheck audit`: of folders, of a model in one, and of what it can't read."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from harness.files.folders import builtin
+from tests.commands import crosscheck
+from tests.standing import brief, standing_only
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where a folder `pendulum` is whose models all have the wrong gravity."""
+    folder = tmp_path_factory.mktemp("audited") / "pendulum"
+    shutil.copytree(builtin() / "simple_pendulum", folder)
+    standing_only(folder)
+    brief(folder)
+    system = folder / "system.py"
+    system.write_text(system.read_text().replace("9.81", "9.8"))
+    return folder.parent
+
+
+@pytest.mark.parametrize(("name", "audited"), [
+    ("pendulum/mujoco.xml", ["pendulum/mujoco.xml [mujoco]"]),
+    ("pendulum/robot.urdf", ["pendulum/robot.urdf [pybullet]", "pendulum/robot.urdf [mujoco]"]),
+    ("pendulum/robot.urdf/free [pybullet]", ["pendulum/robot.urdf [pybullet]"]),  # a case's name
+])  # fmt: skip
+def test_a_model_s_name_audits_it_alone_and_a_finding_s_line_is_told_from_where_one_stands(
+    place: Path, name: str, audited: list[str]
+) -> None:
+    ran = crosscheck("audit", name, cwd=place)
+    assert ran.returncode == 1, ran.stderr
+    told = ran.stdout.splitlines()
+    assert [line.replace("simple_pendulum", "pendulum") for line in told if line[0] != " "] == (
+        audited
+    )
+    lines = [line for line in told if line.startswith("  finding  literal")]
+    assert lines
+    file = audited[0].partition(" ")[0]
+    assert all(
+        re.search(rf" {re.escape(file)}(\.toml)?:\d+: .* -g = -9\.8 ", line) for line in lines
+    )
+
+
+@pytest.mark.parametrize(("name", "said"), [
+    ("pendulum/mujoco.xml [pymunk]", "no model has such a name in such an engine; `crosscheck"),
+    ("pendulum/other.xml", "pendulum/other.xml: there is no such file"),
+    ("arm.urdf", "arm.urdf: no sidecar says what its numbers should be; `crosscheck run arm.urdf`"),
+])  # fmt: skip
+def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
+    place: Path, name: str, said: str
+) -> None:
+    (place / "arm.urdf").write_text("<robot name='arm'/>")
+    ran = crosscheck("audit", name, cwd=place)
+    assert (ran.returncode, ran.stdout) == (2, "")
+    assert said in ran.stderr
+    assert ran.stderr.count("\n") == 1
+
+
+def test_a_wrong_name_beside_a_model_is_told_and_the_model_audited(place: Path) -> None:
+    ran = crosscheck("audit", "pendulum/mujoco.xml", "pendulums", cwd=place)
+    assert "mujoco.xml [mujoco]" in ran.stdout
+    assert "pendulums: no such folder" in ran.stderr
+    assert ran.returncode == 2
+
+
+def test_a_sidecar_that_can_t_be_read_is_told_where_its_model_is_named(
+    place: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(place / "pendulum", tmp_path / "pendulum")
+    (tmp_path / "pendulum" / "mujoco.xml.toml").write_text("engines = 3\n")
+    ran = crosscheck("audit", "pendulum/mujoco.xml [mujoco]", cwd=tmp_path)
+    assert ran.returncode == 3
+    assert "failed" in ran.stdout
+    assert "mujoco.xml.toml" in ran.stdout
