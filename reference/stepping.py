@@ -8,9 +8,11 @@ from positions q and velocities m, such as an engine keeps; of a rotation these 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reference.declaration import t
 from reference.derive import Equations
@@ -148,7 +150,9 @@ def next_states(
     *,
     scheme: Scheme,
     damping: Array | None = None,
+    stiffness: Array | None = None,
     by_velocity: bool = False,
+    coupled: NDArray[np.bool_] | None = None,
     steps: int = 1,
 ) -> Array:
     """States (B, 2n) after steps of h seconds, by a rule on the equations.
@@ -161,7 +165,10 @@ def next_states(
         scheme: "semi-implicit Euler" is m + h a, then q advanced by the new m; "Runge-Kutta 4" the
             classical rule, and of Munthe-Kaas where bodies turn.
         damping: D of (M + h D) a = f, (n, n), taken at the step's end; None: f is all at its start.
-        by_velocity: D is -df/dm of all that there is instead.
+        stiffness: K of (M + h D + h^2 K) a = f - h K m, (n, n): of springs taken where the new m
+            takes them.
+        by_velocity: D is -df/dm of all that there is instead,
+        coupled: of these pairs alone, (n, n); None: of all.
         steps: how many.
 
     Returns:
@@ -175,16 +182,40 @@ def next_states(
         if scheme == "Runge-Kutta 4":
             q, m = _runge_kutta(stepped, q, m, held, h)
             continue
-        late = _by_velocity(stepped, q, m, held) if by_velocity else damping
-        m = m + h * _acceleration(stepped, q, m, held, None if late is None else h * late)
+        late = damping
+        if by_velocity:
+            late = _by_velocity(stepped, q, m, held) * (1 if coupled is None else coupled)
+        m = m + h * _acceleration(stepped, q, m, held, _Late.of(h, late, stiffness))
         q = stepped.advanced(q, m, h)
     return np.concatenate([q, stepped.rates(q, m)], axis=1)
 
 
-def _acceleration(stepped: Stepped, q: Array, m: Array, u: Array, late: Array | None) -> Array:
-    mass = stepped.mass(q)
-    left: Array = mass if late is None else mass + late
-    columns = stepped.force(q, m, u)[:, :, None]
+@dataclass(frozen=True)
+class _Late:
+    """What of the forces is taken at a step's end: `mass` beside M, (n, n) or (B, n, n).
+
+    And a share of them by the velocity at its start, (n, n); None: none.
+    """
+
+    mass: Array
+    by_velocity: Array | None
+
+    @staticmethod
+    def of(h: float, damping: Array | None, stiffness: Array | None) -> _Late | None:
+        """Of D and K, where there are any."""
+        if stiffness is None:
+            return None if damping is None else _Late(h * damping, None)
+        springs = h * stiffness
+        mass = h * springs if damping is None else h * (damping + springs)
+        return _Late(mass, springs)
+
+
+def _acceleration(stepped: Stepped, q: Array, m: Array, u: Array, late: _Late | None) -> Array:
+    mass, force = stepped.mass(q), stepped.force(q, m, u)
+    left: Array = mass if late is None else mass + late.mass
+    if late is not None and late.by_velocity is not None:
+        force = force - m @ late.by_velocity.T
+    columns = force[:, :, None]
     if len(q[0]) == 1:  # the same division
         with np.errstate(all="ignore"):
             return (columns / left)[:, :, 0]

@@ -21,13 +21,18 @@ class StepRule:
             forces are those at each stage.
         damping: D, (nz, nz), N s/m or N m s/rad, of what is taken at the step's end:
             (M + h D) a = f. None: all forces are those at its start.
-        by_velocity: D is -df/dv of all forces instead.
+        stiffness: K, (nz, nz), N/m or N m/rad, of springs that are taken there too, where v' takes
+            them: (M + h D + h^2 K) a = f - h K v. None: all are taken at the step's start.
+        by_velocity: D is -df/dv of all forces instead,
+        coupled: of these pairs of coordinates, (nz, nz); of others it is nothing. None: of all.
         besides: what else acts in a step and goes to nothing with it, such as "soft equalities".
     """
 
     scheme: Literal["semi-implicit Euler", "Runge-Kutta 4"]
     damping: NDArray[np.float64] | None = None
+    stiffness: NDArray[np.float64] | None = None
     by_velocity: bool = False
+    coupled: NDArray[np.bool_] | None = None
     besides: str = ""
 
     @property
@@ -35,4 +40,6 @@ class StepRule:
         """Such as: semi-implicit Euler, dampers at the step's end."""
         if self.by_velocity:
             return f"{self.scheme}, forces by velocity at the step's end"
-        return self.scheme if self.damping is None else f"{self.scheme}, dampers at the step's end"
+        late = {"springs": self.stiffness, "dampers": self.damping}
+        told = " and ".join(name for name, one in late.items() if one is not None)
+        return f"{self.scheme}, {told} at the step's end" if told else self.scheme

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.engines.protocol import Array, Model
 from harness.engines.step_rule import StepRule
@@ -44,7 +45,7 @@ class Stepping:
         rule: as the engine documents it.
         step: seconds.
         judgement: of B states and 2n components, relative to how far each moves in a step at most.
-        digits: the largest difference in last digits of the component's own size.
+        digits: the largest difference, in last digits of the component where it is largest.
         later: the same after `LATER` steps.
         long: after `LONG`, from a few of the states; nan where that was not asked for.
     """
@@ -91,6 +92,8 @@ def step_engine(
     if rule is None or not is_linear(coordinates, states):
         return None
     run = Steps(model, coordinates, states, inputs)
+    if not run.can_step(rule):
+        return None
     with np.errstate(all="ignore"):
         took, expected = run.engine(1), run.rule(rule, stepped, 1)
     if not np.isfinite(expected).all():
@@ -105,7 +108,7 @@ def step_engine(
         judgement=judge(
             apart / scale, (ROUNDED * digit + MARGIN * run.rounding(took)) / scale, resolution, None
         ),
-        digits=float(np.max(apart / digit)),
+        digits=float(np.max(apart / np.max(digit, axis=0))),
         later=run.later(rule, stepped, LATER),
         long=_long(run, rule, stepped) if long else float("nan"),
     )
@@ -143,17 +146,33 @@ class Steps:
 
     def rule(self, rule: StepRule, stepped: Stepped, steps: int) -> Array:
         """States after so many by the rule on the equations, (B, 2n)."""
-        late = None if rule.damping is None else self._slope.T @ rule.damping @ self._slope
         return next_states(
             stepped,
             self._states,
             np.repeat(self._inputs[:, None], steps, axis=1),
             self._model.step,
             scheme=rule.scheme,
-            damping=late,
+            damping=self._of_equations(rule.damping),
+            stiffness=self._of_equations(rule.stiffness),
             by_velocity=rule.by_velocity,
+            coupled=None if rule.coupled is None else self._pairs_of_equations(rule.coupled),
             steps=steps,
         )
+
+    def _of_equations(self, late: Array | None) -> Array | None:
+        """A matrix of the engine's coordinates, in the equations', (n, n)."""
+        return None if late is None else self._slope.T @ late @ self._slope
+
+    def can_step(self, rule: StepRule) -> bool:
+        """Whether pairs of the engine's coordinates are pairs of the equations'."""
+        alike = self._slope.shape[0] == self._slope.shape[1] and not self._mixes
+        return alike or rule.coupled is None
+
+    def _pairs_of_equations(self, coupled: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Pairs of the engine's coordinates, of the equations', (n, n)."""
+        same = self._slope != 0
+        found: NDArray[np.bool_] = same.T @ coupled @ same
+        return found
 
     def few(self, count: int) -> Steps:
         """The same from so many of its states, spread evenly."""
@@ -166,7 +185,7 @@ class Steps:
             expected = self.rule(rule, stepped, steps)
             alone = without_companions(*self._coordinates.to_engine(self._states))
             took = self._after(steps, alone)
-            return float(np.max(np.abs(took - expected) / self.digit(expected)))
+            return float(np.max(np.abs(took - expected) / np.max(self.digit(expected), axis=0)))
 
     def rounding(self, took: Array) -> Array:
         """What numbers rounded alike on the way make of a step, (2n,).

@@ -176,7 +176,7 @@ class Stepping(Record, frozen=True, kw_only=True):
         outcome: AGREES or DIFFERS, or UNRESOLVED where rounding hides it.
         discrepancy, uncertainty: of `component`, relative to how far it moves in a step at most.
         component: the one that decides.
-        digits: the largest difference in last digits of the component's own size.
+        digits: the largest difference, in last digits of the component where it is largest.
         digits_later: the same ten steps later; None where that is not finite.
         digits_long: a thousand steps later, from a few states; None too where it was not asked for.
     """

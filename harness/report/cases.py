@@ -254,7 +254,7 @@ def _one_step(stepping: Stepping) -> tuple[Fact, ...]:
         ("its next state, by the equations", f"{stepping.outcome} ({stepping.component})"),
         ("discrepancy", sci(stepping.discrepancy)),
         ("uncertainty", sci(stepping.uncertainty)),
-        ("last digits, after 1, 10 and 1000 steps", _digits(stepping)),
+        ("last digits of the largest, after 1, 10 and 1000 steps", _digits(stepping)),
     ]
     if stepping.besides:
         rows.append(("acts besides", stepping.besides))

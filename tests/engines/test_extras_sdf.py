@@ -231,10 +231,14 @@ def test_what_drake_alone_reads_is_left_out_where_a_file_is_checked_alone(tmp_pa
     assert outcome("drake", sdf, tmp_path, smooth=False) is Outcome.DIFFERS
 
 
-def test_springs_of_the_file_are_told_to_act_at_the_end_of_a_step_of_darts(tmp_path: Path) -> None:
-    besides = []
-    for axis in ("", DYNAMICS):
-        rule = load("dart", text(axis), tmp_path).step_rule
-        assert rule is not None
-        besides.append(rule.besides)
-    assert besides == ["", "springs, taken at the step's end"]
+def test_dart_takes_the_files_springs_and_dampers_at_the_step_s_end(tmp_path: Path) -> None:
+    rules = [load("dart", text(axis), tmp_path).step_rule for axis in ("", DYNAMICS)]
+    assert [rule and rule.name for rule in rules] == [
+        "semi-implicit Euler",
+        "semi-implicit Euler, springs and dampers at the step's end",
+    ]
+    none, both = rules
+    assert none is not None
+    assert both is not None
+    assert none.stiffness is none.damping is None
+    np.testing.assert_array_equal([both.stiffness, both.damping], [[[3.0]], [[0.02]]])

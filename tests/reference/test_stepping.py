@@ -87,6 +87,32 @@ def test_dampers_at_the_end_of_a_step_are_those_of_a_linear_system() -> None:
     assert now[0, 1] == pytest.approx(1 - 0.1 * 3 / 2, abs=1e-15)
 
 
+@pytest.mark.parametrize("dampers", [0.0, 0.7])
+def test_springs_at_the_end_of_a_step_pull_from_where_the_new_velocity_takes_them(
+    dampers: float,
+) -> None:
+    """M (v' - v) / h = -K (q + h v') - D v', of two slides."""
+    links = tuple(
+        Link(
+            name=name, parent=WORLD, kind="slide", mass=m, position=np.zeros(3), stiffness=k,
+            rotation=np.eye(3), axis=np.array([1.0, 0, 0]), center=np.zeros(3), inertia=np.eye(3),
+            damping=dampers,
+        )
+        for name, m, k in (("a", 2.0, 30.0), ("b", 0.5, 4.0))
+    )  # fmt: skip
+    stepped = SteppedBodies(Tree(links=links, gravity=np.zeros(3)), [0, 1])
+    h, stiffness, damping = 0.1, np.diag([30.0, 4.0]), dampers * np.eye(2)
+    q, v = np.array([0.3, -0.2]), np.array([1.0, 0.4])
+    late = damping if dampers else None
+    end = next_states(
+        stepped, np.array([[*q, *v]]), np.zeros((1, 1, 2)), h, scheme="semi-implicit Euler",
+        damping=late, stiffness=stiffness,
+    )[0]  # fmt: skip
+    pull = -stiffness @ (q + h * end[2:]) - damping @ end[2:]
+    np.testing.assert_allclose(np.array([2.0, 0.5]) * (end[2:] - v) / h, pull, rtol=1e-14)
+    np.testing.assert_allclose(end[:2], q + h * end[2:], rtol=1e-15)
+
+
 def test_a_motion_that_blows_up_raises_nothing() -> None:
     """Its states are no numbers: at a coarse step that is not the model's fault alone."""
     nothing = Link(

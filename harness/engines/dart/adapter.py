@@ -110,7 +110,7 @@ class DartModel(UrdfModel):
             if mimic and self.settings["couplers"]:
                 joint.setUseCouplerConstraint(True)
         springs = self.name([joint.getName() for joint in joints])
-        self._sprung = any(joint.getSpringStiffness(0) for joint in joints)
+        self._stiffness = np.diag([joint.getSpringStiffness(0) for joint in joints])
         self._damping = np.diag([joint.getDampingCoefficient(0) for joint in joints])
         self.stepper = self._steps = WorldSteps(self._world, self._body, self.floats, springs)
         slides = any(joint.getCoulombFriction(0) for joint in joints)
@@ -133,13 +133,17 @@ class DartModel(UrdfModel):
 
     @property
     def step_rule(self) -> StepRule | None:
-        """Dampers at the step's end; a root that floats is turned by an exponential of its own."""
+        """Its springs and dampers at the step's end (GenericJoint.hpp, updateTotalForceDynamic).
+
+        A root that floats is turned by an exponential of its own.
+        """
         if self.floats:
             return None
         held = "couplings, which a servo or a constraint holds" if self.declared.mimics else ""
-        held = held or ("springs, taken at the step's end" if self._sprung else "")
-        late = self._damping if self._damping.any() else None
-        return StepRule(scheme="semi-implicit Euler", damping=late, besides=held)
+        damping, stiffness = (m if m.any() else None for m in (self._damping, self._stiffness))
+        return StepRule(
+            scheme="semi-implicit Euler", damping=damping, stiffness=stiffness, besides=held
+        )
 
     @property
     def limits(self) -> Array:

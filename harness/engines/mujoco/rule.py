@@ -2,7 +2,9 @@
 
 Euler takes joint dampers at the step's end, unless the flag `eulerdamp` is off, and tendons' at its
 start; `implicitfast` takes those and actuators' dampers at the end, in the sparsity of M;
-`implicit` all that depends on velocity, Coriolis forces too. Where a damper is no constant, no rule
+`implicit` all that depends on velocity, Coriolis forces too. Neither takes what a tendon's or a
+motor's damper couples across trees or branches: the derivative has no place for it (D_colind; seen
+in 4.0: two masses on the world between which a damper acts). Where a damper is no constant, no rule
 is told for these. RK4 turns bodies by Munthe-Kaas's rule (seen in 4.0: velocities equal the
 classical rule's, rotations that one's to the last digit).
 """
@@ -12,6 +14,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.engines.mujoco.medium import medium
 from harness.engines.mujoco.pulls import acts, actuators, powers
@@ -31,7 +34,12 @@ def step_rule(m: Any) -> StepRule | None:
         case kinds.mjINT_RK4:
             return StepRule(scheme="Runge-Kutta 4", besides=besides)
         case kinds.mjINT_IMPLICIT if not (_bent(m) or _drags(m) or _moves(m)):
-            return StepRule(scheme="semi-implicit Euler", by_velocity=True, besides=besides)
+            return StepRule(
+                scheme="semi-implicit Euler",
+                by_velocity=True,
+                coupled=_coupled(m),
+                besides=besides,
+            )
         case kinds.mjINT_EULER:
             late = _joint_dampers(m)
         case kinds.mjINT_IMPLICITFAST if not _moves(m):
@@ -51,6 +59,13 @@ def _joint_dampers(m: Any) -> Array | None:
     if _bent(m):
         return None
     return np.diag(np.array(m.dof_damping, dtype=float))
+
+
+def _coupled(m: Any) -> NDArray[np.bool_] | None:
+    """Pairs of degrees of freedom of which its derivative has an entry, (nv, nv); None: all."""
+    found = np.zeros((m.nv, m.nv), dtype=bool)
+    found[np.repeat(np.arange(m.nv), m.D_rownnz), m.D_colind] = True
+    return None if found.all() else found
 
 
 def _bent(m: Any) -> bool:
