@@ -17,7 +17,7 @@ import numpy as np
 from harness.engines.protocol import Model
 from harness.numerics.coordinates import CoordinateMap
 from harness.numerics.differences import moved, slopes
-from harness.numerics.stepping import MARGIN, ROUNDED, Steps, is_linear
+from harness.numerics.stepping import MARGIN, ROUNDED, Steps, steps_alike
 from reference.numeric import Array
 from reference.stepping import Stepped
 
@@ -89,7 +89,7 @@ def linearize_step(
     a, b = found.value[:, :size], found.value[:, size:]
     error = bound = float("nan")
     differs, rule = False, model.step_rule
-    if rule is not None and stepped is not None and is_linear(coordinates, states):
+    if rule is not None and stepped is not None and steps_alike(rule, coordinates, states):
         wanted = slopes(run.rule(rule, stepped, 1), lost, deltas)
         changed = wanted.value - np.eye(size, len(deltas))
         scale = float(np.max(np.abs(changed))) or 1.0

@@ -64,6 +64,19 @@ def is_linear(coordinates: CoordinateMap, states: Array) -> bool:
     return bool(np.ptp(slopes, axis=0).max(initial=0.0) == 0.0)
 
 
+def steps_alike(rule: StepRule, coordinates: CoordinateMap, states: Array) -> bool:
+    """Whether a rule steps the equations as it steps the engine's coordinates.
+
+    Where it tells pairs of these apart, each is to be one of the system's.
+    """
+    if rule.coupled is None:
+        return is_linear(coordinates, states)
+    n = coordinates.back.size
+    entries = coordinates.forward_slope(states[:1, :n]).reshape(-1, n) != 0
+    alone = len(entries) == n and bool(np.all(entries.sum(axis=1) == 1))
+    return alone and is_linear(coordinates, states)
+
+
 def step_engine(
     model: Model,
     coordinates: CoordinateMap,
@@ -89,11 +102,9 @@ def step_engine(
         one step is more than numbers can hold.
     """
     rule = model.step_rule
-    if rule is None or not is_linear(coordinates, states):
+    if rule is None or not steps_alike(rule, coordinates, states):
         return None
     run = Steps(model, coordinates, states, inputs)
-    if not run.can_step(rule):
-        return None
     with np.errstate(all="ignore"):
         took, expected = run.engine(1), run.rule(rule, stepped, 1)
     if not np.isfinite(expected).all():
@@ -162,11 +173,6 @@ class Steps:
     def _of_equations(self, late: Array | None) -> Array | None:
         """A matrix of the engine's coordinates, in the equations', (n, n)."""
         return None if late is None else self._slope.T @ late @ self._slope
-
-    def can_step(self, rule: StepRule) -> bool:
-        """Whether pairs of the engine's coordinates are pairs of the equations'."""
-        alike = self._slope.shape[0] == self._slope.shape[1] and not self._mixes
-        return alike or rule.coupled is None
 
     def _pairs_of_equations(self, coupled: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Pairs of the engine's coordinates, of the equations', (n, n)."""
