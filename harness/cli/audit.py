@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 from harness.audits import audits
 from harness.cached import Cache
@@ -12,7 +14,7 @@ from harness.cli import arguments
 from harness.cli.asked import Asked, meant_by
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
 from harness.cli.missing import tell_missing, with_missing
-from harness.files.folders import FolderError, check_engines
+from harness.files.folders import FolderError, NamedFolders, check_engines
 from harness.records.results import nothing_tested
 from harness.text.findings import audit_lines
 from harness.text.visible import visible
@@ -54,18 +56,21 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _asked_for(names: Sequence[str]) -> Asked:
-    """Folders and models in them.
+    """Folders and models in them; files that no equations stand beside are names that mean nothing.
 
     Raises:
-        FolderError: where none is named, or a file that no equations stand beside.
+        FolderError: where nothing else is named.
     """
     found = meant_by(names, alone=False)
-    if found.robots:
-        file = visible(str(found.robots[0]))
-        raise FolderError(
-            f"{file}: no sidecar says what its numbers should be; `crosscheck run {file}` runs it"
-            " against the equations of its own bodies"
-        )
+    faults = {**found.named.faults, **{str(file): _alone(file) for file in found.robots}}
     if not found.folders:
-        raise FolderError("; ".join(found.named.faults.values()))
-    return found
+        raise FolderError("; ".join(faults.values()))
+    return replace(found, named=NamedFolders(found.named.folders, faults))
+
+
+def _alone(file: Path) -> str:
+    name = visible(str(file))
+    return (
+        f"{name}: no sidecar says what its numbers should be; `crosscheck run {name}` runs it"
+        " against the equations of its own bodies"
+    )

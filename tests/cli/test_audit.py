@@ -62,10 +62,16 @@ def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
     assert ran.stderr.count("\n") == 1
 
 
-def test_a_wrong_name_beside_a_model_is_told_and_the_model_audited(place: Path) -> None:
-    ran = crosscheck("audit", "pendulum/mujoco.xml", "pendulums", cwd=place)
+@pytest.mark.parametrize(("name", "said"), [
+    ("pendulums", "pendulums: no such folder"), ("arm.urdf", "arm.urdf: no sidecar says"),
+])  # fmt: skip
+def test_what_can_t_be_audited_beside_a_model_is_told_and_the_model_audited(
+    place: Path, name: str, said: str
+) -> None:
+    (place / "arm.urdf").write_text("<robot name='arm'/>")
+    ran = crosscheck("audit", "pendulum/mujoco.xml", name, cwd=place)
     assert "mujoco.xml [mujoco]" in ran.stdout
-    assert "pendulums: no such folder" in ran.stderr
+    assert said in ran.stderr
     assert ran.returncode == 2
 
 
