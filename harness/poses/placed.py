@@ -16,8 +16,6 @@ from reference.frames import ENTRIES, frame_function
 from reference.numeric import Array, NumericFunction
 from reference.system import System
 
-EPSILON = float(np.finfo(float).eps)
-
 STEPS = 16.0
 """Roundings of one body's frame, placed in its parent's: a product of quaternions, turned into a
 matrix, times a vector; sums of four products each."""
@@ -104,7 +102,7 @@ class Frames:
         z = self.coordinates.forward(q)
         moved = _moved(self.expected, q) + _moved(self.found, z)
         chain = STEPS * max(1, len(self.model.places))
-        far, turned = EPSILON * (chain * np.array([length, 1.0]) + 4 * moved)
+        far, turned = self.model.epsilon * (chain * np.array([length, 1.0]) + 4 * moved)
         return float(far), float(turned)
 
 

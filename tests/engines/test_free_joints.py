@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from harness.engines.attitude import matrix, quaternion
 from harness.engines.protocol import Model, ModelSpec, StateForce
 from harness.engines.registry import engines
+from tests.engines.test_readings import BELOW
 
 MJCF = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody>
 <body name="top" pos="1 2 3" euler="0 0 90"><joint name="top" type="free"/>
@@ -14,6 +18,15 @@ MJCF = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody>
 <body><joint name="neck" type="ball"/><inertial pos="0 0 0" mass="1" diaginertia="0.4 0.4 0.4"/>
 </body></body></worldbody></mujoco>"""
 H = 1e-6
+
+
+TUMBLING = (
+    '<robot name="r"><link name="g"><inertial><origin xyz="0.1 0.2 0"/><mass value="2"/>'
+    '<inertia ixx="1" iyy="2" izz="1.5" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    f'<link name="a">{BELOW}</link><joint name="j" type="continuous"><parent link="g"/>'
+    '<child link="a"/><axis xyz="0 1 0"/></joint></robot>'
+)
+"""A URDF whose root has its centre beside its origin, and a hinge."""
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +79,21 @@ def test_forces_are_along_the_world_and_moments_about_the_bodys_axes(model: Mode
     s = np.tan(np.pi / 8)
     w = 0.05 / 0.1
     assert held[3:6] == pytest.approx([(1 - s * s) * w, 2 * s * w, 0])
+
+
+@pytest.mark.parametrize("name", ["mujoco", "pybullet"])
+def test_links_of_a_urdf_whose_root_floats_are_where_they_are_put(
+    name: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "r.urdf"
+    path.write_text(TUMBLING)
+    settings = {"step": 1e-3, "gravity": [0.0, 0.0, 0.0], "floating": True}
+    model = engines()[name].load(ModelSpec(path, settings=settings))
+    z = np.array([[0.1, 0.2, 0.3, 0.5, -0.3, 0.2, 0.4]])
+    origins, turns = model.poses(["link:g", "centre:a"], z)
+    root, hinge = (
+        matrix(q) for q in (quaternion(z[0, 3:6]), np.array([np.cos(0.2), 0, np.sin(0.2), 0]))
+    )
+    assert turns[0] == pytest.approx(np.stack([root, root @ hinge]), abs=1e-12)
+    at = z[0, :3]
+    assert origins[0] == pytest.approx(np.stack([at, at + root @ hinge @ [0, 0, -1]]), abs=1e-12)

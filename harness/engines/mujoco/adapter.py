@@ -295,6 +295,7 @@ class MujocoModel(Model):
             rewritten(robot, self._spec.path, changes(self._spec)) as path,
         ):
             tree = mujoco.MjSpec.from_file(str(path))
+            complete_urdf(tree, self._spec, robot)  # a root that floats has coordinates
             tree.compiler.fusestatic = False
             return Poses(tree.compile(), "link")
 
