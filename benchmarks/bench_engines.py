@@ -149,6 +149,19 @@ def bare_dart(model: Any) -> Loop:
     return loop
 
 
+def bare_sapien(model: Any) -> Loop:
+    body, system = model._body, model._scene.physx_system
+    none = np.zeros(body.dof)
+
+    def loop() -> None:
+        body.qpos, body.qvel, body.qf = none, none, none
+        system.timestep = model.step
+        for _ in range(STEPS):
+            system.step()
+
+    return loop
+
+
 BARE: dict[str, Callable[[Any], Loop]] = {
     "mujoco": bare_mujoco,
     "pybullet": bare_pybullet,
@@ -157,6 +170,7 @@ BARE: dict[str, Callable[[Any], Loop]] = {
     "idyntree": bare_idyntree,
     "drake": bare_drake,
     "dart": bare_dart,
+    "sapien": bare_sapien,
 }
 
 

@@ -17,11 +17,12 @@ from harness.engines.pinocchio import PinocchioEngine
 from harness.engines.protocol import Engine
 from harness.engines.pybullet import PybulletEngine
 from harness.engines.pymunk import PymunkEngine
+from harness.engines.sapien import SapienEngine
 
 BUILT_IN = (
     *(MujocoEngine, PybulletEngine, PymunkEngine),
     *(PinocchioEngine, DrakeEngine, DartEngine, NewtonEngine, MjxEngine),
-    IdyntreeEngine,
+    *(IdyntreeEngine, SapienEngine),
 )
 
 

@@ -54,7 +54,7 @@ def test_the_known_answer_engine_is_known_only_where_it_is_asked_for() -> None:
 
 def test_readers_of_a_format_come_with_the_preferred_one_first() -> None:
     everyones = ["pybullet", "mujoco"]
-    extras = ["pinocchio", "drake", "dart", "newton", "mjx", "idyntree"]
+    extras = ["pinocchio", "drake", "dart", "newton", "mjx", "idyntree", "sapien"]
     assert [engine.name for engine in readers(".urdf")] == [*everyones, *extras]
     assert [engine.name for engine in standing(".urdf")] == everyones
     assert [engine.name for engine in readers(".xml")] == [

@@ -1,0 +1,311 @@
+"""SAPIEN, on URDF: reduced coordinates in PhysX, semi-implicit Euler in numbers of 32 bits.
+
+SAPIEN adds friction to every joint and drag to every link, bounds their speeds, and gives a link
+whose mass or moments are zero 1e-6 of both; settings say whether that stands. Shapes are left out:
+looks want a display.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from harness.engines.attitude import angular_velocity, coordinates, matrix, quaternion, rate
+from harness.engines.installed import quietly
+from harness.engines.mistake import DefaultLeftOn
+from harness.engines.one_by_one import Stepper
+from harness.engines.protocol import Array, Model, ModelSpec
+from harness.engines.remark import Remark
+from harness.engines.springs import SpringForces
+from harness.engines.step_rule import StepRule
+from harness.engines.tree_model import FREE
+from harness.engines.urdf import UrdfReader
+from harness.engines.urdf_copy import Change, rewritten, without_shapes
+from harness.engines.urdf_engine import UrdfEngine, UrdfModel
+from harness.engines.urdf_sidecar import ROBOTS
+
+OWN: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
+    "link_damping": (0.05, "SAPIEN's damping of links"),
+    "joint_friction": (0.05, "SAPIEN's friction of joints"),
+    "bounded_speeds": (True, "SAPIEN's bounds of speeds"),
+    "dropped_inertials": (True, "SAPIEN's dropping of inertials without mass or moments"),
+})  # fmt: skip
+"""What SAPIEN itself has for settings, and what a diagnosis calls it."""
+
+SHOWS: Mapping[str, tuple[str, ...]] = MappingProxyType({"dropped_inertials": ("inertia",)})
+"""In what terms; the others in damping."""
+
+SERVO = "<mimic> of {} is a spring of 1e5 N/m or N m/rad in SAPIEN, or nothing"
+
+DEFAULTS: Mapping[str, float | bool | str] = MappingProxyType({
+    **ROBOTS,
+    # Of the linear and the angular velocity of each link, 1/s; SAPIEN's own is 0.05.
+    "link_damping": 0.0,
+    # A coefficient, of each joint; SAPIEN's own is 0.05, whatever the file says.
+    "joint_friction": 0.0,
+    # Whether speeds end at 10 m/s and 50 rad/s of a link, and at 100 of a joint.
+    "bounded_speeds": False,
+    # Whether an inertial without mass, or without any moment, counts as none, as SAPIEN has it.
+    "dropped_inertials": True,
+    # What PhysX solves by; SAPIEN's own is "TGS", which takes a step in ten parts.
+    "solver": "PGS",
+})  # fmt: skip
+
+READER = UrdfReader(
+    name="sapien", no_inertial="1e-6 kg and 1e-6 kg m^2", no_friction="SAPIEN"
+)  # fmt: skip
+
+FASTEST = 1e6
+"""Speeds that nothing comes to."""
+
+FAINT = 1e-9
+"""Of 1 kg or 1 kg m^2: what 32 bits don't show, of an inertial that is to be kept."""
+
+
+class SapienEngine(UrdfEngine):
+    """Adapter of SAPIEN (Xiang et al. 2020, CVPR), on PhysX 5."""
+
+    name = package = distribution = extra = "sapien"
+    title = "SAPIEN"
+    defaults = DEFAULTS
+    words = MappingProxyType({"solver": ("PGS", "TGS")})
+    capabilities = (
+        "URDF", "slides and hinges, roots that float", "32 bits", "joint dampers",
+        "springs on joint combinations as forces at every step", "URDF mimic as a soft spring",
+    )  # fmt: skip
+    unstated = "10 ms and -9.81 m/s^2"
+    ignores = frozenset({"dynamics@friction"})
+    usual_mistakes = tuple(
+        DefaultLeftOn(name=f"{cause} left on", setting=key, value=value, cause=cause)
+        for key, (value, cause) in OWN.items()
+        if DEFAULTS[key] != value
+    )
+
+    def loaded(self, spec: ModelSpec) -> Model:
+        """A file whose settings are in order."""
+        return SapienModel(spec)
+
+
+class SapienModel(UrdfModel):
+    """An articulation of slides and hinges, fixed or not."""
+
+    epsilon = float(np.finfo(np.float32).eps)
+
+    def __init__(self, spec: ModelSpec) -> None:
+        super().__init__(spec, "SAPIEN", READER, DEFAULTS, (without_shapes, *_changes(spec)))
+        self.integrator = f"semi-implicit euler ({self.settings['solver']})"
+        sapien = quietly("sapien")
+        physx = sapien.physx
+        own = self.settings["solver"] == "TGS"
+        physx.set_scene_config(gravity=list(self.gravity), enable_tgs=own)
+        self._scene = sapien.Scene([physx.PhysxCpuSystem()])  # what is in it goes with it
+        loader = self._scene.create_urdf_loader()
+        loader.fix_root_link = not self.floats
+        with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
+            self._body = loader.load(str(path))
+        self._dropped = [name for name, *_ in _inertials(self.declared.robot)]
+        self._links = {link.name: link for link in self._body.links}
+        self._let_go()
+        joints = self._body.active_joints
+        self._damping = np.array([float(joint.damping) for joint in joints])
+        springs = self.name([joint.name for joint in joints])
+        self.stepper = self._steps = _Steps(self._scene, self._body, self.floats, springs)
+
+    def _let_go(self) -> None:
+        """Switch off what SAPIEN adds on its own, unless it is asked for."""
+        drag, friction = (self.settings[key] for key in ("link_damping", "joint_friction"))
+        bounded = self.settings["bounded_speeds"]
+        self._body.sleep_threshold = 0.0
+        for link in self._links.values():
+            link.linear_damping = link.angular_damping = drag
+            if not bounded:
+                link.max_linear_velocity = link.max_angular_velocity = FASTEST
+        for joint in self._body.active_joints:
+            joint.friction = friction
+            if not bounded:
+                joint.max_velocity = FASTEST
+
+    def exponents(self, varying_input: bool) -> tuple[int, int]:
+        """Order 1 throughout."""
+        return 1, 1
+
+    @property
+    def step_rule(self) -> StepRule | None:
+        """Its drives, which are dampers, at the step's end; TGS has no rule that is told."""
+        if self.floats or self.settings["solver"] != "PGS":
+            return None
+        damping = np.diag(self._damping) if self._damping.any() else None
+        held = "couplings, which are springs" if self.declared.mimics else ""
+        return StepRule(scheme="semi-implicit Euler", damping=damping, besides=held)
+
+    @property
+    def limits(self) -> Array:
+        """Of joints that have some, (nz, 2)."""
+        return super().limits if self.settings["smooth"] else self.stated_limits
+
+    @property
+    def _acts(self) -> dict[str, str]:
+        """What SAPIEN does on its own and the settings let stand: setting -> cause."""
+        on = {key: cause for key, (_, cause) in OWN.items() if self.settings[key]}
+        if not self._dropped:
+            on.pop("dropped_inertials", None)
+        return on
+
+    @property
+    def remedies(self) -> Mapping[str, Mapping[str, object]]:
+        """That, with what undoes it."""
+        return {cause: {key: type(OWN[key][0])(0)} for key, cause in self._acts.items()}
+
+    def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
+        """What the file says in vain, what acts besides, and what joints that follow are."""
+        yield from super().remarks(z, w)
+        for key, cause in self._acts.items():
+            named = f" ({', '.join(self._dropped)})" if key == "dropped_inertials" else ""
+            yield Remark(
+                message=f"{cause}{named}",
+                address=f"sidecar:settings.{key}",
+                shows_in=SHOWS.get(key, ("damping",)),
+            )
+        for mimic in self.declared.mimics:
+            told, address = SERVO.format(mimic.joint), f"robot/joint[{mimic.joint}]"
+            yield Remark(message=told, fault=True, address=address)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Links and their centres of mass."""
+        return tuple(f"{kind}:{name}" for kind in ("link", "centre") for name in self._links)
+
+    def poses(self, places: Sequence[str], z: Array) -> tuple[Array, Array]:
+        """By its forward kinematics."""
+        origins, turns = np.empty((len(z), len(places), 3)), np.empty((len(z), len(places), 3, 3))
+        for k, row in enumerate(z):
+            self._steps.reset(row, 0 * row)
+            for f, (kind, _, name) in enumerate(place.partition(":") for place in places):
+                pose, centre = self._links[name].entity_pose, self._links[name].cmass_local_pose.p
+                turns[k, f] = matrix(np.array(pose.q, dtype=float))
+                origins[k, f] = pose.p + (turns[k, f] @ centre if kind == "centre" else 0.0)
+        return origins, turns
+
+
+class _Steps(Stepper):
+    """An articulation in its scene; a free root's velocities are its centre of mass's."""
+
+    def __init__(self, scene: Any, body: Any, floats: bool, springs: SpringForces) -> None:
+        self._system, self._body, self._springs = scene.physx_system, body, springs
+        self._root: Any = body.root
+        self._first = FREE if floats else 0
+        self._near = np.array([1.0, 0.0, 0.0, 0.0])
+        self._pose = type(body.root_pose)
+
+    def reset(self, q: Array, v: Array) -> None:
+        """Put it into a state."""
+        body, first = self._body, self._first
+        if first:
+            self._near = quaternion(q[3:FREE])
+            turn = matrix(self._near)
+            spin = turn @ angular_velocity(q[3:FREE], v[3:FREE])
+            body.root_pose = self._pose(q[:3], self._near)
+            body.root_linear_velocity = v[:3] + np.cross(spin, turn @ self._centre)
+            body.root_angular_velocity = spin
+        body.qpos, body.qvel, body.qf = q[first:], v[first:], np.zeros(len(q) - first)
+
+    def position(self) -> Array:
+        """Where it is; of a rotation's two, those nearer to the last."""
+        q: Array = self._body.qpos.astype(float)
+        if not self._first:
+            return q
+        pose = self._body.root_pose
+        turned = coordinates(np.array(pose.q, dtype=float), self._near)
+        self._near = quaternion(turned)
+        return np.concatenate([pose.p, turned, q])
+
+    def state(self) -> tuple[Array, Array]:
+        """Positions and velocities."""
+        z, v = self.position(), self._body.qvel.astype(float)
+        if not self._first:
+            return z, v
+        spin, turn = self._body.root_angular_velocity.astype(float), matrix(self._near)
+        moved = self._body.root_linear_velocity - np.cross(spin, turn @ self._centre)
+        return z, np.concatenate([moved, rate(z[3:FREE], turn.T @ spin), v])
+
+    @property
+    def _centre(self) -> Array:
+        centre: Array = self._root.cmass_local_pose.p.astype(float)
+        return centre
+
+    def step(self, h: float, force: Array | None) -> None:
+        """By its system, under what is held and the springs."""
+        pull = np.zeros(self._first + self._body.dof) if force is None else force
+        if self._first:
+            placed = self._root.entity_pose
+            turn = matrix(np.array(placed.q, dtype=float))
+            self._root.add_force_at_point(pull[:3], placed.p)
+            self._root.add_force_torque(np.zeros(3), turn @ pull[3:FREE])
+        pull = pull[self._first :]
+        if not self._springs.empty:
+            pull = pull + self._springs.at(self._body.qpos.astype(float), self._body.qvel)
+        self._body.qf = pull
+        self._system.timestep = h
+        self._system.step()
+
+    def coast(self, h: float, n: int) -> None:
+        """Its system alone, where no spring has to be asked."""
+        if not self._springs.empty:
+            super().coast(h, n)
+            return
+        self._system.timestep = h
+        for _ in range(n):
+            self._system.step()
+
+
+def _changes(spec: ModelSpec) -> tuple[Change, ...]:
+    """Of the file, before SAPIEN reads it."""
+    free = bool(spec.settings.get("smooth"))
+    keeps = not spec.settings.get("dropped_inertials", DEFAULTS["dropped_inertials"])
+    return (partial(_completed, free=free), *((_with_inertials,) if keeps else ()))
+
+
+def _completed(robot: ET.Element, free: bool) -> None:
+    """What it wants of every joint: limits, dampers; a continuous one is turned back at 2 pi.
+
+    Of what moves nothing, sensors want a display, and words in a transmission end its reading.
+    """
+    for tag in ("gazebo", "sensor", "transmission"):
+        for element in robot.findall(tag):
+            robot.remove(element)
+    for dynamics in robot.findall("joint/dynamics"):
+        dynamics.set("damping", dynamics.get("damping", "0"))
+    for joint in robot.findall("joint"):
+        limit = joint.find("limit")
+        limit = ET.SubElement(joint, "limit") if limit is None else limit
+        lower, upper = (float(limit.get(key, "nan")) for key in ("lower", "upper"))
+        turns = joint.get("type") == "continuous"
+        if turns:
+            joint.set("type", "revolute")
+        if turns or free or not lower <= upper:
+            limit.attrib.update(lower="-inf", upper="inf")
+        limit.attrib.update(effort="0", velocity="0")
+
+
+def _inertials(robot: ET.Element) -> Iterator[tuple[str, list[ET.Element], list[ET.Element]]]:
+    """Of those that say something, without mass or moments: links, both elements."""
+    for link in robot.findall("link"):
+        mass, moments = link.findall("inertial/mass"), link.findall("inertial/inertia")
+        said = [any(float(v) for e in one for v in e.attrib.values()) for one in (mass, moments)]
+        if any(said) and not all(said):
+            yield link.get("name", ""), mass, moments
+
+
+def _with_inertials(robot: ET.Element) -> None:
+    """Give those that SAPIEN drops what it lacks, as little as no digit shows."""
+    for _, mass, moments in _inertials(robot):
+        for element in mass:
+            element.set("value", str(max(float(element.get("value", "0")), FAINT)))
+        for element in moments:
+            for key in ("ixx", "iyy", "izz"):
+                element.set(key, str(max(float(element.get(key, "0")), FAINT)))
