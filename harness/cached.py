@@ -290,5 +290,4 @@ class Reading:
         """Do it."""
         with recorded(self._folder) as reads:
             value = self._function(argument)
-        # A copy that the task made for itself, and that is gone, is no file that it depends on.
-        return Told(value, tuple(n for n in reads.names() if (self._folder / n).is_file()))
+        return Told(value, reads.names())

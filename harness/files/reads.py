@@ -47,8 +47,12 @@ class Reads:
             self.files[here] = None
 
     def names(self) -> tuple[str, ...]:
-        """The files by their places relative to the folder."""
-        return tuple(Path(os.path.relpath(file, self._folder)).as_posix() for file in self.files)
+        """The files by their places relative to the folder.
+
+        A copy that what was run has made for itself, and that is gone, is nothing it depends on.
+        """
+        left = filter(os.path.isfile, self.files)
+        return tuple(Path(os.path.relpath(file, self._folder)).as_posix() for file in left)
 
 
 _METADATA = (".dist-info", ".egg-info")

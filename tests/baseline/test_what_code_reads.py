@@ -165,3 +165,13 @@ def test_packages_that_another_environment_lends_are_installed_ones(
     finally:
         sys.modules.pop("lent_module", None)
         harness.files.reads._roots.cache_clear()
+
+
+def test_a_copy_that_is_made_and_gone_is_no_input_of_a_case(folder: Path, tmp_path: Path) -> None:
+    kept, gone = tmp_path / "kept.csv", tmp_path / "copy.urdf"
+    with recorded(folder) as reads:
+        for file in (kept, gone):
+            file.write_text("1")
+            file.read_text()
+        gone.unlink()
+    assert [Path(name).name for name in reads.names()] == ["kept.csv"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 from harness.engines.conformance import CHECKS, conform_samples
 from harness.engines.protocol import EngineError
 from harness.engines.registry import engines
+from harness.files.folders import builtin
+from harness.records.outcome import Outcome
+from physics_crosscheck import check
 from tests.engines.extras import H, load, need
 from tests.engines.test_extras_readings import MIMIC, WELDED
 from tests.engines.test_free_joints import TUMBLING
@@ -150,3 +154,28 @@ def test_what_it_can_t_load_is_refused_by_the_file(tmp_path: Path) -> None:
         load("sapien", urdf(body=flat), tmp_path)
     with pytest.raises(EngineError, match="solver is 'XPBD', where one of PGS, TGS belongs"):
         load("sapien", urdf(), tmp_path, settings={"solver": "XPBD"})
+
+
+@pytest.mark.parametrize(
+    ("length", "outcome"),
+    [
+        ("-0.75", Outcome.AGREES),
+        ("-0.7515", Outcome.DIFFERS),
+    ],
+)
+def test_a_built_in_model_agrees_as_32_bits_allow_and_a_wrong_length_differs(
+    length: str, outcome: Outcome, tmp_path: Path
+) -> None:
+    need("sapien")
+    folder = tmp_path / "simple_pendulum"
+    shutil.copytree(builtin() / "simple_pendulum", folder)
+    model = folder / "robot.urdf"
+    text = model.read_text()
+    assert text.count('xyz="0 0 -0.75"/>') == 2  # of its inertial, and of what is seen
+    model.write_text(text.replace('xyz="0 0 -0.75"/>', f'xyz="0 0 {length}"/>', 1))
+    (found,) = (
+        case
+        for case in check(folder, engines=["sapien"], baseline=tmp_path).cases
+        if case.scenario == "free"
+    )
+    assert found.outcome is outcome
