@@ -1,8 +1,8 @@
 """SAPIEN, on URDF: reduced coordinates in PhysX, semi-implicit Euler in numbers of 32 bits.
 
-SAPIEN adds friction to every joint and drag to every link, bounds their speeds, and gives a link
-whose mass or moments are zero 1e-6 of both; settings say whether that stands. Shapes are left out:
-looks want a display.
+SAPIEN adds friction to every joint and drag to every link, bounds their speeds, and takes an
+inertial whose mass or moments are zero for none; settings say whether that stands. Shapes are left
+out, but those that give a link its mass, and these touch nothing; looks want a display.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from harness.engines.springs import SpringForces
 from harness.engines.step_rule import StepRule
 from harness.engines.tree_model import FREE
 from harness.engines.urdf import UrdfReader
-from harness.engines.urdf_copy import Change, rewritten, without_shapes
+from harness.engines.urdf_copy import Change, rewritten, without_looks
 from harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from harness.engines.urdf_sidecar import ROBOTS
 
@@ -57,8 +57,10 @@ DEFAULTS: Mapping[str, float | bool | str] = MappingProxyType({
 })  # fmt: skip
 
 READER = UrdfReader(
-    name="sapien", no_inertial="1e-6 kg and 1e-6 kg m^2", no_friction="SAPIEN"
-)  # fmt: skip
+    name="sapien",
+    no_inertial="the mass of its collision shapes at 1000 kg/m^3, or 1e-6 kg",
+    no_friction="SAPIEN",
+)
 
 FASTEST = 1e6
 """Speeds that nothing comes to."""
@@ -97,7 +99,7 @@ class SapienModel(UrdfModel):
     epsilon = float(np.finfo(np.float32).eps)
 
     def __init__(self, spec: ModelSpec) -> None:
-        super().__init__(spec, "SAPIEN", READER, DEFAULTS, (without_shapes, *_changes(spec)))
+        super().__init__(spec, "SAPIEN", READER, DEFAULTS, _changes(spec))
         self.integrator = f"semi-implicit euler ({self.settings['solver']})"
         sapien = quietly("sapien")
         physx = sapien.physx
@@ -108,7 +110,7 @@ class SapienModel(UrdfModel):
         loader.fix_root_link = not self.floats
         with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
             self._body = loader.load(str(path))
-        self._dropped = [name for name, *_ in _inertials(self.declared.robot)]
+        self._dropped = [link.get("name", "") for link in _lost(self.declared.robot)]
         self._links = {link.name: link for link in self._body.links}
         self._let_go()
         joints = self._body.active_joints
@@ -123,6 +125,8 @@ class SapienModel(UrdfModel):
         self._body.sleep_threshold = 0.0
         for link in self._links.values():
             link.linear_damping = link.angular_damping = drag
+            for shape in link.collision_shapes:
+                shape.set_collision_groups([0, 0, 0, 0])  # nothing is touched
             if not bounded:
                 link.max_linear_velocity = link.max_angular_velocity = FASTEST
         for joint in self._body.active_joints:
@@ -267,7 +271,8 @@ def _changes(spec: ModelSpec) -> tuple[Change, ...]:
     """Of the file, before SAPIEN reads it."""
     free = bool(spec.settings.get("smooth"))
     keeps = not spec.settings.get("dropped_inertials", DEFAULTS["dropped_inertials"])
-    return (partial(_completed, free=free), *((_with_inertials,) if keeps else ()))
+    mended = (_with_inertials,) if keeps else ()
+    return (partial(_completed, free=free), *mended, _without_idle_shapes)
 
 
 def _completed(robot: ET.Element, free: bool) -> None:
@@ -292,20 +297,30 @@ def _completed(robot: ET.Element, free: bool) -> None:
         limit.attrib.update(effort="0", velocity="0")
 
 
-def _inertials(robot: ET.Element) -> Iterator[tuple[str, list[ET.Element], list[ET.Element]]]:
-    """Of those that say something, without mass or moments: links, both elements."""
-    for link in robot.findall("link"):
-        mass, moments = link.findall("inertial/mass"), link.findall("inertial/inertia")
-        said = [any(float(v) for e in one for v in e.attrib.values()) for one in (mass, moments)]
-        if any(said) and not all(said):
-            yield link.get("name", ""), mass, moments
+def _said(link: ET.Element) -> tuple[bool, bool]:
+    """Whether its inertial has a mass, and any moment."""
+    numbers = (link.findall("inertial/mass"), link.findall("inertial/inertia"))
+    mass, moments = (any(float(v) for e in one for v in e.attrib.values()) for one in numbers)
+    return mass, moments
+
+
+def _lost(robot: ET.Element) -> list[ET.Element]:
+    """Links whose inertial has one of both alone: it counts as none."""
+    return [link for link in robot.findall("link") if any(_said(link)) and not all(_said(link))]
 
 
 def _with_inertials(robot: ET.Element) -> None:
     """Give those that SAPIEN drops what it lacks, as little as no digit shows."""
-    for _, mass, moments in _inertials(robot):
-        for element in mass:
-            element.set("value", str(max(float(element.get("value", "0")), FAINT)))
-        for element in moments:
-            for key in ("ixx", "iyy", "izz"):
-                element.set(key, str(max(float(element.get(key, "0")), FAINT)))
+    for link in _lost(robot):
+        for tag, keys in (("mass", ("value",)), ("inertia", ("ixx", "iyy", "izz"))):
+            for element in link.findall(f"inertial/{tag}"):
+                for key in keys:
+                    element.set(key, str(max(float(element.get(key, "0")), FAINT)))
+
+
+def _without_idle_shapes(robot: ET.Element) -> None:
+    """Leave shapes out, but those of which SAPIEN makes a mass."""
+    without_looks(robot)
+    for link in robot.findall("link"):
+        for shape in link.findall("collision") if all(_said(link)) else ():
+            link.remove(shape)

@@ -110,6 +110,17 @@ def test_a_welded_link_without_an_inertial_weighs_next_to_nothing(tmp_path: Path
     assert 1 / (moved(heavy, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(inertia, rel=1e-4)
 
 
+def test_a_link_without_an_inertial_has_the_mass_of_its_collision_shapes(tmp_path: Path) -> None:
+    box = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+    model = load("sapien", urdf(body=box), tmp_path)
+    inertia = 1000 * 0.1**3 * 2 * 0.1**2 / 12
+    assert 1 / (moved(model, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(inertia, rel=1e-4)
+    still = np.zeros((1, 1))
+    assert any("collision shapes at 1000" in one.message for one in model.remarks(still, still))
+    both = load("sapien", urdf(body=BODY + box), tmp_path)
+    assert 1 / (moved(both, 0.0, 0.0, H, push=1.0)[1] / H) == pytest.approx(0.01, rel=1e-4)
+
+
 def test_a_root_that_floats_keeps_momentum_and_is_pushed_at_its_origin(tmp_path: Path) -> None:
     model = load("sapien", TUMBLING, tmp_path, settings={"floating": True})
     assert len(model.coordinates) == 7
