@@ -18,6 +18,7 @@ from harness.cli.completion import COMPLETING, complete, words_before
 from harness.cli.exit_codes import FAIL, SIGNALLED, USAGE
 from harness.cli.streams import claim_streams, unprinted
 from harness.schedule.stop import Stopped, raising
+from harness.schedule.threads import claim_one_thread
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",
@@ -48,6 +49,7 @@ EXIT_CODES = (
 def program() -> int:
     """The command line as a program of its own; returns the exit code."""
     claim_streams()
+    claim_one_thread()
     code = main()
     if lost := unprinted():
         print(f"crosscheck: standard output: {lost}", file=sys.stderr)

@@ -34,6 +34,7 @@ from harness.schedule.limits import Limits
 from harness.schedule.main_module import without_main
 from harness.schedule.source import line_of_death
 from harness.schedule.stop import SIGNALS
+from harness.schedule.threads import one_thread_each
 from harness.schedule.worker import Station, serve
 
 __all__ = ["Failure", "Limits", "Pending", "Workers"]
@@ -316,7 +317,7 @@ def _as_servers_start() -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that it had to be started again
             resource_tracker.ensure_running()
-    with _safe_path(), _signals_held():
+    with _safe_path(), one_thread_each(), _signals_held():
         yield
 
 
