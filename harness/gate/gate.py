@@ -160,7 +160,7 @@ def _of_the_rest(
         if scan is None and not is_expected(one, options):
             continue
         for case, entry in one.cases.items():
-            if case in seen or not options.includes(case.engine):
+            if case in seen or case.engine in found.left_out:
                 continue
             if scan is not None and was_left_alone(scan, one, case, found):
                 yield _as_accepted(entry)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -32,7 +33,8 @@ class GateOptions:
     limits: Limits = field(default_factory=Limits)
     parents: tuple[Path, ...] | None = None
 
-    def includes(self, engine: str) -> bool:
-        """Whether an engine's cases are looked at: those of extras that aren't there are left."""
-        wanted = not self.engines or engine in self.engines
-        return wanted and engine not in absent_extras()
+    def left_out(self, engines: Collection[str]) -> frozenset[str]:
+        """Those whose cases are not looked at: not asked for, or of extras that aren't there."""
+        absent = absent_extras()
+        unasked = {name for name in engines if self.engines and name not in self.engines}
+        return frozenset(unasked | {name for name in engines if name in absent})

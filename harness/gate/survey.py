@@ -32,6 +32,7 @@ class Survey:
         versions: of the engines.
         scans: the folders' files.
         matched: what was accepted of each folder.
+        left_out: engines whose cases are not looked at.
         chosen: models whose cases are to be run.
     """
 
@@ -39,6 +40,7 @@ class Survey:
     versions: Mapping[str, str | None]
     scans: tuple[FolderFiles, ...] = field(repr=False)
     matched: Mapping[Path, SystemBaseline | None] = field(repr=False)
+    left_out: frozenset[str]
     chosen: frozenset[ModelInEngine]
 
     @property
@@ -63,10 +65,23 @@ def survey(folders: Sequence[Path], options: GateOptions) -> Survey:
     versions = {name: engine.version() for name, engine in engines().items()}
     scans = tuple(folder_files(folder, options.baseline) for folder in folders)
     matched = {scan.folder: match(scan.folder, options.baseline, baseline) for scan in scans}
+    accepted = {case.engine for one in baseline.values() for case in one.cases}
+    declared = {name for scan in scans for model in scan.models for name in model.engines}
+    left_out = options.left_out(accepted | declared)
     chosen = frozenset(
-        one for scan in scans for one in _chosen(scan, matched[scan.folder], versions, options)
+        one
+        for scan in scans
+        for one in _chosen(scan, matched[scan.folder], versions, options)
+        if one[2] not in left_out
     )
-    return Survey(baseline=baseline, versions=versions, scans=scans, matched=matched, chosen=chosen)
+    return Survey(
+        baseline=baseline,
+        versions=versions,
+        scans=scans,
+        matched=matched,
+        left_out=left_out,
+        chosen=chosen,
+    )
 
 
 def _chosen(
@@ -75,9 +90,9 @@ def _chosen(
     versions: Mapping[str, str | None],
     options: GateOptions,
 ) -> Iterator[ModelInEngine]:
-    """Models of a folder that are to be run: those that changed, or all."""
+    """Models of a folder that are to be run, whoever runs them: those that changed, or all."""
     for model in scan.models:
-        for engine in filter(options.includes, model.engines):
+        for engine in model.engines:
             if options.every or stale(scan, model, engine, one, versions, options.resolution):
                 yield str(scan.folder), model.model, engine
 

@@ -100,8 +100,10 @@ def test_the_list_of_engines_tells_what_installs_one(capsys: pytest.CaptureFixtu
 
 @pytest.mark.usefixtures("absent")
 def test_a_gate_leaves_what_was_accepted_of_it(tmp_path: Path) -> None:
-    assert not GateOptions(baseline=tmp_path).includes("pinocchio")
-    assert GateOptions(baseline=tmp_path).includes("mujoco")
+    engines = {"pinocchio", "mujoco", "pybullet"}
+    assert GateOptions(baseline=tmp_path).left_out(engines) == {"pinocchio"}
+    asked = GateOptions(baseline=tmp_path, engines=("mujoco",))
+    assert asked.left_out(engines) == {"pinocchio", "pybullet"}
 
 
 def test_standing_engines_are_no_extras() -> None:
