@@ -21,8 +21,6 @@ def cell(cases: Sequence[Case]) -> str:
     if not cases:
         return ""
     worst = min(cases, key=lambda case: -case.outcome.severity)
-    if worst.refused:
-        return "refused"
     known = [digits_of(case) for case in cases if case.outcome is worst.outcome]
     digits = min(known, key=lambda one: float(one) if one[0].isdigit() else 99.0)
     return f"{worst.outcome}, {digits}" if worst.outcome is Outcome.AGREES else str(worst.outcome)

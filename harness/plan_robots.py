@@ -122,7 +122,7 @@ class RobotPlan:
 
         def done(value: Case) -> Iterator[Job[Any]]:
             self._found.add(value)
-            if not value.refused:
+            if value.outcome is not Outcome.REFUSED:
                 yield from work.measure(case, partial(self._measuring, case))
             if self._options.diagnosed and value.outcome is Outcome.DIFFERS:
                 yield from self._diagnosis(work, key)

@@ -13,7 +13,6 @@ from harness.baseline.fingerprint import FolderFiles, as_now, dependencies, with
 from harness.records.baseline import AcceptedCase, Measurement
 from harness.records.case import Case, CaseId
 from harness.records.finding import AuditFinding
-from harness.records.outcome import Outcome
 
 if TYPE_CHECKING:  # it brings the pool of workers, which an unchanged gate does without
     from harness.schedule.workers import Failure
@@ -120,7 +119,7 @@ def classify(
 
 
 def _failed(case: Case) -> bool:
-    return case.outcome in (Outcome.FAILED, Outcome.ABSENT)
+    return not case.outcome.is_run
 
 
 def _why_not_run(case: Case, measured: Measurement | Failure | None, stale: bool) -> str:

@@ -140,7 +140,7 @@ def _marked(case: Case, measured: Measurement | Failure | None, found: Accepted)
     entry = one.known_differences.get(case.id) if one else None
     if one is None or entry is None or measured is None:
         return case
-    if case.outcome in (Outcome.AGREES, Outcome.FAILED, Outcome.ABSENT):
+    if case.outcome is Outcome.AGREES or not case.outcome.is_run:
         return case
     changed = _why_changed(case, measured, entry, one.snapshot(case.id))
     if not changed:
@@ -212,7 +212,7 @@ def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange |
     if one is None or case.id not in one.cases:
         return _told(case.id, "new", unaccepted(case))
     this = measured.get((case.folder, case.id))
-    if this is None and case.outcome not in (Outcome.FAILED, Outcome.ABSENT):
+    if this is None and case.outcome.is_run:
         return None
     scan = found.folders[case.folder][0] if case.folder in found.folders else None
     if scan is None:

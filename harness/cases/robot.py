@@ -276,9 +276,8 @@ def _refused(task: RobotTask, failure: Failure) -> Case:
         scenario=task.scenario,
         engine=task.engine,
         folder=task.folder,
-        outcome=Outcome.FAILED,
+        outcome=Outcome.REFUSED,
         reason=failure.about(task.file),
-        refused=True,
     )
 
 

@@ -26,7 +26,7 @@ def exit_code(results: Results, require_engines: bool) -> int:
     refused = {(case.folder, case.id) for case in results.refusals}
     counting = [case for case in results.cases if (case.folder, case.id) not in refused]
     outcomes = {case.outcome for case in counting if not case.accepted}
-    if Outcome.FAILED in outcomes or not results.cases or results.untested:
+    if outcomes & {Outcome.FAILED, Outcome.REFUSED} or not results.cases or results.untested:
         return FAIL
     if any(model.failures for model in results.models):
         return FAIL

@@ -130,6 +130,6 @@ def _summary(out: Path) -> int:
 
 
 def _code(outcomes: dict[str, int]) -> int:
-    if outcomes.get(Outcome.FAILED) or not outcomes:
+    if outcomes.get(Outcome.FAILED) or outcomes.get(Outcome.REFUSED) or not outcomes:
         return FAIL
     return DIFFER if outcomes.keys() - {Outcome.AGREES.value} else AGREE

@@ -21,7 +21,8 @@ from reference.numeric import Array
 Indices = NDArray[np.intp]
 
 GROUNDS = {
-    Outcome.AGREES: "#176f2c", Outcome.ABSENT: "#6b5900", Outcome.UNRESOLVED: "#7a3a9a",
+    Outcome.AGREES: "#176f2c", Outcome.ABSENT: "#6b5900", Outcome.REFUSED: "#6b5900",
+    Outcome.UNRESOLVED: "#7a3a9a",
     Outcome.DIFFERS: "#b42318", Outcome.FAILED: "#7a0c1e",
 }  # fmt: skip
 """Grounds of badges, on which white has a contrast of 6 and more."""

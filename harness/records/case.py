@@ -321,7 +321,6 @@ class Case(Record, frozen=True, kw_only=True):
         outcome: what became of it.
         reason: a sentence for whatever is not AGREES, and for what AGREES with a reservation.
         accepted: the reason for which a known difference is accepted; empty where none is.
-        refused: whether it FAILED since its engine would not load a robot's file alone.
         stdout: what a failed case printed.
         seconds: that it took, of wall-clock time.
         verdict, full_run, series: None where the case was not judged.
@@ -337,7 +336,6 @@ class Case(Record, frozen=True, kw_only=True):
     outcome: Outcome
     reason: str = ""
     accepted: str = ""
-    refused: bool = False
     stdout: str = ""
     seconds: float = 0.0
     verdict: Verdict | None = None
@@ -361,6 +359,6 @@ class Case(Record, frozen=True, kw_only=True):
     @property
     def passes(self) -> bool:
         """Whether it AGREES, or what it does instead, a failure apart, is accepted."""
-        if self.outcome in (Outcome.FAILED, Outcome.ABSENT):
+        if not self.outcome.is_run:
             return False
         return self.outcome is Outcome.AGREES or bool(self.accepted)

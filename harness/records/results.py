@@ -104,9 +104,10 @@ class Results(Record, frozen=True, kw_only=True):
 
     @property
     def refusals(self) -> tuple[Case, ...]:
-        """Robots' files alone that an engine would not load, of those that another has judged."""
+        """Return the refused cases of files that another engine has judged."""
         judged = {(case.folder, case.scenario) for case in self.cases if case.verdict is not None}
-        return tuple(c for c in self.cases if c.refused and (c.folder, c.scenario) in judged)
+        refused = (case for case in self.cases if case.outcome is Outcome.REFUSED)
+        return tuple(case for case in refused if (case.folder, case.scenario) in judged)
 
     @property
     def failed(self) -> tuple[Case, ...]:

@@ -35,6 +35,7 @@ def message(results: Results) -> tuple[str, str]:
         left = Counter(case.outcome for case in amiss)
         said = {
             Outcome.FAILED: "failed", Outcome.DIFFERS: "differ", Outcome.UNRESOLVED: "unresolved",
+            Outcome.REFUSED: "refused",
         }  # fmt: skip
         parts = [f"{left[one]} {word}" for one, word in said.items() if left[one]]
         return f"{', '.join(parts)} of {len(results.cases)}", "orange"

@@ -13,6 +13,7 @@ from harness.report.text import NOTHING, agreeing_digits, percent, quantity, sci
 SYMBOLS = {
     Outcome.AGREES: "✓",
     Outcome.ABSENT: "○",
+    Outcome.REFUSED: "⊘",
     Outcome.UNRESOLVED: "?",
     Outcome.DIFFERS: "≠",
     Outcome.FAILED: "✕",

@@ -267,6 +267,7 @@ _SAID = {
     Outcome.DIFFERS: ("differs", "differ"),
     Outcome.FAILED: ("could not be run to its end", "could not be run to their end"),
     Outcome.UNRESOLVED: ("is unresolved", "are unresolved"),
+    Outcome.REFUSED: ("was refused by its engine", "were refused by their engines"),
     Outcome.ABSENT: ("was not tested", "were not tested"),
 }
 

@@ -27,7 +27,7 @@ _CUT = "\n\n(cut: the rest is in the artifacts)\n"
 _LONGEST = 4000
 
 
-_RANKS = (Outcome.FAILED, Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.ABSENT)
+_RANKS = (Outcome.FAILED, Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.REFUSED, Outcome.ABSENT)
 """What is annotated, worst first."""
 
 
@@ -80,7 +80,7 @@ def case_note(case: Case, model: Model | None) -> Annotation:
         blamed = [one.where for one in found if one.where is not None]
     path, line = _first_line(blamed, folder) or (path, line)
     return Annotation(
-        level="warning" if case.outcome is Outcome.ABSENT else "error",
+        level="error" if case.outcome.is_run or case.outcome is Outcome.FAILED else "warning",
         file=path,
         line=line,
         title=f"{case.outcome} {case.id}",

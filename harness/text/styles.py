@@ -7,6 +7,6 @@ from collections.abc import Mapping
 from harness.records.outcome import Outcome
 
 STYLES: Mapping[str, str] = {
-    Outcome.AGREES: "green", Outcome.ABSENT: "yellow", Outcome.UNRESOLVED: "magenta",
-    Outcome.DIFFERS: "bold red", Outcome.FAILED: "bold red reverse",
+    Outcome.AGREES: "green", Outcome.ABSENT: "yellow", Outcome.REFUSED: "yellow",
+    Outcome.UNRESOLVED: "magenta", Outcome.DIFFERS: "bold red", Outcome.FAILED: "bold red reverse",
 }  # fmt: skip

@@ -16,6 +16,7 @@ from harness.text.coverage import coverage_lines
 from harness.text.dynamics import dynamics_lines
 from harness.text.markup import escape
 from harness.text.models_table import known, print_models
+from harness.text.status import counted
 from harness.text.stepping import stepping_lines
 from harness.text.troubles import MOST_TOLD, print_troubles
 
@@ -74,7 +75,7 @@ def _unfinished(results: Results) -> str:
     failed = Counter(what for model in results.models for what, _ in model.failures)
     parts = [f"{number} FAILED as {what}" for what, number in failed.items()]
     if refused := len(results.refusals):
-        parts.append(f"{refused} refused by an engine, which is a failure under --strict alone")
+        parts.append(f"{counted(refused, 'refusal')} ignored without --strict")
     if results.untested:
         parts.append(results.untested)
     if results.stopped:

@@ -17,11 +17,9 @@ from harness.baseline.fingerprint import dependencies
 from harness.baseline.movement import apart, of_equations, of_model
 from harness.records.baseline import AcceptedCase, Measurement
 from harness.records.case import Case, CaseId
-from harness.records.outcome import Outcome
 from harness.records.versions import CaseChange, Measured, Upgrade, VersionCase, VersionRun
 from harness.versions.models import changed_models
 
-_UNRUN = (Outcome.FAILED, Outcome.ABSENT)
 _WORST_FIRST: tuple[CaseChange, ...] = (
     "not compared", "fails", "loads", "verdict", "limit", "equations", "discrepancy",
     "step cost", "next state",
@@ -166,7 +164,7 @@ def _unrun(
     bad = [
         f"under {version} {_why(case)}"
         for case, version in ((was, before), (now, after))
-        if case is None or case.outcome in _UNRUN
+        if case is None or not case.outcome.is_run
     ]
     if not bad:
         return None
@@ -174,7 +172,7 @@ def _unrun(
         alike = was is not None and now is not None and was.reason == now.reason
         said = (f"under both {_why(now)}",) if alike else tuple(bad)
         return "not compared", said
-    gone = now is None or now.outcome in _UNRUN
+    gone = now is None or not now.outcome.is_run
     return ("fails" if gone else "loads"), tuple(bad)
 
 

@@ -367,6 +367,7 @@ def mixed() -> Results:
     cases.append(
         replace(unread, system="unread", folder="/models/unread", engine="-", scenario="-")
     )
+    cases.append(unjudged(replace(cases[3], engine="drake"), Outcome.REFUSED, "a massless link"))
     audited = AuditFinding(
         kind="literal",
         message="joint[x]@stiffness is 39.5 where k = 38.25",
