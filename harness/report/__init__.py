@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 from importlib import resources
@@ -15,7 +16,7 @@ from pathlib import Path
 
 import jinja2
 from bokeh.resources import Resources
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from harness.records.history import Past
 from harness.records.results import Results
@@ -142,13 +143,24 @@ def template(
 @cache
 def _environment() -> jinja2.Environment:
     """Kept, as compiling its pages takes longer than filling them."""
-    return jinja2.Environment(
+    environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: _resource(f"pages/{name}")),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    environment.filters["unbroken"] = unbroken
+    return environment
+
+
+def unbroken(text: object) -> Markup:
+    """Escape text for HTML, and keep each number with an exponent on one line.
+
+    Browsers break a line after the hyphen of `1.2e-10`.
+    """
+    kept = r'<span class="unbroken">\g<0></span>'
+    return Markup(re.sub(r"\d(?:\.\d+)?e[-+]\d+", kept, str(escape(text))))
 
 
 def _bokeh() -> str:

@@ -58,6 +58,7 @@ class Chart:
         key: how to tell the curves apart.
         summary: what is to be seen, in words with numbers.
         log_x, log_y: which axes are logarithmic.
+        dates: whether x is a date, in milliseconds since 1970-01-01 UTC.
         over_time: whether x is the time of the motion, shared with the other charts of the pack.
         y_limits: part of the y axis to show at first; None shows all.
         lead: whether it is shown at first, before all others of its pack.
@@ -74,6 +75,7 @@ class Chart:
     summary: str
     log_x: bool = False
     log_y: bool = False
+    dates: bool = False
     over_time: bool = False
     over_error: bool = False
     lead: bool = False

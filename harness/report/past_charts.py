@@ -21,8 +21,11 @@ MOST = 12
 LAST = 6
 """Commits that are named, the last ones."""
 
+DATE_DIGITS = 11
+"""Significant digits of a date in milliseconds: seconds are right."""
+
 Rows = Sequence[tuple[float, float]]
-"""(days, value)."""
+"""(milliseconds since 1970-01-01 UTC, value)."""
 
 
 def by_case(history: Iterable[Past]) -> dict[CaseId, list[Past]]:
@@ -45,7 +48,7 @@ def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
         name = shown(past[0].engine)
         return {
             shown(f"{name} {version}".strip()): [
-                (_days(when, start), found)
+                (_milliseconds(when), found)
                 for when, one in dated
                 if one.version == version and (found := value(one)) is not None
             ]
@@ -59,7 +62,6 @@ def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
         rows(lambda one: one.digits),
         rows(lambda one: one.global_error),
         f"{len(dated)} runs since {start:%Y-%m-%d}.{told}",
-        start,
     )
 
 
@@ -95,7 +97,7 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
                     if one.engine == engine and (name == "digits" or one.id not in sensitive)
                 ]
                 if there := known(values):
-                    points.append((_days(when, start), worst(there)))
+                    points.append((_milliseconds(when), worst(there)))
             found[shown(engine)] = points
         return found
 
@@ -105,14 +107,12 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
         rows(max, "global_error"),
         f"{len(whole)} runs since {start:%Y-%m-%d}; of each engine the worst case, and of errors"
         " the worst of a motion that a step can follow.",
-        start,
     )
 
 
 def _charts(
-    pack: Pack, digits: Mapping[str, Rows], errors: Mapping[str, Rows], told: str, start: datetime
+    pack: Pack, digits: Mapping[str, Rows], errors: Mapping[str, Rows], told: str
 ) -> tuple[Chart, ...]:
-    since = f"days since {start:%Y-%m-%d %H:%M} UTC [d]"
     found = []
     for title, label, rows, log, form in (
         ("Digits that agree", "digits", digits, False, "{:.1f}"),
@@ -123,7 +123,7 @@ def _charts(
                 label=name,
                 role="past",
                 place=place,
-                x=pack.column([day for day, _ in points], 7),
+                x=pack.column([date for date, _ in points], DATE_DIGITS),
                 y=pack.column([value for _, value in points], 4),
             )
             for place, (name, points) in enumerate(rows.items())
@@ -138,7 +138,8 @@ def _charts(
             Chart(
                 part=HISTORY,
                 title=title,
-                x_label=since,
+                x_label="date, UTC",
+                dates=True,
                 y_label=label,
                 curves=curves,
                 key="A mark a run; the colour and the mark tell which.",
@@ -158,5 +159,5 @@ def _when(time: str) -> datetime | None:
     return found.astimezone(UTC) if found.tzinfo else found.replace(tzinfo=UTC)
 
 
-def _days(when: datetime, start: datetime) -> float:
-    return (when - start).total_seconds() / 86400
+def _milliseconds(when: datetime) -> float:
+    return 1e3 * when.timestamp()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.report.text import shown
@@ -21,6 +21,9 @@ MARKS = (
     "M0,-3.8L3.8,0L0,3.8L-3.8,0z",
     "M-3.2,-2.4H3.2L0,3.6z",
 )
+
+MAX_DIGITS = 17
+"""Digits that tell any two doubles apart."""
 
 WIDE = 8.0
 """Largest over smallest value from which on an axis is logarithmic."""
@@ -136,9 +139,30 @@ def scatter(title: str, x_label: str, points: Sequence[Point], summary: str) -> 
             )
             for p in known
         ),
-        x_ticks=tuple(Tick(at=_x(across.share(v)), label=f"{v:.3g}") for v in across.ticks()),
-        y_ticks=tuple(Tick(at=_y(upward.share(v)), label=f"{v:.0e}") for v in upward.ticks()),
+        x_ticks=tuple(
+            Tick(at=_x(across.share(value)), label=label)
+            for value, label in labelled(across.ticks(), "g")
+        ),
+        y_ticks=tuple(
+            Tick(at=_y(upward.share(value)), label=label)
+            for value, label in labelled(upward.ticks(), "e")
+        ),
     )
+
+
+def labelled(values: Sequence[float], form: str) -> Iterator[tuple[float, str]]:
+    """Yield values with labels in as few digits as tell them apart.
+
+    Args:
+        values: of the ticks, all different.
+        form: `e` or `g`, as in a format specification.
+    """
+    first = 0 if form == "e" else 3
+    for digits in range(first, MAX_DIGITS + 1):
+        labels = [f"{value:.{digits}{form}}" for value in values]
+        if len(set(labels)) == len(values):
+            break
+    yield from zip(values, labels, strict=True)
 
 
 @dataclass(frozen=True, kw_only=True)

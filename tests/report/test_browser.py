@@ -8,9 +8,20 @@ import numpy as np
 import pytest
 
 from harness.records.results import Results
-from tests.report.chromium import Tab
+from tests.report.chromium import Browser, Tab
 from tests.report.samples import array, series_of
-from tests.report.steps import BOTH, BUILT, CASE, PLOTS, TALL, needs_browser, rows, shown, unfold
+from tests.report.steps import (
+    BOTH,
+    BUILT,
+    CASE,
+    PLOTS,
+    SYSTEM,
+    TALL,
+    needs_browser,
+    rows,
+    shown,
+    unfold,
+)
 
 pytestmark = needs_browser
 
@@ -86,9 +97,19 @@ def test_a_permalink_opens_its_case_and_the_way_back_the_overview(tab: Tab, addr
     assert shown(tab) == ["overview"]
 
 
+@pytest.mark.parametrize("place", [SYSTEM, CASE])
+def test_a_permalink_that_is_opened_leaves_the_header_in_sight(
+    browser: Browser, address: str, place: str
+) -> None:
+    with browser.tab() as fresh:
+        fresh.open(f"{address}#{place}")
+        fresh.until("document.readyState === 'complete'")
+        assert fresh.run("new Promise((done) => setTimeout(() => done(scrollY), 300))") == 0
+
+
 def test_cases_are_filtered_searched_and_sorted(tab: Tab, address: str) -> None:
     tab.open(address)
-    assert len(rows(tab)) == 19
+    assert len(rows(tab)) == 20
     assert "FAILED" in rows(tab)[0]
     choose = (
         "document.getElementById('filter-{}').value = {!r};"
@@ -96,7 +117,7 @@ def test_cases_are_filtered_searched_and_sorted(tab: Tab, address: str) -> None:
     )
     tab.run(choose.format("outcome", "DIFFERS", "outcome"))
     assert len(rows(tab)) == 1
-    assert tab.run("document.getElementById('matching').textContent") == "1 of 19 cases"
+    assert tab.run("document.getElementById('matching').textContent") == "1 of 20 cases"
     faded = "document.querySelectorAll('.matrix .cell.faded').length"
     assert tab.run(faded) == tab.run("document.querySelectorAll('.matrix [data-cell]').length") - 1
     tab.run("document.getElementById('clear').click()")
@@ -110,7 +131,7 @@ def test_cases_are_filtered_searched_and_sorted(tab: Tab, address: str) -> None:
     tab.run(press.format("E") + ".click()")
     tab.run(press.format("E") + ".click()")
     assert "DIFFERS" in rows(tab)[0], "the largest discrepancy first"
-    assert "ABSENT" in "".join(rows(tab)[-4:]), "what has none last"
+    assert "ABSENT" in "".join(rows(tab)[-5:]), "what has none last"
     head = press.format("E") + ".closest('th').ariaSort"
     assert tab.run(head) == "descending"
 

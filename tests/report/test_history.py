@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from harness.report import render, write_report
 from harness.report.content import Content
 from tests.report.chromium import Browser
 from tests.report.samples import changed_case, results
-from tests.report.steps import CASE, needs_browser, sound, unfold
+from tests.report.steps import CASE, PLOTS, needs_browser, sound, unfold
 
 
 def past(found: Results) -> tuple[Past, ...]:
@@ -28,6 +29,9 @@ def past(found: Results) -> tuple[Past, ...]:
             replace(one, digits=one.digits and one.digits - (day == 21)) for one in past_of(run, "")
         ]
     return tuple(lines)
+
+
+DATES = [1e3 * datetime(2026, 11, day, 2, tzinfo=UTC).timestamp() for day in (19, 20, 21)]
 
 
 def charts(found: Results, lines: tuple[Past, ...], pack: str) -> Any:
@@ -47,12 +51,13 @@ def charts(found: Results, lines: tuple[Past, ...], pack: str) -> Any:
 
 def test_a_case_shows_its_digits_and_errors_of_each_version(agreeing: Results) -> None:
     found = charts(agreeing, past(agreeing), "pack-case-0")
+    first, second, third = DATES
     assert found["Digits that agree"] == {
-        "mujoco 3.9": [[0.0, 1.0], [11.9, 11.9]],
-        "mujoco 4.0": [[2.0], [10.9]],
+        "mujoco 3.9": [[first, second], [11.9, 11.9]],
+        "mujoco 4.0": [[third], [10.9]],
     }
     errors = found["Global error at the shipped step"]
-    assert errors["mujoco 4.0"] == [[2.0], [0.00911]]
+    assert errors["mujoco 4.0"] == [[third], [0.00911]]
 
 
 def test_the_overview_shows_the_worst_of_each_engine_in_runs_of_most_cases(
@@ -61,9 +66,8 @@ def test_the_overview_shows_the_worst_of_each_engine_in_runs_of_most_cases(
     lines = past(agreeing)
     one = replace(lines[0], time="2026-11-22T02:00:00+00:00", digits=1.0)
     found = charts(agreeing, (*lines, one), "pack-history")
-    days = [0.0, 1.0, 2.0]
-    assert found["Digits that agree"]["pybullet"] == [days, [11.9, 11.9, 10.9]]
-    assert found["Digits that agree"]["mujoco"] == [days, [11.9, 11.9, 10.9]]
+    assert found["Digits that agree"]["pybullet"] == [DATES, [11.9, 11.9, 10.9]]
+    assert found["Digits that agree"]["mujoco"] == [DATES, [11.9, 11.9, 10.9]]
     assert set(found["Digits that agree"]) == {"mujoco", "pybullet"}
 
 
@@ -102,6 +106,8 @@ def test_past_runs_are_drawn_on_the_overview_and_in_their_case(
         tab.window(1440, 2500)
         tab.open(path.as_uri())
         tab.until("document.querySelectorAll('#overview figure[data-drawn]').length === 2")
+        kinds = tab.run(f"{PLOTS}.map((view) => view.model.below[0].type)")
+        assert set(kinds) == {"DatetimeAxis"}
         tab.go(CASE)
         unfold(tab)
         titles = tab.run("[...document.querySelectorAll('.view.current h4')].map(h => h.innerText)")

@@ -116,7 +116,7 @@ def test_without_javascript_everything_but_the_plots_is_there(
         assert len(shown(tab)) == tab.run("document.querySelectorAll('.view').length")
         text = tab.run("document.body.innerText")
         assert "JavaScript is off" in text
-        assert "13 of 19 cases agree" in text
+        assert "13 of 20 cases agree" in text
         assert "is 38.25, the motion wants 39.5" in text
         assert len(rows(tab)) == len(troubled.cases)
         assert not tab.run("document.querySelector('.filters').checkVisibility()")

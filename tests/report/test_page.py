@@ -16,8 +16,9 @@ from harness.records.read import decoded
 from harness.records.results import Results
 from harness.records.schema import schema
 from harness.records.write import encoded
-from harness.report import render, write_report
+from harness.report import render, unbroken, write_report
 from harness.report.maths import ELEMENTS, mathml
+from harness.report.scatter import labelled
 from tests.report.page import Page
 from tests.report.samples import results
 
@@ -278,3 +279,28 @@ def test_a_system_that_was_not_derived_has_a_page_that_says_so() -> None:
     assert "The equations of motion were not derived in this run." in text
     assert "Lagrangian" not in text
     assert "Linearizations about" not in text
+
+
+@pytest.mark.parametrize(
+    ("values", "form", "labels"),
+    [
+        ([1.0, 2.0], "g", ["1", "2"]),
+        ([1.2340, 1.2345, 1.2350], "g", ["1.234", "1.2345", "1.235"]),
+        ([1.0e-9, 1.5e-9, 2.0e-9], "e", ["1.0e-09", "1.5e-09", "2.0e-09"]),
+    ],
+)
+def test_no_two_ticks_have_one_label(values: list[float], form: str, labels: list[str]) -> None:
+    assert [label for _, label in labelled(values, form)] == labels
+
+
+def test_a_number_with_an_exponent_keeps_its_line_and_markup_is_escaped() -> None:
+    text = str(unbroken("<b> ends 1.2e-10 off, rod-3e-4x"))
+    assert text.startswith("&lt;b&gt; ends ")
+    assert '<span class="unbroken">1.2e-10</span> off' in text
+
+
+def test_a_robot_without_constants_has_no_heading_for_them() -> None:
+    found = results()
+    bare = replace(found.systems[0], constants=())
+    page = render(replace(found, systems=(bare, *found.systems[1:])))
+    assert page.count("<h3>Constants</h3>") == 1

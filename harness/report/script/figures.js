@@ -200,9 +200,10 @@ function tables(chart) {
     const heads = [chart.x_label, ...curves.map((curve) => curve.label)];
     const named = chart.names.length ? chart.names : null;
     const cell = (value) => make("td", { class: "number" }, String(Number.isFinite(value) ? value : "–"));
+    const place = (x) => (chart.dates ? make("td", { class: "number" }, new Date(x).toISOString().slice(0, 16).replace("T", " ")) : cell(x));
     const rows = curves[0].x.map((x, i) => make("tr", {},
       ...(named && curves[0].role === "lollipop" ? [make("th", { scope: "row" }, named[named.length - 1 - i])] : []),
-      cell(x), ...curves.map((curve) => cell(curve.y[i]))));
+      place(x), ...curves.map((curve) => cell(curve.y[i]))));
     const head = make("tr", {}, ...(named && curves[0].role === "lollipop" ? ["cause"] : []).concat(heads).map((text) => make("th", { scope: "col" }, text)));
     const table = make("table", { class: "plain" }, make("caption", {}, chart.title), make("thead", {}, head), make("tbody", {}, ...rows));
     return make("div", { class: "scroll table", tabindex: "0", role: "region", "aria-label": `Data of ${chart.title}` }, table);

@@ -7,7 +7,7 @@ async function plot(chart, element, xRange) {
   const y = chart.names.length ? [0, chart.names.length] : chart.y_limits;
   const figure = Plotting.figure({
     height: HEIGHT + 12 * chart.names.length, sizing_mode: "stretch_width", tools: [],
-    x_axis_type: kind(chart.log_x), y_axis_type: kind(chart.log_y),
+    x_axis_type: chart.dates ? "datetime" : kind(chart.log_x), y_axis_type: kind(chart.log_y),
     x_range: xRange ?? new DataRange1d(), y_range: y ? new Range1d({ start: y[0], end: y[1] }) : new DataRange1d(),
     x_axis_label: chart.x_label, y_axis_label: chart.y_label,
     background_fill_alpha: 0, border_fill_alpha: 0, outline_line_color: ink("--line"),
@@ -26,13 +26,13 @@ async function plot(chart, element, xRange) {
     }
   }
   dress(figure, chart);
-  const x = chart.over_time ? "t" : "x";
+  const x = chart.dates ? "date" : chart.over_time ? "t" : "x";
   // Tips of curves that lie on each other would cover each other: the reference's goes to the left.
   for (const [attachment, renderers] of [["left", drawn.reference], ["horizontal", drawn.own]]) {
     if (!renderers.length) continue;
     figure.add_tools(new HoverTool({
-      renderers, attachment, tooltips: [["", "$name"], [x, "@x{%.5g}"], ["value", "@told{%.4g}"]],
-      formatters: { "@x": "printf", "@told": "printf" }, toggleable: false,
+      renderers, attachment, tooltips: [["", "$name"], [x, chart.dates ? "@x{%F %H:%M}" : "@x{%.5g}"], ["value", "@told{%.4g}"]],
+      formatters: { "@x": chart.dates ? "datetime" : "printf", "@told": "printf" }, toggleable: false,
     }));
   }
   return { view: await Plotting.show(figure, element), items };
