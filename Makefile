@@ -5,7 +5,7 @@ BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: report test test-slow check docs bench soak fuzz clean
+.PHONY: report test test-slow test-engines check docs bench soak fuzz clean
 
 report: .venv/.report
 	$(BIN)/crosscheck run --out reports
@@ -19,6 +19,13 @@ test: check
 # Whole pages, files and matrices, each five seconds and more; the longest folders first.
 test-slow: .venv/.test
 	$(PYTEST) tests/installed tests/versions tests -m slow
+
+# Every engine of an extra: its tests, its conformance, and all accepted cases. 4 GB, 3 minutes to set up.
+ALL := .venv-engines/bin
+test-engines: .venv-engines/.ready
+	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
+		tests/files/test_motions.py tests/numerics/test_stepping.py tests/numerics/test_forward_dynamics.py
+	$(ALL)/crosscheck gate --all --out build/gate
 
 check: .venv/.test
 	$(BIN)/ruff check .
@@ -52,6 +59,12 @@ fuzz: .venv/.fuzz
 	$(PIP) install --constraint constraints.txt --editable '.[dev]'
 	touch $@ .venv/.report
 
+.venv-engines/.ready: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv-engines
+	$(ALL)/python -m pip --disable-pip-version-check --quiet install \
+		--constraint constraints.txt --editable '.[dev,all-engines]'
+	touch $@
+
 .venv/.docs: .venv/bin/python pyproject.toml constraints.txt
 	$(PIP) install --constraint constraints.txt --editable '.[docs]'
 	touch $@
@@ -61,4 +74,4 @@ fuzz: .venv/.fuzz
 	touch $@
 
 clean:
-	rm -rf .venv
+	rm -rf .venv .venv-engines

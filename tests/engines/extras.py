@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -17,9 +18,10 @@ H = 1e-4
 
 
 def need(name: str) -> None:
-    """Skip a test whose engine is not there."""
+    """Skip a test whose engine is not installed; fail it where all engines are required."""
     if engines()[name].version() is None:
-        pytest.skip(missing(engines()[name]))
+        refuse = pytest.fail if os.environ.get("REQUIRE_ALL_ENGINES") else pytest.skip
+        refuse(missing(engines()[name]))
 
 
 def load(

@@ -15,6 +15,7 @@ from harness.engines.known_answer import KnownEngine, KnownModel
 from harness.engines.protocol import Array, Engine, Force, ModelSpec, StateForce
 from harness.engines.registry import engines
 from harness.engines.remark import Remark
+from tests.engines.extras import need
 from tests.engines.protocol_models import PAIRINGS, Pairing
 
 ADAPTERS = tuple(engines())
@@ -25,11 +26,9 @@ def failures(checks: Iterable[Check]) -> list[str]:
 
 
 def adapter(name: str) -> Engine:
-    """The adapter of an installed engine, or a skip that says what is missing."""
-    engine = engines()[name]
-    if engine.version() is None:
-        pytest.skip(f"{name} is not installed")
-    return engine
+    """Return the adapter of an installed engine, or skip with what is missing."""
+    need(name)
+    return engines()[name]
 
 
 @pytest.mark.parametrize("name", ADAPTERS)

@@ -9,8 +9,8 @@ import pytest
 import scipy.linalg
 
 from harness.engines.protocol import Array, StateForce
-from harness.engines.registry import engines
 from harness.numerics.ladder import RUNGS, limits, observed_order
+from tests.engines.extras import need
 from tests.engines.protocol_models import (
     GRAVITY,
     LENGTH,
@@ -30,9 +30,8 @@ CAN_SWING = [p for p in PAIRINGS if p.format != "python"]
 
 
 def installed(pairing: Pairing) -> Pairing:
-    """The pairing, or a skip that says what is missing."""
-    if engines()[pairing.engine].version() is None:
-        pytest.skip(f"{pairing.engine} is not installed")
+    """Return the pairing, or skip with what is missing."""
+    need(pairing.engine)
     return pairing
 
 

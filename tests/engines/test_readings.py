@@ -9,6 +9,7 @@ import pytest
 
 from harness.engines.protocol import Array, EngineError, Model, ModelSpec
 from harness.engines.registry import engines
+from tests.engines.extras import need
 
 BOTH = ("mujoco", "pybullet")
 SMALL = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -21,8 +22,7 @@ H = 1e-4
 def _engines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo logs what it warns of on loading beside the caller
     for name in BOTH:
-        if engines()[name].version() is None:
-            pytest.skip(f"{name} is not installed")
+        need(name)
 
 
 def urdf(

@@ -25,7 +25,7 @@ from reference.derive import derive
 from reference.load import load_system
 from reference.motion import Motion
 from reference.solve import solve
-from tests.engines.extras import EXTRAS
+from tests.engines.extras import EXTRAS, need
 
 SECONDS = 2.0
 COARSE = 1e-5
@@ -108,8 +108,7 @@ def verdict(
 
 @pytest.fixture(autouse=True)
 def _installed(engine: str) -> None:
-    if engines()[engine].version() is None:
-        pytest.skip(f"{engine} is not installed")
+    need(engine)
 
 
 @pytest.mark.parametrize(("sidecar", "engine"), _cases({*STANDING, *EXTRAS}))
