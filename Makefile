@@ -5,7 +5,7 @@ BIN := .venv/bin
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-.PHONY: report test test-slow test-engines check docs bench soak fuzz clean
+.PHONY: report test test-slow test-engines test-python dist check docs bench soak fuzz clean
 
 report: .venv/.report
 	$(BIN)/crosscheck run --out reports
@@ -26,6 +26,23 @@ test-engines: .venv-engines/.ready
 	REQUIRE_ALL_ENGINES=1 $(ALL)/python -m pytest -n 2 --dist loadfile tests/engines \
 		tests/files/test_motions.py tests/numerics/test_stepping.py tests/numerics/test_forward_dynamics.py
 	$(ALL)/crosscheck gate --all --out build/gate
+
+# Another Python, with the engines that have wheels for it: make test-python PYTHON=python3.12
+OTHER := .venv-$(notdir $(PYTHON))
+test-python:
+	$(PYTHON) -m venv $(OTHER)
+	$(OTHER)/bin/python -m pip --disable-pip-version-check --quiet install \
+		--constraint constraints.txt --editable '.[portable]'
+	$(OTHER)/bin/python -m pytest -n 2 --dist loadfile -m "not slow" \
+		tests/reference tests/robots tests/records tests/text tests/installed/test_installed.py
+	$(OTHER)/bin/crosscheck run --engine mujoco --engine pymunk --out build/$(OTHER)
+
+# The wheel comes from the source distribution, as it does where people build it.
+dist: .venv/.test
+	rm -rf dist build/sdist
+	$(BIN)/python -m hatchling build -t sdist -d dist
+	mkdir -p build/sdist && tar -xzf dist/*.tar.gz -C build/sdist --strip-components 1
+	cd build/sdist && $(CURDIR)/$(BIN)/python -m hatchling build -t wheel -d $(CURDIR)/dist
 
 check: .venv/.test
 	$(BIN)/ruff check .
@@ -74,4 +91,4 @@ fuzz: .venv/.fuzz
 	touch $@
 
 clean:
-	rm -rf .venv .venv-engines
+	rm -rf .venv .venv-*

@@ -10,12 +10,13 @@ import pytest
 import yaml
 
 from tests.installed.conftest import Installed
-from tests.installed.workflow import run_job, steps_of
+from tests.installed.workflow import Job, run_job, steps_of
 from tests.standing import brief
 
 REPOSITORY = Path(__file__).parent / "repository"
 ROOT = Path(__file__).parents[2]
 WORKFLOW = ROOT / "docs" / "ci" / "github-workflow.yml"
+ACTION = yaml.safe_load((ROOT / "action.yml").read_text())
 HOOKS = ROOT / ".pre-commit-hooks.yaml"
 
 
@@ -77,3 +78,51 @@ def _the_workflow_fails_and_tells(installed: Installed, place: Path, tools: Path
     assert (place / body).read_text() == job.summary
     assert "cause in cart_pole/mujoco.xml [mujoco]" in job.summary
     assert (place / "reports" / "index.html").is_file()
+
+
+def run_action(installed: Installed, place: Path, tools: Path, **given: str) -> Job:
+    inputs = {name: one["default"] for name, one in ACTION["inputs"].items()} | given
+    return run_job(ACTION["runs"]["steps"], installed, place, tools, inputs)
+
+
+@pytest.mark.slow
+def test_the_action_runs_the_command_that_it_is_given(installed: Installed, tmp_path: Path) -> None:
+    place = tmp_path / "robots"
+    place.mkdir()
+    shutil.copy(ROOT / "docs" / "cases" / "door.urdf", place)
+    job = run_action(installed, place, tmp_path / "tools", command="run door.urdf --engine mujoco")
+    assert job.called == ("pip install physics-crosscheck[engines]",)
+    assert job.ran == ("Install", "Check")
+    assert "door.urdf" in job.stdout
+    assert (place / "reports" / "index.html").is_file()
+
+
+def test_no_input_of_the_action_is_a_part_of_its_script(
+    installed: Installed, tmp_path: Path
+) -> None:
+    hostile = "engines; touch owned $(touch owned) `touch owned`"
+    job = run_action(
+        installed, tmp_path, tmp_path / "tools", command=hostile, install="a; touch owned",
+        constraints="my constraints.txt",
+    )  # fmt: skip
+    assert not job.passes
+    assert not (tmp_path / "owned").exists()
+    assert job.called == ("pip install --constraint my constraints.txt a; touch owned",)
+
+
+def test_the_workflows_of_this_repository_call_targets_that_there_are() -> None:
+    targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    called: set[str] = set()
+    for file in (ROOT / ".github").rglob("*.yml"):
+        text = file.read_text()
+        yaml.safe_load(text)
+        called |= set(re.findall(r"run: make ([\w-]+)", text))
+        called |= set(
+            yaml.safe_load(text)
+            .get("jobs", {})
+            .get("suite", {})
+            .get("strategy", {})
+            .get("matrix", {})
+            .get("target", ())
+        )
+    assert {"test", "test-slow", "test-engines", "test-python", "dist"} == called <= targets

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import yaml
@@ -37,7 +39,13 @@ class Job:
     stdout: str
 
 
-def run_job(steps: list[dict[str, Any]], installed: Installed, place: Path, tools: Path) -> Job:
+def run_job(
+    steps: list[dict[str, Any]],
+    installed: Installed,
+    place: Path,
+    tools: Path,
+    inputs: Mapping[str, str] = MappingProxyType({}),
+) -> Job:
     """Run a job's steps in a checkout, for a pull request; `pip` and `gh` are noted alone."""
     tools.mkdir(exist_ok=True)
     for name in ("pip", "gh"):
@@ -52,7 +60,7 @@ def run_job(steps: list[dict[str, Any]], installed: Installed, place: Path, tool
             continue
         script = tools / f"step{i}.sh"
         script.write_text(step["run"])
-        env = {key: _filled(value) for key, value in step.get("env", {}).items()}
+        env = {key: _filled(value, inputs) for key, value in step.get("env", {}).items()}
         done = installed.shell(
             f"PATH='{tools}':$PATH {SHELL} '{script}'",
             place,
@@ -86,6 +94,7 @@ def _is_run(condition: str, passes: bool) -> bool:
     return all(known[part.strip()] for part in condition.split("&&"))
 
 
-def _filled(value: str) -> str:
-    known = {"github.token": "token", "github.event.pull_request.number": "7"}
+def _filled(value: str, inputs: Mapping[str, str]) -> str:
+    known = {f"inputs.{name}": text for name, text in inputs.items()}
+    known |= {"github.token": "token", "github.event.pull_request.number": "7"}
     return re.sub(r"\$\{\{\s*(.*?)\s*\}\}", lambda found: known[found[1]], value)
