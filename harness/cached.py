@@ -2,7 +2,7 @@
 
 A file of JSON for each piece of work, named by the hash of what it is and depends on: the contents
 of the folder, engine and versions, and the source of this package and of the engine's adapter.
-Beside the value stand the hashes of what the folder's code read elsewhere, which must be the same
+With the value is the state of all that the folder's code read or looked for, which must be the same
 still. Nothing in it is run, a file that can't be read as what it should be is as good as none, and
 each is written whole or not at all.
 """
@@ -17,7 +17,7 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,11 +25,12 @@ from typing import Any
 import msgspec
 
 import physics_crosscheck
-from harness.baseline.fingerprint import UNREADABLE, digest, digest_of, digests, folder_files
+from harness.baseline.fingerprint import folder_files
 from harness.baseline.inputs import versions
 from harness.engines.registry import engines
-from harness.files.parts import named_files
+from harness.files.parts import part_digests
 from harness.files.reads import recorded
+from harness.files.states import UNREADABLE, digest_of, states_now
 from harness.numerics.version import VERSION
 from harness.records.base import Record
 from harness.records.baseline import Measurement, Snapshot
@@ -57,12 +58,12 @@ class FolderFacts(Record, frozen=True, kw_only=True):
     Attributes:
         record: the system's entry in the results.
         bodies: whether it declares bodies, and not energies.
-        reads: files that `system.py` has read, by their places relative to the folder.
+        reads: states of what `system.py` has read, by name relative to the folder.
     """
 
     record: System
     bodies: bool
-    reads: tuple[str, ...]
+    reads: dict[str, str]
 
 
 class RobotFacts(Record, frozen=True, kw_only=True):
@@ -111,7 +112,7 @@ class Piece(Record, frozen=True, kw_only=True):
 
 
 class _Entry(Record, frozen=True, kw_only=True):
-    """A file: the piece, what was read for it and its hashes, and what came of it."""
+    """A file: the piece, the states of what was read for it, and what came of it."""
 
     piece: Piece
     reads: dict[str, str]
@@ -152,20 +153,21 @@ class Cache:
             return value
         return None
 
-    def keep(self, piece: Piece, value: Any, reads: Iterable[str]) -> None:
+    def keep(self, piece: Piece, value: Any, reads: Mapping[str, str]) -> None:
         """Keep what came of a piece of work; where it can't be, the run goes on without.
 
         Args:
             piece: the work.
             value: of its kind.
-            reads: files that were read for it, by their places relative to the folder.
+            reads: states of what was read for it, by name relative to the folder.
         """
         if self.trouble or not piece.inputs:
             return
-        known = digests(Path(piece.folder), sorted(set(reads)))
-        if UNREADABLE in known.values():
+        if UNREADABLE in reads.values():
             return
-        entry = _Entry(piece=piece, reads=known, value=msgspec.Raw(msgspec.json.encode(value)))
+        entry = _Entry(
+            piece=piece, reads=dict(reads), value=msgspec.Raw(msgspec.json.encode(value))
+        )
         with self._writing():
             path = self._path(piece)
             path.parent.mkdir(exist_ok=True)
@@ -196,7 +198,7 @@ class Cache:
 
 
 def _as_they_were(folder: Path, reads: Mapping[str, str]) -> bool:
-    return digests(folder, reads) == dict(reads)
+    return states_now(folder, reads) == dict(reads)
 
 
 def piece_of_folder(folder: Path, *, described: bool) -> Piece:
@@ -220,8 +222,7 @@ def piece_of_robot(file: Path, *, floating: bool) -> Piece:
     """The preparation of a robot's file, with all that it names."""
     try:
         beside = file.with_name(f"{file.name}.toml").is_file()  # which is told as not read
-        read = [(str(one), digest(one)) for one in (file, *named_files(file))]
-        told = (read, floating, beside, VERSION, _surroundings())
+        told = (part_digests(file), floating, beside, VERSION, _surroundings())
         known = digest_of(msgspec.json.encode(told))
     except OSError:
         known = ""
@@ -274,10 +275,10 @@ def _source(folder: Path) -> str:
 
 
 class Told(msgspec.Struct):
-    """What came of a task, and which files it read, by their places relative to a folder."""
+    """What came of a task, and the states of what it read, by name relative to a folder."""
 
     value: Any
-    reads: tuple[str, ...]
+    reads: dict[str, str]
 
 
 class Reading:
@@ -290,4 +291,4 @@ class Reading:
         """Do it."""
         with recorded(self._folder) as reads:
             value = self._function(argument)
-        return Told(value, reads.names())
+        return Told(value, reads.states())

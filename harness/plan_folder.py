@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from harness.baseline.inputs import inputs, with_elsewhere
+from harness.baseline.inputs import inputs, with_reads_of_system
 from harness.cached import FolderFacts, models_inputs, piece_of_folder
 from harness.collected import Collected, stand_in
 from harness.options import Options
@@ -56,8 +56,8 @@ class FolderWork(PlaceWork[FolderFacts]):
         return stand_in(self.place)
 
     @property
-    def reads(self) -> tuple[str, ...]:
-        """What `system.py` has read."""
+    def reads(self) -> Mapping[str, str]:
+        """States of what `system.py` has read."""
         return self.facts.reads
 
     def _known_facts(self) -> FolderFacts | None:
@@ -78,7 +78,7 @@ class FolderWork(PlaceWork[FolderFacts]):
         return FolderFacts(
             record=prepared.record,
             bodies=isinstance(prepared, PreparedTree),
-            reads=prepared.reads,
+            reads=dict(prepared.reads),
         )
 
     def _inputs(self, key: ModelKey) -> str:
@@ -87,7 +87,7 @@ class FolderWork(PlaceWork[FolderFacts]):
     def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
         if kind not in KEPT_BY_JOURNALS or not self.found.keeps:
             return None
-        known = with_elsewhere(self._known.get(key, ""), key, self.facts.reads)
+        known = with_reads_of_system(self._known.get(key, ""), key, self.facts.reads)
         folder, model, engine = key
         what: Any = kind
         work = Work(

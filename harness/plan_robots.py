@@ -5,7 +5,7 @@ What workers run is imported where a task is made of it: nothing is where all of
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -54,9 +54,9 @@ class RobotWork(PlaceWork[RobotFacts]):
         return CaseId(system=self.place.stem, model=self.place.name, scenario="-", engine="-")
 
     @property
-    def reads(self) -> tuple[str, ...]:
+    def reads(self) -> Mapping[str, str]:
         """None: what a file names is in its hash."""
-        return ()
+        return {}
 
     def _preparing(self) -> Task[Any, Any]:
         from harness.cases.robot import prepare_robot
@@ -148,7 +148,7 @@ class RobotPlan:
             task=self._task(prepared, case.engine),
             system=prepared.system,
             accepted=accepted,
-            reads=(),
+            reads={},
         )
         return Task(measure_tree, task)
 

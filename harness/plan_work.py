@@ -7,13 +7,14 @@ known.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from harness.cached import Piece, Reading, Told, with_snapshot
 from harness.cases.not_run import failed_case
 from harness.collected import Collected, Jobs
+from harness.files.states import merged
 from harness.options import Options
 from harness.records.baseline import Snapshot
 from harness.records.case import CaseId, ModelKey
@@ -66,8 +67,8 @@ class PlaceWork(ABC, Generic[Facts]):
 
     @property
     @abstractmethod
-    def reads(self) -> tuple[str, ...]:
-        """Files that its code has read, by their places relative to it; once that is known."""
+    def reads(self) -> Mapping[str, str]:
+        """States of what its code has read, by name relative to it; once that is known."""
 
     @abstractmethod
     def _preparing(self) -> Task[Any, Any]:
@@ -105,7 +106,7 @@ class PlaceWork(ABC, Generic[Facts]):
             self._prepared = prepared
             if self._facts is None:
                 self._facts = self._facts_of(prepared)
-                self._keep(self._piece, self._facts, ())
+                self._keep(self._piece, self._facts, {})
             return then()
 
         return Job(task=self._preparing(), done=done, failed=self._unprepared)
@@ -162,7 +163,7 @@ class PlaceWork(ABC, Generic[Facts]):
                 task = Task(Reading(task, self.place), task.argument)
 
             def ended(told: Any) -> Jobs:
-                value, reads = (told.value, told.reads) if isinstance(told, Told) else (told, ())
+                value, reads = (told.value, told.reads) if isinstance(told, Told) else (told, {})
                 if work is not None:
                     self.found.keep(work, value)
                 self._keep(piece, value, reads)
@@ -178,10 +179,10 @@ class PlaceWork(ABC, Generic[Facts]):
     def _had(self, piece: Piece | None) -> Any | None:
         return None if piece is None or self._cache is None else self._cache.find(piece)
 
-    def _keep(self, piece: Piece | None, value: Any, reads: Iterable[str]) -> None:
+    def _keep(self, piece: Piece | None, value: Any, reads: Mapping[str, str]) -> None:
         """For later runs, with what was read for it beside what `system.py` reads."""
         if piece is not None and self._cache is not None:
-            self._cache.keep(piece, value, (*self.reads, *reads))
+            self._cache.keep(piece, value, merged(self.reads, reads))
 
     def _piece_of(
         self, kind: str, key: ModelKey, scenario: str, snapshot: Snapshot | None

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from harness.baseline.costs import constants_moved, cost_part, other_method
+from harness.baseline.fingerprint import changed_names
 from harness.baseline.movement import (
     Movement,
     Sized,
@@ -124,8 +125,7 @@ def why_not_known(
 
 def _causes(then: AcceptedCase, now: AcceptedCase) -> dict[str, str]:
     """What differs of all that the case depends on: kind -> sentence."""
-    names = sorted({*then.files, *now.files})
-    changed = [name for name in names if then.files.get(name) != now.files.get(name)]
+    changed = changed_names(then.files, now.files)
     causes = {}
     models = [name for name in changed if name != "system.py"]
     if models:

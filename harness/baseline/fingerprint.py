@@ -5,24 +5,19 @@ Read without running anything: this is what tells, in a moment, that nothing has
 
 from __future__ import annotations
 
-import hashlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from harness.engines.registry import model_formats
 from harness.files.parts import included, named_files
-from harness.files.reading import read_regular
 from harness.files.sidecar import SidecarError, left_to_others, read_sidecar
+from harness.files.states import digest, digest_of, is_content, states_now, without_content
 from harness.numerics.version import VERSION
 
 BESIDE = "(beside)"
 """Stands for the files of a folder that no model file names: a `space.py` may open any of them."""
-
-
-UNREADABLE = "can't be read"
-"""In the place of a hash; never as accepted."""
 
 
 @dataclass(frozen=True)
@@ -132,47 +127,47 @@ def folder_files(folder: Path, apart: Path | None = None) -> FolderFiles:
     return FolderFiles(folder, declared, tuple(found), tuple(broken))
 
 
-def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """Hashes of files by their names relative to a folder; `UNREADABLE` for what can't be read."""
-    found = {}
-    for name in names:
-        try:
-            found[name] = digest(folder / name)
-        except (OSError, ValueError):
-            found[name] = UNREADABLE
-    return found
-
-
 def with_reads(model: ModelFiles | None, reads: Mapping[str, str]) -> dict[str, str]:
-    """What a model's cases depend on: its files, and what its folder's code has read elsewhere.
+    """Return what a model's cases depend on: its files, and what its folder's code asked besides.
 
-    What lies in the folder and is no hidden file is in one hash with all that lies there.
+    The content of what lies in the folder and is no hidden file is in one hash with all that lies
+    there. What else the code asked of such a file is under its name with `./` before it.
     """
     if model is None:
         return {}
-    elsewhere = {name: reads[name] for name in reads if name not in model.beside}
-    return {**elsewhere, **model.hashes}
+    besides = {}
+    for name, state in reads.items():
+        if name not in model.beside:
+            besides[name] = state
+        elif more := without_content(state):
+            besides[f"./{name}"] = more
+    return {**besides, **model.hashes}
 
 
 def as_now(model: ModelFiles, accepted: Mapping[str, str]) -> dict[str, str]:
-    """The same with what was read when it was accepted, as that is now, without running it.
+    """Return the same with what was read when it was accepted, as that is now, running nothing.
 
     Code that is as it was, and finds what it found then, reads what it has read.
     """
-    names = [name for name in accepted if name not in model.hashes and name != BESIDE]
-    return {**digests(model.folder, names), **model.hashes}
+    besides = {
+        name: state
+        for name, state in accepted.items()
+        if name not in model.hashes and name != BESIDE
+    }
+    return {**states_now(model.folder, besides), **model.hashes}
 
 
-def digest(path: Path) -> str:
-    """Hash of a file's content, 16 hexadecimal digits; line ends of a text don't count."""
-    return digest_of(read_regular(path))
+def changed_names(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """Return the names in two such tables that differ.
 
+    What code looked for in one of two runs alone did not change: it may have found that loaded.
+    """
 
-def digest_of(data: bytes) -> str:
-    """Hash of the content of a file. Git may hand out the same text with other line ends."""
-    if b"\0" not in data:
-        data = data.replace(b"\r\n", b"\n")
-    return hashlib.sha256(data).hexdigest()[:16]
+    def differs(name: str) -> bool:
+        both = then.get(name), now.get(name)
+        return both[0] != both[1] and (None not in both or any(map(is_content, filter(None, both))))
+
+    return [name for name in sorted({*then, *now}) if differs(name)]
 
 
 def _together(hashes: dict[str, str]) -> str:

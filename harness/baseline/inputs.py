@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib.metadata
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -14,11 +14,10 @@ import numpy as np
 from harness.baseline.fingerprint import (
     Dependencies,
     dependencies,
-    digest_of,
-    digests,
     folder_files,
 )
 from harness.engines.registry import engines
+from harness.files.states import UNREADABLE, digest_of
 from harness.records.case import ModelKey
 
 
@@ -44,20 +43,17 @@ def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey
     }
 
 
-def with_elsewhere(known: str, key: ModelKey, reads: Iterable[str]) -> str:
-    """The hash of a model with what `system.py` has read outside its folder; "": it can't be told.
+def with_reads_of_system(known: str, key: ModelKey, reads: Mapping[str, str]) -> str:
+    """Return the hash of a model with what `system.py` has read or looked for; "": unknown.
 
     Args:
         known: hash of the model.
         key: of the model. One that is code may read files of any place while it is run.
-        reads: files by their places relative to the folder; those within are in the hash already.
+        reads: states of what was read, by name relative to the folder.
     """
-    if not known or Path(key[1]).suffix == ".py":
+    if not known or Path(key[1]).suffix == ".py" or UNREADABLE in reads.values():
         return ""
-    elsewhere = digests(Path(key[0]), sorted(name for name in reads if name.startswith("../")))
-    if not elsewhere:
-        return known
-    return digest_of(msgspec.json.encode([known, elsewhere], order="sorted"))
+    return digest_of(msgspec.json.encode([known, reads], order="sorted"))
 
 
 def _hash(depends: Dependencies, known: Mapping[str, str | None]) -> str:

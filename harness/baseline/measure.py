@@ -6,12 +6,12 @@ can be told which of them moved.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 
-from harness.baseline.fingerprint import digests
 from harness.baseline.movement import of_equations
 from harness.baseline.snapshot import (
     PickedSegments,
@@ -26,6 +26,7 @@ from harness.cases.prepare import Prepared
 from harness.diagnosis.diagnose import NAMED
 from harness.files.reads import recorded
 from harness.files.sidecar import Sidecar
+from harness.files.states import merged
 from harness.records.base import rows
 from harness.records.baseline import Identified, Measurement, OnAccepted, Snapshot
 from reference.integrate import ReferenceError
@@ -46,8 +47,8 @@ NUDGE = 1e-4
 class MeasureTask:
     """Everything a worker needs.
 
-    `accepted` is the snapshot of the baseline, where there is one; `reads` is what `system.py` has
-    read.
+    `accepted` is the snapshot of the baseline, where there is one; `reads` is the states of what
+    `system.py` has read.
     """
 
     system: System
@@ -59,7 +60,7 @@ class MeasureTask:
     components: tuple[str, ...]
     variants: Variants
     accepted: Snapshot | None
-    reads: tuple[str, ...]
+    reads: Mapping[str, str]
 
 
 def measure_task(case: CaseTask, prepared: Prepared, accepted: Snapshot | None) -> MeasureTask:
@@ -87,8 +88,7 @@ def measure(task: MeasureTask) -> Measurement:
     folder = task.sidecar.model.parent
     with recorded(folder) as reads:
         found = _measured(task)
-    names = dict.fromkeys((*task.reads, *reads.names()))
-    return msgspec.structs.replace(found, reads=digests(folder, names))
+    return msgspec.structs.replace(found, reads=merged(task.reads, reads.states()))
 
 
 def _measured(task: MeasureTask) -> Measurement:

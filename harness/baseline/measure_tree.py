@@ -5,18 +5,19 @@ No constant is fitted: which number has moved is told by the diagnosis, of a mod
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from harness.baseline.fingerprint import digests
 from harness.baseline.measure import comparable, is_accepted
 from harness.baseline.snapshot import PICKED, ends, segments_of
 from harness.cases.robot_task import RobotTask, load_robot, order_of
 from harness.cases.verdict import filled
 from harness.files.reads import recorded
+from harness.files.states import merged
 from harness.records.base import rows
 from harness.records.baseline import Measurement, OnAccepted, Snapshot
 from reference.numeric import Array
@@ -32,13 +33,13 @@ class MeasureTreeTask:
         task: the case.
         system: the declared tree.
         accepted: the snapshot of the baseline, where there is one.
-        reads: files that `system.py` has read.
+        reads: states of what `system.py` has read.
     """
 
     task: RobotTask
     system: TreeSystem
     accepted: Snapshot | None
-    reads: tuple[str, ...]
+    reads: Mapping[str, str]
 
 
 def measure_tree(task: MeasureTreeTask) -> Measurement:
@@ -50,8 +51,7 @@ def measure_tree(task: MeasureTreeTask) -> Measurement:
     folder = Path(task.task.folder)
     with recorded(folder) as reads:
         found = _measured(task)
-    names = dict.fromkeys((*task.reads, *reads.names()))
-    return msgspec.structs.replace(found, reads=digests(folder, names))
+    return msgspec.structs.replace(found, reads=merged(task.reads, reads.states()))
 
 
 def _measured(task: MeasureTreeTask) -> Measurement:

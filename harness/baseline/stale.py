@@ -8,7 +8,6 @@ from pathlib import Path
 
 from harness.baseline.file import SystemBaseline
 from harness.baseline.fingerprint import (
-    UNREADABLE,
     Dependencies,
     FolderFiles,
     ModelFiles,
@@ -16,6 +15,7 @@ from harness.baseline.fingerprint import (
     dependencies,
 )
 from harness.files.folders import builtin
+from harness.files.states import UNREADABLE
 from harness.records.baseline import AcceptedCase
 from harness.records.case import CaseId
 

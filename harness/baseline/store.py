@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from harness.baseline.file import FileError, SystemBaseline, file_text, read_file, read_folder
-from harness.baseline.fingerprint import digest_of
 from harness.files.reading import MOST_MODEL, read_regular
+from harness.files.states import digest_of
 
 T = TypeVar("T")
 

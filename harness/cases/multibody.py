@@ -7,6 +7,7 @@ file that is given alone is against its own. With which settings is said by its 
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,14 +38,14 @@ class PreparedTree:
         system: as declared.
         samples: states of the tree, and where its equations take them.
         record: the system's entry in results.json.
-        reads: files that `system.py` has read, by their places relative to the folder.
+        reads: states of what `system.py` has read, by name relative to the folder.
     """
 
     folder: Path
     system: MultibodySystem
     samples: Samples
     record: SystemRecord
-    reads: tuple[str, ...]
+    reads: Mapping[str, str]
 
     def id(self, sidecar: Sidecar, engine: str) -> CaseId:
         """The one case of a model in an engine."""
@@ -95,12 +96,12 @@ def prepare_folder(folder: Path, described: bool = True) -> Prepared | PreparedT
     with recorded(folder) as reads:
         declared = load_declaration(folder)
     if isinstance(declared, System):
-        return derived(folder, declared, reads.names(), began, described=described)
-    return _prepared_tree(folder, declared, reads.names(), began)
+        return derived(folder, declared, reads.states(), began, described=described)
+    return _prepared_tree(folder, declared, reads.states(), began)
 
 
 def _prepared_tree(
-    folder: Path, declared: MultibodySystem, reads: tuple[str, ...], began: float
+    folder: Path, declared: MultibodySystem, reads: Mapping[str, str], began: float
 ) -> PreparedTree:
     try:
         drawn = states_of(declared, STATES)

@@ -48,7 +48,7 @@ class Prepared:
         stepped: the equations as integrators ask them; None where time stands in them.
         variants: the equations with every constant and some missing terms free.
         record: the system's entry in results.json.
-        reads: files that `system.py` has read, by their places relative to the folder.
+        reads: states of what `system.py` has read, by name relative to the folder.
     """
 
     folder: Path
@@ -63,7 +63,7 @@ class Prepared:
     stepped: SteppedEquations | None
     variants: Variants
     record: records.System
-    reads: tuple[str, ...]
+    reads: Mapping[str, str]
 
 
 def prepare(folder: Path, described: bool = True) -> Prepared:
@@ -78,18 +78,18 @@ def prepare(folder: Path, described: bool = True) -> Prepared:
     began = time.perf_counter()
     with recorded(folder) as reads:
         system = load_system(folder)
-    return derived(folder, system, reads.names(), began, described=described)
+    return derived(folder, system, reads.states(), began, described=described)
 
 
 def derived(
-    folder: Path, system: System, reads: tuple[str, ...], began: float, *, described: bool
+    folder: Path, system: System, reads: Mapping[str, str], began: float, *, described: bool
 ) -> Prepared:
     """Derive, linearize and solve what was loaded from a folder.
 
     Args:
         folder: of the system.
         system: that it declares.
-        reads: files that its declaration has read.
+        reads: states of what its declaration has read.
         began: when that was, by `time.perf_counter`.
         described: as in `prepare`.
 

@@ -13,11 +13,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.baseline.fingerprint import BESIDE, UNREADABLE, digests, folder_files
+from harness.baseline.fingerprint import BESIDE, folder_files
 from harness.cli.asked import Asked
 from harness.files.choice import NamedModel
 from harness.files.folders import FolderError, NamedFolders
 from harness.files.parts import named_files
+from harness.files.states import UNREADABLE, states_now
 from harness.records.merged import merged
 from harness.records.results import Results
 from harness.text.visible import visible
@@ -161,7 +162,7 @@ def _hashes(wanted: Asked) -> Hashes:
         if scan.broken or not scan.models:
             found[whole] = {str(folder): "\n".join((scan.system, *scan.broken))}
     for file in wanted.robots:
-        found[str(file), ""] = digests(Path(), _of_robot(file))
+        found[str(file), ""] = states_now(Path(), dict.fromkeys(_of_robot(file), ""))
     return found
 
 

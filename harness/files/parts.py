@@ -13,6 +13,7 @@ from harness.engines.registry import readers
 from harness.files.locations.location import LocationError, Source
 from harness.files.locations.xml import check_harmless, read_elements
 from harness.files.reading import MOST_MODEL, no_plain_file, read_regular
+from harness.files.states import digest
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")
@@ -52,6 +53,15 @@ def named_files(model: Path) -> tuple[Path, ...]:
         OSError: for one that can't be read.
     """
     return tuple(_walk(model)[0])
+
+
+def part_digests(model: Path) -> dict[str, str]:
+    """Return the hashes of a model file and of all files that it names, by their paths.
+
+    Raises:
+        OSError: for one that can't be read.
+    """
+    return {str(path): digest(path) for path in (model, *named_files(model))}
 
 
 def parts(model: Path) -> dict[Path, bool]:

@@ -14,10 +14,11 @@ from harness.baseline.changes import Status
 from harness.baseline.classify import Change
 from harness.baseline.entry import summarized
 from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles, digest_of
+from harness.baseline.fingerprint import FolderFiles
 from harness.baseline.stale import location
 from harness.baseline.store import write_baseline
 from harness.files.folders import FolderError
+from harness.files.states import digest_of
 from harness.gate.result import GateResult
 from harness.records.baseline import AcceptedCase, Declared
 from harness.records.case import CaseId

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.baseline.classify import Change
-from harness.baseline.fingerprint import BESIDE, FolderFiles
+from harness.baseline.fingerprint import BESIDE, FolderFiles, changed_names
 from harness.baseline.store import accepted_text
 from harness.files.locations import Location, LocationError, find_in
 from harness.files.sidecar import SidecarError, read_sidecar
+from harness.files.states import ABSENT
 
 MOST_LINES = 12
 """Changed lines told of a file: beyond, a diff serves better."""
@@ -80,10 +81,9 @@ def _changed(changes: Sequence[Change]) -> dict[tuple[str, str, str], set[str]]:
         if change.entry is None or change.case is None or not change.files:
             continue
         was = change.entry.files
-        for name in sorted({*was, *change.files}):
-            if was.get(name) != change.files.get(name):
-                about = (change.id.system, name, was.get(name, ""))
-                found.setdefault(about, set()).add(change.id.model)
+        for name in changed_names(was, change.files):
+            about = (change.id.system, name, was.get(name, ""))
+            found.setdefault(about, set()).add(change.id.model)
     return found
 
 
@@ -93,8 +93,12 @@ def _changed_lines(
     file = folder / name
     if name == BESIDE:
         return [ChangedLine(folder, 1, "a file beside the models changed, came or went")], 0
+    if file.is_dir():
+        return [ChangedLine(folder, 1, f"in {name} something came or went")], 0
     if not file.is_file():
         return [ChangedLine(folder, 1, f"{name} is gone")], 0
+    if accepted == ABSENT:
+        return [ChangedLine(file, 1, "is there now, and was not")], 0
     if not accepted:
         return [ChangedLine(file, 1, "is used now, and was not")], 0
     old = accepted_text(baseline, system, name, accepted)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.baseline.fingerprint import digests
+from harness.files.parts import part_digests
+from harness.files.states import states_now
 from harness.notebook import motions
 from harness.notebook.columns import Columns
 from harness.notebook.motions import Asked, Simulated, Solved, start_from
@@ -147,23 +147,24 @@ def _times(given: ArrayLike | None, duration: float) -> Array:
     return within
 
 
-_KEPT: OrderedDict[Asked, tuple[dict[str, str], Solved]] = OrderedDict()
+_KEPT: OrderedDict[Asked, Solved] = OrderedDict()
 
 
 def _solved(asked: Asked) -> Solved:
     """The motion, unless it is known and nothing that it was read from has changed."""
     known = _KEPT.pop(asked, None)
-    if known is None or known[0] != _hashes(known[0]):
-        found = _done(motions.solved, asked, asked.subject)
-        known = _hashes(found.reads), found
+    if known is None or known.reads != _states_now(known.reads, asked.subject):
+        known = _done(motions.solved, asked, asked.subject)
     _KEPT[asked] = known
     while len(_KEPT) > KEPT:
         _KEPT.popitem(last=False)
-    return known[1]
+    return known
 
 
-def _hashes(files: Sequence[str] | Mapping[str, str]) -> dict[str, str]:
-    return digests(Path("/"), files)
+def _states_now(reads: Mapping[str, str], subject: Subject) -> dict[str, str]:
+    """The states of what a motion was read from, as they are now."""
+    named = {} if subject.folder is not None else part_digests(subject.place.absolute())
+    return {**states_now(subject.base, reads), **named}
 
 
 def _done(function: Callable[[T], V], task: T, subject: Subject) -> V:

@@ -14,7 +14,7 @@ from harness.cases.robot_record import settings_of
 from harness.cases.robot_task import joints_of
 from harness.engines.protocol import Model, ModelSpec
 from harness.engines.registry import engines
-from harness.files.parts import named_files
+from harness.files.parts import part_digests
 from harness.files.reads import recorded
 from harness.notebook.columns import Columns
 from harness.notebook.subject import Subject, sidecar_of
@@ -74,12 +74,12 @@ class Solved:
     Attributes:
         declaration: of the mechanism.
         motion: its reference motion.
-        reads: files that it depends on, absolute.
+        reads: states of what it depends on, by name relative to the folder.
     """
 
     declaration: System | TreeSystem
     motion: Motion
-    reads: tuple[str, ...]
+    reads: Mapping[str, str]
 
 
 def simulate(task: Simulated) -> Trajectory:
@@ -141,12 +141,12 @@ class _Source:
     Attributes:
         declaration: of energies, or of bodies.
         robot: the file that says it; None for a folder.
-        reads: files that were read, absolute.
+        reads: states of what was read, by name relative to the folder.
     """
 
     declaration: System | TreeSystem
     robot: Robot | None
-    reads: tuple[str, ...]
+    reads: Mapping[str, str]
 
 
 def _source(subject: Subject) -> _Source:
@@ -156,12 +156,12 @@ def _source(subject: Subject) -> _Source:
             robot = read_robot(subject.file)
             system = robot_system(robot)
         # A compiler opens files out of Python's sight.
-        own = (str(path.resolve()) for path in (subject.file, *named_files(subject.file)))
-        return _Source(declaration=system, robot=robot, reads=(*reads.files, *own))
+        read = {**reads.states(), **part_digests(subject.file.absolute())}
+        return _Source(declaration=system, robot=robot, reads=read)
     with recorded(subject.folder) as reads:
         declared = load_declaration(subject.folder)
     whole = declared.tree_system if isinstance(declared, MultibodySystem) else declared
-    return _Source(declaration=whole, robot=None, reads=tuple(reads.files))
+    return _Source(declaration=whole, robot=None, reads=reads.states())
 
 
 def _scenario(source: _Source, asked: Asked) -> Scenario:

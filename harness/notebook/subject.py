@@ -37,6 +37,11 @@ class Subject:
         assert found is not None
         return found
 
+    @property
+    def base(self) -> Path:
+        """The folder that names of files are relative to."""
+        return self.place.parent if self.folder is None else self.folder
+
 
 def model_named(name: Name) -> Subject:
     """The model file that a name means.

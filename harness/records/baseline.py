@@ -77,7 +77,7 @@ class Measurement(Record, frozen=True, kw_only=True):
         end, uncertainty: of the model on `snapshot`, (K, 2n).
         constants: that the motion identifies, by name.
         on_accepted: None where nothing comparable was accepted.
-        reads: hashes of what the folder's code has read, by name relative to the folder.
+        reads: states of what the folder's code read or looked for, by name relative to the folder.
     """
 
     snapshot: Snapshot
@@ -104,8 +104,8 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         engine_version: the name of the engine with its version.
         resolution: of the run.
         numerics: version of this package's numerics.
-        files: hashes of what the case depends on, by name, relative to the system's folder; what
-            its code has read elsewhere is among them.
+        files: hashes of what the case depends on, by name, relative to the system's folder. Of what
+            its code looked for elsewhere, a word says what it found: `absent`, `names:HASH`.
         snapshot: key of the snapshot that the ends belong to.
         end: where the model ends its segments, (K, 2n).
         end_uncertainty: of these.

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import scipy
 
-from harness.baseline.fingerprint import digest, digest_of, folder_files
+from harness.baseline.fingerprint import folder_files
 from harness.baseline.inputs import versions
 from harness.files.choice import NamedModel
 from harness.files.luggage import luggage
-from harness.files.parts import named_files
+from harness.files.parts import part_digests
+from harness.files.states import digest_of
 from harness.records.sweep import SweepPlan, SweepRow
 from harness.schedule.chosen import executor
 from harness.schedule.executor import Executor
@@ -140,8 +141,7 @@ def content_of(place: Path) -> str:
     """
     try:
         if place.is_file():
-            files = sorted({place, *named_files(place)})
-            return digest_of(repr([(one.name, digest(one)) for one in files]).encode())
+            return digest_of(repr(sorted(part_digests(place).items())).encode())
         found = folder_files(place)
     except OSError as error:
         raise SweepError(f"{error.filename}: can't be read: {error.strerror}") from None

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import py_compile
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import harness.files.reads
 from harness.baseline.fingerprint import BESIDE, as_now, folder_files, with_reads
+from harness.cached import Cache, Piece
 from harness.files.reads import recorded
+from harness.files.states import is_content
+from harness.records.coverage import Coverage
 from reference.load import load_system
 from tests.faults.known_folder import SYSTEM
 
+CONTENT = "0123456789abcdef"
 HERE = "from pathlib import Path\nHERE = Path(__file__).parent\n"
 
 
@@ -36,7 +42,7 @@ def reads(folder: Path, code: str) -> set[str]:
     (folder / "system.py").write_text(HERE + code + SYSTEM)
     with recorded(folder) as found:
         load_system(folder)
-    return set(found.names()) - {"system.py"}
+    return {name for name, state in found.states().items() if is_content(state)} - {"system.py"}
 
 
 @pytest.mark.parametrize(("code", "name"), [
@@ -126,7 +132,7 @@ def test_each_folder_gets_its_own_module_of_a_name(folder: Path, tmp_path: Path)
         (one / "system.py").write_text(HERE + code + text)
         with recorded(one) as found:
             assert load_system(one).constants[0].value == number
-        assert set(found.names()) == {"system.py", "lib/local_name.py"}
+        assert {"system.py", "lib/local_name.py"} <= set(found.states())
 
 
 def test_what_was_read_elsewhere_counts_and_what_lies_in_the_folder_counts_once(
@@ -137,14 +143,17 @@ def test_what_was_read_elsewhere_counts_and_what_lies_in_the_folder_counts_once(
     (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
     (folder / "mass.txt").write_text("1.3")
     (model,) = folder_files(folder).models
-    accepted = with_reads(model, {"mass.txt": "a", "../shared/mass.txt": "b", "system.py": "c"})
-    assert set(accepted) == {*model.copies, BESIDE, "../shared/mass.txt"}
+    accepted = with_reads(
+        model,
+        {"mass.txt": CONTENT, "../shared/mass.txt": CONTENT, "system.py": f"{CONTENT}; times:1"},
+    )
+    assert set(accepted) == {*model.copies, BESIDE, "../shared/mass.txt", "./system.py"}
     now = as_now(model, accepted)
     assert set(now) == set(accepted)
     (folder.parent / "shared" / "mass.txt").write_text("1.4")
     assert as_now(model, accepted) != now
     (folder.parent / "shared" / "mass.txt").unlink()
-    assert as_now(model, accepted)["../shared/mass.txt"] == "can't be read"
+    assert as_now(model, accepted)["../shared/mass.txt"] == "absent"
 
 
 def test_packages_that_another_environment_lends_are_installed_ones(
@@ -159,7 +168,7 @@ def test_packages_that_another_environment_lends_are_installed_ones(
         (folder / "system.py").write_text(f"import lent_module\n{SYSTEM}")
         with recorded(folder) as seen:
             load_system(folder)
-        assert not [name for name in seen.names() if "lent_module" in name]
+        assert not [name for name in seen.states() if "lent_module" in name]
         with recorded(folder):
             assert "lent_module" in sys.modules, "an installed module is not dropped"
     finally:
@@ -167,11 +176,190 @@ def test_packages_that_another_environment_lends_are_installed_ones(
         harness.files.reads._roots.cache_clear()
 
 
-def test_a_copy_that_is_made_and_gone_is_no_input_of_a_case(folder: Path, tmp_path: Path) -> None:
+def test_a_file_that_the_code_makes_itself_is_no_input_of_a_case(
+    folder: Path, tmp_path: Path
+) -> None:
     kept, gone = tmp_path / "kept.csv", tmp_path / "copy.urdf"
     with recorded(folder) as reads:
         for file in (kept, gone):
             file.write_text("1")
             file.read_text()
         gone.unlink()
-    assert [Path(name).name for name in reads.names()] == ["kept.csv"]
+    assert reads.states() == {}
+
+
+def appear(name: str) -> Callable[[Path], None]:
+    """A change: a file that was not there, relative to what is shared."""
+
+    def made(shared: Path) -> None:
+        (shared / name).parent.mkdir(exist_ok=True)
+        (shared / name).write_text("MASS = 1.4\n")
+
+    return made
+
+
+def change(shared: Path) -> None:
+    """A change of the same length and time: only the content tells."""
+    file = shared / "mass.txt"
+    before = file.stat()
+    file.write_text("1.4")
+    os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def touch(shared: Path) -> None:
+    """A change of the time of modification alone."""
+    os.utime(shared / "mass.txt", ns=(0, 10**9))
+
+
+def turn(shared: Path) -> None:
+    """A change of where a link points, to a file of the same content."""
+    (shared / "other.txt").write_text("1.3")
+    (shared / "link").unlink()
+    (shared / "link").symlink_to("other.txt")
+
+
+SHARED = "SHARED = HERE.resolve().parent / 'shared'\nimport os, sys\n"
+PATH = "sys.path.insert(0, str(SHARED))\n"
+FAILED = "try:\n    open(SHARED / 'no.txt')\nexcept OSError:\n    pass\n"
+
+WAYS: dict[str, tuple[str, Callable[[Path], None]]] = {
+    "read and write": ("open(SHARED / 'mass.txt', 'r+').close()\n", change),
+    "binary, read and write": ("open(SHARED / 'mass.txt', 'rb+').close()\n", change),
+    "append": ("open(SHARED / 'mass.txt', 'a+').close()\n", change),
+    "low level": ("os.close(os.open(SHARED / 'mass.txt', os.O_RDWR))\n", change),
+    "open folder": (
+        "at = os.open(SHARED, os.O_RDONLY)\n"
+        "os.close(os.open('mass.txt', os.O_RDONLY, dir_fd=at))\n", change),
+    "memory map": (
+        "import mmap\nwith open(SHARED / 'mass.txt', 'r+b') as f:\n    mmap.mmap(f.fileno(), 0)\n",
+        change),
+    **{f"memmap {mode}": (
+        f"import numpy\nnumpy.memmap(SHARED / 'mass.txt', mode='{mode}', dtype='u1')\n", change)
+       for mode in ("r", "r+", "c")},
+    "os.stat": ("os.stat(SHARED / 'mass.txt').st_mtime\n", touch),
+    "os.lstat": ("os.lstat(SHARED / 'mass.txt').st_mtime\n", touch),
+    "os.fstat": ("os.fstat(os.open(SHARED / 'mass.txt', os.O_RDONLY)).st_mtime\n", touch),
+    "Path.stat": ("(SHARED / 'mass.txt').stat().st_mtime\n", touch),
+    "getmtime": ("os.path.getmtime(SHARED / 'mass.txt')\n", touch),
+    "stat and read": ("(SHARED / 'mass.txt').read_text(), (SHARED / 'mass.txt').stat()\n", touch),
+    "entries": ("[entry.stat() for entry in os.scandir(SHARED)]\n", touch),
+    "failed open": (FAILED, appear("no.txt")),
+    "failed low-level open": (FAILED.replace("open(", "os.open(").replace("')", "', os.O_RDWR)"),
+                              appear("no.txt")),
+    "exists": ("os.path.exists(SHARED / 'no.txt')\n", appear("no.txt")),
+    "lexists": ("os.path.lexists(SHARED / 'no.txt')\n", appear("no.txt")),
+    "Path.exists": ("(SHARED / 'no.txt').exists()\n", appear("no.txt")),
+    "Path.is_file": ("(SHARED / 'no.txt').is_file()\n", appear("no.txt")),
+    "access": ("os.access(SHARED / 'no.txt', os.R_OK)\n", appear("no.txt")),
+    "hidden": ("os.path.exists(HERE / '.no')\n", appear("../oscillator/.no")),
+    "no folder": ("os.path.exists(SHARED / 'deep' / 'no.txt')\n",
+                  appear("deep/no.txt")),
+    "glob": ("import glob\nglob.glob(str(SHARED / '*.csv'))\n", appear("no.csv")),
+    "recursive glob": ("import glob\nglob.glob(str(SHARED / '**/*.csv'), recursive=True)\n",
+                       appear("no.csv")),
+    "Path.glob": ("list(SHARED.glob('*.csv'))\n", appear("no.csv")),
+    "listdir": ("os.listdir(SHARED)\n", appear("no.csv")),
+    "iterdir": ("list(SHARED.iterdir())\n", appear("no.csv")),
+    "scandir": ("list(os.scandir(SHARED))\n", appear("no.csv")),
+    "walk": ("list(os.walk(SHARED))\n", appear("no.csv")),
+    "link": ("(SHARED / 'link').resolve().read_text()\n", turn),
+    "module": (f"{PATH}import local_mass\n", appear("local_mass/__init__.py")),
+    "module not there": (f"{PATH}import colorsys\n", appear("colorsys.py")),
+    "module loaded before": (f"{PATH}import json\n", appear("json.py")),
+    "module of no folder": (
+        "sys.path.insert(0, str(SHARED / 'lib'))\ntry:\n    import nowhere\n"
+        "except ImportError:\n    pass\n",
+        appear("lib/nowhere.py")),
+    "module by its file": (
+        "import importlib.util as u\n"
+        "spec = u.spec_from_file_location('by_file', SHARED / 'by_file.py')\n"
+        "spec.loader.exec_module(u.module_from_spec(spec))\n", appear("by_file.py")),
+    "database": ("import sqlite3\nsqlite3.connect(SHARED / 'mass.txt').close()\n", change),
+    "removed": ("(SHARED / 'mass.txt').read_text(), (SHARED / 'mass.txt').unlink()\n",
+                lambda shared: None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_nothing_is_taken_from_before_where_what_code_saw_has_changed(
+    folder: Path, way: str
+) -> None:
+    """In a cache, beside what was accepted, and in a journal; each way of seeing a file alone."""
+    code, changed = WAYS[way]
+    shared = folder.parent / "shared"
+    (shared / "link").symlink_to("mass.txt")
+    (shared / "by_file.py").write_text("MASS = 1.3\n")
+    (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
+    (folder / "space.py").write_text("")
+    (folder / "space.py.toml").write_text('engines = ["pymunk"]\n')
+    # What the first run made for itself is there for the second.
+    for _ in range(1 if way == "removed" else 2):
+        with recorded(folder) as found:
+            load_system(folder)
+    reads = found.states()
+    (model,) = folder_files(folder).models
+    accepted = with_reads(model, reads)
+    cache = Cache(folder.parent / "cache")
+    piece = Piece(kind="coverage", folder=str(folder), inputs="known")
+    cache.keep(piece, Coverage(note="kept"), reads)
+    if way != "removed":
+        assert cache.find(piece) == Coverage(note="kept")
+        assert as_now(model, accepted) == accepted
+    changed(shared)
+    assert cache.find(piece) is None
+    assert as_now(model, accepted) != accepted
+
+
+QUIET = {
+    "resolve": "HERE.resolve()\n",
+    "made": "(SHARED / 'made').write_text('1')\n(SHARED / 'made').exists()\n",
+    "made in a folder": (
+        "import tempfile\nwith tempfile.TemporaryDirectory() as made:\n"
+        "    os.makedirs(f'{made}/a/b')\n    os.path.exists(f'{made}/a/no')\n"
+        "    os.listdir(made)\n"),
+    "renamed": (
+        "(SHARED / 'new').write_text('1')\nos.replace(SHARED / 'new', SHARED / 'made')\n"
+        "(SHARED / 'made').read_text()\n"),
+    "installed": "import numpy\nos.listdir(os.path.dirname(numpy.__file__))\n",
+    "of the machine": "os.path.exists('/etc/no')\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("code", QUIET.values(), ids=QUIET)
+def test_what_is_no_input_leaves_no_trace(folder: Path, code: str) -> None:
+    (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
+    with recorded(folder) as found:
+        load_system(folder)
+    assert found.states().keys() == {"system.py"}, found.states()
+
+
+def test_a_recording_within_another_hides_nothing_from_it(folder: Path) -> None:
+    """As where the measurement of a model that is code is kept in a cache."""
+    mass = folder.parent / "shared" / "mass.txt"
+    with recorded(folder) as outer, recorded(folder) as inner:
+        mass.read_text()
+    assert outer.states() == inner.states() != {}
+
+
+def test_what_is_in_an_open_folder_of_unknown_place_makes_nothing_reusable(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = (
+        "at = os.open(SHARED, os.O_RDONLY)\nos.close(os.open('mass.txt', os.O_RDONLY, dir_fd=at))\n"
+    )
+    monkeypatch.setattr(harness.files.reads, "_place", lambda *_: None)
+    (folder / "system.py").write_text(HERE + SHARED + code + SYSTEM)
+    with recorded(folder) as found:
+        load_system(folder)
+    assert "can't be read" in found.states().values()
+    cache, piece = Cache(folder / "cache"), Piece(kind="coverage", folder="f", inputs="known")
+    cache.keep(piece, Coverage(), found.states())
+    assert cache.find(piece) is None
+
+
+def test_functions_are_as_they_were_after_a_recording(folder: Path) -> None:
+    before = os.stat, os.open, __import__
+    (folder / "system.py").write_text("raise SystemExit\n")
+    with pytest.raises(SystemExit), recorded(folder):
+        load_system(folder)
+    assert (os.stat, os.open, __import__) == before

@@ -201,6 +201,25 @@ def test_what_system_py_reads_elsewhere_counts(folder: Path, tmp_path: Path) -> 
     assert [c.outcome for c in found.cases if c.model == "good.known"] == [Outcome.DIFFERS] * 2
 
 
+def test_so_do_a_file_that_is_opened_to_be_written_as_well_and_one_that_appears(
+    folder: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "k.txt").write_text("47.0")
+    system = folder / "system.py"
+    name = '"own.txt" if (HERE / "own.txt").exists() else "k.txt"'
+    given = f'float((HERE / ({name})).open("r+").read())'
+    text = system.read_text().replace('"k", 47.0', f'"k", {given}')
+    system.write_text(f"from pathlib import Path\nHERE = Path(__file__).parent.parent\n{text}")
+    run()
+    assert done_again(run()) == 0
+    (tmp_path / "k.txt").write_text("47.5")
+    assert done_again(run()) == 4
+    (tmp_path / "own.txt").write_text("47.0")
+    found = run()
+    assert done_again(found) == 4
+    assert [c.outcome for c in found.cases if c.model == "good.known"] == [Outcome.AGREES] * 2
+
+
 def test_so_does_what_a_model_that_is_code_reads(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -335,7 +354,9 @@ def test_what_is_old_is_dropped() -> None:
 def test_a_folder_that_no_longer_prepares_is_one_failure(folder: Path, tmp_path: Path) -> None:
     """Its facts are known, a model is to be run, and then the equations can't be had."""
     system = folder / "system.py"
-    broken = f'import os\n\nif os.path.exists("{tmp_path / "broken"}"):\n    raise ValueError\n'
+    # Another process looks, which is not seen.
+    look = f'not subprocess.call(["test", "-e", "{tmp_path / "broken"}"])'
+    broken = f"import subprocess\n\nif {look}:\n    raise ValueError\n"
     system.write_text(broken + system.read_text())
     run()
     good = folder / "good.known"

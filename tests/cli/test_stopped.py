@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.baseline.inputs import with_elsewhere
+from harness.baseline.inputs import with_reads_of_system
 from harness.cli.main import main
 from harness.records.case import Case
 from harness.records.journal import NAME, journal
@@ -121,10 +121,11 @@ def test_what_a_model_that_is_code_depends_on_is_not_known(tmp_path: Path) -> No
     (tmp_path / "beside.txt").write_text("1")
     place = str(tmp_path / "osc")
     space, xml = (place, "space.py", "pymunk"), (place, "m.xml", "mujoco")
-    assert with_elsewhere("hash", space, []) == ""
-    assert with_elsewhere("hash", xml, ["system.py"]) == "hash"
-    assert with_elsewhere("", xml, ["../beside.txt"]) == ""
-    assert with_elsewhere("hash", xml, ["../beside.txt"]) not in ("", "hash")
+    known = with_reads_of_system("hash", xml, {})
+    assert with_reads_of_system("hash", space, {}) == ""
+    assert with_reads_of_system("", xml, {"../beside.txt": "1"}) == ""
+    assert with_reads_of_system("hash", xml, {"../beside.txt": "can't be read"}) == ""
+    assert with_reads_of_system("hash", xml, {"../beside.txt": "1"}) not in ("", known)
 
 
 def test_two_runs_into_one_folder_are_refused(

@@ -80,3 +80,24 @@ def test_what_code_reads_elsewhere_is_run_again_when_it_changes(repository: Repo
     assert {c.case for c in repository.gate("pymunk").changes} == {None}
     shared.unlink()
     assert not repository.gate("pymunk").passes
+
+
+def test_what_code_looked_for_and_did_not_find_is_run_when_it_appears(
+    repository: Repository,
+) -> None:
+    here = "__import__('pathlib').Path(__file__).parent"
+    stiffness = f"47.5 if {here}.joinpath('../../soft.txt').exists() else 47.0"
+    mass = f"float({here}.joinpath('.mass').open('r+').read())"
+    (repository.folder / ".mass").write_text("1.3")
+    repository.edit("system.py", '"k", 47.0', f'"k", {stiffness}')
+    repository.edit("space.py", "Body(MASS, ", f"Body({mass}, ")
+    repository.accept("as it is", found=repository.gate("pymunk"))
+    assert {c.case for c in repository.gate("pymunk").changes} == {None}
+    (repository.root / "soft.txt").touch()
+    found = repository.gate("pymunk")
+    assert {c.status for c in found.changes} == {Status.CHANGED}
+    (diff,) = found.file_diffs
+    assert [line.message for line in diff.lines] == ["is there now, and was not"]
+    (repository.root / "soft.txt").unlink()
+    (repository.folder / ".mass").write_text("1.4")
+    assert {c.status for c in repository.gate("pymunk").changes} == {Status.CHANGED}
