@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 from harness.baseline.inputs import inputs, with_reads_of_system
 from harness.cached import FolderFacts, models_inputs, piece_of_folder
@@ -14,14 +14,11 @@ from harness.options import Options
 from harness.plan_work import PlaceWork
 from harness.records.baseline import Snapshot
 from harness.records.case import CaseId, ModelKey
-from harness.records.journal import Kind, Work
 from harness.schedule.jobs import Task
 
 if TYPE_CHECKING:
     from harness.cases.multibody import PreparedTree
     from harness.cases.prepare import Prepared
-
-KEPT_BY_JOURNALS = frozenset(get_args(Kind))
 
 
 class FolderWork(PlaceWork[FolderFacts]):
@@ -47,8 +44,8 @@ class FolderWork(PlaceWork[FolderFacts]):
         self._snapshots = snapshots
         # As it is before anything of it is run: what changes meanwhile is another folder's.
         wanted = found.keeps or cache
-        self._known = inputs(folder, options.resolution, options.baseline) if wanted else {}
-        self._cached = models_inputs(self._known) if cache else {}
+        known = inputs(folder, options.resolution, options.baseline) if wanted else {}
+        self._known = models_inputs(known) if wanted else {}
 
     @property
     def stand_in(self) -> CaseId:
@@ -82,18 +79,10 @@ class FolderWork(PlaceWork[FolderFacts]):
         )
 
     def _inputs(self, key: ModelKey) -> str:
-        return self._cached.get(key, "")
+        return self._known.get(key, "")
 
-    def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
-        if kind not in KEPT_BY_JOURNALS or not self.found.keeps:
-            return None
-        known = with_reads_of_system(self._known.get(key, ""), key, self.facts.reads)
-        folder, model, engine = key
-        what: Any = kind
-        work = Work(
-            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=known
-        )
-        return work if known else None
+    def _inputs_of_journal(self, key: ModelKey) -> str:
+        return with_reads_of_system(self._inputs(key), key, self.facts.reads)
 
     def is_measured(self, case: CaseId) -> bool:
         """Whether what a case's model does is wanted."""

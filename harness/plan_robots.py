@@ -45,7 +45,8 @@ class RobotWork(PlaceWork[RobotFacts]):
     """
 
     def __init__(self, file: Path, options: Options, found: Collected) -> None:
-        known = piece_of_robot(file, floating=options.floating) if options.cache else None
+        wanted = found.keeps or options.cache
+        known = piece_of_robot(file, floating=options.floating) if wanted else None
         super().__init__(file, options, found, known)
 
     @property
@@ -69,7 +70,7 @@ class RobotWork(PlaceWork[RobotFacts]):
         )
 
     def _inputs(self, key: ModelKey) -> str:
-        assert self._piece is not None  # nothing is asked for without a cache
+        assert self._piece is not None  # nothing is asked for without a cache or a journal
         return robot_inputs(self._piece, key[-1], self.options.resolution)
 
     def _told(self, failure: Failure) -> Failure:

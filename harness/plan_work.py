@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, get_args
 
 from harness.cached import Piece, Reading, Told, with_snapshot
 from harness.cases.not_run import failed_case
@@ -18,9 +18,11 @@ from harness.files.states import merged
 from harness.options import Options
 from harness.records.baseline import Snapshot
 from harness.records.case import CaseId, ModelKey
-from harness.records.journal import Work
+from harness.records.journal import Kind, Work
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
+
+KEPT_BY_JOURNALS = frozenset(get_args(Kind))
 
 Make = Callable[[Any], Task[Any, Any]]
 """Makes a task of a place's preparation."""
@@ -82,9 +84,21 @@ class PlaceWork(ABC, Generic[Facts]):
     def _inputs(self, key: ModelKey) -> str:
         """Hash of what a model in an engine depends on; empty: it can't be told."""
 
+    def _inputs_of_journal(self, key: ModelKey) -> str:
+        """Hash of the same with what its code has read, which a journal does not keep beside."""
+        return self._inputs(key)
+
     def _work(self, kind: str, key: ModelKey, scenario: str) -> Work | None:
         """A piece of work as the run's journal has it; None where it has not."""
-        return None
+        if kind not in KEPT_BY_JOURNALS or not self.found.keeps:
+            return None
+        known = self._inputs_of_journal(key)
+        folder, model, engine = key
+        what: Any = kind
+        work = Work(
+            what=what, folder=folder, model=model, engine=engine, scenario=scenario, inputs=known
+        )
+        return work if known else None
 
     def begun(self, models: Callable[[], Jobs]) -> Iterator[Job[Any]]:
         """The jobs of its models, after its preparation where that is needed."""

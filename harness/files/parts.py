@@ -19,7 +19,7 @@ _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")
 """Elements whose files are read for further names, whatever these end with."""
 
-_MAY_NAME = re.compile(rb"file|dir|\0")
+_MAY_NAME = re.compile(rb"file|dir|uri|\0")
 """What a file has in it that names others; most have not, and need no parser."""
 
 _QUOTED = re.compile(r"""(?<=["'])[^"'\0\n]{1,255}(?=["'])""")
@@ -120,22 +120,27 @@ def _is_xml(model: Path) -> bool:
 def _walk(model: Path) -> tuple[dict[Path, bool], int]:
     """Named files, each with whether it is a part of the model, and how deep parts lie."""
     found: dict[Path, bool] = {}
+    first = {os.path.realpath(model): model}  # a file has one spelling, the first that is met
     level = [model] if _is_xml(model) else []
-    folders = [model.parent]
+    named: list[tuple[Path, str, bool]] = []
+    folders = {os.path.realpath(model.parent): model.parent}
     deepest = -1
     while level and deepest <= MOST_INCLUDED:
-        deepest, below = deepest + 1, list[Path]()
+        deepest += 1
         for path in level:
             names = _names_in(path)
-            folders += [b / name for name in names.folders for b in (path.parent, model.parent)]
-            for name, part in names.files.items():
-                for candidate in _candidates(name, (path.parent, *folders)):
-                    if candidate in found or not _is_file(candidate):
-                        continue
-                    if candidate.resolve() != model.resolve():
-                        found[candidate] = part
-                        below += [candidate] * part
-        level = below
+            for folder in (b / n for n in names.folders for b in (path.parent, model.parent)):
+                folders.setdefault(os.path.realpath(folder), folder)
+            named += [(path.parent, name, part) for name, part in names.files.items()]
+        # All names anew: what a part says of folders holds for the names in all others.
+        level = []
+        for base, name, part in named:
+            for candidate in filter(_is_file, _candidates(name, (base, *folders.values()))):
+                path = first.setdefault(os.path.realpath(candidate), candidate)
+                if path != model and part > found.get(path, False):
+                    level.append(path)
+                if path != model:
+                    found[path] = part or found.get(path, False)
     return found, deepest
 
 
@@ -170,6 +175,8 @@ def _names_in(path: Path) -> _Names:
         return _Names(dict.fromkeys(words, True), words)
     names = _Names({}, [])
     for element in elements:
+        if element.tag == "uri" and (uri := element.text.strip()):  # of SDF
+            names.files.setdefault(uri, Path(uri).suffix in _MODEL)
         for attribute, value in element.attributes.items():
             if attribute in _FOLDERS:
                 names.folders.append(value)

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from harness.baseline.fingerprint import BESIDE, folder_files
+from harness.cached import piece_of_robot
 from harness.files.parts import named_files
 
 SIDECAR = 'engines = ["mujoco"]\n'
@@ -69,6 +70,38 @@ def test_an_include_is_followed_whatever_its_name_ends_with(folder: Path, name: 
         f"../shared/{name}",
         "../shared/b.stl",
     }
+
+
+def test_the_folder_of_meshes_that_an_include_names_holds_for_the_whole_model(
+    folder: Path,
+) -> None:
+    """As MuJoCo has it: an include is pasted, so its compiler is the model's."""
+    shared = folder.parent / "shared"
+    (shared / "one.xml").write_text('<x><include file="../shared/two.xml"/></x>')
+    (shared / "two.xml").write_text('<x><compiler meshdir="../shared"/></x>')
+    body = '<include file="../shared/one.xml"/><mesh file="a.stl"/>'
+    assert named(folder, body) == {"../shared/one.xml", "../shared/two.xml", "../shared/a.stl"}
+
+
+@pytest.mark.parametrize("name", ["part.inc", "new.stl"])
+def test_a_named_file_that_was_not_there_counts_when_it_appears(folder: Path, name: str) -> None:
+    shared = folder.parent / "shared"
+    (shared / "part.xml").write_text(f'<x><include file="{name}"/><mesh file="{name}"/></x>')
+    (folder / "m.xml").write_text('<mujoco><include file="../shared/part.xml"/></mujoco>')
+    (before,) = folder_files(folder).models
+    prepared = piece_of_robot(folder / "m.xml", floating=False)
+    (shared / name).write_text("<x/>")
+    (after,) = folder_files(folder).models
+    assert before.hashes != after.hashes
+    assert prepared != piece_of_robot(folder / "m.xml", floating=False)
+
+
+def test_a_mesh_that_an_sdf_names_is_depended_on(folder: Path) -> None:
+    (folder / "m.sdf").write_text(
+        "<sdf><model><link><visual><geometry><mesh><uri> ../shared/a.stl </uri></mesh>"
+        "</geometry></visual></link></model></sdf>"
+    )
+    assert [path.resolve().name for path in named_files(folder / "m.sdf")] == ["a.stl"]
 
 
 def test_an_include_that_includes_itself_ends(folder: Path) -> None:

@@ -7,16 +7,22 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from harness import cached
 from harness.baseline.inputs import with_reads_of_system
 from harness.cli.main import main
+from harness.collected import Collected
+from harness.options import Options
+from harness.plan_robots import RobotWork
 from harness.records.case import Case
-from harness.records.journal import NAME, journal
+from harness.records.journal import NAME, Work, journal
 from harness.records.read import read_results
 from harness.text.progress import Progress
 from tests.faults.known_folder import KNOWN, KNOWN_ANSWER, SYSTEM, known_folder
+from tests.robots.files import joint, link
 
 Told = Callable[[int], None]
 
@@ -126,6 +132,83 @@ def test_what_a_model_that_is_code_depends_on_is_not_known(tmp_path: Path) -> No
     assert with_reads_of_system("", xml, {"../beside.txt": "1"}) == ""
     assert with_reads_of_system("hash", xml, {"../beside.txt": "can't be read"}) == ""
     assert with_reads_of_system("hash", xml, {"../beside.txt": "1"}) not in ("", known)
+
+
+ARM = "\n".join((
+    '<robot name="arm">', link("base"), link("fore"),
+    joint("elbow", "base", "fore", '<axis xyz="0 1 0"/>'), "</robot>",
+))  # fmt: skip
+MJCF = (
+    '<mujoco model="arm"><worldbody><body><joint axis="0 1 0"/>'
+    '<geom size="0.1" pos="0.1 0 0"/></body></worldbody></mujoco>'
+)
+SDF = (
+    '<sdf version="1.9"><model name="arm"><link name="base"/><link name="fore"><pose>0 0 1 0 0 0'
+    "</pose><inertial><mass>1</mass><inertia><ixx>0.1</ixx><iyy>0.1</iyy><izz>0.1</izz></inertia>"
+    '</inertial></link><joint name="elbow" type="revolute"><parent>base</parent><child>fore</child>'
+    "<axis><xyz>0 1 0</xyz></axis></joint><joint name='fix' type='fixed'><parent>world</parent>"
+    "<child>base</child></joint></model></sdf>"
+)
+ROBOTS = {
+    "arm.urdf": (ARM, ("mujoco", "pybullet")),
+    "arm.xml": (MJCF, ("mujoco", "pinocchio")),
+    "arm.sdf": (SDF, ("drake", "dart")),
+}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_robot_s_file_is_gone_on_with_too(
+    name: str, after: Callable[[Told], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text, engines = ROBOTS[name]
+    for engine in engines:
+        pytest.importorskip({"drake": "pydrake", "dart": "dartpy"}.get(engine, engine))
+    monkeypatch.chdir(tmp_path)
+    Path(name).write_text(text)
+    command = ["run", name, "--out", "out", "--jobs", "1", "--engine", engines[0]]
+    command += ["--engine", engines[1]]
+    after(lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 1 else None)
+    assert main(command) == 130
+    first = read_results(Path("out/results.json"))
+    assert (len(first.cases), len(first.not_run)) == (1, 1)
+    after(lambda done: None)
+    assert main([*command, "--resume"]) == 0
+    second = read_results(Path("out/results.json"))
+    assert len(second.cases) == 2
+    assert first.cases[0] in second.cases  # its seconds too: it was not done again
+
+
+def work_of(file: Path, **options: Any) -> Work | None:
+    """A case of a robot's file as a journal has it."""
+    with journal(Path("out"), resume=True) as done:
+        found = Collected(lambda *_: None, done)
+        of_file = RobotWork(file, Options(**options), found)
+        return of_file._work("case", (str(file), file.name, "mujoco"), "states")
+
+
+def test_what_a_robot_s_file_depends_on_is_what_a_journal_goes_by(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = Path("arm.urdf")
+    mesh = '<visual><geometry><mesh filename="a.stl"/></geometry></visual></link>'
+    mesh = link("base").replace("</link>", mesh)
+    file.write_text(ARM.replace(link("base"), mesh))
+    before = work_of(file)
+    assert before is not None
+    assert work_of(file) == before
+    assert work_of(file, floating=True) != before
+    assert work_of(file, resolution=1e-8) != before
+    with monkeypatch.context() as patch:
+        patch.setattr(cached, "_surroundings", lambda: "another source or engine")
+        assert work_of(file) != before
+    Path("a.stl").write_text("solid")
+    assert work_of(file) != before
+    Path("a.stl").unlink()
+    Path("arm.urdf.toml").touch()
+    assert work_of(file) != before
+    Path("arm.urdf.toml").unlink()
+    assert work_of(file) == before
 
 
 def test_two_runs_into_one_folder_are_refused(
