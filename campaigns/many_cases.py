@@ -125,7 +125,7 @@ def main() -> None:
     plan = read_plan(options.out)
     assert plan is not None
     if options.kill_after:
-        kept = sum(done(options.out, plan.cases))
+        kept = sum(done(options.out))
         print(f"killed after {first[-1][0]:.0f} s: {kept} of {plan.cases} rows are kept")
         told("first", first)
     began = time.monotonic()

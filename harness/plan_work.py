@@ -17,7 +17,7 @@ from harness.collected import Collected, Jobs
 from harness.files.states import merged
 from harness.options import Options
 from harness.records.baseline import Snapshot
-from harness.records.case import CaseId, ModelKey
+from harness.records.case import Case, CaseId, ModelKey
 from harness.records.journal import Kind, Work
 from harness.schedule.jobs import Job, Task
 from harness.schedule.workers import Failure
@@ -161,7 +161,7 @@ class PlaceWork(ABC, Generic[Facts]):
             snapshot: what a measurement is to repeat.
         """
         work = self._work(kind, key, scenario)
-        if work is not None and (value := self.found.known(work)) is not None:
+        if work is not None and (value := self._sound(self.found.known(work))) is not None:
             yield from done(value)
             return
         piece = self._piece_of(kind, key, scenario, snapshot)
@@ -191,7 +191,15 @@ class PlaceWork(ABC, Generic[Facts]):
             self._waiting.append(job)
 
     def _had(self, piece: Piece | None) -> Any | None:
-        return None if piece is None or self._cache is None else self._cache.find(piece)
+        if piece is None or self._cache is None:
+            return None
+        return self._sound(self._cache.find(piece))
+
+    def _sound(self, value: Any | None) -> Any | None:
+        """What was kept; a case that contradicts its own numbers is as good as none."""
+        if isinstance(value, Case) and value.contradiction(self.options.resolution):
+            return None
+        return value
 
     def _keep(self, piece: Piece | None, value: Any, reads: Mapping[str, str]) -> None:
         """For later runs, with what was read for it beside what `system.py` reads."""

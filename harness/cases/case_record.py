@@ -54,6 +54,7 @@ def verdict_record(judged: Judgement, found: Extrapolated, claimed: int) -> Verd
         steps=int(found.steps),
         map_residual=number(judged.map_residual),
         map_uncertainty=number(judged.map_uncertainty),
+        resolution=number(judged.resolution),
     )
 
 

@@ -29,7 +29,9 @@ def with_dynamics(
         return verdict
     outcome = found.judgement.outcome
     if outcome is Outcome.DIFFERS:
-        return _decided(verdict, found, names, _apart(found, names, resolution, verdict))
+        return _decided(
+            verdict, found, names, resolution, _apart(found, names, resolution, verdict)
+        )
     stiff = verdict.outcome is Outcome.UNRESOLVED and math.isfinite(verdict.uncertainty)
     if not (stiff and outcome is Outcome.AGREES and found.complete):
         return verdict
@@ -38,11 +40,15 @@ def with_dynamics(
         f"its accelerations, at {found.states} states, are the equations' to {known:.1e} of the"
         f" largest; of its motions {verdict.reason}"
     )
-    return _decided(verdict, found, names, told)
+    return _decided(verdict, found, names, resolution, told)
 
 
 def _decided(
-    verdict: Verdict, found: ForwardDynamics, names: tuple[str, ...], reason: str
+    verdict: Verdict,
+    found: ForwardDynamics,
+    names: tuple[str, ...],
+    resolution: float,
+    reason: str,
 ) -> Verdict:
     judged = found.judgement
     return replace(
@@ -55,6 +61,7 @@ def _decided(
         component=component(names, judged.component),
         time=float("nan"),
         reason=reason,
+        resolution=resolution,
     )
 
 

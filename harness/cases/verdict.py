@@ -39,6 +39,7 @@ class Verdict:
         map_residual, map_uncertainty: E and U of the engine's coordinates against the coordinate
             map, likewise, the largest; nan where the map leaves nothing open.
         reason: one sentence for whatever is not AGREES, and for what does with a reservation.
+        resolution: at which it is judged: what is asked, or what the engine's numbers allow.
     """
 
     outcome: Outcome
@@ -52,6 +53,7 @@ class Verdict:
     map_residual: float
     map_uncertainty: float
     reason: str
+    resolution: float
 
 
 STILL = 1e-12
@@ -169,6 +171,7 @@ def judge(
         map_residual=float("nan"),
         map_uncertainty=float("nan"),
         reason=reason,
+        resolution=resolution,
     )
 
 
@@ -231,6 +234,7 @@ def with_residual(
         component=component,
         time=time,
         reason=told,
+        resolution=resolution,
     )
 
 

@@ -18,7 +18,7 @@ from harness.sweep.draws import Design
 from harness.sweep.factors import SweepError, factors
 from harness.sweep.plan import SweepOptions
 from harness.sweep.run import Wanted, alone, crew, planned, sweep
-from harness.sweep.store import read_plan, read_rows
+from harness.sweep.store import RowsError, plan_of, read_rows
 from harness.sweep.summary import summary
 from harness.text.progress import Counter
 from harness.text.sweep import print_sweep, row_lines
@@ -31,7 +31,7 @@ def main(options: argparse.Namespace) -> int:
     """Plan, run what has no row yet, and tell what the rows say.
 
     Exit codes: 0 where every case agrees; 1 where one differs or is unresolved; 2 for a sweep that
-    makes no sense; 3 where a case failed.
+    makes no sense; 3 where a case failed, or rows are damaged.
     """
     try:
         if options.summary is not None:
@@ -44,7 +44,7 @@ def main(options: argparse.Namespace) -> int:
         return _sweep(options)
     except SweepError as error:
         print(f"crosscheck: {error}", file=sys.stderr)
-        return USAGE
+        return FAIL if isinstance(error, RowsError) else USAGE
 
 
 def _sweep(options: argparse.Namespace) -> int:
@@ -118,10 +118,7 @@ def _command(options: argparse.Namespace) -> list[str]:
 
 
 def _summary(out: Path) -> int:
-    plan = read_plan(out)
-    if plan is None:
-        raise SweepError(f"{out}: there is no plan.json of a sweep in it")
-    found = summary(plan, read_rows(out))
+    found = summary(plan_of(out), read_rows(out))
     write_whole(out / "summary.json", encoded(found, indent=1))
     write_sweep(out / "index.html", found)
     print_sweep(terminal(), found)

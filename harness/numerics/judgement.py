@@ -16,12 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.numerics.ladder import EPSILON, Limit
-from harness.records.outcome import Outcome
+from harness.records.outcome import ROUNDED, Outcome, differs
 from reference.numeric import Array
-
-ROUNDED = 3.5
-"""Of its rounding, to which a limit is known at best: once, and 2.5 times what its estimates move
-(`harness.numerics.ladder.limits`), where rounding alone moves them."""
 
 
 class Obstacle(Enum):
@@ -94,7 +90,7 @@ def judge(
         ratio = np.where(np.isfinite(uncertainty), defect / uncertainty, 0.0)
     both = defect, uncertainty
     measurable = ratio > 1
-    differing = measurable & (defect + uncertainty > resolution)
+    differing = differs(defect, uncertainty, resolution)
     if differing.any():
         return _judgement(Outcome.DIFFERS, _most_telling(ratio, defect, differing), both)
     worst = _place(uncertainty)

@@ -7,7 +7,7 @@ import math
 import msgspec
 
 from harness.records.base import Count, Number, Numbers, Record, Rows, one_length
-from harness.records.outcome import Outcome
+from harness.records.outcome import ROUNDED, Outcome, contradiction
 
 ModelKey = tuple[str, str, str]
 """Folder, model file and engine: two folders may hold systems of the same name."""
@@ -71,6 +71,8 @@ class Verdict(Record, frozen=True, kw_only=True):
         map_residual, map_uncertainty: by how much the engine's coordinates leave the coordinate map
             at most, and how sure that is, relative to how far they move; None where the map leaves
             nothing open.
+        resolution: at which it was judged: what was asked, or what the engine's numbers allow; None
+            where it is not known.
     """
 
     discrepancy: Number
@@ -85,6 +87,7 @@ class Verdict(Record, frozen=True, kw_only=True):
     steps: Count
     map_residual: Number = None
     map_uncertainty: Number = None
+    resolution: Number = None
 
 
 def starts_at(time: float | None, segment: int) -> str:
@@ -355,6 +358,35 @@ class Case(Record, frozen=True, kw_only=True):
     def key(self) -> ModelKey:
         """What tells the case's model in its engine from all others of a run."""
         return self.folder, self.model, self.engine
+
+    def contradiction(self, resolution: float) -> str:
+        """Return how its outcome contradicts its own numbers; empty where it does not.
+
+        Args:
+            resolution: that was asked of the run.
+        """
+        v, dynamics = self.verdict, self.forward_dynamics
+        if self.outcome in (Outcome.ABSENT, Outcome.FAILED):
+            return ""
+        if v is None:
+            return f"{self.outcome} without the numbers of a verdict"
+        least = max(resolution, ROUNDED * (v.largest_uncertainty or 0.0))
+        if self.outcome is Outcome.DIFFERS:
+            least = resolution
+        at = least if v.resolution is None else v.resolution
+        if why := contradiction(self.outcome, v.discrepancy, v.uncertainty, at):
+            return why
+        if self.outcome is not Outcome.AGREES:
+            return ""
+        # Each the largest of its own segment: what is larger than both others differs somewhere.
+        e, u = v.largest_discrepancy, v.largest_uncertainty
+        if e is None or u is None or e > max(u, at):
+            return f"AGREES contradicts the largest E = {e} and U = {u} at the resolution {at:.1e}"
+        if v.map_residual is not None and v.map_residual > max(v.map_uncertainty or 0.0, least):
+            return f"AGREES contradicts the residual {v.map_residual:.1e} of its coordinate map"
+        if dynamics is not None and dynamics.outcome is Outcome.DIFFERS:
+            return "AGREES contradicts its accelerations, which differ"
+        return ""
 
     @property
     def passes(self) -> bool:

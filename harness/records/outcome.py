@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
+from typing import Any
 
 FLOOR = 0.01
 """A component that hardly moves in one scenario is measured against this share of how far it moves
 in the system's others."""
+
+ROUNDED = 3.5
+"""Of its rounding, to which a limit is known at best: once, and 2.5 times what its estimates move
+(`harness.numerics.ladder.limits`), where rounding alone moves them."""
 
 
 class Outcome(StrEnum):
@@ -33,6 +39,34 @@ class Outcome(StrEnum):
     def severity(self) -> int:
         """Rank among the outcomes, 0 is best."""
         return list(Outcome).index(self)
+
+
+def differs(discrepancy: Any, uncertainty: Any, resolution: float) -> Any:
+    """Return whether there is a difference: E > U, and E + U above the resolution; of arrays too.
+
+    Args:
+        discrepancy, uncertainty: E and U, relative.
+        resolution: of what is asked, or of what the engine's numbers allow.
+    """
+    return (discrepancy > uncertainty) & (discrepancy + uncertainty > resolution)
+
+
+def contradiction(
+    outcome: Outcome, discrepancy: float | None, uncertainty: float | None, resolution: float
+) -> str:
+    """Return how an outcome contradicts its own E and U; empty where it does not.
+
+    A case can be UNRESOLVED for its full runs, whatever its segments say, if these do not differ.
+    """
+    if outcome in (Outcome.ABSENT, Outcome.FAILED):
+        return ""
+    e = math.nan if discrepancy is None else discrepancy
+    u = math.inf if uncertainty is None else uncertainty
+    apart = bool(differs(e, u, resolution))
+    agrees = e >= 0 and 0 <= u <= resolution and not apart
+    if {Outcome.AGREES: agrees, Outcome.DIFFERS: apart}.get(outcome, not apart):
+        return ""
+    return f"{outcome} contradicts E = {e:.1e} and U = {u:.1e} at the resolution {resolution:.1e}"
 
 
 _MEANINGS = {

@@ -62,7 +62,8 @@ def read_results(path: Path) -> Results:
     """Read results.json.
 
     Raises:
-        ResultsError: for a file that is missing, broken or of another schema.
+        ResultsError: for a file that is missing, broken or of another schema, or one whose cases
+            contradict themselves.
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
@@ -81,6 +82,10 @@ def read_results(path: Path) -> Results:
     if schema != SCHEMA:
         raise ResultsError(f"{path}: not results of schema {SCHEMA}; {again}")
     try:
-        return decoded(data, Results)
+        results = decoded(data, Results)
     except DecodeError as error:
         raise ResultsError(f"{path}: {error}; {again}") from None
+    for i, case in enumerate(results.cases):
+        if why := case.contradiction(results.resolution):
+            raise ResultsError(f"{path}: `$.cases[{i}]`, {case.id}: {why}; {again}")
+    return results

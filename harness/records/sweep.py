@@ -19,6 +19,7 @@ class SweepRow(Record, frozen=True, kw_only=True):
         outcome: see `Outcome`.
         reason: one sentence for whatever is not AGREES.
         discrepancy, uncertainty: E and U of the verdict, relative to the movement over a segment.
+        resolution: at which it was judged: what was asked, or what the engine's numbers allow.
         digits: that agree in every component, -log10 max(E, U).
         global_error: at the shipped step, relative to the amplitude.
         order: leading order seen on the segments' rungs.
@@ -44,6 +45,7 @@ class SweepRow(Record, frozen=True, kw_only=True):
     reason: str = ""
     discrepancy: Number = None
     uncertainty: Number = None
+    resolution: Number = None
     digits: Number = None
     global_error: Number = None
     order: Number = None

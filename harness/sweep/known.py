@@ -52,6 +52,7 @@ class Known:
             reason=verdict.reason,
             discrepancy=number(verdict.discrepancy),
             uncertainty=number(verdict.uncertainty),
+            resolution=number(verdict.resolution),
             digits=number(_digits(verdict)),
             order=number(verdict.order),
         )

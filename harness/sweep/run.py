@@ -126,11 +126,18 @@ def plan_record(whole: Plan) -> SweepPlan:
     return SweepPlan(
         command=shlex.join(options.command),
         options=told,
-        folders={part.survey.folder: part.survey.content for part in whole.parts},
+        folders={part.survey.folder: _content_seen(part.survey) for part in whole.parts},
         versions=known,
         cases=whole.count,
         constants=whole.constants,
     )
+
+
+def _content_seen(found: Survey) -> str:
+    """Hash of what is in a folder, and of what its code read or looked for elsewhere."""
+    if not found.reads:
+        return found.content
+    return digest_of(repr((found.content, sorted(found.reads.items()))).encode())
 
 
 def content_of(place: Path) -> str:
@@ -199,7 +206,7 @@ def sweep(
     record = plan_record(whole)
     with taken(out):
         begin(out, record)
-        before = done(out, whole.count)
+        before = done(out)
         with kept(Store(out, record)) as store:
             running = _Running(whole.blocks(before), store, progress, sum(before), whole.count)
             first = [job for _ in range(AHEAD * whole.options.jobs) for job in running.next()]

@@ -8,6 +8,7 @@ renamed: what is in the folder is always whole. Every reader of Parquet data set
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,7 @@ from typing import Any
 import msgspec
 
 from harness.records.hold import hold
-from harness.records.outcome import Outcome
+from harness.records.outcome import contradiction
 from harness.records.sweep import SweepPlan, SweepRow
 from harness.records.write import encoded, write_whole
 from harness.sweep.factors import SweepError
@@ -150,39 +151,88 @@ def parts(out: Path) -> list[Path]:
     return sorted((out / ROWS).glob("part-*.parquet"))
 
 
-def done(out: Path, cases: int) -> bytearray:
-    """A byte a case, 1 where its row is there.
+class RowsError(SweepError):
+    """Rows that can't be what a sweep wrote; names the file and the row."""
+
+    def __init__(self, path: Path, why: str, row: int | None = None) -> None:
+        place = str(path) if row is None else f"{path}: row {row}"
+        super().__init__(f"{place}: {why}; remove the file to run its cases again")
+
+
+def done(out: Path) -> bytearray:
+    """Return a byte a case, 1 where its row is there.
 
     Raises:
-        SweepError: for a part that can't be read.
+        RowsError: for rows that are damaged.
     """
-    found = bytearray(cases)
-    for table in _tables(out, ["index"]):
-        for index in table.column("index").to_pylist():
-            found[index] = 1
+    plan = plan_of(out)
+    found = bytearray(plan.cases)
+    for row in read_rows(out):
+        found[row.index] = 1
     return found
 
 
 def read_rows(out: Path) -> Iterator[SweepRow]:
-    """Every row, a part of them in memory at a time.
+    """Return every row, a part of them in memory at a time.
 
     Raises:
-        SweepError: for a part that can't be read.
+        SweepError: where there is no plan.
+        RowsError: for rows that are damaged: of another shape, of no case of the plan or of one
+            that has a row already, or of an outcome that contradicts their own numbers.
     """
-    for table in _tables(out, None):
-        for flat in table.to_pylist():
-            yield _row(flat)
-
-
-def _tables(out: Path, columns: list[str] | None) -> Iterator[Any]:
-    known = arrow()
+    plan = plan_of(out)
+    found = bytearray(plan.cases)
     for path in parts(out):
-        try:
-            yield known.parquet.read_table(path, columns=columns)
-        except (OSError, known.ArrowException) as error:
-            said = " ".join(str(error).split())
-            remedy = "remove it to run its cases again"
-            raise SweepError(f"{path}: can't be read ({said}); {remedy}") from None
+        for number, flat in enumerate(_flat_rows(path), start=1):
+            try:
+                row = _row(flat)
+            except (ValueError, TypeError) as error:  # msgspec's own among these
+                raise RowsError(path, " ".join(str(error).split()), number) from None
+            if why := _damage(row, plan, found):
+                raise RowsError(path, why, number)
+            found[row.index] = 1
+            yield row
+
+
+def plan_of(out: Path) -> SweepPlan:
+    """Return the plan of a folder of rows.
+
+    Raises:
+        SweepError: where there is none, or it can't be read.
+    """
+    plan = read_plan(out)
+    if plan is None:
+        raise SweepError(f"{out}: there is no {PLAN} of a sweep in it")
+    return plan
+
+
+def _damage(row: SweepRow, plan: SweepPlan, found: bytearray) -> str:
+    """Return what shows that a row is not what a sweep wrote; empty: nothing does."""
+    if not 0 <= row.index < plan.cases:
+        return f"`index` is {row.index}, where the plan has the cases 0 to {plan.cases - 1}"
+    if found[row.index]:
+        return f"case {row.index} has a row already"
+    if set(row.constants) != set(plan.constants):
+        return f"it has not the constants of the plan ({', '.join(plan.constants) or 'none'})"
+    for name in ("discrepancy", "uncertainty", "digits", "global_error", "order", *_SECONDS):
+        value = getattr(row, name)
+        if value is not None and not math.isfinite(value):
+            return f"`{name}` is {value}"
+    asked = float(plan.options["resolution"])
+    at = asked if row.resolution is None else row.resolution
+    return contradiction(row.outcome, row.discrepancy, row.uncertainty, at)
+
+
+_SECONDS = ("engine_seconds", "reference_seconds", "loading_seconds", "seconds")
+
+
+def _flat_rows(path: Path) -> list[dict[str, Any]]:
+    known = arrow()
+    try:
+        rows: list[dict[str, Any]] = known.parquet.read_table(path).to_pylist()
+    except (OSError, ValueError, known.ArrowException) as error:
+        raise RowsError(path, f"can't be read ({' '.join(str(error).split())})") from None
+    return rows
 
 
 def _schema(known: Any, constants: Sequence[str]) -> Any:
@@ -212,8 +262,7 @@ def _row(flat: dict[str, Any]) -> SweepRow:
         if name.startswith(COLUMN) and value is not None
     }
     values = {name: value for name, value in flat.items() if not name.startswith(COLUMN)}
-    values["outcome"] = Outcome(values["outcome"])
-    return SweepRow(**values, constants=constants)
+    return msgspec.convert({**values, "constants": constants}, SweepRow)
 
 
 @contextlib.contextmanager

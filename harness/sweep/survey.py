@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from harness.engines.registry import engines
+from harness.files.reads import recorded
+from harness.files.states import merged
 from harness.sweep.case import swept
 from harness.sweep.factors import Factor, meant
 from harness.sweep.source import Source
@@ -51,6 +54,7 @@ class Survey:
     Attributes:
         folder: where it is.
         content: hash of what is in it.
+        reads: states of what its code read or looked for, by name relative to the folder.
         system: its name.
         constants: all of them, as declared.
         signed: whether they keep the signs that they are declared with.
@@ -64,6 +68,7 @@ class Survey:
 
     folder: str
     content: str
+    reads: Mapping[str, str]
     system: str
     constants: Mapping[str, float]
     signed: bool
@@ -94,18 +99,20 @@ def survey(task: SurveyTask) -> Survey:
             what is wrong, where, and the remedy; a model that can't follow a varied constant among
             it.
     """
-    known = swept(task.folder, frozenset(), task.content).constants
-    varied = frozenset(one.name for one in meant(task.factors, known))
-    source = swept(task.folder, varied, task.content)
-    runs = [one for one in source.runs(task.only) if _meant(task, *one)]
-    absent = {name for _, name in runs if engines()[name].version() is None}
-    found = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))
+    with recorded(Path(task.folder)) as seen:
+        known = swept(task.folder, frozenset(), task.content).constants
+        varied = frozenset(one.name for one in meant(task.factors, known))
+        source = swept(task.folder, varied, task.content)
+        runs = [one for one in source.runs(task.only) if _meant(task, *one)]
+        absent = {name for _, name in runs if engines()[name].version() is None}
+        found = list(_pairings(task, source, [one for one in runs if one[1] not in absent]))
     kept = tuple(one for one in found if _wanted(one.integrator, task.integrators))
     every = dict.fromkeys(f"{one.model} [{one.engine}]" for one in found)
     swept_too = {f"{one.model} [{one.engine}]" for one in kept}
     return Survey(
         folder=task.folder,
         content=task.content,
+        reads=_with_earlier(task, seen.states()),
         system=source.name,
         constants=source.constants,
         signed=source.signed,
@@ -118,6 +125,19 @@ def survey(task: SurveyTask) -> Survey:
         absent=tuple(sorted(absent)),
         without=tuple(name for name in every if name not in swept_too),
     )
+
+
+_READS: dict[tuple[str, str], dict[str, str]] = {}
+"""What was read of a folder of a content, which a worker reads once."""
+
+
+def _with_earlier(task: SurveyTask, reads: Mapping[str, str]) -> Mapping[str, str]:
+    """What was read for a survey, with what this worker read for one before it."""
+    if Path(task.folder).is_file():  # a robot's: all that it names is in its content
+        return {}
+    key = task.folder, task.content
+    _READS[key] = merged(_READS.get(key, {}), reads)
+    return _READS[key]
 
 
 def _pairings(

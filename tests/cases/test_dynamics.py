@@ -29,6 +29,7 @@ MOTION = Verdict(
     map_residual=float("nan"),
     map_uncertainty=float("nan"),
     reason="the limit of x is known to 3.0e-08 at best",
+    resolution=1e-9,
 )
 UNKNOWN = replace(MOTION, uncertainty=float("inf"), largest_uncertainty=float("inf"))
 AGREES = replace(MOTION, outcome=Outcome.AGREES, largest_uncertainty=1e-12, reason="")

@@ -304,6 +304,20 @@ def test_a_broken_entry_is_as_good_as_none(capsys: pytest.CaptureFixture[str]) -
 
 
 @pytest.mark.usefixtures("ran")
+def test_a_case_that_contradicts_its_own_numbers_is_run_again() -> None:
+    before = [case.outcome for case in first().cases]
+    for path in Path("cache").glob("??/*.json"):
+        entry = json.loads(path.read_bytes())
+        if kind(path) == "case":
+            entry["value"]["outcome"] = "AGREES"
+            entry["value"]["verdict"]["discrepancy"] = 5.2
+            path.write_text(json.dumps(entry))
+    found = run()
+    assert found.cached == 0
+    assert [case.outcome for case in found.cases] == before
+
+
+@pytest.mark.usefixtures("ran")
 def test_an_entry_of_other_work_is_not_taken() -> None:
     """Whatever its name says, it has to be of the very piece."""
     cases = [path for path in Path("cache").glob("??/*.json") if kind(path) == "case"]

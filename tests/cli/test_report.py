@@ -33,10 +33,13 @@ def test_a_folder_means_the_results_in_it(old: Path, capsys: pytest.CaptureFixtu
     assert "2 of 2 cases agree" in (old / "index.html").read_text()
 
 
+OFF = verdict(discrepancy=0.01, largest_discrepancy=0.01)
+
+
 def test_two_runs_are_compared_and_what_moved_is_an_exit_code(
     old: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    worse = case(Outcome.DIFFERS, verdict=verdict(largest_discrepancy=0.01), reason="x is off")
+    worse = case(Outcome.DIFFERS, verdict=OFF, reason="x is off")
     new = kept(tmp_path / "new", results(worse, case(scenario="far")))
     assert main(["report", str(old), str(new / "results.json")]) == 1
     told = capsys.readouterr().out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import signal
 from collections.abc import Callable
@@ -104,6 +105,26 @@ def test_what_changed_since_is_run_again(
     after(lambda done: None)
     assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 1
     assert "2 DIFFERS" in capsys.readouterr().out
+
+
+def test_what_was_kept_and_contradicts_itself_is_run_again(
+    folder: Path, after: Callable[[Told], None]
+) -> None:
+    after(lambda done: os.kill(os.getpid(), signal.SIGINT) if done == 2 else None)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 130
+    (folder / "slow.known").unlink()
+    (folder / "slow.known.toml").unlink()
+    kept = Path("out") / NAME
+    lines = [json.loads(line) for line in kept.read_text().splitlines()]
+    for line in lines:
+        if line.get("case"):
+            line["case"]["verdict"]["discrepancy"] = 5.2
+    kept.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    after(lambda done: None)
+    assert main(["run", "osc", "--out", "out", "--jobs", "1", "--resume"]) == 0
+    cases = read_results(Path("out/results.json")).cases
+    assert len(cases) == 2
+    assert all(case.verdict and case.verdict.discrepancy != 5.2 for case in cases)
 
 
 def test_what_a_declaration_read_elsewhere_counts_among_its_files(

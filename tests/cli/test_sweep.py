@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -103,3 +106,92 @@ def test_a_folder_without_a_sweep_is_told(
 ) -> None:
     assert main(["sweep", "--summary", str(tmp_path)]) == 2
     assert "there is no plan.json of a sweep in it" in capsys.readouterr().err
+
+
+Rows = list[dict[str, Any]]
+
+
+def in_row(number: int, **fields: object) -> Callable[[Rows], None]:
+    """Damage to one row."""
+    return lambda rows: rows[number - 1].update(fields)
+
+
+def repeat(rows: Rows) -> None:
+    rows += rows[2:4]
+
+
+def without(name: str) -> Callable[[Rows], None]:
+    """Damage to every row: a column that is not there."""
+
+    def damage(rows: Rows) -> None:
+        for row in rows:
+            row.pop(name)
+
+    return damage
+
+
+DAMAGE: dict[str, tuple[Callable[[Rows], None], str]] = {
+    "contradicts": (
+        in_row(3, discrepancy=5.2), "row 3: AGREES contradicts E = 5.2e+00 and U = "),
+    "unsure": (in_row(1, uncertainty=0.1), "row 1: AGREES contradicts E = "),
+    "unknown": (in_row(2, discrepancy=None), "row 2: AGREES contradicts E = nan and U = "),
+    "twice": (repeat, "row 9: case 2 has a row already"),
+    "no such case": (
+        in_row(8, index=14), "row 8: `index` is 14, where the plan has the cases 0 to 7"),
+    "below zero": (in_row(4, index=-6), "row 4: `index` is -6"),
+    "no outcome": (in_row(5, outcome="AGREE"), "row 5: Invalid enum value 'AGREE'"),
+    "null": (in_row(2, system=None), "row 2: Expected `str`, got `null`"),
+    "infinite": (in_row(6, digits=float("inf")), "row 6: `digits` is inf"),
+    "no number": (in_row(7, seconds=float("nan")), "row 7: `seconds` is nan"),
+    "no column": (without("index"), "row 1: Object missing required field `index`"),
+    "no constant": (without("constant_k"), "row 1: it has not the constants of the plan (k)"),
+    "another column": (in_row(1, more="1"), "row 1: Object contains unknown field `more`"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+@pytest.mark.parametrize("resumed", [False, True], ids=["summary", "resumed"])
+def test_damaged_rows_are_told_by_file_and_row(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, resumed: bool
+) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    damage, said = DAMAGE[name]
+    out = shutil.copytree(words[-1], tmp_path / "sweep")
+    (part,) = (out / "rows").glob("*.parquet")
+    rows = sorted(pyarrow.parquet.read_table(part).to_pylist(), key=lambda row: row["index"])
+    damage(rows)
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), part)
+    asked = [*words[:-1], str(out)] if resumed else ["sweep", "--summary", str(out)]
+    assert main(asked) == 3
+    (line,) = capsys.readouterr().err.splitlines()[-1:]
+    assert line.startswith(f"crosscheck: {part}: {said}")
+    assert line.endswith("; remove the file to run its cases again")
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" * 100])
+def test_a_part_that_is_no_parquet_is_told_likewise(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes
+) -> None:
+    out = shutil.copytree(words[-1], tmp_path / "sweep")
+    (part,) = (out / "rows").glob("*.parquet")
+    part.write_bytes(content)
+    assert main(["sweep", "--summary", str(out)]) == 3
+    assert capsys.readouterr().err.startswith(f"crosscheck: {part}: can't be read (")
+
+
+def test_what_a_declaration_reads_elsewhere_makes_another_plan(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own, mass = shutil.copytree(folder, tmp_path / "mass"), tmp_path / "mass.txt"
+    mass.write_text("1")
+    text = (own / "system.py").read_text()
+    (own / "system.py").write_text(f"open({str(mass)!r}, 'r+').read()\n{text}")
+    asked = ["sweep", str(own), "--vary", "k=20:200", "--draws", "1", "--out", str(tmp_path / "s")]
+    assert main(asked) == 0
+    assert main(asked) == 0
+    capsys.readouterr()
+    mass.write_text("2")
+    assert main(asked) == 2
+    assert f"files of {own} have changed" in capsys.readouterr().err

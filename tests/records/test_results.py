@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.numerics.judgement import judge
 from harness.records.base import number, numbers, rows
-from harness.records.case import Case, Convergence
-from harness.records.outcome import Outcome
+from harness.records.case import Case, Convergence, ForwardDynamics
+from harness.records.outcome import Outcome, contradiction
 from harness.records.read import ResultsError, read_results
 from harness.records.results import Results
 from harness.records.write import encoded, write_whole
+from tests.records.made import case, verdict
 
 
 def some(*cases: Case) -> Results:
@@ -29,7 +31,7 @@ def some(*cases: Case) -> Results:
     )
 
 
-CASE = Case(system="s", folder="f", model="m", engine="e", scenario="a", outcome=Outcome.AGREES)
+CASE = Case(system="s", folder="f", model="m", engine="e", scenario="a", outcome=Outcome.FAILED)
 
 
 def test_nan_and_infinity_never_reach_json() -> None:
@@ -87,3 +89,76 @@ def test_a_file_that_is_no_results_is_refused_with_a_remedy(
         read_results(path)
     assert "crosscheck run" in str(refused.value)
     assert str(path) in str(refused.value)
+
+
+AGREES, DIFFERS, UNRESOLVED = Outcome.AGREES, Outcome.DIFFERS, Outcome.UNRESOLVED
+
+CONTRADICTORY = {
+    "agrees, far off": case(AGREES, verdict=verdict(discrepancy=5.2, largest_discrepancy=5.2)),
+    "agrees, far off elsewhere": case(AGREES, verdict=verdict(largest_discrepancy=5.2)),
+    "agrees, unsure": case(AGREES, verdict=verdict(uncertainty=1e-3, resolution=1e-9)),
+    "agrees, unknown": case(AGREES, verdict=verdict(discrepancy=None)),
+    "agrees, without an uncertainty": case(AGREES, verdict=verdict(uncertainty=None)),
+    "agrees, below zero": case(AGREES, verdict=verdict(discrepancy=-5.2)),
+    "agrees, without numbers": case(AGREES, verdict=None),
+    "agrees, off its map": case(AGREES, verdict=verdict(map_residual=0.1, map_uncertainty=1e-9)),
+    "agrees, its accelerations differ": case(
+        AGREES, forward_dynamics=ForwardDynamics(
+            outcome=DIFFERS, discrepancy=0.1, uncertainty=1e-9, component="x_ddot", states=3,
+            terms=())),
+    "differs, by nothing": case(DIFFERS),
+    "differs, below its resolution": case(
+        DIFFERS, verdict=verdict(discrepancy=1e-8, uncertainty=1e-12, resolution=1e-7)),
+    "unresolved, and it differs": case(
+        UNRESOLVED, verdict=verdict(discrepancy=5.2, uncertainty=0.1, resolution=1e-9)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CONTRADICTORY)
+def test_a_case_that_contradicts_its_own_numbers_is_refused_by_its_place(
+    tmp_path: Path, name: str
+) -> None:
+    path = tmp_path / "r.json"
+    write_whole(path, encoded(some(case(), CONTRADICTORY[name])))
+    with pytest.raises(ResultsError) as refused:
+        read_results(path)
+    said = str(refused.value)
+    assert said.startswith(f"{path}: `$.cases[1]`, disc/mujoco.xml/free [mujoco]: ")
+    assert "contradicts" in said or "without the numbers of a verdict" in said
+    assert said.endswith("run `crosscheck run` again")
+
+
+@pytest.mark.parametrize("sound", [
+    case(AGREES),
+    case(AGREES, verdict=verdict(discrepancy=3e-10, uncertainty=1e-12)),  # below the resolution
+    # Of an engine with few digits, as its own record has it and as an older one has not.
+    case(AGREES, verdict=verdict(
+        discrepancy=9e-7, uncertainty=2e-7, largest_discrepancy=9e-7, largest_uncertainty=5e-7,
+        resolution=1.5e-6)),
+    case(AGREES, verdict=verdict(
+        discrepancy=9e-7, uncertainty=2e-7, largest_discrepancy=9e-7, largest_uncertainty=5e-7)),
+    case(DIFFERS, verdict=verdict(discrepancy=0.01, largest_discrepancy=0.01)),
+    case(UNRESOLVED, verdict=verdict(uncertainty=None, largest_uncertainty=None)),
+    case(UNRESOLVED),  # for what a full run says
+    case(Outcome.FAILED), case(Outcome.FAILED, verdict=verdict(discrepancy=5.2)),
+    case(Outcome.ABSENT),
+])  # fmt: skip
+def test_a_case_that_does_not_is_read(tmp_path: Path, sound: Case) -> None:
+    path = tmp_path / "r.json"
+    write_whole(path, encoded(some(sound)))
+    assert read_results(path).cases == (sound,)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_judgement_contradicts_itself(seed: int) -> None:
+    """The rule for a file is that of the judge, whatever the digits of the engine."""
+    random = np.random.default_rng(seed)
+    for _ in range(200):
+        e, u = 10 ** random.uniform(-14, -4, (2, 5, 4))
+        u[random.random(u.shape) < 0.02] = np.inf
+        resolution = 10 ** random.uniform(-10, -5)
+        found = judge(e, u, resolution, None)
+        numbers_ = number(found.discrepancy), number(found.uncertainty)
+        assert contradiction(found.outcome, *numbers_, resolution) == ""
+        others = {AGREES, DIFFERS, UNRESOLVED} - {found.outcome, UNRESOLVED}
+        assert all(contradiction(other, *numbers_, resolution) for other in others)
