@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -57,6 +57,7 @@ class Collected:
         measured: what models do, or why it is not known, by folder and case.
         left: what is still to be done: cases, and folders as their `system.py`, by folder.
         cached: how many cases were had from earlier runs.
+        reads: states of what each place's code has read, by name relative to it.
     """
 
     def __init__(self, progress: Progress, journal: Journal | None = None) -> None:
@@ -66,6 +67,7 @@ class Collected:
         self.measured: dict[tuple[str, CaseId], Measurement | Failure] = {}
         self.left: dict[tuple[str, CaseId], None] = {}
         self.cached = 0
+        self.reads: dict[str, Mapping[str, str]] = {}
         self._progress, self._journal = progress, journal
 
     @property

@@ -106,10 +106,15 @@ class PlaceWork(ABC, Generic[Facts]):
         if known is None:
             yield self._preparation(models)
             return
-        self._facts, self._waiting = known, []
+        self._know(known)
+        self._waiting = []
         yield from models()  # what is to be run waits
         if self._waiting:
             yield self._preparation(self._resumed)
+
+    def _know(self, facts: Facts) -> None:
+        self._facts = facts
+        self.found.reads[str(self.place)] = self.reads
 
     def _known_facts(self) -> Facts | None:
         """What earlier runs knew of the place, where they did."""
@@ -119,7 +124,7 @@ class PlaceWork(ABC, Generic[Facts]):
         def done(prepared: Any) -> Jobs:
             self._prepared = prepared
             if self._facts is None:
-                self._facts = self._facts_of(prepared)
+                self._know(self._facts_of(prepared))
                 self._keep(self._piece, self._facts, {})
             return then()
 

@@ -43,10 +43,12 @@ class Run:
     Attributes:
         results: all that is written.
         measured: what models do, by folder and case; empty where nothing was to be measured.
+        reads: states of what each folder's code has read, by name relative to it.
     """
 
     results: Results
     measured: Mapping[tuple[str, CaseId], Measurement | Failure]
+    reads: Mapping[str, Mapping[str, str]]
 
 
 def run(
@@ -100,7 +102,7 @@ def run(
         not_run=tuple(case for _, case in found.left),
         cached=found.cached,
     )
-    return Run(results, found.measured)
+    return Run(results, found.measured, found.reads)
 
 
 def _changes(

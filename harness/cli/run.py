@@ -65,7 +65,8 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
     with journal(options.out, resume=options.resume) as done:
         with Progress(every=options.verbose) as progress, asking() as stop:
             interruption = Interruption(stop, done)
-            results = run(wanted.folders, asked, progress, interruption, wanted.robots).results
+            ran = run(wanted.folders, asked, progress, interruption, wanted.robots)
+            results = ran.results
         if not (results.cases or stop.asked or asked.choice.everything):
             done.remove()
             why = "no case has such a name, or its engine is not installed"
@@ -88,7 +89,8 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
     if options.strict and (left := [*left_out(results.models), *refused(results)]):
         print("\n".join(f"crosscheck: --strict: {line}" for line in left), file=sys.stderr)
         code = FAIL
-    return Ran(whole, SIGNALLED + stop.number if stop.asked else code, bool(stop.asked))
+    code = SIGNALLED + stop.number if stop.asked else code
+    return Ran(whole, code, bool(stop.asked), ran.reads)
 
 
 def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path]) -> None:

@@ -1,7 +1,8 @@
 """`crosscheck run --watch`: save a file, see what its models do now.
 
 A model is run again where the content of a file that it is made of has changed: its own, its
-sidecar, a mesh, `system.py`, or anything in the folder that no other model names.
+sidecar, a mesh, `system.py`, anything in the folder that no other model names, or what `system.py`
+has read or looked for elsewhere.
 """
 
 from __future__ import annotations
@@ -35,6 +36,9 @@ Hashes = Mapping[Place, Mapping[str, str]]
 Stamps = Mapping[str, tuple[int, int]]
 """When each file was written, and its size."""
 
+Reads = Mapping[str, Mapping[str, str]]
+"""What each folder's code read or looked for, by folder: states by name relative to it."""
+
 MOST = 3
 """Files that are named, of those that changed."""
 
@@ -47,11 +51,13 @@ class Ran:
         results: all that is known now.
         code: with which the command ends.
         stopped: whether it was stopped before its end.
+        reads: states of what each folder's code has read, by name relative to it.
     """
 
     results: Results
     code: int
     stopped: bool
+    reads: Reads
 
 
 Run = Callable[[Asked, Callable[[Results], Results]], Ran]
@@ -61,11 +67,12 @@ Run = Callable[[Asked, Callable[[Results], Results]], Ran]
 def watch(wanted: Asked, run: Run) -> int:
     """Run all, then what changes, until it is stopped; returns the exit code of the last run."""
     before = _hashes(wanted)
-    stamps = _stamps(wanted, before)
     ran = run(wanted, lambda results: results)
+    reads = dict(ran.reads)
+    before = _with_reads(before, reads)  # as they were when they were read
     while not ran.stopped:
-        _say(f"watching {len(stamps)} files for changes; Ctrl-C ends")
-        before, stamps, again, files = _wait(wanted, before, stamps)
+        _say(f"watching {len(_stamps(wanted, before))} files for changes; Ctrl-C ends")
+        before, again, files = _wait(wanted, before, reads)
         part = _part(wanted, again)
         if not (part.folders or part.robots):
             continue
@@ -75,6 +82,8 @@ def watch(wanted: Asked, run: Run) -> int:
         _say(f"{time.strftime('%H:%M:%S')}  changed: {names}")
         try:
             ran = run(part, _with_others(ran.results, again))
+            reads |= ran.reads
+            before = _with_reads(before, ran.reads)
         except FolderError as error:
             _say(f"crosscheck: {error}")
     return ran.code
@@ -110,13 +119,12 @@ def _part(wanted: Asked, again: set[Place]) -> Asked:
     return Asked(NamedFolders(folders, {}), robots, replace(wanted.choice, models=models))
 
 
-def _wait(
-    wanted: Asked, before: Hashes, stamps: Stamps
-) -> tuple[Hashes, Stamps, set[Place], Sequence[str]]:
+def _wait(wanted: Asked, before: Hashes, reads: Reads) -> tuple[Hashes, set[Place], Sequence[str]]:
     """Wait until the content of a file changes; returns what is made of others now, and those.
 
     A file that is being written is waited for: what counts is what stands still for a moment.
     """
+    stamps: Stamps = {}  # what changed while it was run is found at the first look
     while True:
         time.sleep(POLL)
         now = _stamps(wanted, before)
@@ -125,15 +133,10 @@ def _wait(
         time.sleep(POLL)
         if now != _stamps(wanted, before):
             continue
-        found = _hashes(wanted)
+        found = _with_reads(_hashes(wanted), _now(reads))
         again = {key for key in {*before, *found} if before.get(key) != found.get(key)}
         if again:
-            return (
-                found,
-                _stamps(wanted, found),
-                again,
-                list(dict.fromkeys(_changed(before, found, again))),
-            )
+            return found, again, list(dict.fromkeys(_changed(before, found, again)))
         before, stamps = found, now
 
 
@@ -163,6 +166,20 @@ def _hashes(wanted: Asked) -> Hashes:
             found[whole] = {str(folder): "\n".join((scan.system, *scan.broken))}
     for file in wanted.robots:
         found[str(file), ""] = states_now(Path(), dict.fromkeys(_of_robot(file), ""))
+    return found
+
+
+def _now(reads: Reads) -> Reads:
+    return {folder: states_now(Path(folder), known) for folder, known in reads.items()}
+
+
+def _with_reads(hashes: Hashes, reads: Reads) -> Hashes:
+    """With what the code of folders has read: a change of that is one of all models."""
+    found = dict(hashes)
+    for folder, states in reads.items():
+        named = {os.path.normpath(Path(folder, name)): states[name] for name in states}
+        if named:
+            found[folder, ""] = {**found.get((folder, ""), {}), **named}
     return found
 
 

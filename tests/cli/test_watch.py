@@ -96,6 +96,29 @@ def test_a_saved_file_is_run_again_with_its_results_among_the_others(
 
 
 @pytest.mark.slow
+def test_a_file_elsewhere_that_is_read_or_looked_for_is_watched(place: Path) -> None:
+    system = place / "models" / "oscillator" / "system.py"
+    here = "__import__('pathlib').Path(__file__).parents[2]"
+    given = f"float(({here} / 'm.txt').open('r+').read()) + 1.0 * ({here} / 'more').exists()"
+    system.write_text(system.read_text().replace("1.3,", f"{given},"))
+    (place / "m.txt").write_text("1.3")
+    watching = Watching(place, "models", "-k", "free")
+    try:
+        watching.until("watching")
+        assert outcomes(place)["good.known"] is Outcome.AGREES
+        (place / "m.txt").write_text("1.4")
+        assert "changed: m.txt\n" in watching.until("watching")
+        assert outcomes(place)["good.known"] is Outcome.DIFFERS
+        (place / "m.txt").write_text("1.3")
+        watching.until("watching")
+        (place / "more").touch()
+        assert "changed: more\n" in watching.until("watching")
+        assert outcomes(place)["good.known"] is Outcome.DIFFERS
+    finally:
+        watching.kill()
+
+
+@pytest.mark.slow
 def test_a_new_model_is_run_and_one_that_is_gone_is_left_out(
     place: Path, watching: Watching
 ) -> None:
