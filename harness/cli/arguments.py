@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 from harness.baseline.place import DEFAULT
 from harness.cli.completion import completed_by, engine_names, systems_and_files
 from harness.schedule.limits import MEMORY, SECONDS, Limits
+
+SCHEDULER = "CROSSCHECK_SCHEDULER"
+"""The environment variable with the address of a scheduler."""
 
 
 def folders(command: argparse.ArgumentParser, *, some: bool, models: bool = True) -> None:
@@ -79,9 +83,10 @@ def scheduler(command: argparse.ArgumentParser) -> None:
     """Add --scheduler ADDRESS."""
     command.add_argument(
         "--scheduler",
-        default="",
+        default=os.environ.get(SCHEDULER, ""),
         metavar="ADDRESS",
-        help="do the work on a cluster of dask.distributed, as tcp://HOST:8786 (on this machine)",
+        help="run on a cluster of dask.distributed, as tcp://HOST:8786"
+        f" (${SCHEDULER}, else this machine)",
     )
 
 

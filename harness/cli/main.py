@@ -67,7 +67,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser = _parser(given)
             if COMPLETING in os.environ:
                 complete(parser)
-            return _run(parser.parse_args(given))
+            options = parser.parse_args(given)
+            for note in getattr(options, "settings_notes", ()):
+                print(f"crosscheck: {note}", file=sys.stderr)
+            return _run(options)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         print(f"crosscheck: {where}{error.strerror or error}", file=sys.stderr)

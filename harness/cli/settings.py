@@ -5,8 +5,10 @@ folders = ["models"]
 engines = ["NAME"]
 resolution = 1e-9
 
-The file is the nearest one above where one stands that has such a table; its paths are from the
-folder that it lies in. What is given on the command line goes before it.
+The nearest file with such a table counts, from the working folder up to the root of its repository;
+outside a repository, that of the working folder alone. Paths start at its folder. The command line
+overrides it. Others may have written the file: it names no scheduler, which runs code here, and no
+path outside its folder, where a run would write.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from pathlib import Path
 from types import MappingProxyType
 
 from harness.cli import arguments
+from harness.files.locations.location import LocationError, Source
+from harness.files.locations.toml import toml_offset
 
 FILE = "pyproject.toml"
 TABLE = "[tool.crosscheck]"
@@ -47,50 +51,118 @@ class Setting:
     commands: frozenset[str]
 
 
+@dataclass(frozen=True, kw_only=True)
+class _SettingsFile:
+    """A file with settings.
+
+    Attributes:
+        path: from the working folder.
+        text: what it holds.
+        table: its settings.
+    """
+
+    path: Path
+    text: str
+    table: Mapping[str, object]
+
+    def error(self, key: str, message: str) -> SettingsError:
+        """Build the error about a setting, with its line where that is known."""
+        source = Source(self.path, self.text.encode())
+        try:
+            start = toml_offset(
+                source, f"tool.crosscheck.{key if key.isidentifier() else repr(key)}"
+            )
+        except LocationError:
+            start = None
+        line = "" if start is None else f":{source.data[:start].count(10) + 1}"  # 10: a line feed
+        return SettingsError(f"{self.path}{line}: {TABLE} {message}")
+
+
 def apply(command: argparse.ArgumentParser, name: str) -> None:
-    """Make a project's settings the defaults of a command, and say so in its help.
+    """Make a project's settings the defaults of a command, and mention the file in its help.
 
     Raises:
-        SettingsError: for a file that can't be read, an unknown setting, or a value that is none.
+        SettingsError: for a file that can't be read, an unknown setting, or an invalid value.
     """
-    found = _nearest(Path.cwd())
-    if found is None:
-        return
-    path, table = found
-    taken = {}
-    for key, value in table.items():
-        setting = SETTINGS.get(key)
-        if setting is None:
-            there = ", ".join(SETTINGS)
-            raise SettingsError(f"{path}: {TABLE} has no setting {key!r}; there are {there}")
+    file, notes = _nearest(Path.cwd())
+    defaults: dict[str, object] = {}
+    for key, value in {} if file is None else file.table.items():
+        default = _read(file, key, value)
+        if name in SETTINGS[key].commands:
+            defaults[SETTINGS[key].argument] = default
+    if file is not None and defaults:
+        keys = ", ".join(key for key in file.table if name in SETTINGS[key].commands)
+        command.epilog = f"Defaults from {file.path}: {keys}. {command.epilog or ''}"
+        notes = (*notes, f"settings from {file.path}")
+    command.set_defaults(**defaults, settings_notes=notes)
+
+
+def _read(file: _SettingsFile, key: str, value: object) -> object:
+    """The default that a setting means."""
+    if why := _REFUSED.get(key):
+        raise file.error(key, f"{key}: {why}")
+    setting = SETTINGS.get(key)
+    if setting is None:
+        raise file.error(key, f"has no setting {key!r}; there are {', '.join(SETTINGS)}")
+    try:
+        return setting.read(value, file.path.parent)
+    except (ValueError, argparse.ArgumentTypeError) as error:
+        raise file.error(key, f"{key} is {value!r}: {error}") from None
+
+
+def _nearest(here: Path) -> tuple[_SettingsFile | None, tuple[str, ...]]:
+    """The nearest file with settings, and notes about those that are ignored."""
+    notes: list[str] = []
+    for folder in _searched(here):
+        path = Path(os.path.relpath(folder / FILE, here))
+        if not (folder / FILE).is_file():
+            continue
+        ours = _is_ours(folder / FILE)
         try:
-            default = setting.read(value, path.parent)
-        except (ValueError, argparse.ArgumentTypeError) as error:
-            raise SettingsError(f"{path}: {TABLE} {key} is {value!r}: {error}") from None
-        if name in setting.commands:
-            taken[setting.argument] = default
-    if taken:
-        command.set_defaults(**taken)
-        keys = ", ".join(key for key in table if name in SETTINGS[key].commands)
-        command.epilog = f"Defaults from {path}: {keys}. {command.epilog or ''}"
+            file = _settings_file(path)
+        except SettingsError:
+            if ours:
+                raise
+            continue
+        if file is not None and ours:
+            return file, tuple(notes)
+        if file is not None:
+            notes.append(
+                f"settings in {path} are ignored, since it belongs to another user;"
+                " give them on the command line, or change its owner"
+            )
+    return None, tuple(notes)
 
 
-def _nearest(here: Path) -> tuple[Path, Mapping[str, object]] | None:
-    """The nearest file with settings, as a path from `here`, and those."""
-    for folder in (here, *here.parents):
-        file = folder / FILE
-        if file.is_file():
-            path = Path(os.path.relpath(file, here))
-            try:
-                tools = tomllib.loads(file.read_text(encoding="utf-8")).get("tool", {})
-            except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-                raise SettingsError(f"{path}: can't be read: {error}") from None
-            table = tools.get("crosscheck") if isinstance(tools, dict) else None
-            if isinstance(table, dict):
-                return path, table
-            if table is not None:
-                raise SettingsError(f"{path}: tool.crosscheck is {table!r}, and no table")
-    return None
+def _searched(here: Path) -> tuple[Path, ...]:
+    """Folders whose settings count: up to the repository's root, else the working folder alone."""
+    folders = (here, *here.parents)
+    roots = (i for i, folder in enumerate(folders) if (folder / ".git").exists())
+    return folders[: next(roots, 0) + 1]
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a file belongs to the user of this process; always so where the system has none."""
+    return not hasattr(os, "geteuid") or path.stat().st_uid == os.geteuid()
+
+
+def _settings_file(path: Path) -> _SettingsFile | None:
+    """A file's settings; None where it has no such table.
+
+    Raises:
+        SettingsError: for a file that can't be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        tools = tomllib.loads(text).get("tool", {})
+    except (ValueError, RecursionError, OSError) as error:
+        raise SettingsError(f"{path}: can't be read: {error}") from None
+    table = tools.get("crosscheck") if isinstance(tools, dict) else None
+    if table is None:
+        return None
+    if not isinstance(table, dict):
+        raise SettingsError(f"{path}: tool.crosscheck is {table!r}, and no table")
+    return _SettingsFile(path=path, text=text, table=table)
 
 
 def _of_text(read: Callable[[str], object]) -> Read:
@@ -118,13 +190,9 @@ def _folders(value: object, base: Path) -> list[str]:
 def _path(value: object, base: Path) -> Path:
     if not isinstance(value, str) or not value:
         raise ValueError("a path belongs there")
+    if not (base / value).resolve().is_relative_to(base.resolve()):
+        raise ValueError(f"it is outside the folder of {FILE}; give it on the command line")
     return base / value
-
-
-def _text(value: object, _: Path) -> str:
-    if not isinstance(value, str):
-        raise ValueError("a text belongs there")
-    return value
 
 
 def _switch(value: object, _: Path) -> bool:
@@ -153,9 +221,6 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType({
         read=_of_text(arguments.positive),
         commands=_RUNNING | {"audit", "versions", "mutate"},
     ),
-    "scheduler": Setting(
-        argument="scheduler", read=_text, commands=frozenset({"run", "sweep"})
-    ),
     "cache": Setting(argument="cache", read=_path, commands=frozenset({"run", "audit"})),
     "baseline": Setting(argument="baseline", read=_path, commands=_RUNNING),
     "out": Setting(argument="out", read=_path, commands=frozenset({"run"})),
@@ -166,3 +231,11 @@ SETTINGS: Mapping[str, Setting] = MappingProxyType({
     ),
 })  # fmt: skip
 """All of them, by their names in the file."""
+
+_REFUSED: Mapping[str, str] = MappingProxyType(
+    {
+        "scheduler": "a file can't name one, since whoever runs a scheduler can run code on this"
+        f" machine; give --scheduler ADDRESS, or set {arguments.SCHEDULER}",
+    }
+)
+"""What the file can't set, and the remedy."""

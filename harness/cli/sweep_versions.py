@@ -39,7 +39,10 @@ def under_versions(options: argparse.Namespace, words: Sequence[str]) -> int:
     if options.engine and set(options.engine) != {engine}:
         raise FolderError(f"--versions {engine}: --engine names another; leave it out")
     if options.scheduler:
-        raise FolderError("--versions: environments are this machine's; leave --scheduler out")
+        raise FolderError(
+            "--versions: environments are on this machine; leave out --scheduler"
+            f" and {arguments.SCHEDULER}"
+        )
     codes, outs = [], []
     try:
         found = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 import pytest
@@ -34,14 +35,12 @@ def test_settings_are_defaults_and_arguments_go_before_them(
     settings(
         tmp_path,
         "[tool.crosscheck]\nengines = ['one', 'two']\nresolution = 1e-7\nlimit = 90\n"
-        "scheduler = 'tcp://there:8786'\n"
         "memory = 2\njobs = 3\nstrict = true\nhistory = true\nout = 'found'\nbaseline = 'kept'\n",
     )
     found = parsed("run")
     assert (found.engine, found.resolution, found.limit) == (["one", "two"], 1e-7, 90.0)
     assert (found.memory, found.jobs, found.strict, found.history) == (2.0, 3, True, True)
     assert (found.out, found.baseline) == (Path("found"), Path("kept"))
-    assert found.scheduler == "tcp://there:8786"
     told = parsed("run", "--engine", "three", "--engine", "four", "--jobs", "1")
     assert (told.engine, told.jobs) == (["three", "four"], 1)
     # A gate writes elsewhere, and asks the folders of its baseline.
@@ -56,6 +55,7 @@ def test_settings_of_the_folder_above_are_found_with_paths_from_there(
     below.mkdir(parents=True)
     (tmp_path / "arms").mkdir()
     monkeypatch.chdir(below)
+    (tmp_path / ".git").mkdir()
     settings(tmp_path, "[tool.crosscheck]\nfolders = ['arms', 'simple_pendulum']\nout = 'found'\n")
     (tmp_path / "tools" / "pyproject.toml").write_text("[tool.other]\nresolution = 1\n")
     found = parsed("run")
@@ -78,29 +78,77 @@ def test_settings_of_the_folder_above_are_found_with_paths_from_there(
         ("jobs = 1.5", "jobs is 1.5: "),
         ("engines = 'one'", "engines is 'one': a list of names belongs there"),
         ("strict = 1", "strict is 1: true or false belongs there"),
-        ("scheduler = 8786", "scheduler is 8786: a text belongs there"),
         ("out = ''", "out is '': a path belongs there"),
+        (
+            "out = '../found'",
+            "pyproject.toml:4: [tool.crosscheck] out is '../found': it is outside",
+        ),
+        (
+            "jobs = 2\ncache = '/tmp/kept'",
+            "pyproject.toml:5: [tool.crosscheck] cache is '/tmp/kept'",
+        ),
+        (
+            "baseline = 'link/kept'",
+            "outside the folder of pyproject.toml; give it on the command line",
+        ),
+        ("scheduler = 'tcp://there:8786'", "pyproject.toml:4: [tool.crosscheck] scheduler: a file"),
+        ("scheduler = 'tcp://there:8786'", "give --scheduler ADDRESS, or set CROSSCHECK_SCHEDULER"),
     ],
 )
 def test_a_setting_that_can_not_be_taken_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, said: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "link").symlink_to(tmp_path.parent)
     settings(tmp_path, f"[tool.crosscheck]\n{text}\n")
     with pytest.raises(SettingsError) as told:
         parsed("run")
-    assert str(told.value).startswith("pyproject.toml: ")
+    assert str(told.value).startswith("pyproject.toml:")
     assert said in str(told.value)
+
+
+def test_settings_above_the_repository_are_not_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inner = tmp_path / "repository" / "robots"
+    inner.mkdir(parents=True)
+    settings(tmp_path, "[tool.crosscheck]\nscheduler = 'tcp://there:8786'\n")
+    monkeypatch.chdir(inner)
+    assert parsed("run").jobs == 0  # no repository: the working folder alone
+    (inner.parent / ".git").write_text("gitdir: elsewhere\n")  # as in a work tree
+    assert parsed("run").jobs == 0
+    settings(inner.parent, "[tool.crosscheck]\njobs = 3\n")
+    assert parsed("run").jobs == 3
+
+
+def test_settings_of_another_user_are_ignored_with_a_note(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    settings(tmp_path, "[tool.crosscheck]\nscheduler = 'tcp://there:8786'\njobs = 3\n")
+    monkeypatch.setattr(os, "geteuid", lambda: (tmp_path / "pyproject.toml").stat().st_uid + 1)
+    found = parsed("run")
+    assert found.jobs == 0
+    (note,) = found.settings_notes
+    assert note.startswith("settings in pyproject.toml are ignored, since it belongs to another")
+
+
+def test_a_scheduler_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CROSSCHECK_SCHEDULER", "tcp://there:8786")
+    assert parsed("run").scheduler == "tcp://there:8786"
+    assert parsed("run", "--scheduler", "tcp://here:1").scheduler == "tcp://here:1"
 
 
 def test_the_command_line_takes_settings_and_tells_a_wrong_one(place: Path) -> None:
     settings(place, "[tool.crosscheck]\nfolders = ['models']\n")
-    assert len(crosscheck(place, "list").stdout.splitlines()) == 4
+    done = crosscheck(place, "list")
+    assert len(done.stdout.splitlines()) == 4
+    assert done.stderr.splitlines()[0] == "crosscheck: settings from pyproject.toml"
     assert "Defaults from pyproject.toml: folders." in crosscheck(place, "list", "--help").stdout
     settings(place, "[tool.crosscheck]\nfolder = ['models']\n")
     done = crosscheck(place, "run")
     assert done.returncode == 2
-    assert done.stderr.startswith("crosscheck: pyproject.toml: [tool.crosscheck] has no setting")
+    assert done.stderr.startswith("crosscheck: pyproject.toml:4: [tool.crosscheck] has no setting")
     (place / "pyproject.toml").write_text("[tool\n")
     done = crosscheck(place, "run")
     assert (done.returncode, "Traceback" in done.stderr) == (2, False)

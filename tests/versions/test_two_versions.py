@@ -219,7 +219,7 @@ def test_a_sweep_of_versions_that_makes_no_sense_is_told_once(home: Home) -> Non
     for words, told in (
         ((*sweep, "1.0"), "name two versions of it or more"),
         ((*sweep, "1.0", "2.0", "--engine", "mujoco"), "--engine names another; leave it out"),
-        ((*sweep, "1.0", "2.0", "--scheduler", "tcp://x"), "leave --scheduler out"),
+        ((*sweep, "1.0", "2.0", "--scheduler", "tcp://x"), "leave out --scheduler"),
         ((*sweep, "1.0", "2.0", "--scenario", "none"), "none"),
     ):
         ran = home.run(*words)
