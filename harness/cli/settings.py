@@ -22,8 +22,6 @@ from pathlib import Path
 from types import MappingProxyType
 
 from harness.cli import arguments
-from harness.files.locations.location import LocationError, Source
-from harness.files.locations.toml import toml_offset
 
 FILE = "pyproject.toml"
 TABLE = "[tool.crosscheck]"
@@ -67,6 +65,10 @@ class _SettingsFile:
 
     def error(self, key: str, message: str) -> SettingsError:
         """Build the error about a setting, with its line where that is known."""
+        # Imported here: help needs no parser of files.
+        from harness.files.locations.location import LocationError, Source
+        from harness.files.locations.toml import toml_offset
+
         source = Source(self.path, self.text.encode())
         try:
             start = toml_offset(
