@@ -18,6 +18,7 @@ from harness.cases.not_run import absent, barred_case, failed_case
 from harness.collected import Collected, Jobs
 from harness.engines.protocol import Engine
 from harness.engines.registry import readers, runners
+from harness.files.locations.xml import no_xml
 from harness.options import Options
 from harness.plan_model import text_of
 from harness.plan_work import PlaceWork
@@ -33,6 +34,12 @@ from harness.schedule.workers import Failure
 if TYPE_CHECKING:
     from harness.cases.robot import PreparedRobot
     from harness.cases.robot_task import RobotTask
+
+
+MJCF = ".xml"
+"""The ending of files that their engine's own parser reads, more leniently than XML allows."""
+
+GIVE_XML = "write well-formed XML"
 
 
 class RobotWork(PlaceWork[RobotFacts]):
@@ -52,7 +59,7 @@ class RobotWork(PlaceWork[RobotFacts]):
     @property
     def stand_in(self) -> CaseId:
         """The file."""
-        return CaseId(system=self.place.stem, model=self.place.name, scenario="-", engine="-")
+        return _stand_in(self.place)
 
     @property
     def reads(self) -> Mapping[str, str]:
@@ -83,10 +90,22 @@ class RobotPlan:
     def __init__(self, options: Options, found: Collected) -> None:
         self._options, self._found = options, found
 
+    def readable(self, files: Sequence[Path]) -> list[Path]:
+        """Files that may be XML; the others FAILED, before a worker process is started for them."""
+        found = []
+        for file in files:
+            self._found.expect(str(file), [_stand_in(file)])
+        for file in files:
+            if why := no_xml(file, strict=file.suffix != MJCF):
+                failure = Failure(f"{why}; {GIVE_XML}", "")
+                self._found.add(failed_case(_stand_in(file), str(file), failure))
+            else:
+                found.append(file)
+        return found
+
     def file(self, file: Path) -> Iterator[Job[Any]]:
         """Prepare a file, then run it."""
         work = RobotWork(file, self._options, self._found)
-        self._found.expect(str(file), [work.stand_in])
         yield from work.begun(partial(self._engines, work))
 
     def _engines(self, work: RobotWork) -> Iterator[Job[Any]]:
@@ -186,6 +205,10 @@ class RobotPlan:
             return Task(count_robot, self._task(prepared, keys[0][-1]))
 
         return work.do("coverage", keys[0], make, done, failed)
+
+
+def _stand_in(file: Path) -> CaseId:
+    return CaseId(system=file.stem, model=file.name, scenario="-", engine="-")
 
 
 def _id(work: RobotWork, engine: Engine) -> CaseId:

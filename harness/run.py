@@ -74,16 +74,17 @@ def run(
     stop = interruption.stop or Stop()
     found = Collected(progress, interruption.journal)
     plan = Plan(options, {} if before is None else before.snapshots, found)
+    alone = RobotPlan(options, found)
+    readable = alone.readable(robots)
     with executor(
         jobs=options.jobs,
         limits=options.limits,
         scheduler=options.scheduler,
         files=partial(luggage, (*folders, *robots)),
         engines=options.engines,
-        sure=options.cache is None,
+        sure=options.cache is None and bool(folders or readable),
     ) as workers:
-        alone = RobotPlan(options, found)
-        planned = [*map(plan.folder, folders), *map(alone.file, robots)]
+        planned = [*map(plan.folder, folders), *map(alone.file, readable)]
         work(chain.from_iterable(planned), workers, stop)
     places = (*folders, *robots)
     order = {str(place): i for i, place in enumerate(places)}

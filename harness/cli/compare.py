@@ -8,7 +8,12 @@ import sys
 
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
-from harness.compare.candidate import CompareError, NotInstalledError, candidate
+from harness.compare.candidate import (
+    CompareError,
+    NotInstalledError,
+    UnreadableModelError,
+    candidate,
+)
 from harness.compare.compare import CompareOptions, compare
 from harness.compare.execute import FailureError
 from harness.compare.executor import in_workers
@@ -32,10 +37,10 @@ def main(options: argparse.Namespace) -> int:
         pair = _pair(options)
         with Workers(JOBS, arguments.limits_of(options)) as workers:
             found = comparison_record(compare(pair, in_workers(workers)), created)
+    except (SidecarError, NotInstalledError, UnreadableModelError) as error:
+        return _stop(str(error), FAIL)
     except CompareError as error:
         return _stop(str(error), USAGE)
-    except (SidecarError, NotInstalledError) as error:
-        return _stop(str(error), FAIL)
     except FailureError as error:
         found = failed_record(pair, error.failure, created)
     print_comparison(terminal(), found)
@@ -51,7 +56,7 @@ def _pair(options: argparse.Namespace) -> CompareOptions:
     """What is to be compared.
 
     Raises:
-        CompareError, SidecarError, NotInstalledError: naming what is wrong.
+        CompareError, SidecarError, NotInstalledError, UnreadableModelError: naming what is wrong.
     """
     return CompareOptions(
         a=candidate("A", options.a, options.engine_a or options.engine),

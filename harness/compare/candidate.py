@@ -10,12 +10,13 @@ import numpy as np
 
 from harness.engines.compiled import CompiledActuator
 from harness.engines.protocol import Array, Engine, Model
-from harness.engines.registry import engines, readers
+from harness.engines.registry import engines, missing, readers
+from harness.files.locations.xml import no_xml
 from harness.files.model_files import check_springs
 from harness.files.parts import PartError, check_parts
 from harness.files.sidecar import Sidecar, read_sidecar
 from harness.robots.compiled import compiler, read_compiled_robot
-from harness.robots.named import FORMATS
+from harness.robots.named import FORMATS, xacro_remedy
 from harness.robots.read import read_robot
 from harness.robots.robot import LeftOut, Robot
 from harness.robots.system import names_of
@@ -23,6 +24,10 @@ from harness.robots.system import names_of
 
 class CompareError(ValueError):
     """Wrong usage: no such file, an engine that can't read it, joints without a match."""
+
+
+class UnreadableModelError(CompareError):
+    """A model file that is refused: no XML, a DTD, an include without an end."""
 
 
 class NotInstalledError(RuntimeError):
@@ -179,16 +184,21 @@ def candidate(label: str, path: Path, engine: str | None) -> Candidate:
 
     Raises:
         CompareError: naming what is wrong with the path or the engine, and the remedy.
+        UnreadableModelError: for a file that is refused, with its line.
         NotInstalledError: where no engine that would do is installed.
         SidecarError: for a sidecar that can't be read.
     """
     if not path.is_file():
         raise CompareError(f"{path}: there is no such file")
+    if why := xacro_remedy(path):
+        raise CompareError(f"{path}: {why}")
     beside = Path(f"{path}.toml")
     try:
         check_parts(path)
     except PartError as error:
-        raise CompareError(str(error)) from None
+        raise UnreadableModelError(str(error)) from None
+    if path.suffix in FORMATS and (why := no_xml(path, strict=path.suffix != ".xml")):
+        raise UnreadableModelError(why)
     sidecar = read_sidecar(beside) if beside.exists() else None
     name = _engine(label, path, engine, sidecar)
     found = engines()[name]
@@ -225,8 +235,8 @@ def _engine(label: str, path: Path, asked: str | None, sidecar: Sidecar | None) 
     for name in wanted:
         if known[name].version() is not None:
             return name
-    names = " or ".join(wanted)
-    raise NotInstalledError(f"{path}: {names} would run it and is not installed (pip install)")
+    remedies = "; ".join(missing(known[name]) for name in wanted)
+    raise NotInstalledError(f"{path}: no engine that reads it is installed: {remedies}")
 
 
 def _reads(known: dict[str, Engine], name: str, path: Path) -> bool:

@@ -122,7 +122,7 @@ def _lines(text: str, path: Path) -> list[int]:
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise NoXmlError(
-            f"{path}:{error.lineno}: no XML at column {error.offset}: {reason}",
+            f"{path}:{error.lineno}: no XML at column {error.offset + 1}: {reason}",
             reason == expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT,
         ) from None
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,12 +43,25 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             others.append(name)
             continue
         if path.suffix not in FORMATS:
-            faults[name] = (
-                f"{visible(name)}: of files alone, {_TOLD} are read; make a folder"
-                f" of it, `crosscheck new --from {visible(name)} FOLDER`"
+            why = xacro_remedy(path) or (
+                f"of files alone, {_TOLD} are run; give one of these, or a system folder"
             )
+            faults[name] = f"{visible(name)}: {why}"
         elif (why := odd_name(name)) is not None:
             faults[name] = f"{visible(name)}: its name has {why}; rename it"
         elif path not in files:
             files.append(path)
     return NamedRobots(files, others, faults)
+
+
+def xacro_remedy(file: Path) -> str:
+    """Return how a robot is made of source for xacro; empty for any other file."""
+    if file.suffix != ".xacro":
+        return ""
+    stem = file.name.removesuffix(".xacro")
+    robot = file.with_name(stem if Path(stem).suffix == ".urdf" else f"{stem}.urdf")
+    source, target = (visible(shlex.quote(str(one))) for one in (file, robot))
+    return (
+        "it is source for xacro, which no engine reads; expand it with"
+        f" `xacro {source} > {target}`, and give {target}"
+    )

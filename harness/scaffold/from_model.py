@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from harness.files.reading import read_regular
-from harness.robots.named import FORMATS
+from harness.robots.named import FORMATS, xacro_remedy
 from harness.robots.read import read_robot
 from harness.robots.robot import Robot
 from harness.scaffold.folder import NewError, write_folder
@@ -49,6 +49,8 @@ def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
     Raises:
         NewError: naming file, line and what can't be read.
     """
+    if why := xacro_remedy(model):
+        raise NewError(f"{model}: {why}")
     if model.suffix not in FORMATS:
         raise NewError(
             f"{model}: a model file is a .urdf, an SDFormat file with .sdf, or an MJCF with .xml"

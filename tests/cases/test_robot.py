@@ -159,7 +159,7 @@ def test_a_file_of_another_format_is_refused_with_the_remedy(tmp_path: Path) -> 
     done = crosscheck(tmp_path, "arm.py")
     assert done.returncode == 2
     assert (
-        "arm.py: of files alone, .urdf, .sdf and .xml are read; make a folder of it" in done.stderr
+        "arm.py: of files alone, .urdf, .sdf and .xml are run; give one of these" in done.stderr
     )
     assert "Traceback" not in done.stderr
 
@@ -235,7 +235,7 @@ def test_a_missing_file_is_told_as_a_file_and_the_others_are_judged(tmp_path: Pa
     done = crosscheck(tmp_path, *names, "--engine", ENGINES[0])
     assert done.returncode == 3
     assert (
-        "crosscheck: arm.skel: of files alone, .urdf, .sdf and .xml are read; make a folder"
+        "crosscheck: arm.skel: of files alone, .urdf, .sdf and .xml are run; give one of"
         in done.stderr
     )
     assert done.stderr.endswith("not run, as told at the beginning: missing.urdf, arm.skel\n")
@@ -337,3 +337,40 @@ def test_a_servo_that_settles_in_microseconds_is_resolved_by_another_order(tmp_p
     assert case.verdict is not None
     assert case.verdict.claimed_order == 4
     assert (case.verdict.largest_uncertainty or 1) < 1e-9
+
+
+def test_what_is_no_xml_fails_before_a_worker_process_is_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def started(*_: object) -> None:
+        raise AssertionError("a worker process was started")
+
+    monkeypatch.setattr(Workers, "begin", started)
+    monkeypatch.setattr(Workers, "submit", started)
+    (tmp_path / "text.urdf").write_text("hello\n")
+    (tmp_path / "empty.sdf").write_text("")
+    (tmp_path / "binary.urdf").write_bytes(b"<robot>\0\1</robot>")
+    (tmp_path / "text.xml").write_text("hello\n")
+    done = crosscheck(tmp_path, "text.urdf", "empty.sdf", "binary.urdf", "text.xml")
+    assert done.returncode == 3
+    for line in (
+        "text.urdf:1: no XML at column 1: syntax error; write well-formed XML",
+        "empty.sdf:1: no XML: the file is empty; write well-formed XML",
+        "binary.urdf:1: no XML at column 8: the file is binary; write well-formed XML",
+        "text.xml:1: no XML at column 1: syntax error; write well-formed XML",
+    ):
+        assert line in done.stdout
+
+
+def test_what_an_engine_reads_though_it_is_no_xml_is_left_to_it(tmp_path: Path) -> None:
+    file = tmp_path / "arm.xml"
+    file.write_text("before <mujoco/>")
+    assert no_xml(file, strict=False) == ""
+    assert no_xml(file, strict=True) == f"{file}:1: no XML at column 1: syntax error"
+
+
+def test_source_for_xacro_is_refused_with_the_commands_that_help(tmp_path: Path) -> None:
+    (tmp_path / "my arm.urdf.xacro").write_text("<robot/>")
+    done = crosscheck(tmp_path, "my arm.urdf.xacro")
+    assert done.returncode == 2
+    assert "`xacro 'my arm.urdf.xacro' > 'my arm.urdf'`, and give 'my arm.urdf'" in done.stderr

@@ -57,7 +57,7 @@ def told(model: Model) -> list[str]:
         (('axis="1 0 0"', 'axis="1 a"'), ":4: MuJoCo can't load it: XML Error: bad format"),
         ((INERTIAL, '<geom size="1e200"/>'), ":5: <geom size> has '1e200'"),
         (("<mujoco>", "<!DOCTYPE mujoco>\n<mujoco>"), ":1: refused: it declares entities or a DTD"),
-        (("</mujoco>", "</mujoco><mujoco/>"), ":7: no XML at column 9: junk after document"),
+        (("</mujoco>", "</mujoco><mujoco/>"), ":7: no XML at column 10: junk after document"),
         (("</mujoco>", "<custom>" * 300), ":7: elements are nested"),
     ],
 )

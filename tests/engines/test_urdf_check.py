@@ -56,7 +56,7 @@ REFUSED = [
     ),
     (("</joint>", '<axis xyz="1 0 0"/></joint>'), ":5: a second <axis> of one <joint>"),
     (("</joint>", '<mimic joint="j"/></joint>'), ":5: joint 'j' mimics itself"),
-    (("</robot>", "</robot><robot/>"), ":6: no XML at column 8: junk after document element"),
+    (("</robot>", "</robot><robot/>"), ":6: no XML at column 9: junk after document element"),
     (beside("<a>" * 300 + "</a>" * 300), ":6: elements are nested more than 200 deep"),
 ]
 

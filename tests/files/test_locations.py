@@ -202,7 +202,7 @@ def test_look_alikes_come_before_the_places_they_look_like() -> None:
     ("m.toml", TOML, "[0]", None, "is no address"),
     ("m.toml", TOML, "spring 0", None, "is no address"),
     # The file can't be read.
-    ("m.xml", "<a>\n<b></a>", "b@x", 2, "no XML: mismatched tag"),
+    ("m.xml", "<a>\n<b></a>", "b@x", 2, "no XML at column 6: mismatched tag"),
     ("m.py", "A = 1\nB = (", "A", 2, "no Python"),
     ("m.toml", "a = = 1", "a", None, "no TOML"),
     ("m.json", "{}", "a", None, r"numbers are found in \.xml, \.urdf, \.sdf, \.py, \.toml files"),

@@ -109,11 +109,12 @@ def test_numbers_that_could_be_others_are_in_the_way(tmp_path: Path, text: str) 
 @pytest.mark.parametrize(
     ("text", "line", "sentence"),
     [
-        ("<robot>\n<link>\n</robot>", 3, "no XML: mismatched tag"),
-        ("", 2, "no XML: no element found"),
+        ("<robot>\n<link>\n</robot>", 3, "no XML at column 3: mismatched tag"),
+        ("", 1, "no XML: the file is empty"),
+        (b"<robot>\0<link/>\n</robot>", 1, "no XML at column 8: the file is binary"),
         ('<!DOCTYPE r [<!ENTITY x "1">]>\n<robot/>', 1, "refused: it declares entities or a DTD"),
         ("<sdf/>", 1, "the root is <sdf>, not <robot>"),
-        (b"\x89PNG\r\n\x1a\n", 1, "no XML: not well-formed (invalid token)"),
+        (b"\x89PNG\r\n\x1a\n", 1, "no XML at column 1: not well-formed (invalid token)"),
     ],
 )
 def test_what_is_no_urdf(tmp_path: Path, text: str | bytes, line: int, sentence: str) -> None:

@@ -6,8 +6,10 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from xml.parsers import expat
 
+from harness.engines.mending import mended
 from harness.files.brief import brief, cut
 from harness.files.locations.location import (
     LocationError,
@@ -17,6 +19,7 @@ from harness.files.locations.location import (
     Span,
     nearest,
 )
+from harness.files.reading import MOST_MODEL, read_regular
 
 _IDENTITIES = ("name", "reference", "joint", "class")
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")
@@ -27,6 +30,7 @@ _ADDRESS = re.compile(
 ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 TAG = re.compile(rb"<[^\s/>]+")
+_ELEMENT = re.compile(rb"<[A-Za-z_]")
 MOST_DEPTH = 300
 """Elements within elements: parsers of engines stop at some hundreds, or crash."""
 _DECLARATION = re.compile(rb"<!(?!--|\[CDATA\[)")
@@ -237,9 +241,39 @@ def read_elements(source: Source) -> list[RawElement]:
     try:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
-        reason = expat.ErrorString(error.code)
-        raise LocationError(f"{source.file}:{error.lineno}: no XML: {reason}") from None
+        raise LocationError(f"{source.file}:{_problem(source.data, error)}") from None
     return elements
+
+
+def no_xml(file: Path, *, strict: bool) -> str:
+    """Return why a file is no XML, with its line, at the cost of a parser that keeps nothing.
+
+    Args:
+        file: a model file; one that can't be read is left to who reads it.
+        strict: whether only well-formed XML is read. Otherwise an engine's own parser decides,
+            unless the file has no element at all, or is binary.
+
+    Returns:
+        A sentence that begins with the file; empty where it may be XML.
+    """
+    try:
+        data = mended(read_regular(file, MOST_MODEL))
+        expat.ParserCreate().Parse(data, True)
+    except expat.ExpatError as error:
+        if strict or b"\0" in data or not _ELEMENT.search(data):
+            return f"{file}:{_problem(data, error)}"
+    except OSError:
+        pass
+    return ""
+
+
+def _problem(data: bytes, error: expat.ExpatError) -> str:
+    """What is wrong with what was parsed: line, column from 1, and the parser's reason."""
+    if not data.strip():
+        return "1: no XML: the file is empty"
+    if b"\0" in data:
+        return f"{error.lineno}: no XML at column {error.offset + 1}: the file is binary"
+    return f"{error.lineno}: no XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
 
 
 def _walk(
