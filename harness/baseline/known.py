@@ -26,6 +26,7 @@ from harness.records.case import Case, CaseId
 from harness.records.outcome import Outcome
 from harness.records.results import BaselineChange, BaselineChanges
 from harness.schedule.workers import Failure
+from harness.text.status import counted
 
 Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
 """What was measured, or why it was not, by folder and case."""
@@ -206,7 +207,7 @@ def _stands_for(case: Case, found: Accepted) -> tuple[CaseId, ...]:
 def _change(case: Case, measured: Measured, found: Accepted) -> BaselineChange | None:
     """What became of one case; None where it is as it was accepted."""
     if barred := _stands_for(case, found):
-        accepted = "1 case was" if len(barred) == 1 else f"{len(barred)} cases were"
+        accepted = f"{counted(len(barred), 'case')} {'was' if len(barred) == 1 else 'were'}"
         return _told(case.id, "regression", f"{case.outcome}; {accepted} accepted of it")
     one = found.systems.get(case.system)
     if one is None or case.id not in one.cases:

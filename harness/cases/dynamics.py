@@ -8,6 +8,7 @@ from dataclasses import replace
 from harness.cases.verdict import Verdict
 from harness.numerics.forward_dynamics import ForwardDynamics
 from harness.records.outcome import Outcome
+from harness.text.status import counted
 
 
 def with_dynamics(
@@ -37,8 +38,8 @@ def with_dynamics(
         return verdict
     known = max(found.judgement.largest_discrepancy, found.judgement.largest_uncertainty)
     told = (
-        f"its accelerations, at {found.states} states, are the equations' to {known:.1e} of the"
-        f" largest; of its motions {verdict.reason}"
+        f"its accelerations, at {counted(found.states, 'state')}, are the equations' to"
+        f" {known:.1e} of the largest; of its motions {verdict.reason}"
     )
     return _decided(verdict, found, names, resolution, told)
 

@@ -41,8 +41,7 @@ def hurdle(known: Mapping[str, Engine], name: str, sidecar: Sidecar) -> Hurdle |
 def absent(engine: Engine) -> Hurdle | None:
     """That an engine is not installed; None where it is."""
     if engine.version() is None:
-        way = f"; {installs(engine)}" if engine.extra else ""
-        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed{way}")
+        return Hurdle(Outcome.ABSENT, f"{engine.name} is not installed; {installs(engine)}")
     return None
 
 

@@ -12,6 +12,7 @@ from harness.records.finding import AuditFinding
 from harness.records.system import Scenario, System
 from harness.robots.inertias import impossible
 from harness.robots.robot import LeftOut, Robot
+from harness.text.status import counted
 from reference.multibody.tree import WORLD
 from reference.samples import Samples
 from reference.trees import TreeSystem
@@ -81,7 +82,7 @@ def tree_record(
         scenarios=(
             Scenario(
                 name=scenario,
-                description=f"{count} states, each under forces of its own",
+                description=f"{counted(count, 'state')}, each under forces of its own",
                 duration=drawn.length,
                 inputs={},
                 segments=count,

@@ -34,7 +34,7 @@ def main(options: argparse.Namespace) -> int:
     for name in missing:
         print(f"crosscheck: {name} is not installed: nothing is tried there", file=sys.stderr)
     try:
-        with Counter("faults") as counter:
+        with Counter("fault") as counter:
             rows = mutate(
                 folders,
                 counter,

@@ -29,6 +29,7 @@ from harness.text.github import case_notes, commands
 from harness.text.next_steps import next_steps
 from harness.text.progress import Progress
 from harness.text.sarif import sarif
+from harness.text.status import counted
 from harness.text.table import print_results
 from harness.text.terminal import terminal
 from harness.text.visible import visible
@@ -120,6 +121,6 @@ def _tell_stopped(results: Results, out: Path, done: Journal) -> None:
     if done.trouble:
         print(f"crosscheck: {done.trouble}; a stopped run could not go on here", file=sys.stderr)
     if results.stopped:
-        said = f"stopped by {results.stopped}: {len(results.cases)} cases are done and kept"
+        said = f"stopped by {results.stopped}: {counted(len(results.cases), 'case')} done and kept"
         again = f"`crosscheck run --resume --out {out}`, with the same folders, goes on"
         print(f"crosscheck: {said}; {again}", file=sys.stderr)

@@ -59,7 +59,7 @@ def _sweep(options: argparse.Namespace) -> int:
             row = alone(whole, options.only, workers)
             print("\n".join(row_lines(row)))
             return _code({row.outcome.value: 1})
-        with Counter("cases") as counter:
+        with Counter("case") as counter:
             sweep(whole, options.out, workers, counter, stop)
     return _stopped(stop, options.out) or _summary(options.out)
 

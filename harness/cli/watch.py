@@ -22,6 +22,7 @@ from harness.files.parts import named_files
 from harness.files.states import UNREADABLE, states_now
 from harness.records.merged import merged
 from harness.records.results import Results
+from harness.text.status import counted
 from harness.text.visible import visible
 
 POLL = 0.25
@@ -71,7 +72,7 @@ def watch(wanted: Asked, run: Run) -> int:
     reads = dict(ran.reads)
     before = _with_reads(before, reads)  # as they were when they were read
     while not ran.stopped:
-        _say(f"watching {len(_stamps(wanted, before))} files for changes; Ctrl-C ends")
+        _say(f"watching {counted(len(_stamps(wanted, before)), 'file')} for changes; Ctrl-C ends")
         before, again, files = _wait(wanted, before, reads)
         part = _part(wanted, again)
         if not (part.folders or part.robots):

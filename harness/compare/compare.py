@@ -36,6 +36,7 @@ from harness.numerics.evenly import evenly
 from harness.records.outcome import Outcome
 from harness.robots.inertias import impossible
 from harness.schedule.workers import Failure
+from harness.text.status import counted
 from reference.multibody.tree import WORLD
 
 TURNED = 1e-4
@@ -123,9 +124,8 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     )
     recorded = ask(execute, source, record, task)
     if not len(recorded.runs.z):
-        reason = (
-            f"its motion is resolved in none of {recorded.lost} runs (contact, limit, friction)"
-        )
+        runs = counted(recorded.lost, "run")
+        reason = f"its motion is resolved in none of {runs} (contact, limit, friction)"
         raise FailureError(Failure(f"{source.name}: {reason}", ""))
     z, w = matched.over(recorded.runs.z, recorded.runs.w)
     runs = replace(recorded.runs, z=z, w=w)
@@ -197,7 +197,7 @@ def _lost(recorded: Recorded, matched: Match) -> tuple[str, ...]:
     if not recorded.lost:
         return ()
     return (
-        f"{recorded.lost} of {recorded.lost + len(recorded.runs.z)} runs are left out: there"
+        f"{recorded.lost} of {counted(recorded.lost + len(recorded.runs.z), 'run')} left out: there"
         f" the motion of {matched.source} is not resolved (a contact, a limit, friction, or"
         " too quick)",
     )

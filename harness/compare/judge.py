@@ -15,6 +15,7 @@ from harness.numerics import judgement
 from harness.numerics.judgement import Obstacle, obstacle
 from harness.numerics.ladder import EPSILON, Limit
 from harness.records.outcome import Outcome
+from harness.text.status import counted
 
 
 @dataclass(frozen=True)
@@ -115,10 +116,8 @@ def _obstacle_in_source(recorded: Recorded) -> Obstacle | None:
 
 def _in_source(hindered: Obstacle, recorded: Recorded, source: str) -> str:
     if hindered is Obstacle.DIVERGES:
-        return (
-            f"the motion of {source} is not smooth in {recorded.lost} of"
-            f" {recorded.lost + len(recorded.runs.z)} runs: a contact, a limit or friction"
-        )
+        runs = counted(recorded.lost + len(recorded.runs.z), "run")
+        return f"the motion of {source} is not smooth in {recorded.lost} of {runs}: a contact, a limit or friction"
     return f"the exponents don't hold in {source}: its rungs fall with order {recorded.order:.2f}"
 
 

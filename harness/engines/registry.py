@@ -56,6 +56,8 @@ def _points(*_: object) -> tuple[EntryPoint, ...]:
 
 def installs(engine: Engine) -> str:
     """The command that installs an engine."""
+    if not isinstance(engine, BUILT_IN):
+        return f"pip install {distribution(engine)}"
     return f"pip install 'physics-crosscheck[{engine.extra or 'engines'}]'"
 
 

@@ -13,6 +13,7 @@ from harness.engines.registry import absent_extras, engines, model_formats, stan
 from harness.files.locations import line_of
 from harness.files.parts import included
 from harness.files.sidecar import Sidecar, SidecarError, left_to_others, read_sidecar
+from harness.text.status import counted
 from harness.text.visible import odd_name, visible
 
 
@@ -77,7 +78,7 @@ def absent_lines(folders: Iterable[Path]) -> list[str]:
     named = Counter(name for one in files if isinstance(one, Sidecar) for name in one.absent)
     ways = absent_extras() if named else {}
     return [
-        f"{ways[name]} ({count} model file{'s' * (count != 1)} would run in it too)"
+        f"{ways[name]} ({counted(count, 'model file')} would run in it too)"
         for name, count in sorted(named.items())
     ]
 

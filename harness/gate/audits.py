@@ -12,6 +12,7 @@ from harness.baseline.classify import Change
 from harness.baseline.file import SystemBaseline
 from harness.records.case import ModelId
 from harness.records.finding import AuditFinding
+from harness.text.status import counted
 
 if TYPE_CHECKING:  # an unchanged gate does without them
     from harness.records.results import Results
@@ -64,4 +65,4 @@ def _told(findings: tuple[AuditFinding, ...]) -> list[str]:
         for one in findings[:MOST_TOLD]
     ]
     more = len(findings) - MOST_TOLD
-    return told + ([f"and {more} findings more"] if more > 0 else [])
+    return told + ([f"and {counted(more, 'finding')} more"] if more > 0 else [])

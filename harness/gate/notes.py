@@ -11,6 +11,7 @@ from harness.gate.result import GateResult
 from harness.gate.text import sentences
 from harness.records.outcome import Outcome
 from harness.text.github import Annotation, case_note
+from harness.text.status import counted
 
 _QUIET = (Status.SAME, Status.WITHIN, Status.KNOWN)
 """Cases that nobody needs to look at."""
@@ -30,7 +31,7 @@ def _note(found: GateResult, alike: list[Change]) -> Annotation:
     """The annotation of the first of some changes of one model."""
     change = alike[0]
     place = _place(found, change)
-    others = f" (and {len(alike) - 1} cases more)" if len(alike) > 1 else ""
+    others = f" (and {counted(len(alike) - 1, 'case')} more)" if len(alike) > 1 else ""
     said = [place.message] if place.message else []
     return Annotation(
         level="notice" if change.status is Status.IMPROVED else "error",

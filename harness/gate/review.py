@@ -10,6 +10,7 @@ from harness.baseline.classify import Change
 from harness.gate.result import GateResult
 from harness.gate.text import change_lines, diff_lines
 from harness.records.case import CaseId
+from harness.text.status import counted
 
 ASKED = (Status.CHANGED, Status.GONE, Status.NEW, Status.IMPROVED)
 """Of what a person is asked each by each."""
@@ -114,7 +115,9 @@ class Review:
         if not unmoved:
             return
         self._tell("")
-        self._tell(f"{len(unmoved)} cases have other files or versions and move as accepted")
+        self._tell(
+            f"{counted(len(unmoved), 'case')} with other files or versions, moving as accepted"
+        )
         key = ""
         while key not in ("a", "s"):
             key = self._ask("[a]ccept, with the reasons that they have  [s]kip ? ").strip()

@@ -11,6 +11,7 @@ from harness.baseline.classify import Change
 from harness.gate.file_diffs import FileDiff
 from harness.gate.result import GateResult
 from harness.text.causes import cause_sentences
+from harness.text.status import counted
 from harness.text.visible import visible_lines
 
 QUIET = (Status.SAME,)
@@ -47,7 +48,7 @@ def diff_lines(diff: FileDiff) -> list[str]:
     models = f" (for {', '.join(diff.models)})" if diff.models != (diff.name,) else ""
     lines = [f"changed file of {diff.system}: {diff.name}{models}"]
     lines += [f"  {_relative(one.file)}:{one.line}: {one.message}" for one in diff.lines]
-    return [*lines, f"  and {diff.more} lines more"] if diff.more else lines
+    return [*lines, f"  and {counted(diff.more, 'line')} more"] if diff.more else lines
 
 
 def total(found: GateResult) -> str:
@@ -59,7 +60,7 @@ def total(found: GateResult) -> str:
     if not found.changes:
         return "no case at all: the gate fails"
     return (
-        f"{len(found.changes)} cases: {', '.join(parts)}; {ran} run, {found.seconds:.1f} s:"
+        f"{counted(len(found.changes), 'case')}: {', '.join(parts)}; {ran} run, {found.seconds:.1f} s:"
         f" {verdict}"
     )
 
@@ -82,7 +83,7 @@ def summary(found: GateResult) -> str:
             f"- `{_relative(one.file)}:{one.line}` {_cell(one.message)}" for one in diff.lines
         ]
         if diff.more:
-            lines.append(f"- and {diff.more} lines more")
+            lines.append(f"- and {counted(diff.more, 'line')} more")
     causes = [*_causes(found), *(f"FAILED {failure}" for failure in found.failures)]
     if causes:
         lines += ["", *(f"- {_cell(cause.strip())}" for cause in causes)]

@@ -8,6 +8,7 @@ from itertools import groupby
 from harness.mutation.faults import FAULTS, SIZES
 from harness.records.case import ModelId
 from harness.records.mutation import FaultKind, FaultVerdict, Mutation
+from harness.text.status import counted
 
 MARKS = {
     FaultVerdict.NAMED: "named",
@@ -121,7 +122,7 @@ def summary(rows: Sequence[Mutation]) -> str:
     return (
         f"small faults: {_counts(small)}; mistakes: {_counts([*known, *large])};"
         f" another step or integrator: {agree} of {len(none)} agree;"
-        f" {len(unseen)} literals that no motion depends on (see audit)"
+        f" {counted(len(unseen), 'literal')} that no motion depends on (see audit)"
     )
 
 

@@ -40,7 +40,7 @@ _BUCKETS = 120
 
 def paper(text: TextIO, width: int) -> Console:
     """A console that writes plain text, and not into the cell of a notebook, as rich would."""
-    return Console(file=text, width=width, color_system=None, force_jupyter=False)
+    return Console(file=text, width=width, color_system=None, emoji=False, force_jupyter=False)
 
 
 def badge(outcome: Outcome) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from harness.notebook.markup import Indices, block, curve, line, shown, table
 from harness.notebook.optional import frame, new_axes
+from harness.text.status import counted
 from reference.numeric import Array
 
 if TYPE_CHECKING:
@@ -198,7 +199,7 @@ class Trajectory:
     def __repr__(self) -> str:
         what = ", ".join(map(self.label, self.names))
         return (
-            f"<Trajectory of {self.system}, {self.scenario}: {len(self)} times to"
+            f"<Trajectory of {self.system}, {self.scenario}: {counted(len(self), 'time')} to"
             f" {self.t[-1]:g} s of {what}; {self.origin}>"
         )
 
@@ -210,7 +211,7 @@ class Trajectory:
         told = [line(f"not finite from t = {self.t[blown[0]]:g} s on")] if len(blown) else []
         return block(
             line(f"{self.system}, {self.scenario}", strong=True),
-            line(f"{self.origin}; {len(self)} times to {self.t[-1]:g} s", faint=True),
+            line(f"{self.origin}; {counted(len(self), 'time')} to {self.t[-1]:g} s", faint=True),
             *told,
             table(heads, rows),
         )
@@ -253,7 +254,7 @@ class Trajectory:
         here = np.flatnonzero(np.abs(other.t[nearest] - self.t) <= SAME * max(self.t[-1], 1e-300))
         if len(here) < FEWEST:
             raise MotionError(
-                f"they share {len(here)} times; ask for the same ones, as in"
+                f"they share {counted(len(here), 'time')}; ask for the same ones, as in"
                 " reference(system, scenario, times=simulated.t)"
             )
         return here, nearest[here]

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from harness.records.outcome import Outcome
+from harness.text.status import counted
 from harness.text.table import agreement
 
 
@@ -33,7 +34,9 @@ def summarize(reporter: pytest.TerminalReporter) -> None:
             reporter.write_line(f"accepted: {outcome} {report.nodeid}: {facts['accepted']}")
     skipped = Counter(report.longrepr[2] for report, _ in known if report.skipped)
     for reason, number in skipped.items():
-        reporter.write_line(f"not run: {number} tests: {reason.removeprefix('Skipped: ')}")
+        reporter.write_line(
+            f"not run: {counted(number, 'test')}: {reason.removeprefix('Skipped: ')}"
+        )
     if untested(reporter.config):
         reporter.write_line(
             "nothing was tested: no engine of these models is installed; install what they run in,"

@@ -210,7 +210,7 @@ def _unexplained(
     view = views[id(worst)]
     files = list(dict.fromkeys(f"{case.system}/{case.model}" for case in cases))
     engines = ", ".join(dict.fromkeys(case.engine for case in cases))
-    name = f"{files[0]} [{engines}]" if len(files) == 1 else f"{len(files)} model files"
+    name = f"{files[0]} [{engines}]" if len(files) == 1 else counted(len(files), "model file")
     sentence = diagnosis.sentence if diagnosis is not None else ""
     return Trouble(
         id=view.id if diagnosis is None else diagnosis.id,

@@ -12,6 +12,7 @@ from harness.report.cases import is_sensitive
 from harness.report.packs import Chart, Curve, Pack
 from harness.report.text import percent, shown
 from harness.text.models_table import known
+from harness.text.status import counted
 
 HISTORY = "Over time"
 
@@ -61,7 +62,7 @@ def case_history(pack: Pack, past: Sequence[Past]) -> tuple[Chart, ...]:
         pack,
         rows(lambda one: one.digits),
         rows(lambda one: one.global_error),
-        f"{len(dated)} runs since {start:%Y-%m-%d}.{told}",
+        f"{counted(len(dated), 'run')} since {start:%Y-%m-%d}.{told}",
     )
 
 
@@ -105,7 +106,7 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
         pack,
         rows(min, "digits"),
         rows(max, "global_error"),
-        f"{len(whole)} runs since {start:%Y-%m-%d}; of each engine the worst case, and of errors"
+        f"{counted(len(whole), 'run')} since {start:%Y-%m-%d}; of each engine the worst case, and of errors"
         " the worst of a motion that a step can follow.",
     )
 

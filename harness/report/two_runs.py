@@ -11,6 +11,7 @@ from harness.records.write import write_whole
 from harness.report import template
 from harness.report.cases import SYMBOLS
 from harness.report.text import percent, shown, slug
+from harness.text.status import counted
 from harness.text.two_runs import Movement, TwoRuns, digits_change, headline
 
 
@@ -66,7 +67,7 @@ def render_two_runs(found: TwoRuns, place: Path, folders: tuple[Path, Path]) -> 
     rows = [_row(case, before, after) for case in found.cases]
     moved = len(found.moved)
     page = Page(
-        title=f"{moved} of {len(rows)} cases moved",
+        title=f"{moved} of {counted(len(rows), 'case')} moved",
         headline=shown(headline(found)),
         reports=((shown(found.before), before), (shown(found.after), after)),
         versions=tuple((shown(a), shown(b), shown(c)) for a, b, c in found.versions),

@@ -29,6 +29,7 @@ from harness.report.overview import (
 from harness.report.systems import SystemView, system_view
 from harness.report.text import quantity, shown, slug
 from harness.text.next_steps import DEFAULT_OUT, run_again
+from harness.text.status import counted
 from harness.text.table import summary
 
 
@@ -135,7 +136,7 @@ def report(results: Results, out: Path = DEFAULT_OUT, history: Sequence[Past] = 
     shown_names = {folder: name for folder, (_, name) in names.items()}
     baseline = results.baseline
     return Report(
-        title=f"{counts[Outcome.AGREES]} of {len(views)} cases agree",
+        title=f"{counts[Outcome.AGREES]} of {counted(len(views), 'case')} agree",
         verdict=verdict(results, found),
         summary=shown(summary(results)),
         settings=(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from harness.robots.robot import Robot
+from harness.text.status import counted
 from reference.multibody.chart import coordinate_names
 from reference.multibody.tree import Tree
 from reference.trees import TreeSystem, tree_system
@@ -36,5 +37,6 @@ def summary(robot: Robot) -> str:
     """Such as: 7 joints, 8 links in 7 bodies, 21.4 kg."""
     count = 0 if robot.tree is None else len(robot.tree.links)
     mass = sum(part.mass for part in robot.parts)
-    joints = "1 joint" if count == 1 else f"{count} joints"
-    return f"{joints}, {len(robot.parts)} links in {count} bodies, {mass:.4g} kg"
+    links = counted(len(robot.parts), "link")
+    bodies = counted(count, "body", "bodies")
+    return f"{counted(count, 'joint')}, {links} in {bodies}, {mass:.4g} kg"

@@ -15,6 +15,7 @@ from harness.robots.urdf_left_out import urdf_left_out
 from harness.robots.urdf_parts import read_joints, read_links, read_springs
 from harness.robots.urdf_root import IMPLICIT, root_of
 from harness.robots.urdf_tree import held_still, planned
+from harness.text.status import counted
 from reference.multibody.bodies import RigidBody, Triple
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -78,7 +79,7 @@ def _check_document(document: Document) -> None:
         document.hinder(root, f"the root is <{root.tag}>, not <robot>", "give a URDF")
     xacro = [one for one in root.children if one.tag.startswith("xacro:")]
     if xacro:
-        such = f"{len(xacro)} elements such as <{xacro[0].tag}>"
+        such = f"{counted(len(xacro), 'element')} such as <{xacro[0].tag}>"
         document.hinder(xacro[0], f"it is source for xacro: {such}", EXPAND)
     for inner in root.children:
         if inner.tag == "robot":

@@ -13,6 +13,7 @@ from harness.scaffold.folder import NewError, write_folder
 from harness.scaffold.from_energies import STEP, Energies, format_settings
 from harness.scaffold.from_tree import from_tree
 from harness.scaffold.text import plain
+from harness.text.status import counted
 from harness.text.visible import odd_name, visible
 from reference.declaration import DeclarationError
 
@@ -67,7 +68,7 @@ def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
     found = _energies(robot, data, target)
     if isinstance(found, Energies):
         write_folder(target, found.files, found.check)
-        said = f"energies: {found.operations} operations in T and V, of {_joints(robot)}"
+        said = f"energies: {counted(found.operations, 'operation')} in T and V, of {_joints(robot)}"
         return Written(declares=said, remarks=tuple(found.remarks))
     settings = _unstated(robot) if model.suffix == ".sdf" else format_settings(model.suffix)
     remarks = from_tree(robot, data, target, settings)
@@ -117,4 +118,4 @@ def _too_much(robot: Robot) -> str:
 def _joints(robot: Robot) -> str:
     assert robot.tree is not None
     count = len(robot.tree.links)
-    return "1 joint" if count == 1 else f"{count} joints"
+    return counted(count, "joint")

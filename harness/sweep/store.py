@@ -22,6 +22,7 @@ from harness.records.outcome import contradiction
 from harness.records.sweep import SweepPlan, SweepRow
 from harness.records.write import encoded, write_whole
 from harness.sweep.factors import SweepError
+from harness.text.status import counted
 
 ROWS = "rows"
 PLAN = "plan.json"
@@ -100,7 +101,7 @@ def _difference(before: SweepPlan, now: SweepPlan) -> str:
                     return f"files of {key} have changed"
                 return f"{key}: {one.get(key, 'none')}, now {other.get(key, 'none')}"
     if before.cases != now.cases:
-        return f"{before.cases} cases, now {now.cases}"
+        return f"{counted(before.cases, 'case')}, now {now.cases}"
     return ""
 
 

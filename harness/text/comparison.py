@@ -11,6 +11,7 @@ from harness.records.comparison import Compared, Comparison, FileDifference, Fil
 from harness.records.outcome import Outcome
 from harness.text.compared_properties import is_explained, print_properties
 from harness.text.markup import escape
+from harness.text.status import counted
 from harness.text.styles import STYLES
 
 MOST_TOLD = 20
@@ -54,7 +55,7 @@ def _print_models(console: Console, comparison: Comparison, found: Compared) -> 
         _say(console, f"   left out of {found.states_of}: {names}, which follow or stay put", "dim")
     _say(
         console,
-        f"   {found.runs.count} runs of {found.runs.length:.3g} s from states of"
+        f"   {counted(found.runs.count, 'run')} of {found.runs.length:.3g} s from states of"
         f" {found.states_of}, {found.runs.driven} of them under known forces",
     )
     console.print()
@@ -125,7 +126,8 @@ def _print_differences(console: Console, outcome: Outcome, found: Compared) -> N
     if not agrees and len(still) > FEW:
         console.print(f"{len(still)} more on which no motion here depends, see --json")
     if found.untried:
-        console.print(f"{found.untried} more differences of the files were not tried alone")
+        told = counted(found.untried, "more difference")
+        console.print(f"not tried alone: {told} of the files")
 
 
 def _cells(one: FileDifference, agrees: bool) -> tuple[str, str, str]:

@@ -9,6 +9,7 @@ from harness.records.finding import BEYOND
 from harness.records.model import Model
 from harness.records.poses import Poses
 from harness.records.results import Results
+from harness.text.status import counted
 
 
 def coverage_lines(models: Iterable[Model]) -> list[str]:
@@ -60,7 +61,7 @@ def numbers_seen(coverage: Coverage, examples: bool) -> str:
         "motion": coverage.motion, "audit": coverage.audit, "frames": coverage.frames,
     }  # fmt: skip
     said = ", ".join(f"{count} by {what}" for what, count in by.items() if count)
-    line = f"{coverage.seen} of {coverage.numbers} numbers checked"
+    line = f"{coverage.seen} of {counted(coverage.numbers, 'number')} checked"
     line += f" ({said})" if said else ""
     left = [
         f"{one.count} ({one.reason}{f': {_some(one)}' if examples else ''})"
@@ -79,8 +80,7 @@ def poses_checked(poses: Poses) -> str:
     if poses.note:
         return f"poses not checked: {poses.note}"
     wrong = [frame.name for frame in poses.frames if not frame.agrees]
-    one = len(poses.frames) == 1
-    told = f"{len(poses.frames)} {'pose' if one else 'poses'} checked"
+    told = f"{counted(len(poses.frames), 'pose')} checked"
     if wrong:
         told += f", {len(wrong)} elsewhere ({', '.join(wrong)})"
     if poses.unchecked:

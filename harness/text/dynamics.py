@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from harness.records.case import Case
 from harness.records.outcome import Outcome
+from harness.text.status import counted
 
 
 def dynamics_lines(cases: Iterable[Case]) -> list[str]:
@@ -19,8 +20,8 @@ def dynamics_lines(cases: Iterable[Case]) -> list[str]:
         return []
     found, worst = max(alike, key=lambda entry: entry[0].discrepancy or 0.0)
     states = sum(one.states for one, _ in alike)
-    count = "one case" if len(alike) == 1 else f"{len(alike)} cases"
     return [
-        f"The engines' own accelerations, in {count} at {states} states, are the equations' to"
+        f"The engines' own accelerations, in {counted(len(alike), 'case')} at"
+        f" {counted(states, 'state')}, are the equations' to"
         f" {found.discrepancy or 0.0:.1e} of the largest (worst: {worst.id})."
     ]

@@ -17,8 +17,12 @@ from rich.progress import Progress as Bar
 
 from harness.records.case import Case
 from harness.records.outcome import Outcome
+from harness.text.status import counted
 from harness.text.table import case_line
 from harness.text.visible import visible
+
+_COUNTED = (Outcome.AGREES, Outcome.ABSENT)
+"""Cases without a line of their own: an engine that is absent is one line of the results."""
 
 
 class Progress:
@@ -29,10 +33,10 @@ class Progress:
     """
 
     def __init__(self, *, every: bool = False) -> None:
-        self._every, self._counter = every, Counter("cases")
+        self._every, self._counter = every, Counter("case")
 
     def __enter__(self) -> Progress:
-        self._bar = _bar("cases")
+        self._bar = _bar("case")
         return self
 
     def __call__(self, done: int, total: int, case: Case | None) -> None:
@@ -40,7 +44,7 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._bar.task_ids[0], completed=done, total=total)
             return
-        if case is not None and (self._every or case.outcome is not Outcome.AGREES):
+        if case is not None and (self._every or case.outcome not in _COUNTED):
             print(visible(case_line(done, total, case)), file=sys.stderr, flush=True)
         if not self._every:
             self._counter(done, total, None)
@@ -53,13 +57,13 @@ class Progress:
 class Counter:
     """Progress of many small things: a bar at a terminal, a line every tenth elsewhere."""
 
-    def __init__(self, things: str) -> None:
-        self._things = things
+    def __init__(self, thing: str) -> None:
+        self._thing = thing
         self._tenths = 0
         self._bar: Bar | None = None
 
     def __enter__(self) -> Counter:
-        self._bar = _bar(self._things)
+        self._bar = _bar(self._thing)
         return self
 
     def __call__(self, done: int, total: int, _: object) -> None:
@@ -68,7 +72,7 @@ class Counter:
             self._bar.update(self._bar.task_ids[0], completed=done, total=total or None)
         elif total and 10 * done // total > self._tenths:
             self._tenths = 10 * done // total
-            told = f"{done} of {total} {self._things} ({10 * self._tenths} %)"
+            told = f"{done} of {counted(total, self._thing)} ({10 * self._tenths} %)"
             print(told, file=sys.stderr, flush=True)
 
     def __exit__(self, *_: object) -> None:
@@ -76,7 +80,7 @@ class Counter:
             self._bar.stop()
 
 
-def _bar(things: str) -> Bar | None:
+def _bar(thing: str) -> Bar | None:
     """A running bar, or None where there is no terminal to show it."""
     if not sys.stderr.isatty() or os.environ.get("CI"):
         return None
@@ -90,6 +94,6 @@ def _bar(things: str) -> Bar | None:
         console=Console(stderr=True),
         transient=True,
     )
-    bar.add_task(things, total=None)
+    bar.add_task(f"{thing}s", total=None)
     bar.start()
     return bar

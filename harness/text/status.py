@@ -55,6 +55,12 @@ def status_of(
     return Decision(TestStatus.PASS, "")
 
 
-def counted(number: int, noun: str) -> str:
-    """`1 finding`, `2 findings`."""
-    return f"{number} {noun}" + "s" * (number != 1)
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """Return a count with its noun: `1 finding`, `2 findings`, `2 bodies`.
+
+    Args:
+        number: how many.
+        noun: of one.
+        plural: of several; empty: the noun with an s.
+    """
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from harness.records.case import Case, Stepping
 from harness.records.outcome import Outcome
+from harness.text.status import counted
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:
@@ -28,9 +29,8 @@ def stepping_lines(cases: Iterable[Case]) -> list[str]:
 
 def _alike(cases: list[tuple[Case, Stepping]]) -> str:
     worst, one = max(cases, key=lambda entry: entry[1].discrepancy or 0.0)
-    count = "one case" if len(cases) == 1 else f"{len(cases)} cases"
     return (
-        f"The engines' next states at the shipped step, in {count}, are the equations'"
+        f"The engines' next states at the shipped step, in {counted(len(cases), 'case')}, are the equations'"
         f" by the engines' own rules to {one.discrepancy or 0.0:.1e} of a step's movement"
         f" (worst: {worst.id})."
     )

@@ -35,7 +35,7 @@ def print_results(console: Console, results: Results, *, quiet: bool = False) ->
         quiet: whether what agrees is only counted.
     """
     if not quiet:
-        print_models(console, results.cases)
+        print_models(console, [c for c in results.cases if c.outcome is not Outcome.ABSENT])
         differ = {case.id.of_model for case in results.cases if case.outcome is Outcome.DIFFERS}
         _print_linear(console, [model for model in results.models if model.id not in differ])
         _print_stepping(console, results.cases)
@@ -47,7 +47,7 @@ def print_results(console: Console, results: Results, *, quiet: bool = False) ->
         _print_changes(console, results.baseline)
     print_troubles(console, results)
     console.print()
-    console.print(summary(results), soft_wrap=True)
+    console.print(escape(summary(results)), soft_wrap=True)
 
 
 def summary(results: Results) -> str:
@@ -60,7 +60,7 @@ def summary(results: Results) -> str:
     worst = max(known(largest(case) for case in agreeing), default=None)
     told = agreement(worst)
     return (
-        f"{len(results.cases)} cases: {', '.join(parts)}{accepted}{_unfinished(results)}{told};"
+        f"{counted(len(results.cases), 'case')}: {', '.join(parts)}{accepted}{_unfinished(results)}{told};"
         f" {results.seconds:.1f} s{_cached(results)}"
     )
 

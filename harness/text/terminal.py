@@ -13,4 +13,4 @@ ELSEWHERE = 160
 def terminal() -> Console:
     """A console on standard output, in which colours mean outcomes alone."""
     width = None if sys.stdout.isatty() else ELSEWHERE
-    return Console(soft_wrap=False, highlight=False, width=width)
+    return Console(soft_wrap=False, highlight=False, emoji=False, width=width)

@@ -17,6 +17,7 @@ from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 from harness.text.findings import audit_lines
 from harness.text.markup import escape
 from harness.text.places import placed
+from harness.text.status import counted
 from harness.text.styles import STYLES
 
 MOST_TOLD = 40
@@ -107,6 +108,10 @@ def _worst_first(case: Case) -> tuple[int, float]:
 
 def _print_trouble(console: Console, trouble: Trouble) -> None:
     case = trouble.worst
+    if case.outcome is Outcome.ABSENT:
+        told = f"{counted(1 + len(trouble.others), 'case')}: {case.reason}"
+        console.print(f"\n[{STYLES[case.outcome]}]{case.outcome}[/] {escape(told)}", soft_wrap=True)
+        return
     console.print(f"\n[{STYLES[case.outcome]}]{case.outcome}[/] {escape(str(case.id))}")
     console.print(f"  {escape(case.reason)}", soft_wrap=True)
     for line in case.stdout.splitlines()[-6:]:

@@ -158,9 +158,7 @@ def test_a_file_of_another_format_is_refused_with_the_remedy(tmp_path: Path) -> 
     (tmp_path / "arm.py").write_text("")
     done = crosscheck(tmp_path, "arm.py")
     assert done.returncode == 2
-    assert (
-        "arm.py: of files alone, .urdf, .sdf and .xml are run; give one of these" in done.stderr
-    )
+    assert "arm.py: of files alone, .urdf, .sdf and .xml are run; give one of these" in done.stderr
     assert "Traceback" not in done.stderr
 
 
