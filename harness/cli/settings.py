@@ -88,10 +88,13 @@ def apply(command: argparse.ArgumentParser, name: str) -> None:
     """
     file, notes = _nearest(Path.cwd())
     defaults: dict[str, object] = {}
-    for key, value in {} if file is None else file.table.items():
-        default = _read(file, key, value)
-        if name in SETTINGS[key].commands:
-            defaults[SETTINGS[key].argument] = default
+    if file is not None:
+        read = {key: _read(file, key, value) for key, value in file.table.items()}
+        defaults = {
+            SETTINGS[key].argument: default
+            for key, default in read.items()
+            if name in SETTINGS[key].commands
+        }
     if file is not None and defaults:
         keys = ", ".join(key for key in file.table if name in SETTINGS[key].commands)
         command.epilog = f"Defaults from {file.path}: {keys}. {command.epilog or ''}"

@@ -124,8 +124,8 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     )
     recorded = ask(execute, source, record, task)
     if not len(recorded.runs.z):
-        runs = counted(recorded.lost, "run")
-        reason = f"its motion is resolved in none of {runs} (contact, limit, friction)"
+        lost = counted(recorded.lost, "run")
+        reason = f"its motion is resolved in none of {lost} (contact, limit, friction)"
         raise FailureError(Failure(f"{source.name}: {reason}", ""))
     z, w = matched.over(recorded.runs.z, recorded.runs.w)
     runs = replace(recorded.runs, z=z, w=w)

@@ -117,7 +117,10 @@ def _obstacle_in_source(recorded: Recorded) -> Obstacle | None:
 def _in_source(hindered: Obstacle, recorded: Recorded, source: str) -> str:
     if hindered is Obstacle.DIVERGES:
         runs = counted(recorded.lost + len(recorded.runs.z), "run")
-        return f"the motion of {source} is not smooth in {recorded.lost} of {runs}: a contact, a limit or friction"
+        return (
+            f"the motion of {source} is not smooth in {recorded.lost} of {runs}:"
+            " a contact, a limit or friction"
+        )
     return f"the exponents don't hold in {source}: its rungs fall with order {recorded.order:.2f}"
 
 
@@ -133,6 +136,7 @@ def _in_target(
         return f"every rung returned the same values: the engine of {target} did not step"
     if found.obstacle is Obstacle.DIVERGES:
         return f"the ladder diverges in {target}: a contact, a limit or friction"
+        )
     if found.obstacle is Obstacle.WRONG_ORDER:
         return (
             f"the exponents don't hold in {target}: its rungs fall with order"

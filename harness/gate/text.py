@@ -59,10 +59,8 @@ def total(found: GateResult) -> str:
     verdict = "the gate passes" if found.passes else "the gate fails"
     if not found.changes:
         return "no case at all: the gate fails"
-    return (
-        f"{counted(len(found.changes), 'case')}: {', '.join(parts)}; {ran} run, {found.seconds:.1f} s:"
-        f" {verdict}"
-    )
+    told = f"{counted(len(found.changes), 'case')}: {', '.join(parts)}"
+    return f"{told}; {ran} run, {found.seconds:.1f} s: {verdict}"
 
 
 def summary(found: GateResult) -> str:

@@ -106,8 +106,8 @@ def run_history(pack: Pack, cases: Sequence[Case], history: Sequence[Past]) -> t
         pack,
         rows(min, "digits"),
         rows(max, "global_error"),
-        f"{counted(len(whole), 'run')} since {start:%Y-%m-%d}; of each engine the worst case, and of errors"
-        " the worst of a motion that a step can follow.",
+        f"{counted(len(whole), 'run')} since {start:%Y-%m-%d}; of each engine the worst case,"
+        " and of errors the worst of a motion that a step can follow.",
     )
 
 

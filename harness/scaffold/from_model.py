@@ -50,8 +50,8 @@ def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
     Raises:
         NewError: naming file, line and what can't be read.
     """
-    if why := xacro_remedy(model):
-        raise NewError(f"{model}: {why}")
+    if remedy := xacro_remedy(model):
+        raise NewError(f"{model}: {remedy}")
     if model.suffix not in FORMATS:
         raise NewError(
             f"{model}: a model file is a .urdf, an SDFormat file with .sdf, or an MJCF with .xml"

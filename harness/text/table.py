@@ -60,8 +60,8 @@ def summary(results: Results) -> str:
     worst = max(known(largest(case) for case in agreeing), default=None)
     told = agreement(worst)
     return (
-        f"{counted(len(results.cases), 'case')}: {', '.join(parts)}{accepted}{_unfinished(results)}{told};"
-        f" {results.seconds:.1f} s{_cached(results)}"
+        f"{counted(len(results.cases), 'case')}: {', '.join(parts)}{accepted}"
+        f"{_unfinished(results)}{told}; {results.seconds:.1f} s{_cached(results)}"
     )
 
 

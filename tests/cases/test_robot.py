@@ -13,9 +13,11 @@ import pytest
 from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
 from harness.engines.protocol import EngineError
 from harness.engines.registry import engines, runners, standing
+from harness.files.locations.xml import no_xml
 from harness.records.outcome import Outcome
 from harness.records.read import read_results
 from harness.robots.system import RobotError
+from harness.schedule.workers import Workers
 from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())

@@ -83,7 +83,7 @@ def test_a_saved_file_is_run_again_with_its_results_among_the_others(
     wrong.write_text(wrong.read_text().replace("48.0", "47.0"))
     said = watching.until("watching")
     assert "changed: models/oscillator/wrong.known\n" in said
-    assert "1 cases: 1 AGREES" in said
+    assert "1 case: 1 AGREES" in said
     assert outcomes(place) == dict.fromkeys(("good.known", "wrong.known"), Outcome.AGREES)
     (folder / "system.py").write_text((folder / "system.py").read_text().replace("1.3", "1.4"))
     said = watching.until("watching")

@@ -102,7 +102,7 @@ def test_json_has_every_row_and_no_infinity() -> None:
 def test_progress_without_a_terminal_is_a_line_every_tenth(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with Counter("faults") as counter:
+    with Counter("fault") as counter:
         counter(1, 0, None)  # the total is not known yet
         for done in range(2, 201):
             counter(done, 200, None)
