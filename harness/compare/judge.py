@@ -136,7 +136,6 @@ def _in_target(
         return f"every rung returned the same values: the engine of {target} did not step"
     if found.obstacle is Obstacle.DIVERGES:
         return f"the ladder diverges in {target}: a contact, a limit or friction"
-        )
     if found.obstacle is Obstacle.WRONG_ORDER:
         return (
             f"the exponents don't hold in {target}: its rungs fall with order"
