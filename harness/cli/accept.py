@@ -7,7 +7,7 @@ import sys
 
 from harness.cli.exit_codes import AGREE, FAIL, USAGE
 from harness.cli.gate import LateProgress, meant
-from harness.files.folders import check_engines
+from harness.files.folders import check_engines, check_no_robots
 from harness.gate.accept import AcceptError, accept
 from harness.gate.gate import gate
 from harness.text.github import in_ci
@@ -23,6 +23,7 @@ def main(options: argparse.Namespace) -> int:
         print("crosscheck: --reason is empty; say why this is right", file=sys.stderr)
         return USAGE
     check_engines(options.engine)
+    check_no_robots(options.cases)
     folders, what = meant(options)
     with LateProgress() as progress:
         found = gate(folders, what, progress)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -69,8 +70,8 @@ def _asked_for(names: Sequence[str]) -> Asked:
 
 
 def _alone(file: Path) -> str:
-    name = visible(str(file))
+    name, shown = visible(str(file)), visible(shlex.quote(str(file)))
     return (
-        f"{name}: no sidecar says what its numbers should be; `crosscheck run {name}` runs it"
+        f"{name}: no sidecar says what its numbers should be; `crosscheck run {shown}` runs it"
         " against the equations of its own bodies"
     )

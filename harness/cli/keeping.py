@@ -1,4 +1,4 @@
-"""What a run leaves behind beside its results: a line a case in the history, where one is kept."""
+"""What a run leaves behind beside its results: its page, and a history where one is kept."""
 
 from __future__ import annotations
 
@@ -6,11 +6,27 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
+from harness.files.folders import FolderError
 from harness.records.history import FOLDER, Past, append_history, past_of, read_history
 from harness.records.results import Results
+from harness.report import is_own_page
 
 PATIENCE = 10.0
 """Seconds after which git is not waited for."""
+
+
+def check_page(page: Path) -> None:
+    """Refuse to replace a page that somebody else wrote, before anything is run.
+
+    Raises:
+        FolderError: naming the page and the remedy.
+        OSError: for a page that can't be read.
+    """
+    if page.is_file() and not is_own_page(page):
+        raise FolderError(
+            f"{page}: crosscheck did not write this page and does not replace it; choose another"
+            " folder with --out, or move the page"
+        )
 
 
 def keep_history(out: Path, results: Results, *, begin: bool) -> Sequence[Past]:

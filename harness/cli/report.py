@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from harness.cli.exit_codes import AGREE, DIFFER
+from harness.cli.keeping import check_page
 from harness.files.folders import FolderError
 from harness.records.history import read_history
 from harness.records.read import read_results
@@ -30,14 +31,14 @@ def main(options: argparse.Namespace) -> int:
         raise FolderError(f"report takes one run, or two to compare, and not {len(files)}")
     runs = [read_results(file) for file in files]
     out = options.out or files[-1].parent
+    page = out / ("changes.html" if len(runs) == 2 else "index.html")
+    check_page(page)
     if len(runs) == 2:
-        page = out / "changes.html"
         found = two_runs(*runs)
         write_two_runs(page, found, (files[0].parent, files[1].parent))
         print_two_runs(terminal(), found)
         code = DIFFER if found.moved else AGREE
     else:
-        page = out / "index.html"
         write_report(page, runs[0], read_history(files[0].parent))
         code = AGREE
     if options.badge is not None:

@@ -13,7 +13,7 @@ from harness.cached import Cache
 from harness.cli import arguments
 from harness.cli.asked import Asked, asked_for
 from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
-from harness.cli.keeping import keep_history
+from harness.cli.keeping import check_page, keep_history
 from harness.cli.missing import tell_missing, with_missing
 from harness.cli.watch import Ran, watch
 from harness.files.folders import FolderError, check_engines
@@ -50,6 +50,7 @@ def main(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], Results]) -> Ran:
     """Run once; `among` puts the results among those that stay, which are written with them."""
+    check_page(options.out / "index.html")
     tell_missing(wanted.named)
     cache = None if options.cache is None else Cache(options.cache)
     asked = Options(

@@ -9,6 +9,7 @@ from pathlib import Path
 from harness.cli import arguments
 from harness.cli.asked import meant_by
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
+from harness.cli.keeping import check_page
 from harness.files.folders import FolderError, check_engines
 from harness.records.outcome import Outcome
 from harness.records.write import encoded, write_whole
@@ -49,6 +50,8 @@ def main(options: argparse.Namespace) -> int:
 
 def _sweep(options: argparse.Namespace) -> int:
     check_engines(options.engine)
+    if options.only is None:
+        check_page(options.out / "index.html")
     wanted = _wanted(options)
     asked = _asked(options)
     with crew(asked, wanted) as workers, asking() as stop:
@@ -118,6 +121,7 @@ def _command(options: argparse.Namespace) -> list[str]:
 
 
 def _summary(out: Path) -> int:
+    check_page(out / "index.html")
     found = summary(plan_of(out), read_rows(out))
     write_whole(out / "summary.json", encoded(found, indent=1))
     write_sweep(out / "index.html", found)

@@ -7,6 +7,7 @@ import sys
 
 from harness.cli import arguments
 from harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from harness.cli.keeping import check_page
 from harness.files.folders import FolderError, system_folders
 from harness.records.versions import Versions
 from harness.records.write import encoded, write_whole
@@ -24,6 +25,7 @@ def main(options: argparse.Namespace) -> int:
     if len(options.engine) > 1:
         raise FolderError("--engine is given twice: one engine at a time")
     engine, versions = asked_versions(options.engine[0])
+    check_page(options.out / "index.html")
     models = _models(options.folders, engine)
     for line in models.left_out:
         print(f"crosscheck: {line}", file=sys.stderr, flush=True)

@@ -11,12 +11,13 @@ import numpy as np
 from harness.engines.compiled import CompiledActuator
 from harness.engines.protocol import Array, Engine, Model
 from harness.engines.registry import engines, missing, readers
+from harness.files.folders import FORMATS
 from harness.files.locations.xml import no_xml
 from harness.files.model_files import check_springs
 from harness.files.parts import PartError, check_parts
 from harness.files.sidecar import Sidecar, read_sidecar
 from harness.robots.compiled import compiler, read_compiled_robot
-from harness.robots.named import FORMATS, xacro_remedy
+from harness.robots.named import xacro_remedy
 from harness.robots.read import read_robot
 from harness.robots.robot import LeftOut, Robot
 from harness.robots.system import names_of

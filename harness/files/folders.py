@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
 from harness.text.visible import odd_name, visible
+
+FORMATS = (".urdf", ".sdf", ".xml")
+"""Endings of the files that are read as robots."""
 
 
 class FolderError(ValueError):
@@ -87,6 +91,8 @@ def _meant(name: str) -> list[Path]:
     path = Path(name)
     if not path.exists() and (builtin() / name / "system.py").is_file():
         path = builtin() / name
+    if path.is_file():
+        raise FolderError(_no_folder(path))
     if not path.is_dir():
         known = ", ".join(p.name for p in _inside(builtin()))
         raise FolderError(f"{visible(name)}: no such folder; built-in systems are {known}")
@@ -97,6 +103,32 @@ def _meant(name: str) -> list[Path]:
         if (why := odd_name(str(folder))) is not None:
             raise FolderError(f"{visible(str(folder))}: its name has {why}; rename it")
     return found
+
+
+def check_no_robots(names: Sequence[str]) -> None:
+    """Refuse robots' files where names of cases belong.
+
+    Raises:
+        FolderError: naming the file, and what can be done with it.
+    """
+    for file in map(Path, names):
+        if file.suffix in FORMATS and file.is_file() and not _declares(file.parent):
+            raise FolderError(_no_folder(file))
+
+
+def _no_folder(file: Path) -> str:
+    """What to do with a file where a system folder belongs."""
+    name = visible(str(file))
+    wanted = f"{name}: a file, where a system folder belongs"
+    if _declares(file.parent):
+        return f"{wanted}; name its folder, {visible(str(file.parent))}"
+    if file.suffix not in FORMATS:
+        return f"{wanted}; name a folder with a system.py"
+    shown = visible(shlex.quote(str(file)))
+    return (
+        f"{wanted}; `crosscheck run {shown}` checks the file alone, and"
+        f" `crosscheck new NAME --from {shown}` makes a folder of it"
+    )
 
 
 def _inside(folder: Path) -> list[Path]:

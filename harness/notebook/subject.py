@@ -9,11 +9,11 @@ from pathlib import Path
 
 from harness.engines.registry import engines, missing, runners
 from harness.files.choice import named_model
-from harness.files.folders import check_engines, system_folders
+from harness.files.folders import FORMATS, check_engines, system_folders
 from harness.files.model_files import check_springs, model_files
 from harness.files.sidecar import Sidecar, read_sidecar
 from harness.notebook.trajectory import MotionError
-from harness.robots.named import FORMATS, robot_files
+from harness.robots.named import robot_files
 
 Name = str | PathLike[str]
 

@@ -55,6 +55,24 @@ EARLY = 'document.documentElement.classList.add("js");'
 """What runs before anything is shown: without it, everything stays readable."""
 
 
+HEAD = 4096
+"""Bytes of a page in which its marker is looked for."""
+
+_MARKERS = (b'<meta name="generator" content="physics-crosscheck">', b"<title>crosscheck: ")
+"""Of a page of this program, and of one that it wrote before pages named their generator."""
+
+
+def is_own_page(path: Path) -> bool:
+    """Whether a file is a page of this program, as its marker has it.
+
+    Raises:
+        OSError: for a file that can't be read.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    return any(marker in head for marker in _MARKERS)
+
+
 def write_report(path: Path, results: Results, history: Sequence[Past] = ()) -> None:
     """Write the report of results: one HTML file that asks for nothing else.
 

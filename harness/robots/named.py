@@ -7,10 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.files.folders import FORMATS
 from harness.text.visible import odd_name, visible
-
-FORMATS = (".urdf", ".sdf", ".xml")
-"""Endings of the files that are read as robots."""
 
 _TOLD = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
 
@@ -43,10 +41,8 @@ def robot_files(names: Sequence[str]) -> NamedRobots:
             others.append(name)
             continue
         if path.suffix not in FORMATS:
-            why = xacro_remedy(path) or (
-                f"of files alone, {_TOLD} are run; give one of these, or a system folder"
-            )
-            faults[name] = f"{visible(name)}: {why}"
+            formats = f"of files alone, {_TOLD} are run; give one of these, or a system folder"
+            faults[name] = f"{visible(name)}: {xacro_remedy(path) or formats}"
         elif (why := odd_name(name)) is not None:
             faults[name] = f"{visible(name)}: its name has {why}; rename it"
         elif path not in files:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.files.folders import FORMATS
 from harness.files.reading import read_regular
-from harness.robots.named import FORMATS, xacro_remedy
+from harness.robots.named import xacro_remedy
 from harness.robots.read import read_robot
 from harness.robots.robot import Robot
 from harness.scaffold.folder import NewError, write_folder

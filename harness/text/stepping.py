@@ -31,8 +31,8 @@ def _alike(cases: list[tuple[Case, Stepping]]) -> str:
     worst, one = max(cases, key=lambda entry: entry[1].discrepancy or 0.0)
     return (
         f"The engines' next states at the shipped step, in {counted(len(cases), 'case')}, are"
-        f" the equations' by the engines' own rules to {one.discrepancy or 0.0:.1e} of a step's movement"
-        f" (worst: {worst.id})."
+        f" the equations' by the engines' own rules to {one.discrepancy or 0.0:.1e} of a step's"
+        f" movement (worst: {worst.id})."
     )
 
 

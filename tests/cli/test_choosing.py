@@ -94,6 +94,32 @@ def test_what_means_nothing_is_wrong_usage(
     assert not (place / "reports" / "results.json").exists()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("list",), ("gate",), ("accept", "--reason", "right"), ("derive",), ("mutate",),
+        ("audit",),
+    ],
+)  # fmt: skip
+def test_a_robot_where_a_folder_belongs_is_told_the_commands_for_it(
+    place: Path, words: tuple[str, ...]
+) -> None:
+    (place / "my arm.urdf").write_text("<robot/>")
+    done = commands.crosscheck(*words, "my arm.urdf", cwd=place, CI=None)
+    assert done.returncode == 2
+    assert "no such folder" not in done.stderr
+    assert "`crosscheck run 'my arm.urdf'`" in done.stderr
+
+
+def test_a_model_where_its_folder_belongs_is_told_the_folder(place: Path) -> None:
+    done = crosscheck(place, "gate", "models/oscillator/good.known")
+    assert done.returncode == 2
+    assert done.stderr == (
+        "crosscheck: models/oscillator/good.known: a file, where a system folder belongs; name its"
+        " folder, models/oscillator\n"
+    )
+
+
 def test_a_folder_that_can_not_be_listed_is_told(place: Path) -> None:
     (place / "models" / "oscillator" / "system.py").write_text("oops\n")
     done = crosscheck(place, "list", "models")

@@ -104,3 +104,31 @@ def test_a_history_is_kept_where_it_is_begun_or_was_and_nowhere_else(tmp_path: P
     stopped = results(case(), stopped="SIGINT")
     assert len(keep_history(tmp_path, stopped, begin=False)) == 2, "half a run is none"
     assert read_history(tmp_path)[0].commit == read_history(tmp_path)[1].commit
+
+
+@pytest.mark.parametrize("command", ["run", "report", "sweep"])
+def test_a_page_of_somebody_else_is_not_replaced(
+    old: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    def started(*_: object, **__: object) -> None:
+        raise AssertionError("something was run")
+
+    page = old / "index.html"
+    page.write_text("<html><title>my site</title></html>")
+    monkeypatch.setattr("harness.cli.run.run", started)
+    monkeypatch.setattr("harness.cli.sweep.crew", started)
+    words = {"run": ["run", "simple_pendulum"], "sweep": ["sweep", "simple_pendulum"]}
+    assert main([*words.get(command, ["report", str(old)]), "--out", str(old)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"crosscheck: {page}: crosscheck did not write this page")
+    assert "--out" in told
+    assert page.read_text() == "<html><title>my site</title></html>"
+
+
+def test_a_page_of_this_program_is_replaced(old: Path) -> None:
+    page = old / "index.html"
+    assert main(["report", str(old)]) == 0
+    assert '<meta name="generator" content="physics-crosscheck">' in page.read_text()
+    assert main(["report", str(old)]) == 0
+    page.write_text("<head>\n<title>crosscheck: written before pages named their generator</title>")
+    assert main(["report", str(old)]) == 0
