@@ -143,10 +143,13 @@ class Fit:
 
 
 def left_linear(defect: Array, hypotheses: Sequence[Hypothesis], rows: Array) -> float:
-    """Share of a defect that the best linear fit of some hypotheses leaves."""
+    """Share of a defect that the best linear fit of some hypotheses leaves.
+
+    A row of zeros takes nothing off: a number may lose its effect once it is repaired.
+    """
     switches = np.array([hypothesis.switch for hypothesis in hypotheses])
     left = defect - rows[switches].sum(axis=0)
-    free = rows[~switches]
+    free = rows[~switches & rows.any(axis=1)]
     if len(free):
         scale = np.linalg.norm(free, axis=1, keepdims=True)
         fit, *_ = np.linalg.lstsq((free / scale).T, left, rcond=1e-10)
@@ -155,8 +158,9 @@ def left_linear(defect: Array, hypotheses: Sequence[Hypothesis], rows: Array) ->
 
 
 def cosine(a: Array, b: Array) -> float:
-    """|cosine| of the angle between two sensitivities."""
-    return abs(float(a @ b)) / float(np.linalg.norm(a) * np.linalg.norm(b))
+    """Return |cosine| of the angle between two sensitivities; 0 where either is zero."""
+    sizes = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return abs(float(a @ b)) / sizes if sizes else 0.0
 
 
 def refine(

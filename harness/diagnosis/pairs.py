@@ -174,7 +174,7 @@ def _stand_ins(
     hypotheses: Sequence[Hypothesis], best: Fit, after: Array, seen: Sequence[int]
 ) -> Iterator[CauseId]:
     """Causes that either of a pair could be replaced by: their effect is made up of the pair's."""
-    free = [i for i in best.members if not hypotheses[i].switch]
+    free = [i for i in best.members if not hypotheses[i].switch and after[i].any()]
     if not free:
         return
     rows = after[free] / np.linalg.norm(after[free], axis=1, keepdims=True)

@@ -195,6 +195,17 @@ def test_a_cause_without_any_effect_is_never_named() -> None:
     assert all("cause 5" not in names(fit) for fit in found.fits)
 
 
+def test_a_cause_that_has_no_effect_once_it_is_repaired_is_still_named() -> None:
+    def saturated(fault: float) -> Array:
+        return min(fault, 1e-2) * SHAPES[0]  # as a number beyond which nothing changes
+
+    causes = [Cause(named("saturated"), saturated), *(cause(i) for i in range(1, 6))]
+    beside = np.sign(SHAPES[0] @ SHAPES[1]) * 1e-4  # the fit goes beyond, where nothing changes
+    found = ask(noisy(causes[0].shift(1e-2) + causes[1].shift(beside)), causes)
+    assert all(np.isfinite(fit.remaining) for fit in found.fits)
+    assert set(names(found.fits[0])) >= {"saturated"}
+
+
 def test_causes_are_told_apart_by_their_kind_too_and_never_by_their_words() -> None:
     causes = [cause(i) for i in range(5)]
     causes[3] = Cause(named("nut and bolt"), causes[3].shift)
