@@ -203,6 +203,33 @@ def test_what_a_file_switches_off_is_off(tmp_path: Path, flag: str) -> None:
     assert outcome(file) == (Outcome.AGREES, "")
 
 
+COUPLED = """<mujoco><option><flag {}/></option>
+<default><geom size="0.1 0.2 0.3" type="box"/><joint damping="0.1"/></default><worldbody>
+<body><joint name="j" axis="0 1 0" range="-90 90"/><geom pos="0.1 0.2 0.3"/>
+<body pos="0.1 0 -0.4"><joint name="k" axis="1 0 0" frictionloss="0.1"/><geom pos="0.1 0 0"/>
+<body pos="0 0 -0.3"><joint name="l" axis="0 1 1"/><geom pos="0.1 0 0"/></body></body></body>
+</worldbody><equality><joint {} joint1="k" joint2="j" polycoef="0.1 0.5 0 0 0"/></equality>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(("flags", "active", "count"), [
+    ('constraint="disable"', "", 3),
+    ('equality="disable"', "", 3),
+    ("", 'active="false"', 3),
+    ('refsafe="disable"', "", 2),
+    ('island="disable" warmstart="disable"', "", 2),
+    ('limit="disable" frictionloss="disable" contact="disable"', "", 2),
+    ('invdiscrete="enable" energy="enable" override="enable"', "", 2),
+])  # fmt: skip
+def test_equalities_that_are_off_hold_nothing_and_others_hold_under_any_flag(
+    tmp_path: Path, flags: str, active: str, count: int
+) -> None:
+    file = tmp_path / "coupled.xml"
+    file.write_text(COUPLED.format(flags, active))
+    assert len(prepare_robot(file).names) == count
+    assert outcome(file) == (Outcome.AGREES, "")
+
+
 MORE = {
     "actuators of other laws or transmissions":
         '<actuator><muscle joint="turn" force="20" lengthrange="0.1 1"/></actuator>',
@@ -263,6 +290,17 @@ def test_all_that_is_not_covered_is_told_at_once_by_name(tmp_path: Path) -> None
     assert any("it has no joint that moves" in one for one in told)
     with pytest.raises(RobotError, match=r"r\.xml: .*not covered"):
         prepare_robot(file)
+
+
+def test_gravity_compensation_of_actuators_that_are_off_is_not_covered(tmp_path: Path) -> None:
+    file = written(tmp_path, '<actuator><motor joint="wave"/></actuator>', gravcomp=0.6)
+    text = file.read_text().replace('name="wave"', 'name="wave" actuatorgravcomp="true"')
+    file.write_text(text)
+    assert outcome(file) == (Outcome.AGREES, "")
+    off = '<option><flag actuation="disable"/></option><default>'
+    file.write_text(text.replace("<default>", off, 1))
+    (one,) = read_compiled_robot(file).obstacles
+    assert "gravity compensation by actuators that are off: not covered" in str(one)
 
 
 def test_a_file_that_is_not_compiled_is_told_with_its_name(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def straight_equalities(m: Any) -> dict[int, _Following]:
     """
     found: dict[int, _Following] = {}
     leaders: dict[int, set[int]] = {}
-    for i in range(m.neq) if acts(m, "EQUALITY") else ():
+    for i in range(m.neq) if acts(m, "EQUALITY") and acts(m, "CONSTRAINT") else ():
         if not m.eq_active0[i] or m.eq_data[i][_CURVED].any():
             continue
         for one in _followings(m, i):

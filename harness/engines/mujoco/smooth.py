@@ -10,6 +10,7 @@ import numpy as np
 from harness.engines.mujoco.equalities import straight_equalities
 from harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
 from harness.engines.mujoco.pulls import (
+    acts,
     actuators,
     covered_actuator,
     covered_tendon,
@@ -65,6 +66,8 @@ def leave_out(m: Any) -> None:
         m.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         # Dampers taken implicitly act after the solver, so that they would let go of equalities.
         m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+        # Without this safeguard an equality as stiff as here would diverge at any step.
+        m.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
         m.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # 4.0.0 has a wrong sparse Hessian
         # By which the softness of an equality is scaled: far above what a tendon feels, and where
         # a body stands at its own center without the armature of its joint.
@@ -165,5 +168,11 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
 
 def uncovered(m: Any) -> tuple[str, ...]:
     """What acts whatever these settings say, and is in no tree of bodies."""
-    found = {"flexible bodies": bool(getattr(m, "nflex", 0)), "plugins": bool(m.nplugin)}
+    lifted = bool(np.any(m.body_gravcomp)) and bool(np.any(m.jnt_actgravcomp))
+    found = {
+        "flexible bodies": bool(getattr(m, "nflex", 0)),
+        "plugins": bool(m.nplugin),
+        # MuJoCo counts it among the forces of actuators, which this flag takes away.
+        "gravity compensation by actuators that are off": lifted and not acts(m, "ACTUATION"),
+    }
     return tuple(what for what, there in found.items() if there)
