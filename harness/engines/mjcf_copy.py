@@ -1,18 +1,24 @@
 """An MJCF rewritten for a parser that takes a part of it: bodies, joints, and what they weigh.
 
 What is seen and touches, and what adapters add themselves, is left out, so that no file is looked
-for and nothing is warned of in vain; classes of defaults stay for the parser to resolve.
+for and nothing is warned of in vain; classes of defaults stay for the parser to resolve. Several
+`<compiler>` are one, in which the last value of each attribute counts, as in MuJoCo: parsers read
+the first element alone. Of several top-level `<default>` each class has what stands before it, so
+that they are written into each element.
 """
 
 from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
+from harness.engines.compiled import CompiledBody, Numbers
 from harness.engines.mjcf_declared import DeclaredMjcf
-from harness.engines.mjcf_defaults import Defaults, bodies_of, shaped
+from harness.engines.mjcf_defaults import Defaults, body_names, shaped
+from harness.engines.mjcf_inertias import is_aligned
 from harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
-from harness.engines.mjcf_source import MjcfSource
+from harness.engines.source import finite_numbers
 
 POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
 
@@ -29,11 +35,6 @@ _KEPT = {
     "geom": ("name", "class", "type", "size", "fromto", "mass", "density", *TOUCHES, *POSE),
 }  # fmt: skip
 """Attributes that say something of bodies and joints."""
-
-
-def body_name(i: int, body: ET.Element) -> str:
-    """What a body is called in the copy, by its place among all."""
-    return body.get("name") or f"body_{i}"
 
 
 def copied(
@@ -56,17 +57,19 @@ def copied(
     source = declared.source
     root = ET.Element("mujoco", model=source.root.get("model", "") or "model")
     gone = {*(() if limits else ("autolimits", *LIMITS)), *(() if touches else TOUCHES)}
+    gone |= {"damping"} if source.disabled("damper") else set()
     gone |= {"childclass"} if resolved else set()
     gone |= set() if refs else {"ref"}
-    for one in source.root.findall("compiler"):
-        _shallow(root, one, gone)
+    compilers = source.root.findall("compiler")
+    if compilers:
+        whole = {key: value for one in compilers for key, value in one.attrib.items()}
+        _shallow(root, ET.Element("compiler", whole), gone)
     for one in () if resolved else source.root.findall("default"):
         _default(root, one, gone)
     world = ET.SubElement(root, "worldbody")
-    names = {body: body_name(i, body) for i, (body, _) in enumerate(bodies_of(source))}
     joints = {joint.element: joint for joint in declared.joints}
     defaults = declared.defaults if resolved else None
-    copy = _Copy(joints=joints, names=names, source=source, gone=gone, defaults=defaults)
+    copy = _Copy(declared, joints, gone, defaults)
     for one in source.root.findall("worldbody"):
         for body in one.findall("body"):
             copy.body(world, body, one.get("childclass", ""))
@@ -87,27 +90,34 @@ class _Copy:
 
     def __init__(
         self,
-        joints: dict[ET.Element, MjcfJoint],
-        names: dict[ET.Element, str],
-        source: MjcfSource,
+        declared: DeclaredMjcf,
+        joints: Mapping[ET.Element, MjcfJoint],
         gone: set[str],
         defaults: Defaults | None,
     ) -> None:
-        self._joints, self._names, self._source, self._gone = joints, names, source, gone
-        self._defaults = defaults
+        self._source, self._inertias = declared.source, declared.inertias
+        self._names = body_names(declared.source)
+        self._joints, self._gone, self._defaults = joints, gone, defaults
+        root = declared.root
+        self._aligned = root.body if root and is_aligned(self._source, root) else None
 
     def body(self, parent: ET.Element, body: ET.Element, inherited: str) -> None:
         """A body and what it carries, under a `childclass`."""
         inherited = body.get("childclass", inherited)
         own = _shallow(parent, body, self._gone)
         own.set("name", self._names[body])
+        weighing = "geom" if shaped(self._source, body) else "inertial"
+        if compiled := self._inertias.get(body):
+            weighing = ""
+            _state_inertia(own, compiled)
+            if body is self._aligned:
+                _place(own, compiled.at, compiled.turn)
         if inherited and self._defaults is None:
             own.set("childclass", inherited)
-        weighing = ("geom",) if shaped(self._source, body) else ("inertial",)
         for one in body:
             if one.tag in JOINTS and one in self._joints:
                 self._joint(own, one, self._joints[one], inherited)
-            elif one.tag in weighing:
+            elif one.tag == weighing and not _weightless(one):
                 self._element(own, one, inherited)
             elif one.tag == "body":
                 self.body(own, one, inherited)
@@ -130,6 +140,30 @@ class _Copy:
         if "limited" not in self._gone and math.isinf(joint.limits[0]):
             own.attrib.pop("range", None)
             own.set("limited", "false")
+
+
+def _state_inertia(body: ET.Element, compiled: CompiledBody) -> None:
+    """Give a body in the copy the inertia that another engine has compiled."""
+    if compiled.mass:
+        own = ET.SubElement(body, "inertial", mass=repr(compiled.mass))
+        own.set("diaginertia", _words(compiled.moments))
+        _place(own, compiled.centre, compiled.principal)
+
+
+def _place(element: ET.Element, at: Numbers, turn: Numbers) -> None:
+    for key in POSE:
+        element.attrib.pop(key, None)
+    element.set("pos", _words(at))
+    element.set("quat", _words(turn))
+
+
+def _words(numbers: Numbers) -> str:
+    return " ".join(map(repr, numbers))
+
+
+def _weightless(one: ET.Element) -> bool:
+    """Return whether it is an `<inertial>` without mass and moments, which parsers refuse."""
+    return one.tag == "inertial" and not any(finite_numbers(one.get("mass", "")) or [1.0])
 
 
 def _default(parent: ET.Element, default: ET.Element, gone: set[str]) -> None:

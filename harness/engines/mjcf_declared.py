@@ -6,12 +6,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
+from harness.engines.compiled import CompiledBody
 from harness.engines.mjcf_defaults import Defaults, numbers_of
+from harness.engines.mjcf_inertias import Lift, compiled_bodies, left_to_compiler, lifts_of
 from harness.engines.mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
 from harness.engines.mjcf_pulls import Actuated, Pulls
 from harness.engines.mjcf_refused import refuse
 from harness.engines.mjcf_source import MjcfSource, read_source_mjcf
-from harness.engines.protocol import EngineError, ModelSpec, Spring, held_joints
+from harness.engines.protocol import Engine, EngineError, ModelSpec, Spring, held_joints
 from harness.engines.urdf import Mimic
 from harness.engines.urdf_copy import followers_of
 
@@ -29,6 +31,8 @@ class DeclaredMjcf:
         tendons: springs and dampers of combinations.
         actuators: at the controls that are held.
         mimics: joints that follow others, of those that the setting `couplings` lets.
+        inertias: bodies whose inertias a copy states as another engine compiles them.
+        lifts: gravity compensation.
     """
 
     source: MjcfSource
@@ -39,6 +43,8 @@ class DeclaredMjcf:
     tendons: tuple[Spring, ...]
     actuators: tuple[Actuated, ...]
     mimics: tuple[Mimic, ...]
+    inertias: Mapping[ET.Element, CompiledBody]
+    lifts: tuple[Lift, ...]
 
     @property
     def root(self) -> MjcfJoint | None:
@@ -51,8 +57,13 @@ class DeclaredMjcf:
         return tuple(one for one in self.joints if one.kind != FREE)
 
 
-def declared_mjcf(spec: ModelSpec, title: str) -> DeclaredMjcf:
+def declared_mjcf(spec: ModelSpec, title: str, compiler: Engine | None) -> DeclaredMjcf:
     """Read an MJCF and what is declared beside it.
+
+    Args:
+        spec: the file.
+        title: of the engine that reads it.
+        compiler: another engine, for inertias that parsers can't work out; None for none.
 
     Raises:
         EngineError: naming file, line and setting, and for what these engines can't be given.
@@ -62,7 +73,9 @@ def declared_mjcf(spec: ModelSpec, title: str) -> DeclaredMjcf:
     everything, held = joints_of(source, defaults), held_joints(spec)
     for name in set(held) - {one.name for one in everything}:
         raise EngineError(f"{spec.path}.toml: [settings] held names {name!r}, which is no joint")
-    refuse(source, defaults, everything, title)
+    refuse(source, everything, title)
+    needed = left_to_compiler(source, defaults, everything)
+    inertias = compiled_bodies(source, needed, compiler, title)
     joints = {one.name: one for one in everything if one.name not in held}
     still = tuple(one for one in everything if one.name in held)
     refs = {one.name: one.ref for one in still}
@@ -77,6 +90,8 @@ def declared_mjcf(spec: ModelSpec, title: str) -> DeclaredMjcf:
         tendons=tuple(pulls.tendons()),
         actuators=tuple(_actuators(source, pulls, spec)),
         mimics=tuple(_mimics(source, joints, refs, followers)),
+        inertias=inertias,
+        lifts=tuple(lifts_of(source, inertias)),
     )
 
 
@@ -84,11 +99,11 @@ def _actuators(source: MjcfSource, pulls: Pulls, spec: ModelSpec) -> Iterator[Ac
     """Of those that act, at held controls; a file that is not taken for smooth has none."""
     rows, controls = source.root.findall("actuator/*"), spec.settings.get("controls")
     if rows and not spec.settings.get("smooth", False):
-        raise source.refused(rows[0], "it has actuators; inputs are applied to joints here")
+        raise source.unsupported(rows[0], "it has actuators; inputs are applied to joints here")
     if controls is not None and not _numbers(controls):
         told = f"[settings] controls is {controls!r}, where {len(rows)} numbers belong"
         raise EngineError(f"{spec.path}.toml: {told}")
-    if rows and spec.settings.get("actuators", True):
+    if rows and spec.settings.get("actuators", True) and not source.disabled("actuation"):
         given = controls if isinstance(controls, list) else [0.0] * len(rows)
         yield from pulls.actuators(given)
 
@@ -119,7 +134,7 @@ def _mimics(
         if name in still or one.get("joint2", "") in still:
             continue  # as where a joint is taken out: what names it goes with it
         if name in found:
-            raise source.refused(one, f"joint {name!r} follows twice")
+            raise source.unsupported(one, f"joint {name!r} follows twice")
         found[name] = _mimic(source, joints, one)
     for name in sorted(set(followers or ()) - set(found)):
         raise EngineError(f"{source.path}: joint {name!r} follows by no equality of two joints")
@@ -129,13 +144,13 @@ def _mimics(
 def _mimic(source: MjcfSource, joints: Mapping[str, MjcfJoint], one: ET.Element) -> Mimic:
     ends = [joints.get(one.get(key, "")) for key in ("joint1", "joint2")]
     if one.tag != "joint":
-        raise source.refused(one, f"an equality <{one.tag}> is not added here")
+        raise source.unsupported(one, f"an equality <{one.tag}> is not added here")
     pair = [end for end in ends if end is not None and end.kind in (SLIDE, HINGE)]
     if len(pair) != 2:
-        raise source.refused(one, "an equality of other than two slides or hinges")
+        raise source.unsupported(one, "an equality of other than two slides or hinges")
     offset, slope, *bends = (*numbers_of(source, one, one.attrib, "polycoef", "0 1"), 0.0, 0.0)
     if any(bends):
-        raise source.refused(one, "an equality that is no straight line")
+        raise source.unsupported(one, "an equality that is no straight line")
     follower, leader = pair
     start = follower.ref + offset - slope * leader.ref
     return Mimic(follower.name, leader.name, slope, start)

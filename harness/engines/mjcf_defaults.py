@@ -73,6 +73,12 @@ def bodies_of(source: MjcfSource) -> Iterator[tuple[ET.Element, str]]:
         yield from _below(world, world.get("childclass", ""))
 
 
+def body_names(source: MjcfSource) -> dict[ET.Element, str]:
+    """Return what each body is called in a copy: its own name, or one by its place among all."""
+    bodies = (body for body, _ in bodies_of(source))
+    return {body: body.get("name") or f"body_{i}" for i, body in enumerate(bodies)}
+
+
 def _below(parent: ET.Element, inherited: str) -> Iterator[tuple[ET.Element, str]]:
     for body in parent.findall("body"):
         own = body.get("childclass", inherited)
@@ -114,5 +120,5 @@ def number_of(
     first, *others = numbers_of(source, element, attributes, key, otherwise)
     if any(others):
         text = attributes.get(key, otherwise)
-        raise source.refused(element, f"<{element.tag} {key}> is {text!r}: no polynomials here")
+        raise source.unsupported(element, f"<{element.tag} {key}> is {text!r}: no polynomials here")
     return first

@@ -8,15 +8,26 @@ from types import MappingProxyType
 import numpy as np
 
 from harness.engines.mjcf_declared import declared_mjcf
+from harness.engines.mjcf_defaults import body_names
 from harness.engines.mjcf_source import option_remarks
-from harness.engines.protocol import Array, EngineError, ModelSpec, Sample, Spring, within
+from harness.engines.protocol import (
+    Array,
+    Engine,
+    EngineError,
+    ModelSpec,
+    Sample,
+    Spring,
+    within,
+)
 from harness.engines.remark import Remark, limit_remarks
-from harness.engines.tree_model import FREE, TreeModel
+from harness.engines.tree_model import FREE, TreeModel, Weight
 
 ADDED: Mapping[str, bool] = MappingProxyType({
     # Whether what the engine leaves out of an MJCF is added: springs of joints, springs and dampers
     # of fixed tendons, and joints' following of others by equalities.
     "springs": True, "tendons": True, "equalities": True,
+    # Whether gravity compensation of bodies is added, as forces at their centres of mass.
+    "gravcomp": True,
     # Whether its actuators act, at held controls, where all is smooth.
     "actuators": True,
     # Whether defaults are written into each element before the engine reads it; it loses some.
@@ -27,6 +38,7 @@ NAMES = {
     "springs": "joints' springs",
     "tendons": "fixed tendons",
     "equalities": "joint equalities",
+    "gravcomp": "gravity compensation",
 }
 
 URDF_ALONE = ("floating", "hold_mimics")
@@ -66,9 +78,12 @@ class MjcfModel(TreeModel):
         title: of the engine.
         defaults: of its settings.
         read_over: what its parser reads over of `<option>`.
+        compiler: another engine, for inertias that its parser can't work out; None for none.
 
     Attributes:
         declared: what the file says.
+        resolved: whether defaults are written into each element before the engine reads it.
+        lifts: gravity compensation that is added: body's name, centre (m), mass (kg).
         misread: whether the engine loses some of the file's defaults, which a subclass finds.
         drawn: coordinates of a body that floats, where the file draws it, (6,).
     """
@@ -79,13 +94,17 @@ class MjcfModel(TreeModel):
         title: str,
         defaults: Mapping[str, float | bool | str],
         read_over: frozenset[str],
+        compiler: Engine | None,
     ) -> None:
         super().__init__(spec, title, {**defaults, **spec.settings})
         for key in URDF_ALONE:
             if self.settings.get(key):
                 raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} of URDFs alone")
         self._read_over, self.misread = read_over, False
-        self.declared = declared_mjcf(spec, title)
+        self.declared = declared_mjcf(spec, title, compiler)
+        self._compiler = compiler.title if compiler and self.declared.inertias else ""
+        several = len(self.declared.source.root.findall("default")) > 1
+        self.resolved = several or bool(self.settings["resolved"])
         if root := self.declared.root:
             self.floats, self.root = True, root.name
         self.drawn = np.zeros(FREE)
@@ -93,6 +112,7 @@ class MjcfModel(TreeModel):
             "springs": self.declared.springs,
             "tendons": self.declared.tendons,
             "equalities": self.declared.mimics,
+            "gravcomp": self.declared.lifts,
         }
         self.lost = {
             f"{title}'s leaving out of {NAMES[key]}": key
@@ -100,6 +120,11 @@ class MjcfModel(TreeModel):
             if things and not self.settings[key]
         }
         self.mimics = self.declared.mimics if self.settings["equalities"] else ()
+        names = body_names(self.declared.source)
+        self.lifts = tuple(
+            Weight(body=names[one.body], centre=one.centre, mass=one.mass)
+            for one in (self.declared.lifts if self.settings["gravcomp"] else ())
+        )
         self.springs = (
             *(self.declared.springs if self.settings["springs"] else ()),
             *(self.declared.tendons if self.settings["tendons"] else ()),
@@ -143,13 +168,31 @@ class MjcfModel(TreeModel):
         return {**found, self._classes: {"resolved": True}} if self.misread else {**found}
 
     @property
+    def reservations(self) -> tuple[str, ...]:
+        """Which inertias are another engine's."""
+        count = len(self.declared.inertias)
+        if not count:
+            return ()
+        bodies = "1 body is" if count == 1 else f"{count} bodies are"
+        return (f"the inertia of {bodies} as {self._compiler} compiles the file",)
+
+    @property
     def _classes(self) -> str:
         """What a diagnosis calls it."""
         return f"{self.title}'s own reading of defaults"
 
+    def _merged(self) -> Iterator[str]:
+        """Which elements the copy has as one, or in others."""
+        for tag, how in (("compiler", "are merged"), ("default", "are written into each element")):
+            count = len(self.declared.source.root.findall(tag))
+            if count > 1:
+                yield f"{count} <{tag}> elements {how} before it reads the file"
+
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the engine reads over or leaves out, and limits that are reached."""
         yield from option_remarks(self.declared.source, self.title, self._read_over)
+        yield from (Remark(message=f"{self.title}: {one}") for one in self.reservations)
+        yield from (Remark(message=f"{self.title}: {one}") for one in self._merged())
         for cause, key in self.lost.items():
             address = f"sidecar:settings.{key}"
             yield Remark(message=f"{cause}, by a setting", fault=True, address=address)

@@ -78,7 +78,7 @@ def _joint(
     kind = FREE if free else said.get("type", HINGE)
     turn = 1.0 if kind != HINGE or _radians(source) else math.pi / 180
     if "springdamper" in said and any(numbers_of(source, element, said, "springdamper", "0 0")):
-        raise source.refused(element, "springdamper: no spring of a time constant here")
+        raise source.unsupported(element, "springdamper: no spring of a time constant here")
 
     def one(key: str) -> float:
         return number_of(source, element, said, key)
@@ -92,7 +92,7 @@ def _joint(
         limits=_limits(source, element, said, turn),
         stiffness=one("stiffness"),
         rest=one("springref") * turn,
-        damping=one("damping"),
+        damping=0.0 if source.disabled("damper") else one("damping"),
         armature=one("armature"),
         friction=one("frictionloss"),
     )

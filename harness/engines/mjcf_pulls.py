@@ -11,6 +11,9 @@ from harness.engines.mjcf_joints import HINGE, SLIDE, MjcfJoint
 from harness.engines.mjcf_source import MjcfSource
 from harness.engines.protocol import Spring
 
+AUTOMATIC = -1.0
+"""As MuJoCo compares it: other lengths below zero are lengths."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Actuated:
@@ -43,12 +46,13 @@ class Pulls:
         Raises:
             EngineError: for what has a spring and is neither.
         """
+        on = not self.source.disabled("spring")
         for name, one in self.joints.items():
             if one.kind in (SLIDE, HINGE):
-                if one.stiffness:
+                if one.stiffness and on:
                     yield Spring({name: 1.0}, one.stiffness, 0.0, one.rest)
             elif one.stiffness or one.damping:
-                raise self.source.refused(
+                raise self.source.unsupported(
                     one.element, f"a spring or damper of a {one.kind} joint is not added here"
                 )
 
@@ -64,13 +68,15 @@ class Pulls:
                 key: number_of(self.source, tendon, said, key)
                 for key in ("stiffness", "damping", "armature")
             }
+            for key, flag in (("stiffness", "spring"), ("damping", "damper")):
+                numbers[key] *= not self.source.disabled(flag)
             if not any(numbers.values()):
                 continue
             if tendon.tag != "fixed" or numbers["armature"]:
                 kind = "a tendon with armature" if numbers["armature"] else "a tendon between sites"
-                raise self.source.refused(tendon, f"{kind} that pulls is not added here")
+                raise self.source.unsupported(tendon, f"{kind} that pulls is not added here")
             shares = self.shares(tendon)
-            rest = self._rest(tendon, said, shares)
+            rest = self._rest(tendon, said, shares) if numbers["stiffness"] else 0.0
             yield self._free(shares, numbers["stiffness"], numbers["damping"], rest)
 
     def shares(self, tendon: ET.Element) -> dict[str, float]:
@@ -87,13 +93,13 @@ class Pulls:
         return found
 
     def _rest(self, tendon: ET.Element, said: Attributes, shares: Mapping[str, float]) -> float:
-        """At which length it is relaxed: -1 where the joints' own springs are."""
+        """At which length it is relaxed: -1, which is no length, where the joints' springs are."""
         length = numbers_of(self.source, tendon, said, "springlength", "-1")
-        if length[0] < 0:
+        if length[0] != length[-1]:
+            raise self.source.unsupported(tendon, "a tendon that is slack between two lengths")
+        if length[0] == AUTOMATIC:
             at = {**self.refs, **{name: one.rest for name, one in self.joints.items()}}
             return sum(share * at[name] for name, share in shares.items())
-        if length[-1] > length[0]:
-            raise self.source.refused(tendon, "a tendon that is slack between two lengths")
         return length[0]
 
     def _free(self, shares: Mapping[str, float], k: float, c: float, rest: float) -> Spring:
@@ -128,13 +134,13 @@ class Pulls:
 
     def _said(self, one: ET.Element) -> Attributes:
         if one.tag not in MOTORS or self.defaults.mixed(one, MOTORS):
-            raise self.source.refused(one, f"an actuator <{one.tag}> of these defaults or laws")
+            raise self.source.unsupported(one, f"an actuator <{one.tag}> of these defaults or laws")
         said = self.defaults.of(one)
         if said.get("gaintype", "fixed") != "fixed" or said.get("dyntype", "none") != "none":
-            raise self.source.refused(one, "an actuator with a state or a gain of a law")
+            raise self.source.unsupported(one, "an actuator with a state or a gain of a law")
         for key in ("armature", "damping", "delay", "timeconst"):
             if any(numbers_of(self.source, one, said, key, "0")):
-                raise self.source.refused(one, f"an actuator with {key} is not added here")
+                raise self.source.unsupported(one, f"an actuator with {key} is not added here")
         return said
 
     def _length(self, one: ET.Element, said: Attributes) -> tuple[Mapping[str, float], float]:
@@ -148,7 +154,7 @@ class Pulls:
         for fixed in self.source.root.findall("tendon/fixed") if tendon else ():
             if fixed.get("name") == tendon:
                 return self.shares(fixed), gear
-        raise self.source.refused(one, "an actuator on no slide, hinge or fixed tendon")
+        raise self.source.unsupported(one, "an actuator on no slide, hinge or fixed tendon")
 
     def _law(self, one: ET.Element, said: Attributes) -> tuple[float, tuple[float, float, float]]:
         """Gain, and bias by nothing, by length and by its rate."""
@@ -164,7 +170,9 @@ class Pulls:
             return at("kv", "1"), (0.0, 0.0, -at("kv", "1"))
         affine = said.get("biastype", "none") in ("none", "affine")
         if one.tag != "general" or not affine:
-            raise self.source.refused(one, f"an actuator <{one.tag}> of this law is not added here")
+            raise self.source.unsupported(
+                one, f"an actuator <{one.tag}> of this law is not added here"
+            )
         if said.get("biastype", "none") == "none":
             return at("gainprm", "1"), (0.0, 0.0, 0.0)
         given = numbers_of(self.source, one, said, "biasprm", "0")

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.engines.protocol import EngineError, ModelSpec
+from harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
 from harness.engines.remark import Remark
 from harness.engines.source import finite_numbers, read_source, read_xml
 
@@ -36,10 +36,19 @@ class MjcfSource:
         """An error about an element."""
         return EngineError(f"{self.places.get(element, self.path)}: {sentence}")
 
+    def unsupported(self, element: ET.Element, sentence: str) -> UnsupportedError:
+        """Return an error about an element that is right, and that an adapter does not take."""
+        return UnsupportedError(f"{self.places.get(element, self.path)}: {sentence}")
+
+    def stating(self, tag: str, attribute: str) -> ET.Element | None:
+        """Return the last `<option>`, `<compiler>` or the like with an attribute: it counts."""
+        found = [one for one in self.root.findall(tag) if attribute in one.attrib]
+        return found[-1] if found else None
+
     def stated(self, tag: str, attribute: str, otherwise: str = "") -> str:
         """What the last `<option>`, `<compiler>` or the like says of an attribute."""
-        said = [one.attrib[attribute] for one in self.root.findall(tag) if attribute in one.attrib]
-        return said[-1] if said else otherwise
+        one = self.stating(tag, attribute)
+        return otherwise if one is None else one.attrib[attribute]
 
     def disabled(self, *flags: str) -> bool:
         """Whether a `<flag>` disables any of these."""

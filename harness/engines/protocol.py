@@ -31,6 +31,13 @@ class EngineError(RuntimeError):
     """A model file that an engine can't load or run; the message names file, place and remedy."""
 
 
+class UnsupportedError(EngineError):
+    """A model file that an engine or its adapter does not take, though another engine may.
+
+    A mistake in the file or in its sidecar is an `EngineError` alone.
+    """
+
+
 @dataclass(frozen=True)
 class Spring:
     """A spring and damper on a linear combination s of joints: force -k (s - rest) - c ds/dt.
@@ -193,6 +200,11 @@ class Model(ABC):
         return ()
 
     @property
+    def reservations(self) -> tuple[str, ...]:
+        """Numbers that the engine did not work out from the file itself, a sentence each."""
+        return ()
+
+    @property
     def places(self) -> tuple[str, ...]:
         """What has a pose, as `kind:name`, such as `body:rod`; none where the engine can't say."""
         return ()
@@ -245,6 +257,8 @@ class Engine(ABC):
             stand still, where the file draws them), `actuators` (whether they act) and `controls`
             (at which they are held) it has.
         usual_mistakes: those that its users make and no format is to blame for.
+        compilers: engines whose `compiled` takes a format apart, by its ending; the registry sets
+            them. An adapter that edits a file may state inertias as one of them compiles them.
     """
 
     name: str
@@ -266,6 +280,7 @@ class Engine(ABC):
     compiles: tuple[str, ...] = ()
     switches: frozenset[str] = frozenset()
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = ()
+    compilers: Mapping[str, Engine] = MappingProxyType({})
 
     @abstractmethod
     def version(self) -> str | None:

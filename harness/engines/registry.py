@@ -45,6 +45,9 @@ def engines() -> dict[str, Engine]:
             )
             continue
         known.setdefault(engine.name, engine)
+    able = {suffix: one for one in reversed(known.values()) for suffix in one.compiles}
+    for one in known.values():
+        one.compilers = able
     return known
 
 

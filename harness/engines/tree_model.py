@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +17,21 @@ from harness.engines.urdf import Mimic
 
 FREE = 6
 """Coordinates of a root that floats; they come first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weight:
+    """A weight that is taken from a body of an engine's.
+
+    Attributes:
+        body: its name there.
+        centre: where it acts, m in the body's frame.
+        mass: kg; negative where the body weighs more.
+    """
+
+    body: str
+    centre: tuple[float, ...]
+    mass: float
 
 
 class TreeModel(Model):
@@ -32,6 +48,7 @@ class TreeModel(Model):
         springs: that act, of the file and of its sidecar.
         mimics: joints that follow others.
         pushes: what is held on joints, by their names, N or N m.
+        lifts: weights that are taken from bodies.
     """
 
     stepper: Stepper | RungeKutta
@@ -42,6 +59,7 @@ class TreeModel(Model):
     springs: tuple[Spring, ...] = ()
     mimics: tuple[Mimic, ...] = ()
     pushes: Mapping[str, float] = {}
+    lifts: tuple[Weight, ...] = ()
 
     def __init__(self, spec: ModelSpec, title: str, settings: Mapping[str, object]) -> None:
         self.path, self.title, self.settings = spec.path, title, dict(settings)

@@ -197,7 +197,8 @@ def test_a_cause_without_any_effect_is_never_named() -> None:
 
 def test_a_cause_that_has_no_effect_once_it_is_repaired_is_still_named() -> None:
     def saturated(fault: float) -> Array:
-        return min(fault, 1e-2) * SHAPES[0]  # as a number beyond which nothing changes
+        moved: Array = min(fault, 1e-2) * SHAPES[0]  # a number beyond which nothing changes
+        return moved
 
     causes = [Cause(named("saturated"), saturated), *(cause(i) for i in range(1, 6))]
     beside = np.sign(SHAPES[0] @ SHAPES[1]) * 1e-4  # the fit goes beyond, where nothing changes

@@ -48,7 +48,7 @@ class DrakeEngine(UrdfEngine):
         "URDF, SDFormat and MJCF", "slides and hinges, roots that float", "joint dampers",
         "mimic (sap)", "discrete plants (sap, tamsi), continuous ones by RK4 here",
         "joint springs, springs on joint combinations as forces at every step",
-        "armature, joint equalities, motors at held controls as added here",
+        "armature, joint equalities, gravity compensation, motors at held controls as added here",
     )  # fmt: skip
     unstated = "no step of its own and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
@@ -57,8 +57,9 @@ class DrakeEngine(UrdfEngine):
 
     def loaded(self, spec: ModelSpec) -> Model:
         """A file whose settings are in order."""
-        kind = DrakeMjcf if spec.path.suffix == ".xml" else DrakeUrdf
-        return kind(spec, DEFAULTS)
+        if spec.path.suffix == ".xml":
+            return DrakeMjcf(spec, DEFAULTS, self.compilers.get(".xml"))
+        return DrakeUrdf(spec, DEFAULTS)
 
     def samples(self) -> tuple[Sample, ...]:
         """One of each format."""

@@ -22,7 +22,7 @@ from harness.engines.mjcf_copy import POSE, copied
 from harness.engines.mjcf_defaults import bodies_of
 from harness.engines.mjcf_engine import MjcfModel
 from harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
-from harness.engines.protocol import Array, ModelSpec
+from harness.engines.protocol import Array, Engine, ModelSpec
 from harness.engines.remark import Remark
 from harness.engines.source import finite_numbers
 from harness.engines.tree_model import FREE
@@ -35,10 +35,12 @@ EQUALITIES = "TAMSI's leaving out of joint equalities"
 class DrakeMjcf(DrakeModel, MjcfModel):
     """An MJCF."""
 
-    def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool | str]) -> None:
+    def __init__(
+        self, spec: ModelSpec, defaults: Mapping[str, bool | str], compiler: Engine | None
+    ) -> None:
         self.stepping = str(spec.settings.get("stepping", SAP))
-        MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}))
-        smooth, resolved = bool(self.settings["smooth"]), bool(self.settings["resolved"])
+        MjcfModel.__init__(self, spec, "Drake", defaults, frozenset({"timestep"}), compiler)
+        smooth, resolved = bool(self.settings["smooth"]), self.resolved
         root = copied(self.declared, limits=not smooth, touches=False, resolved=resolved)
         heavy = [one for one in self.declared.singles if one.armature]
         self._heavy = heavy if self.settings["armature"] else []

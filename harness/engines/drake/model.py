@@ -12,7 +12,7 @@ import numpy as np
 from harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
 from harness.engines.drake.reading import logged
 from harness.engines.following import held_accelerations, leading
-from harness.engines.protocol import Array, EngineError, Force
+from harness.engines.protocol import Array, EngineError, Force, UnsupportedError
 from harness.engines.remark import Remark
 from harness.engines.runge_kutta import RungeKutta, each_alone, to_state
 from harness.engines.source import folded
@@ -83,7 +83,7 @@ class DrakeModel(TreeModel):
                 plant.Finalize()
         except RuntimeError as error:
             told = folded(error).replace(f"<literal-string>.{self._kind}", self.path.name)
-            raise EngineError(f"{self.path}: Drake can't load it: {told}") from None
+            raise UnsupportedError(f"{self.path}: Drake can't load it: {told}") from None
         return plant
 
     @cached_property
@@ -92,11 +92,12 @@ class DrakeModel(TreeModel):
         return self._put(self._plant if self._continuous else self._built(0.0))
 
     def _put(self, plant: Any) -> Plant:
-        return Plant(plant, self.floats, self._springs)
+        return Plant(plant, self.floats, self._springs, self.lifts)
 
     def _discrete_of(self, h: float) -> DiscreteSteps:
         plant = self._plant if h == self.step else self._built(h)
-        return DiscreteSteps(self._put(plant), self.floats, not self._springs.empty)
+        one = self._put(plant)
+        return DiscreteSteps(one, self.floats, one.pulled)
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Of one state's positions, velocities and forces, as `RungeKutta` has them."""

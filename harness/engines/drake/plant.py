@@ -6,6 +6,7 @@ and linear, along the world's axes, and forces likewise.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from harness.engines.one_by_one import Stepper
 from harness.engines.protocol import Array
 from harness.engines.runge_kutta import place, rates, to_state
 from harness.engines.springs import SpringForces
-from harness.engines.tree_model import FREE
+from harness.engines.tree_model import FREE, Weight
 
 QUATERNION = 4
 
@@ -36,10 +37,18 @@ class Plant:
         plant: of slides and hinges, after a root that may float.
         floats: whether it does.
         springs: along slides and hinges.
+        lifts: weights that are taken from bodies.
     """
 
-    def __init__(self, plant: Any, floats: bool, springs: SpringForces) -> None:
+    def __init__(
+        self, plant: Any, floats: bool, springs: SpringForces, lifts: Sequence[Weight]
+    ) -> None:
         self._plant, self._floats, self._springs = plant, floats, springs
+        gravity = np.array(plant.gravity_field().gravity_vector())
+        self._lifts = [
+            (plant.GetBodyByName(one.body), np.array(one.centre), -one.mass * gravity)
+            for one in lifts
+        ]
         self.context = plant.CreateDefaultContext()
         joints = moving_joints(plant)[1 if floats else 0 :]
         self._q = np.array([joint.position_start() for joint in joints], dtype=int)
@@ -73,7 +82,7 @@ class Plant:
         return x, np.concatenate([linear, matrix(turn).T @ spin, v[self._v]])
 
     def push(self, x: Array, m: Array, f: Array) -> None:
-        """Let forces act, and the springs'."""
+        """Let forces act, the springs', and what lifts bodies; in the state where it was put."""
         own = np.zeros_like(self._own_v)
         own[self._v] = f[FREE:] if self._floats else f
         if not self._springs.empty:
@@ -82,7 +91,26 @@ class Plant:
         if self._floats:
             moment = matrix(x[3:7]) @ f[3:FREE]
             own[self._root_v :][:FREE] = np.concatenate([moment, f[:3]])
+        if self._lifts:
+            own += self._lifted()
         self._port.FixValue(self.context, own)
+
+    @property
+    def pulled(self) -> bool:
+        """Whether forces act that depend on the state."""
+        return not self._springs.empty or bool(self._lifts)
+
+    def _lifted(self) -> Array:
+        """Return generalized forces of gravity compensation where it was put."""
+        from pydrake.multibody.math import SpatialForce
+        from pydrake.multibody.tree import MultibodyForces
+
+        forces = MultibodyForces(self._plant)
+        world = self._plant.world_frame()
+        for body, centre, force in self._lifts:
+            body.AddInForce(self.context, centre, SpatialForce(np.zeros(3), force), world, forces)
+        found: Array = self._plant.CalcGeneralizedForces(self.context, forces)
+        return found
 
     def accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Of a continuous plant, as `RungeKutta` has them."""

@@ -40,7 +40,7 @@ class PinocchioEngine(UrdfEngine):
         "URDF and MJCF", "slides and hinges, roots that float",
         "accelerations alone, stepped here by RK4", "armature",
         "joint springs and dampers, springs on joint combinations, URDF mimic, joint equalities,"
-        " motors at held controls as added here",
+        " gravity compensation, motors at held controls as added here",
     )  # fmt: skip
     unstated = "no step, since it takes none, and -9.81 m/s^2"
     ignores = frozenset({"dynamics@friction", "joint@frictionloss"})
@@ -50,8 +50,9 @@ class PinocchioEngine(UrdfEngine):
 
     def loaded(self, spec: ModelSpec) -> Model:
         """A file whose settings are in order."""
-        kind = PinocchioUrdf if spec.path.suffix == ".urdf" else PinocchioMjcf
-        return kind(spec, DEFAULTS)
+        if spec.path.suffix == ".urdf":
+            return PinocchioUrdf(spec, DEFAULTS)
+        return PinocchioMjcf(spec, DEFAULTS, self.compilers.get(".xml"))
 
     def samples(self) -> tuple[Sample, ...]:
         """One of each format."""

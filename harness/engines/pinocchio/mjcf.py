@@ -21,7 +21,7 @@ from harness.engines.mjcf_engine import MjcfModel
 from harness.engines.mjcf_joints import FREE, rows_of
 from harness.engines.pinocchio.model import PinocchioModel
 from harness.engines.pinocchio.reading import GROUND, read_mjcf
-from harness.engines.protocol import Array, EngineError, ModelSpec
+from harness.engines.protocol import Array, Engine, EngineError, ModelSpec
 from harness.engines.remark import Remark
 from harness.engines.source import written
 
@@ -34,9 +34,12 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
 
     body_kind = "body"
 
-    def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool]) -> None:
-        MjcfModel.__init__(self, spec, "Pinocchio", defaults, frozenset({"timestep", "gravity"}))
-        resolved = bool(self.settings["resolved"])
+    def __init__(
+        self, spec: ModelSpec, defaults: Mapping[str, bool], compiler: Engine | None
+    ) -> None:
+        ignored = frozenset({"timestep", "gravity"})
+        MjcfModel.__init__(self, spec, "Pinocchio", defaults, ignored, compiler)
+        resolved = self.resolved
         root = copied(self.declared, limits=False, touches=True, resolved=resolved, refs=False)
         self._one_root = not self.settings["all_roots"] and len(root.findall("worldbody/body")) > 1
         self._few_geoms = not self.settings["all_geoms"] and root.find(".//body/geom") is not None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from harness.engines.attitude import cross, matrix, turned
 from harness.engines.following import held_accelerations, leading
-from harness.engines.pinocchio.reading import frames
+from harness.engines.pinocchio.reading import frames, lifting
 from harness.engines.protocol import Array, EngineError
 from harness.engines.runge_kutta import to_state
 from harness.engines.stepped_here import SteppedHere
@@ -40,6 +40,7 @@ class PinocchioModel(SteppedHere):
         self._model, self._refs = model, refs
         model.gravity.linear = np.array(self.gravity)
         self._aba = pinocchio.aba
+        self._gravity_force = pinocchio.computeGeneralizedGravity
         self._data = model.createData()
         singles = [name for row in names for name in row]
         first = FREE if self.floats else 0
@@ -72,10 +73,12 @@ class PinocchioModel(SteppedHere):
         self._upper = np.triu(np.ones((model.nv, model.nv)))
         self._above = np.triu(self._upper, 1)
         self._referred = bool(refs.any())
+        self._lifts = lifting(model, self.lifts)
         own = not (self.floats or self._turns or self._referred)
         self._straight = own and np.array_equal(there, np.arange(len(singles)))
         self._permuted = np.argsort(there) if own else None
         bare = self._straight and self._along is None and self._order is None
+        bare = bare and not self._lifts
         one = None if self.floats or self._along is not None else self._one
         self.step_by(self._plain if bare else self._accelerations, one)
 
@@ -88,14 +91,21 @@ class PinocchioModel(SteppedHere):
     def _one(self, x: Array, m: Array, f: Array) -> Array:
         """The same of one state, (n,) each; of a fixed root, where no joint follows another."""
         pull = f if self._springs.empty else f + self._springs.at(x, m)
-        q = self._configuration(x)
-        if self._order is None:
-            a: Array = self._aba(self._model, self._data, q, m, pull)
+        q, order = self._configuration(x), self._order
+        if order is None:
+            a: Array = self._aba(self._model, self._data, q, m, pull + self._lifted(q))
             return a
         found = np.empty_like(m)
-        order = self._order
-        found[order] = self._aba(self._model, self._data, q, m[order], pull[order])
+        pull = pull[order] + self._lifted(q)
+        found[order] = self._aba(self._model, self._data, q, m[order], pull)
         return found
+
+    def _lifted(self, q: Array) -> Array | float:
+        """Return forces of gravity compensation at one position, in Pinocchio's order."""
+        force: Array | float = 0.0
+        for sign, model, data in self._lifts:
+            force = force + sign * self._gravity_force(model, data, q)
+        return force
 
     def _accelerations(self, x: Array, m: Array, f: Array) -> Array:
         """Of positions, velocities and forces, as `RungeKutta` has them."""
@@ -119,6 +129,8 @@ class PinocchioModel(SteppedHere):
         order = self._order
         if order is not None:
             v, pull = v[:, order], pull[:, order]
+        if self._lifts:
+            pull = pull + np.array([self._lifted(row) for row in q])
         rows = zip(q, v, pull, strict=True)
         if self._along is None:
             aba, model, data = self._aba, self._model, self._data

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from harness.engines.captured import STDERR, STDOUT, captured
-from harness.engines.protocol import Array, EngineError
+from harness.engines.protocol import Array, UnsupportedError
 from harness.engines.source import folded
+from harness.engines.tree_model import Weight
 
 
 def built(path: Path, file: Path, root: str) -> Any:
     """The model of a URDF, its root fixed or on a joint of that name.
 
     Raises:
-        EngineError: with what Pinocchio's parser prints.
+        UnsupportedError: with what Pinocchio's parser prints.
     """
     import pinocchio as pin
 
@@ -27,7 +29,7 @@ def built(path: Path, file: Path, root: str) -> Any:
             return pin.buildModelFromUrdf(str(path))
     except ValueError as error:
         told = folded(" ".join(said)) or folded(error)
-        raise EngineError(f"{file}: Pinocchio can't load it: {told}") from None
+        raise UnsupportedError(f"{file}: Pinocchio can't load it: {told}") from None
 
 
 GROUND = "world"
@@ -38,7 +40,7 @@ def read_mjcf(path: Path, file: Path) -> Any:
     """The model of an MJCF.
 
     Raises:
-        EngineError: with what Pinocchio's parser says.
+        UnsupportedError: with what Pinocchio's parser says.
     """
     import pinocchio as pin
 
@@ -47,8 +49,31 @@ def read_mjcf(path: Path, file: Path) -> Any:
             found = pin.buildModelFromMJCF(str(path))
     except (ValueError, RuntimeError, IndexError) as error:
         told = folded(error).rpartition("message: ")[2]
-        raise EngineError(f"{file}: Pinocchio can't load it: {told}") from None
+        raise UnsupportedError(f"{file}: Pinocchio can't load it: {told}") from None
     return found[0] if isinstance(found, tuple) else found
+
+
+def lifting(model: Any, weights: Sequence[Weight]) -> list[tuple[float, Any, Any]]:
+    """Return models of which the generalized gravity is what lifts bodies: sign, model, data.
+
+    They have the lifted masses alone, those that weigh more apart.
+    """
+    import pinocchio as pin
+
+    found = []
+    for sign in (1.0, -1.0):
+        chosen = [one for one in weights if sign * one.mass > 0]
+        if not chosen:
+            continue
+        alone = model.copy()
+        for i in range(model.njoints):
+            alone.inertias[i] = pin.Inertia.Zero()
+        for one in chosen:
+            frame = model.frames[model.getFrameId(one.body, pin.FrameType.BODY)]
+            at = frame.placement.act(np.array(one.centre))
+            alone.inertias[frame.parentJoint] += pin.Inertia(sign * one.mass, at, np.zeros((3, 3)))
+        found.append((sign, alone, alone.createData()))
+    return found
 
 
 def frames(model: Any, kind: str) -> dict[str, tuple[int, Array]]:
