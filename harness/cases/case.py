@@ -188,7 +188,7 @@ def run_case(task: CaseTask) -> Case:
         engine=task.engine,
         folder=task.folder,
         outcome=outcome,
-        reason=reason,
+        reason="; ".join(filter(None, (reason, *model.reservations))),
         verdict=verdict_record(verdict, found, claimed),
         full_run=full_run_record(study, model.step, model.integrator),
         series=series_record(

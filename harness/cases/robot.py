@@ -252,7 +252,7 @@ def run_robot(task: RobotTask) -> Case:
         engine=task.engine,
         folder=task.folder,
         outcome=verdict.outcome,
-        reason=verdict.reason,
+        reason="; ".join(filter(None, (verdict.reason, *way.model.reservations))),
         verdict=verdict_record(verdict, way.found, way.model.exponents(False)[0]),
         stepping=stepping,
         forward_dynamics=dynamics_record(dynamics, tuple(way.model.coordinates)),

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.protocol import EngineError
-from tests.engines.mjcf import AWAY, EXACT, READERS, ends, hinge, mjcf, off, write
+from harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
+from harness.engines.registry import engines
+from tests.engines.extras import need
+from tests.engines.mjcf import AWAY, EXACT, INERTIAL, READERS, ends, hinge, mjcf, off, write
 
 CONTINUOUS: Mapping[str, Mapping[str, object]] = {
     "pinocchio": {},
@@ -52,6 +54,8 @@ def test_a_flag_takes_gravity_away(name: str, tmp_path: Path) -> None:
     ("springs", 'stiffness="3" springref="0.2"', ""),
     ("tendons", "", TENDON.format('stiffness="3" damping="0.2" springlength="0.1"') + "</tendon>"),
     ("tendons", 'springref="0.3"', TENDON.format('stiffness="3"') + "</tendon>"),
+    ("tendons", 'springref="0.3"', TENDON.format('stiffness="3" springlength="-0.5"')
+     + "</tendon>"),
 ])  # fmt: skip
 def test_springs_and_tendons_are_added_unless_told(
     name: str, setting: str, more: str, beside: str, tmp_path: Path
@@ -113,15 +117,165 @@ def test_what_a_file_includes_is_read_and_its_lines_are_told(name: str, tmp_path
 
 
 @pytest.mark.parametrize("name", READERS)
+def test_the_last_of_several_compilers_counts_and_later_defaults_spare_earlier_classes(
+    name: str, tmp_path: Path
+) -> None:
+    (tmp_path / "part.xml").write_text(
+        '<mujocoinclude><compiler angle="degree"/><compiler angle="radian" eulerseq="zyx"/>'
+        '<default><joint damping="2"/><default class="a"><joint stiffness="4"/></default></default>'
+        '<option gravity="1 2 3"/></mujocoinclude>'
+    )
+    bodies = TWO.replace("<body>", '<body euler="0.3 0.4 0.5">').replace(
+        hinge("k"), hinge("k", 'class="a" springref="0.7"')
+    )
+    beside = (
+        '<compiler angle="degree"/><include file="part.xml"/><compiler autolimits="true"/>'
+        '<option timestep="0.01"/><default><joint damping="5" armature="0.3"/></default>'
+    )
+    path = write(tmp_path, bodies, beside)
+    model = mjcf(name, path)
+    assert off(model, mjcf("mujoco", path)) < 1e-14
+    assert (model.step, model.gravity, model.remedies) == (0.01, (1.0, 2.0, 3.0), {})
+    two = np.zeros((1, 2))
+    told = [one.message for one in model.remarks(two, two)]
+    assert any("5 <compiler> elements are merged" in one for one in told)
+    assert any("2 <default> elements are written into each element" in one for one in told)
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("flag", ["spring", "damper", "actuation", "gravity", "constraint"])
+def test_what_a_flag_switches_off_is_off(name: str, flag: str, tmp_path: Path) -> None:
+    beside = (
+        f'<option><flag {flag}="disable"/></option>'
+        + TENDON.format('stiffness="3" damping="0.4"')
+        + '</tendon><actuator><motor joint="j"/></actuator>'
+    )
+    bodies = TWO.replace("<body ", '<body gravcomp="0.7" ').replace(
+        hinge("k"), hinge("k", 'damping="0.3" stiffness="2" springref="0.3"')
+    )
+    if flag == "constraint":
+        beside += '<equality><joint joint1="j" joint2="k"/></equality>'
+    path = write(tmp_path, bodies, beside)
+    settings: dict[str, object] = {"smooth": True, "controls": [0.6]}
+    assert off(mjcf(name, path, settings), mjcf("mujoco", path, settings)) < 1e-14
+    on = write(tmp_path, bodies, beside.replace("disable", "enable"), "on.xml")
+    if flag != "constraint":
+        assert off(mjcf(name, path, settings), mjcf("mujoco", on, settings)) > 1e-3
+
+
+MESH = (
+    '<asset><mesh name="m" vertex="0 0 0 0.3 0 0 0 0.5 0 0 0 0.7 0.2 0.3 0.4"/></asset>'
+    '<default><geom size="0.1 0.2 0.3"/></default>'
+)
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(("geoms", "compiler", "count"), [
+    ('<geom type="mesh" mesh="m" pos="0.1 0 0.2" euler="0.1 0.2 0.3"/>', "", 1),
+    ('<geom type="box" mesh="m" pos="0.1 0 0.2"/>', "", 1),
+    ('<geom type="box" shellinertia="true" pos="0.1 0 0.2"/>', "", 1),
+    ('<frame pos="0.1 0 0.2"><geom type="box"/></frame>', "", 1),
+    ('<geom type="box"/>', 'settotalmass="7"', 2),
+    ('<geom type="box"/>', 'boundmass="9"', 2),
+    ('<geom type="box"/><geom group="3" pos="1 0 0"/>', 'inertiagrouprange="0 2"', 2),
+    (AWAY.replace("0.25", "0.35"), 'balanceinertia="true"', 2),
+    ('<geom type="box"/>', "", 0),
+])  # fmt: skip
+def test_inertias_that_are_left_to_a_compiler_are_stated_in_the_copy(
+    name: str, geoms: str, compiler: str, count: int, tmp_path: Path
+) -> None:
+    bodies = (
+        f'<body pos="0.2 0 0" euler="0.1 0.2 0.3">{hinge()}{geoms}'
+        f'<body pos="0.1 0 -0.4">{hinge("k")}{AWAY}</body></body>'
+    )
+    path = write(tmp_path, bodies, MESH + f"<compiler {compiler}/>")
+    model = mjcf(name, path)
+    assert off(model, mjcf("mujoco", path)) < 1e-13
+    bodies_are = "1 body is" if count == 1 else f"{count} bodies are"
+    told = (f"the inertia of {bodies_are} as MuJoCo compiles the file",) if count else ()
+    assert model.reservations == told
+    two = np.zeros((1, 2))
+    found = [one.message for one in model.remarks(two, two) if "compiles the file" in one.message]
+    assert len(found) == len(told)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_without_a_compiler_such_inertias_are_refused_by_line(name: str, tmp_path: Path) -> None:
+    need(name)
+    body = f'<body>{hinge()}<geom type="mesh" mesh="m"/></body>'
+    path, engine = write(tmp_path, body, MESH), engines()[name]
+    engine.compilers = {}
+    with pytest.raises(UnsupportedError, match=r"2: a mass of a mesh: .*needs an installed engine"):
+        engine.load(ModelSpec(path))
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_body_without_mass_and_moments_weighs_nothing(name: str, tmp_path: Path) -> None:
+    nothing = '<inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/><geom size="0.3"/>'
+    path = write(tmp_path, f'{TWO}<body pos="1 0 0">{nothing}</body>')
+    assert off(mjcf(name, path), mjcf("mujoco", path)) < 1e-14
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("root", ["", "<freejoint/>"])
+def test_gravity_compensation_is_added_unless_told(name: str, root: str, tmp_path: Path) -> None:
+    geoms = '<geom type="box" size="0.1 0.2 0.3" pos="0.1 0.2 0"/><geom size="0.1" pos="1 0 0"/>'
+    bodies = (
+        f'<body gravcomp="0.4" euler="0.1 0.2 0.3">{root or hinge("i")}{AWAY}'
+        f'<body gravcomp="1.2" pos="0 0 0.3" euler="0.5 0 0">{AWAY}</body>'
+        f'<body gravcomp="-0.3" pos="0.1 0 -0.4">{hinge("k")}{geoms}</body></body>'
+    )
+    path = write(tmp_path, bodies, '<option gravity="1 2 -9"/>')
+    known, model = mjcf("mujoco", path, EXACT), mjcf(name, path, CONTINUOUS[name])
+    assert off(model, known) < 1e-13
+    without = mjcf(name, path, {**CONTINUOUS[name], "gravcomp": False})
+    assert off(without, known) > 1e-2
+    assert list(without.remedies.values()) == [{"gravcomp": True}]
+    z, w = np.random.default_rng(1).normal(size=(2, len(known.coordinates)))
+    order = [known.coordinates.index(one) for one in model.coordinates]
+    for found, right in zip(ends(model, z[order], w[order]), ends(known, z, w), strict=True):
+        np.testing.assert_allclose(found, right[order], atol=1e-9)
+
+
+def test_drakes_own_steps_have_gravity_compensation_too(tmp_path: Path) -> None:
+    path = write(tmp_path, ONE.replace("<body>", '<body gravcomp="1">'))
+    z, w = ends(mjcf("drake", path), np.array([0.3]), np.array([0.0]))
+    np.testing.assert_allclose([z[0], w[0]], [0.3, 0.0], atol=1e-13)
+
+
+@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(("joint", "compiler", "child", "aligned"), [
+    ('<freejoint name="f" align="true"/>', "", "", True),
+    ('<freejoint name="f"/>', 'alignfree="true"', "", True),
+    ('<joint name="f" type="free"/>', 'alignfree="true"', "", True),
+    ('<freejoint name="f" align="false"/>', 'alignfree="true"', "", False),
+    ('<freejoint name="f" align="true"/>', "", f'<body pos="0 0 1">{INERTIAL}</body>', False),
+])  # fmt: skip
+def test_a_free_body_is_aligned_with_its_inertia_where_mujoco_does_that(
+    name: str, joint: str, compiler: str, child: str, aligned: bool, tmp_path: Path
+) -> None:
+    geom = '<geom type="box" size="0.1 0.2 0.3" pos="0.1 0.2 0.3" euler="0.4 0.5 0.6"/>'
+    bodies = f'<body name="b" pos="1 2 3" euler="0.1 0.2 0.3">{joint}{geom}{child}</body>'
+    path = write(tmp_path, bodies, f"<compiler {compiler}/>")
+    model, known = mjcf(name, path, CONTINUOUS[name]), mjcf("mujoco", path, EXACT)
+    assert bool(model.reservations) is aligned
+    assert off(model, known) < 1e-13
+    np.testing.assert_allclose(model.home, known.home, atol=1e-14)
+    for found, right in zip(
+        model.poses(["body:b"], model.home[None]), known.poses(["body:b"], known.home[None]),
+        strict=True,
+    ):  # fmt: skip
+        np.testing.assert_allclose(found, right, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", READERS)
 @pytest.mark.parametrize(("bodies", "beside", "why"), [
     (ONE, '<option density="1.2"/>', "1: a medium"),
-    (ONE.replace("<body>", '<body gravcomp="1">'), "", "2: gravity compensation"),
     (ONE.replace('"hinge"', '"ball"'), "", "2: a ball joint"),
     (f'<body><freejoint/>{AWAY}</body>\n<body><freejoint/>{AWAY}</body>', "",
      "3: a second body that floats"),
     (f'<body><joint type="free" stiffness="2"/>{AWAY}</body>', "", "2: a spring or damper"),
     (f'<body><joint type="free" armature="2"/>{AWAY}</body>', "", "2: armature of a free"),
-    (ONE, '<compiler settotalmass="3"/>', "1: settotalmass"),
     (f'<frame pos="1 0 0">{ONE}</frame>', "", "2: <frame> with what moves"),
     (ONE.replace('mass="2"', 'mass="0"'), "", "2: an inertia without mass"),
     (ONE.replace(hinge(), hinge(more='stiffness="1 2"')), "", "no polynomials here"),
@@ -131,6 +285,7 @@ def test_what_a_file_includes_is_read_and_its_lines_are_told(name: str, tmp_path
     (ONE, '<equality><weld body1="b"/></equality>', "an equality <weld>"),
     (TWO, '<equality><joint joint1="j" joint2="k" polycoef="0 1 2"/></equality>', "no straight"),
     (TWO, TENDON.format('stiffness="3" springlength="0 1"') + "</tendon>", "is slack between"),
+    (TWO, TENDON.format('stiffness="3" springlength="-1 1"') + "</tendon>", "is slack between"),
 ])  # fmt: skip
 def test_what_acts_and_is_not_added_is_refused_by_line(
     name: str, bodies: str, beside: str, why: str, tmp_path: Path
@@ -139,6 +294,8 @@ def test_what_acts_and_is_not_added_is_refused_by_line(
     with pytest.raises(EngineError, match=why) as told:
         mjcf(name, path)
     assert str(path) in str(told.value)
+    mistaken = any(one in why for one in ("finite numbers", "none of the"))
+    assert isinstance(told.value, UnsupportedError) is not mistaken
 
 
 @pytest.mark.parametrize("name", READERS)
@@ -266,6 +423,7 @@ def test_pinocchio_itself_takes_geoms_that_touch_nothing_for_looks(tmp_path: Pat
     ("pinocchio", '<geom size="0.1"/><default class="a"><geom pos="0.3 0 0.1"/></default>', "a"),
     ("pinocchio", '<geom size="0.1"/><default class="a"><joint damping="2"/></default>'
      '<default class="b"/>', "a"),
+    ("pinocchio", '<geom size="0.1"/><joint pos="0.3 0 0.1"/>', ""),
     ("drake", '<joint damping="2"/><default class="a"><geom size="0.1"/></default>', "a"),
 ])  # fmt: skip
 def test_what_each_loses_of_defaults_is_a_cause_and_a_setting_brings_it(

@@ -303,6 +303,19 @@ def test_gravity_compensation_of_actuators_that_are_off_is_not_covered(tmp_path:
     assert "gravity compensation by actuators that are off: not covered" in str(one)
 
 
+MESHED = """<mujoco><asset><mesh name="m" vertex="0 0 0 0.3 0 0 0 0.5 0 0 0 0.7"/></asset>
+<worldbody><body gravcomp="0.4"><joint axis="0 1 0"/><geom type="mesh" mesh="m"/></body></worldbody>
+</mujoco>"""
+
+
+def test_an_agreement_on_inertias_of_another_engine_has_a_reservation(tmp_path: Path) -> None:
+    file = tmp_path / "meshed.xml"
+    file.write_text(MESHED)
+    case = run_robot(prepare_robot(file).task("pinocchio", 1e-9))
+    assert case.outcome is Outcome.AGREES
+    assert case.reason == "the inertia of 1 body is as MuJoCo compiles the file"
+
+
 def test_a_file_that_is_not_compiled_is_told_with_its_name(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text('<mujoco><worldbody><body><joint type="screw"/></body></worldbody></mujoco>')

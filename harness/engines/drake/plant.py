@@ -108,7 +108,9 @@ class Plant:
         forces = MultibodyForces(self._plant)
         world = self._plant.world_frame()
         for body, centre, force in self._lifts:
-            body.AddInForce(self.context, centre, SpatialForce(np.zeros(3), force), world, forces)
+            outward = body.EvalPoseInWorld(self.context).rotation().multiply(centre)
+            pull = SpatialForce(np.zeros(3), force)
+            body.AddInForce(self.context, outward, pull, world, forces)
         found: Array = self._plant.CalcGeneralizedForces(self.context, forces)
         return found
 

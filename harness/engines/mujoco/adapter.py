@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from harness.engines.compiled import CompiledTree
 from harness.engines.installed import version_of
 from harness.engines.mistake import DefaultLeftOn, LeftOut
+from harness.engines.mujoco.equalities import equalities_act
 from harness.engines.mujoco.forward import forward
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
 from harness.engines.mujoco.poses import Poses
-from harness.engines.mujoco.pulls import acts
 from harness.engines.mujoco.remarks import model_remarks
 from harness.engines.mujoco.rule import step_rule
 from harness.engines.mujoco.settings import apply_settings, held_controls, is_on, rounded_frames
@@ -271,7 +271,7 @@ class MujocoModel(Model):
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
         """By `mj_forward`; none of a model with equalities, whose softness they would tell."""
-        if self.model.neq and acts(self.model, "EQUALITY"):
+        if equalities_act(self.model):
             return None
         held = self._controls, self._activations
         with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard():

@@ -36,6 +36,11 @@ def couplings(m: Any) -> Iterator[CompiledCoupling]:
         )
 
 
+def equalities_act(m: Any) -> bool:
+    """Return whether a model has equalities and its flags leave them on."""
+    return bool(m.neq) and acts(m, "EQUALITY") and acts(m, "CONSTRAINT")
+
+
 def straight_equalities(m: Any) -> dict[int, _Following]:
     """Those that are active, of joints or fixed tendons, by their indices, and what follows.
 
@@ -43,7 +48,7 @@ def straight_equalities(m: Any) -> dict[int, _Following]:
     """
     found: dict[int, _Following] = {}
     leaders: dict[int, set[int]] = {}
-    for i in range(m.neq) if acts(m, "EQUALITY") and acts(m, "CONSTRAINT") else ():
+    for i in range(m.neq) if equalities_act(m) else ():
         if not m.eq_active0[i] or m.eq_data[i][_CURVED].any():
             continue
         for one in _followings(m, i):

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.engines.mujoco.equalities import equalities_act
 from harness.engines.mujoco.medium import medium
 from harness.engines.mujoco.pulls import acts, actuators, powers
 from harness.engines.protocol import Array
@@ -29,7 +30,7 @@ def step_rule(m: Any) -> StepRule | None:
     import mujoco
 
     kinds = mujoco.mjtIntegrator
-    besides = SOFT if m.neq and acts(m, "EQUALITY") else ""
+    besides = SOFT if equalities_act(m) else ""
     match kinds(m.opt.integrator):
         case kinds.mjINT_RK4:
             return StepRule(scheme="Runge-Kutta 4", besides=besides)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.mujoco.equalities import straight_equalities
+from harness.engines.mujoco.equalities import equalities_act, straight_equalities
 from harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
 from harness.engines.mujoco.pulls import (
     acts,
@@ -146,6 +146,7 @@ def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
 
 def besides(m: Any) -> tuple[tuple[str, int], ...]:
     """What of a compiled model these settings leave out, with its number."""
+    held = int(np.count_nonzero(m.eq_active0)) if equalities_act(m) else 0
     touching = (np.array(m.geom_contype) | np.array(m.geom_conaffinity)) != 0
     counts = {
         "actuators of other laws or transmissions": len(_bent_actuators(m)),
@@ -156,7 +157,7 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
         + np.count_nonzero(m.tendon_actfrclimited),
         "tendons around shapes that pull": len(_bent_tendons(m)),
         "armatures along tendons in space": len(_heavy_cords(m)) + len(_heavy_motors(m)),
-        "equality constraints": m.neq - len(straight_equalities(m)),
+        "equality constraints": held - len(straight_equalities(m)),
         "limits of position": np.count_nonzero(m.jnt_limited) + np.count_nonzero(m.tendon_limited),
         "dry friction": np.count_nonzero(m.dof_frictionloss)
         + np.count_nonzero(m.tendon_frictionloss),

@@ -97,11 +97,12 @@ class PinocchioMjcf(PinocchioModel, MjcfModel):
 
 
 def _unread(declared: DeclaredMjcf) -> Iterator[bool]:
-    """Whether geoms get from their classes what Pinocchio reads of themselves alone."""
+    """Yield whether a joint or geom gets from its class what Pinocchio reads of itself alone."""
     for body, inherited in bodies_of(declared.source):
-        for geom in body.findall("geom") if shaped(declared.source, body) else ():
-            said = declared.defaults.of(geom, inherited)
-            yield bool({"mass", *POSE} & set(said) - set(geom.attrib))
+        weighing = shaped(declared.source, body) and body not in declared.inertias
+        for one in (*body.findall("joint"), *(body.findall("geom") if weighing else ())):
+            lost = {"pos"} if one.tag == "joint" else {"mass", *POSE}
+            yield bool(lost & set(declared.defaults.of(one, inherited)) - set(one.attrib))
 
 
 def _grounded(root: ET.Element) -> None:
