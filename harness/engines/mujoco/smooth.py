@@ -148,7 +148,7 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
     """What of a compiled model these settings leave out, with its number."""
     held = int(np.count_nonzero(m.eq_active0)) if equalities_act(m) else 0
     touching = (np.array(m.geom_contype) | np.array(m.geom_conaffinity)) != 0
-    counts = {
+    counts: dict[str, Any] = {
         "actuators of other laws or transmissions": len(_bent_actuators(m)),
         "saturation of actuators": np.count_nonzero(
             np.array(m.actuator_ctrllimited) | np.array(m.actuator_forcelimited)
