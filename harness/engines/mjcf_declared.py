@@ -57,13 +57,16 @@ class DeclaredMjcf:
         return tuple(one for one in self.joints if one.kind != FREE)
 
 
-def declared_mjcf(spec: ModelSpec, title: str, compiler: Engine | None) -> DeclaredMjcf:
+def declared_mjcf(
+    spec: ModelSpec, title: str, compiler: Engine | None, no_fromto: Collection[str]
+) -> DeclaredMjcf:
     """Read an MJCF and what is declared beside it.
 
     Args:
         spec: the file.
         title: of the engine that reads it.
         compiler: another engine, for inertias that parsers can't work out; None for none.
+        no_fromto: shapes that the parser ignores between two points.
 
     Raises:
         EngineError: naming file, line and setting, and for what these engines can't be given.
@@ -74,7 +77,7 @@ def declared_mjcf(spec: ModelSpec, title: str, compiler: Engine | None) -> Decla
     for name in set(held) - {one.name for one in everything}:
         raise EngineError(f"{spec.path}.toml: [settings] held names {name!r}, which is no joint")
     refuse(source, everything, title)
-    needed = left_to_compiler(source, defaults, everything)
+    needed = left_to_compiler(source, defaults, everything, no_fromto)
     inertias = compiled_bodies(source, needed, compiler, title)
     joints = {one.name: one for one in everything if one.name not in held}
     still = tuple(one for one in everything if one.name in held)

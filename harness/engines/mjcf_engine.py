@@ -9,6 +9,7 @@ import numpy as np
 
 from harness.engines.mjcf_declared import declared_mjcf
 from harness.engines.mjcf_defaults import body_names
+from harness.engines.mjcf_refused import unread
 from harness.engines.mjcf_source import option_remarks
 from harness.engines.protocol import (
     Array,
@@ -86,7 +87,10 @@ class MjcfModel(TreeModel):
         lifts: gravity compensation that is added: body's name, centre (m), mass (kg).
         misread: whether the engine loses some of the file's defaults, which a subclass finds.
         drawn: coordinates of a body that floats, where the file draws it, (6,).
+        no_fromto: shapes that its parser ignores between two points.
     """
+
+    no_fromto: frozenset[str] = frozenset()
 
     def __init__(
         self,
@@ -101,7 +105,7 @@ class MjcfModel(TreeModel):
             if self.settings.get(key):
                 raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} of URDFs alone")
         self._read_over, self.misread = read_over, False
-        self.declared = declared_mjcf(spec, title, compiler)
+        self.declared = declared_mjcf(spec, title, compiler, self.no_fromto)
         self._compiler = compiler.title if compiler and self.declared.inertias else ""
         several = len(self.declared.source.root.findall("default")) > 1
         self.resolved = several or bool(self.settings["resolved"])
@@ -193,6 +197,9 @@ class MjcfModel(TreeModel):
         yield from option_remarks(self.declared.source, self.title, self._read_over)
         yield from (Remark(message=f"{self.title}: {one}") for one in self.reservations)
         yield from (Remark(message=f"{self.title}: {one}") for one in self._merged())
+        for element, what in unread(self.declared.source):
+            place = self.declared.source.places[element]
+            yield Remark(message=f"{place}: {self.title} does not read {what}")
         for cause, key in self.lost.items():
             address = f"sidecar:settings.{key}"
             yield Remark(message=f"{cause}, by a setting", fault=True, address=address)

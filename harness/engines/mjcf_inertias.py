@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from harness.engines.compiled import CompiledBody, Numbers
 from harness.engines.mjcf_defaults import (
+    Attributes,
     Defaults,
     bodies_of,
     number_of,
@@ -48,14 +49,21 @@ class Lift:
 
 
 def left_to_compiler(
-    source: MjcfSource, defaults: Defaults, joints: Sequence[MjcfJoint]
+    source: MjcfSource, defaults: Defaults, joints: Sequence[MjcfJoint], no_fromto: Collection[str]
 ) -> dict[ET.Element, Reason]:
-    """Return the bodies whose inertia their parsers can't work out, each with the reason."""
+    """Return the bodies whose inertia a parser can't work out, each with the reason.
+
+    Args:
+        source: the file.
+        defaults: its classes.
+        joints: of it.
+        no_fromto: shapes that the parser ignores between two points.
+    """
     everywhere = list(_changing(source))
     aligned = {joint.body: joint.element for joint in joints if is_aligned(source, joint)}
     found = {}
     for body, inherited in bodies_of(source):
-        reasons = [*everywhere, *_of_body(source, defaults, body, inherited)]
+        reasons = [*everywhere, *_of_body(source, defaults, (body, inherited), no_fromto)]
         if body in aligned:
             reasons.append((aligned[body], "a free body that is aligned with its inertia"))
         if reasons:
@@ -140,26 +148,33 @@ def _changing(source: MjcfSource) -> Iterator[Reason]:
 
 
 def _of_body(
-    source: MjcfSource, defaults: Defaults, body: ET.Element, inherited: str
+    source: MjcfSource, defaults: Defaults, row: tuple[ET.Element, str], no_fromto: Collection[str]
 ) -> Iterator[Reason]:
+    body, inherited = row
     if not shaped(source, body):
         return
     for one in body:
         if one.tag in GEOMS_ALONE and one.find(".//geom") is not None:
             yield one, f"<{one.tag}> with what weighs something"
     for geom in body.findall("geom"):
-        yield from _of_geom(source, defaults, geom, inherited)
+        said = defaults.of(geom, inherited)
+        if what := _unlike_a_shape(source, geom, said, no_fromto):
+            yield geom, f"a mass of {what}"
     if number_of(source, body, body.attrib, "gravcomp"):
         yield body, "gravity compensation of what geoms weigh"
 
 
-def _of_geom(
-    source: MjcfSource, defaults: Defaults, geom: ET.Element, inherited: str
-) -> Iterator[Reason]:
-    said = defaults.of(geom, inherited)
+def _unlike_a_shape(
+    source: MjcfSource, geom: ET.Element, said: Attributes, no_fromto: Collection[str]
+) -> str:
+    """Return what a geom is that weighs something and no parser works out; empty for a shape."""
     # A mesh beside a shape's type is what the shape is fitted to.
     kind = "mesh" if "mesh" in said else said.get("type", "sphere")
-    hollow = said.get("shellinertia", "false") == "true"
     weighs = any(numbers_of(source, geom, said, "mass", said.get("density", "1000")))
-    if weighs and kind not in WEIGHTLESS and (hollow or kind not in SHAPES):
-        yield geom, f"a mass of {'a shell' if hollow else f'a {kind}'}"
+    if not weighs or kind in WEIGHTLESS:
+        return ""
+    if said.get("shellinertia", "false") == "true":
+        return "a shell"
+    if kind in no_fromto and "fromto" in said:
+        return f"a {kind} between two points"
+    return "" if kind in SHAPES else f"a {kind}"

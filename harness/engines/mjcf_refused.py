@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from harness.engines.mjcf_defaults import bodies_of, number_of, numbers_of, shaped
 from harness.engines.mjcf_inertias import GEOMS_ALONE, Reason
@@ -19,13 +19,60 @@ PARTS = ("body", "joint", "freejoint", "inertial")
 
 MACROS = ("frame", "replicate", "composite", "flexcomp", "attach")
 
+TURNS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
+"""Ways to turn an element, and how many numbers each takes."""
+
+COUNTS: Mapping[str, Mapping[str, int]] = {
+    "body": {"pos": 3, **TURNS},
+    "joint": {"pos": 3, "axis": 3},
+    "inertial": {"pos": 3, "mass": 1, "diaginertia": 3, "fullinertia": 6, **TURNS},
+    "geom": {"pos": 3, "mass": 1, "density": 1, "fromto": 6, **TURNS},
+}
+"""How many numbers attributes take."""
+
+POSITIVE: Mapping[str, tuple[str, ...]] = {
+    "joint": ("armature",),
+    "inertial": ("mass",),
+    "geom": ("mass", "density", "size"),
+}
+"""Attributes that are no less than zero; with others some parsers end the process."""
+
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "angle": ("degree", "radian"),
+    "autolimits": ("true", "false"),
+    "alignfree": ("true", "false"),
+}
+"""Attributes of `<compiler>` with the words that they take."""
+
+SECTIONS = frozenset({
+    "actuator", "asset", "compiler", "contact", "custom", "default", "deformable", "equality",
+    "extension", "keyframe", "option", "sensor", "size", "statistic", "tendon", "visual",
+    "worldbody",
+})  # fmt: skip
+IN_BODIES = frozenset((*PARTS, *MACROS, "geom", "site", "camera", "light", "plugin"))
+ATTRIBUTES: Mapping[str, frozenset[str]] = {
+    "body": frozenset({"name", "childclass", "mocap", "gravcomp", "sleep", "user", "pos", *TURNS}),
+    "inertial": frozenset({"mass", "diaginertia", "fullinertia", "pos", *TURNS}),
+    "freejoint": frozenset({"name", "group", "align"}),
+    "joint": frozenset({
+        "name", "class", "type", "group", "pos", "axis", "springdamper", "stiffness", "range",
+        "limited", "margin", "ref", "springref", "armature", "damping", "frictionloss", "user",
+        "actuatorfrclimited", "actuatorfrcrange", "actuatorgravcomp", "solreflimit", "solimplimit",
+        "solreffriction", "solimpfriction",
+    }),
+}  # fmt: skip
+"""What MuJoCo's format has, of elements that move or weigh something."""
+
 
 def refuse(source: MjcfSource, joints: Sequence[MjcfJoint], title: str) -> None:
     """Refuse a file, by line.
 
     Raises:
-        EngineError: for the first such thing.
+        UnsupportedError: for the first thing that the adapter does not take.
+        EngineError: for the first mistake in numbers and words that parsers read.
     """
+    for element, sentence in _mistakes(source):
+        raise source.refused(element, sentence)
     for element, sentence in (
         *_acting(source),
         *_turned(source),
@@ -33,6 +80,53 @@ def refuse(source: MjcfSource, joints: Sequence[MjcfJoint], title: str) -> None:
         *_built(source),
     ):
         raise source.unsupported(element, f"{sentence}, which {title}'s adapter can't give it")
+
+
+def unread(source: MjcfSource) -> Iterator[Reason]:
+    """Yield elements and attributes that MuJoCo's format does not have: no parser reads them."""
+    for one in source.root:
+        if one.tag not in SECTIONS:
+            yield one, f"<{one.tag}>"
+    for body, _ in bodies_of(source):
+        yield from ((one, f"<{one.tag}>") for one in body if one.tag not in IN_BODIES)
+        for one in (body, *body):
+            for key in sorted(set(one.attrib) - ATTRIBUTES.get(one.tag, frozenset(one.attrib))):
+                yield one, f"<{one.tag} {key}>"
+
+
+def _mistakes(source: MjcfSource) -> Iterator[Reason]:
+    """Yield numbers and words that engines' parsers read as something else, or crash on."""
+    for key, words in WORDS.items():
+        compiler = source.stating("compiler", key)
+        if compiler is not None and compiler.get(key) not in words:
+            yield compiler, f"<compiler {key}> is {compiler.get(key)!r}, not {' or '.join(words)}"
+    for default in source.root.iter("default"):
+        for one in default:
+            yield from _wrong_numbers(source, one)
+    for body, _ in bodies_of(source):
+        for one in (body, *body):
+            yield from _wrong_numbers(source, one)
+        for second in body.findall("inertial")[1:]:
+            yield second, "a second <inertial> of one body"
+
+
+def _wrong_numbers(source: MjcfSource, one: ET.Element) -> Iterator[Reason]:
+    for key, count in COUNTS.get(one.tag, {}).items():
+        numbers = numbers_of(source, one, one.attrib, key, "0")
+        if key in one.attrib and len(numbers) != count:
+            belongs = "1 number belongs" if count == 1 else f"{count} numbers belong"
+            yield one, f"<{one.tag} {key}> is {one.get(key)!r}, where {belongs}"
+    turns = [key for key in TURNS if key in one.attrib and one.tag in COUNTS]
+    if len(turns) > 1:
+        yield one, f"<{one.tag}> is turned twice, by {' and '.join(turns)}"
+    if "quat" in turns and not any(numbers_of(source, one, one.attrib, "quat", "1")):
+        yield one, f"<{one.tag} quat> is zero"
+    ends = numbers_of(source, one, one.attrib, "fromto", "0 1")
+    if ends[: len(ends) // 2] == ends[len(ends) // 2 :]:
+        yield one, f"<{one.tag} fromto> is {one.get('fromto')!r}, which has no length"
+    for key in POSITIVE.get(one.tag, ()):
+        if min(numbers_of(source, one, one.attrib, key, "0")) < 0:
+            yield one, f"<{one.tag} {key}> is {one.get(key)!r}, which is less than 0"
 
 
 def _acting(source: MjcfSource) -> Iterator[Reason]:
@@ -51,6 +145,9 @@ def _acting(source: MjcfSource) -> Iterator[Reason]:
 
 
 def _turned(source: MjcfSource) -> Iterator[Reason]:
+    compiler = source.stating("compiler", "coordinate")
+    if compiler is not None and compiler.get("coordinate") != "local":
+        yield compiler, "coordinates that are not local"
     compiler = source.stating("compiler", "eulerseq")
     if compiler is not None and not compiler.get("eulerseq", "").islower():
         yield compiler, "angles about fixed axes (eulerseq)"
@@ -70,6 +167,8 @@ def _moving(source: MjcfSource, joints: Sequence[MjcfJoint]) -> Iterator[Reason]
             yield one.element, "armature of a free joint"
         if sum(other.body is one.body for other in joints) > 1:
             yield one.element, "a free joint beside others"
+        if all(one.body not in world for world in source.root.findall("worldbody")):
+            yield one.element, "a free joint of a body within another"
 
 
 def _built(source: MjcfSource) -> Iterator[Reason]:

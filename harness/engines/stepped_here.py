@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from harness.engines.mistake import DefaultLeftOn
-from harness.engines.protocol import Array, EngineError
+from harness.engines.protocol import Array, UnsupportedError
 from harness.engines.remark import Remark
 from harness.engines.runge_kutta import Accelerations, Alone, RungeKutta, to_state
 from harness.engines.springs import SpringForces
@@ -45,13 +45,13 @@ class SteppedHere(TreeModel):
         """Step by accelerations, of many states and where that is quicker of one.
 
         Raises:
-            EngineError: where they are none.
+            UnsupportedError: where they are none.
         """
         self.forward, self.stepper = forward, RungeKutta(forward, self.floats, alone)
         z = np.zeros((1, len(self.coordinates)))
         x, m = to_state(z, z) if self.floats else (z, z)
         if not np.isfinite(forward(x, m, z)).all():
-            raise EngineError(f"{self.path}: a joint moves nothing that has inertia")
+            raise UnsupportedError(f"{self.path}: a joint moves nothing that has inertia")
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
         """Order 4, until an input is held over the step."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -103,6 +104,46 @@ def test_defaults_are_those_of_the_class_or_of_what_is_around(name: str, tmp_pat
 
 
 @pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize(("old", "new", "why"), [
+    ('pos="0.1 -0.2 0.3"', 'pos="0.1 nan 0"', "2: <inertial pos> is '0.1 nan 0', where finite"),
+    ('pos="0.1 -0.2 0.3"', 'pos="0.1 0"', "2: <inertial pos> is '0.1 0', where 3 numbers belong"),
+    ('mass="2"', 'mass="1 2"', "2: <inertial mass> is '1 2', where 1 number belongs"),
+    ('mass="2"', 'mass="-2"', "2: <inertial mass> is '-2', which is less than 0"),
+    ("<body>", '<body quat="0 0 0 0">', "2: <body quat> is zero"),
+    ("<body>", '<body quat="1 0 0 0" euler="1 0 0">', "2: <body> is turned twice, by quat and eul"),
+    ("</body>", "\n" + INERTIAL + "</body>", "3: a second <inertial> of one body"),
+    (AWAY, '<geom size="-0.1"/>', "2: <geom size> is '-0.1', which is less than 0"),
+    (AWAY, '<geom type="capsule" size="1" fromto="1 2 3 1 2 3"/>', "which has no length"),
+    ("</body>", f"<body><freejoint/>{AWAY}</body></body>", "a free joint of a body within another"),
+])  # fmt: skip
+def test_mistakes_that_parsers_read_as_something_else_are_refused_by_line(
+    name: str, old: str, new: str, why: str, tmp_path: Path
+) -> None:
+    path = write(tmp_path, ONE.replace(old, new, 1))
+    with pytest.raises(EngineError, match=re.escape(why)):
+        mjcf(name, path)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_coordinates_of_the_world_and_unknown_words_are_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(UnsupportedError, match="coordinates that are not local"):
+        mjcf(name, write(tmp_path, ONE, '<compiler coordinate="global"/>'))
+    with pytest.raises(EngineError, match="'grad', not degree or radian"):
+        mjcf(name, write(tmp_path, ONE, '<compiler angle="grad"/>'))
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_what_is_no_part_of_the_format_is_listed_as_not_read(name: str, tmp_path: Path) -> None:
+    bodies = ONE.replace("<body>", '<body weight="3"><rope/>').replace("<joint", '<joint drag="1"')
+    path = write(tmp_path, bodies, "<gadget/>")
+    told = [one.message for one in mjcf(name, path).remarks(STILL, STILL)]
+    for line, what in (("1", "gadget"), ("2", "rope"), ("2", "body weight"), ("2", "joint drag")):
+        assert any(f"{line}: {name.title()} does not read <{what}>" in one for one in told)
+    plain = mjcf(name, write(tmp_path, ONE)).remarks(STILL, STILL)
+    assert not any("does not read" in one.message for one in plain)
+
+
+@pytest.mark.parametrize("name", READERS)
 def test_what_a_file_includes_is_read_and_its_lines_are_told(name: str, tmp_path: Path) -> None:
     (tmp_path / "part.xml").write_text(f"<mujocoinclude>\n{ONE}\n</mujocoinclude>")
     path = write(tmp_path, '<include file="part.xml"/>')
@@ -175,6 +216,8 @@ MESH = (
     ('<geom type="box" mesh="m" pos="0.1 0 0.2"/>', "", 1),
     ('<geom type="box" shellinertia="true" pos="0.1 0 0.2"/>', "", 1),
     ('<frame pos="0.1 0 0.2"><geom type="box"/></frame>', "", 1),
+    ('<geom size="0.1"/><geom type="box" size="0.1" fromto="0 0 0 1 0.2 0.5"/>', "", 0),
+    ('<geom size="0.1"/><geom type="ellipsoid" size="0.1" fromto="0 0 0 1 0.2 0.5"/>', "", 0),
     ('<geom type="box"/>', 'settotalmass="7"', 2),
     ('<geom type="box"/>', 'boundmass="9"', 2),
     ('<geom type="box"/><geom group="3" pos="1 0 0"/>', 'inertiagrouprange="0 2"', 2),
@@ -190,6 +233,7 @@ def test_inertias_that_are_left_to_a_compiler_are_stated_in_the_copy(
     )
     path = write(tmp_path, bodies, MESH + f"<compiler {compiler}/>")
     model = mjcf(name, path)
+    count += name == "drake" and "fromto" in geoms  # Drake ignores these shapes between two points
     assert off(model, mjcf("mujoco", path)) < 1e-13
     bodies_are = "1 body is" if count == 1 else f"{count} bodies are"
     told = (f"the inertia of {bodies_are} as MuJoCo compiles the file",) if count else ()

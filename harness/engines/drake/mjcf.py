@@ -35,6 +35,8 @@ EQUALITIES = "TAMSI's leaving out of joint equalities"
 class DrakeMjcf(DrakeModel, MjcfModel):
     """An MJCF."""
 
+    no_fromto = frozenset({"box", "ellipsoid"})
+
     def __init__(
         self, spec: ModelSpec, defaults: Mapping[str, bool | str], compiler: Engine | None
     ) -> None:
