@@ -469,6 +469,7 @@ def test_pinocchio_itself_takes_geoms_that_touch_nothing_for_looks(tmp_path: Pat
      '<default class="b"/>', "a"),
     ("pinocchio", '<geom size="0.1"/><joint pos="0.3 0 0.1"/>', ""),
     ("drake", '<joint damping="2"/><default class="a"><geom size="0.1"/></default>', "a"),
+    ("drake", '<joint pos="0.3 0 0.1"/><default class="a"><geom size="0.1"/></default>', "a"),
 ])  # fmt: skip
 def test_what_each_loses_of_defaults_is_a_cause_and_a_setting_brings_it(
     name: str, defaults: str, of: str, tmp_path: Path

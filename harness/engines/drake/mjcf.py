@@ -19,6 +19,7 @@ from harness.engines.attitude import coordinates
 from harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
 from harness.engines.drake.plant import moving_joints
 from harness.engines.mjcf_copy import POSE, copied
+from harness.engines.mjcf_declared import DeclaredMjcf
 from harness.engines.mjcf_defaults import bodies_of
 from harness.engines.mjcf_engine import MjcfModel
 from harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
@@ -58,7 +59,8 @@ class DrakeMjcf(DrakeModel, MjcfModel):
             self.drawn = self._drawn()
         said = {one.name: one.damping for one in self.declared.singles}
         own = [said[name] for name in self.coordinates[FREE if self.floats else 0 :]]
-        self.misread = not resolved and own != np.diag(self._damping).tolist()
+        other = own != np.diag(self._damping).tolist() or any(_lost(self.declared))
+        self.misread = not resolved and other
 
     def complete(self, plant: Any) -> None:
         """Armature, as rotors of actuators that do nothing; and couplings, for SAP."""
@@ -108,6 +110,29 @@ class DrakeMjcf(DrakeModel, MjcfModel):
         """Bodies and their centres of mass."""
         names = [body.get("name") for body, _ in bodies_of(self.declared.source)]
         return tuple(f"{kind}:{name}" for kind in ("body", "centre") for name in names if name)
+
+
+def _lost(declared: DeclaredMjcf) -> Iterator[bool]:
+    """Yield whether a joint's class says nothing of joints, and Drake loses what those above say.
+
+    Of what is lost so, axis and place show in no damping.
+    """
+    silent: set[str] = set()
+
+    def search(default: ET.Element, above: bool) -> None:
+        states = default.find("joint") is not None
+        if above and not states:
+            silent.add(default.get("class", ""))
+        for nested in default.findall("default"):
+            search(nested, above or states)
+
+    for top in declared.source.root.findall("default"):
+        search(top, False)
+    for body, inherited in bodies_of(declared.source):
+        for one in body.findall("joint"):
+            said = declared.defaults.of(one, inherited)
+            whole = set(said) <= set(one.attrib)
+            yield not whole and one.get("class", inherited) in silent
 
 
 def _misplaced(row: list[MjcfJoint]) -> bool:
