@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from harness.cases.verdict import Verdict
-from harness.numerics.forward_dynamics import ForwardDynamics
+from harness.numerics.forward_dynamics import EQUALITIES, ForwardDynamics
 from harness.records.outcome import Outcome
 from harness.text.status import counted
 
@@ -37,8 +37,9 @@ def with_dynamics(
     if not (stiff and outcome is Outcome.AGREES and found.complete):
         return verdict
     known = max(found.judgement.largest_discrepancy, found.judgement.largest_uncertainty)
+    held = " with soft equalities held exactly" if found.holds_equalities else ""
     told = (
-        f"its accelerations, at {counted(found.states, 'state')}, are the equations' to"
+        f"its accelerations{held}, at {counted(found.states, 'state')}, are the equations' to"
         f" {known:.1e} of the largest; of its motions {verdict.reason}"
     )
     return _decided(verdict, found, names, resolution, told)
@@ -67,22 +68,27 @@ def _decided(
 
 
 def component(names: tuple[str, ...], index: int) -> str:
-    """What the acceleration of a coordinate is called."""
-    return f"{names[index]}_ddot"
+    """Name an acceleration; past these, a position that an equality holds."""
+    return f"{names[index]}_ddot" if index < len(names) else names[index - len(names)]
 
 
 def _apart(
     found: ForwardDynamics, names: tuple[str, ...], resolution: float, verdict: Verdict
 ) -> str:
     judged = found.judgement
-    other = ", ".join(name for name, size in found.terms.items() if not size <= resolution)
-    of = f"; of its forces differ: {other}" if other else ""
+    other = ", ".join(
+        name for name, size in found.terms.items() if name != EQUALITIES and not size <= resolution
+    )
+    differing = f"; of its forces differ: {other}" if other else ""
     moved = (
         f"every segment agrees to {verdict.largest_uncertainty:.1e}"
         if verdict.outcome is Outcome.AGREES
         else f"of its motions {verdict.reason}"
     )
+    of = f"{judged.discrepancy:.2e} of its largest off"
+    if judged.component >= len(names):
+        of = f"{judged.discrepancy:.2e} of its range from where its equality puts it"
     return (
-        f"{component(names, judged.component)} is {judged.discrepancy:.2e} of its largest off;"
-        f" the uncertainty is {judged.uncertainty:.1e}{of}; {moved}"
+        f"{component(names, judged.component)} is {of};"
+        f" the uncertainty is {judged.uncertainty:.1e}{differing}; {moved}"
     )

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from harness.numerics import judgement
-from harness.numerics.judgement import Judgement, Obstacle, obstacle
+from harness.numerics.judgement import ROUNDED, Judgement, Obstacle, obstacle
 from harness.numerics.ladder import EPSILON, Limit
 from harness.numerics.residual import Residual
 from harness.numerics.segments import Extrapolated
@@ -121,7 +121,8 @@ def judged(
         claimed: order that the engine claims.
         resolution: relative discrepancy to resolve.
     """
-    verdict = judge(found.limit, reference, scale, components, claimed, resolution)
+    held = found.residual is not None
+    verdict = judge(found.limit, reference, scale, components, claimed, resolution, held)
     if found.residual is None:
         return verdict
     return with_residual(verdict, found.residual, reference, coordinates, resolution)
@@ -134,10 +135,12 @@ def judge(
     names: tuple[str, ...],
     claimed: int,
     resolution: float,
+    held: bool = False,
 ) -> Verdict:
     """Judge the extrapolated segments of one scenario: `harness.numerics.judgement`.
 
-    `with_residual` judges what the engine's coordinates leave of the map as well.
+    `with_residual` judges what the engine's coordinates leave of the map as well; `held` is whether
+    they are more than the equations'.
     """
     defect = np.abs(limit.value - motion.end) / scale
     # Never below what a double resolves: a component at rest at zero has no rounding at all.
@@ -156,7 +159,8 @@ def judge(
     elif found.below_resolution:
         reason = _below(component, place, found, resolution)
     elif found.obstacle is not None:
-        reason = _unresolved(found, limit, place, component, claimed, resolution)
+        why = _why_coarse(limit, found, held)
+        reason = _unresolved(found, limit, place, component, claimed, resolution, why)
     elif found.largest_uncertainty > asked:
         reason = _coarse(limit, found.largest_uncertainty, asked)
     return Verdict(
@@ -215,7 +219,7 @@ def with_residual(
         told = (
             f"whether engine coordinate {component} keeps to the coordinate map is known to"
             f" {found.uncertainty:.1e} at best, near {starts_at(time, segment)}, where"
-            f" {resolution:.0e} was asked: its constraint gives way to every step in another way"
+            f" {resolution:.0e} was asked: {_why_coarse(limit, found, held=True)}"
         )
     elif found.below_resolution:
         place = starts_at(time, segment)
@@ -255,7 +259,13 @@ def _below(what: str, place: str, found: Judgement, resolution: float) -> str:
 
 
 def _unresolved(
-    found: Judgement, limit: Limit, place: str, component: str, claimed: int, resolution: float
+    found: Judgement,
+    limit: Limit,
+    place: str,
+    component: str,
+    claimed: int,
+    resolution: float,
+    coarse: str,
 ) -> str:
     if found.obstacle is Obstacle.STANDS_STILL:
         return "every rung returned the same values: the engine did not step"
@@ -274,5 +284,20 @@ def _unresolved(
     return (
         f"the limit of {component} is known to {found.uncertainty:.1e} at best, near"
         f" {place}, where {resolution:.0e} was asked:"
-        " the motion is not smooth there, or the step is too coarse for it"
+        f" {coarse}"
     )
+
+
+def _why_coarse(limit: Limit, found: Judgement, held: bool) -> str:
+    """Return why an uncertainty is above the resolution.
+
+    Args:
+        held: whether the engine holds some coordinates to others.
+    """
+    rounding = limit.rounding[found.segment, found.component]
+    if limit.uncertainty[found.segment, found.component] <= ROUNDED * rounding:
+        divided = "; an equality divides the last digits of a position by the step"
+        return "rounding allows no more" + (divided if held else "")
+    if held:
+        return "an equality gives way to each step in another way, or the step is too coarse for it"
+    return "the motion is not smooth there, or the step is too coarse for it"

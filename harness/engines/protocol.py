@@ -164,6 +164,17 @@ class Model(ABC):
         """
         return None
 
+    def equality_errors(self, z: Array) -> Array | None:
+        """Return how far B positions are from where equalities put them, (B, nz).
+
+        Of equalities that the engine itself makes soft, and that `accelerations` takes to hold
+        exactly: their own numbers show here. Zero where nothing is held; None where it has none.
+
+        Args:
+            z: positions, (B, nz).
+        """
+        return None
+
     @property
     def home(self) -> Array:
         """Positions as the file draws the mechanism, (nz,)."""

@@ -38,23 +38,33 @@ TERMS = (
     "forces of inputs",
 )  # fmt: skip
 
+EQUALITIES = "equalities"
+"""A further term: where soft equalities put the positions that follow others."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ForwardDynamics:
     """How far an engine's accelerations are from the equations'.
 
     Attributes:
-        judgement: of B states and nz coordinates, relative to the largest of each.
+        judgement: of B states and nz coordinates, relative to the largest of each; where soft
+            equalities are taken to hold exactly, nz positions follow, relative to their range.
         states: how many the engine told of.
         complete: whether it told of all that it was asked for.
         terms: by name, the largest difference in generalized forces, relative to the largest on
-            the same coordinate; nan where the engine's mass matrix can't be inverted.
+            the same coordinate; nan where the engine's mass matrix can't be inverted. That of
+            `EQUALITIES` is in positions.
     """
 
     judgement: Judgement
     states: int
     complete: bool
     terms: dict[str, float]
+
+    @property
+    def holds_equalities(self) -> bool:
+        """Whether soft equalities of the engine are taken to hold exactly."""
+        return EQUALITIES in self.terms
 
 
 def mixed(states: Array, inputs: Array) -> tuple[Array, Array]:
@@ -106,14 +116,21 @@ def forward_dynamics(
     expected, digit = of.expected(states, inputs)
     scale = floored(np.max(np.abs(expected[told]), axis=0))
     uncertainty = ROUNDED * model.epsilon * digit + MARGIN * starts.last_digits(took)
-    apart = np.abs(took[: len(states)] - expected)
+    defect = np.abs(took[: len(states)] - expected) / scale
+    # What stands still has no rounding at all.
+    uncertainty = np.where(uncertainty > 0, uncertainty / scale, model.epsilon)
     rows = np.flatnonzero(told)[evenly(int(told.sum()), TAKEN_APART)]
-    found = judge((apart / scale)[told], (uncertainty / scale)[told], resolution, None)
+    terms = of.terms(states[rows], inputs[rows])
+    gaps = of.equality_gaps(states)
+    if gaps is not None:
+        defect, uncertainty = np.hstack([defect, gaps[0]]), np.hstack([uncertainty, gaps[1]])
+        terms[EQUALITIES] = float(np.max(gaps[0]))
+    found = judge(defect[told], uncertainty[told], resolution, None)
     return ForwardDynamics(
         judgement=replace(found, segment=int(np.flatnonzero(told)[found.segment])),
         states=int(told.sum()),
         complete=bool(told.all()),
-        terms=of.terms(states[rows], inputs[rows]),
+        terms=terms,
     )
 
 
@@ -147,6 +164,23 @@ class _Compared:
         size = np.einsum("bij,bj->bi", np.abs(mass), np.abs(a)) + np.abs(force)
         lost = np.einsum("bij,bj->bi", np.abs(inverse), size)
         return a @ self._there.T, lost @ np.abs(self._there).T
+
+    def equality_gaps(self, states: Array) -> tuple[Array, Array] | None:
+        """How far positions are from where the engine's equalities put them, and the rounding.
+
+        Each (B, nz), relative to the range of each; None where it holds none.
+        """
+        z, w = self.coordinates.to_engine(states)
+        gaps = self.model.equality_errors(z)
+        if gaps is None:
+            return None
+        n, epsilon = z.shape[1], self.model.epsilon
+        # An equality counts from where the file draws its joints, and a map from zero.
+        size = np.maximum(np.abs(z), np.abs(self.model.home))
+        digit = epsilon * self.coordinates.residual_rounding_scale(size, w)[:n]
+        scale = floored(np.ptp(z, axis=0))
+        uncertainty = np.maximum(ROUNDED * digit / scale, epsilon)
+        return np.abs(gaps) / scale, np.broadcast_to(uncertainty, gaps.shape)
 
     def _halves(self, states: Array) -> tuple[Array, Array]:
         """Positions and the velocities that a step keeps."""

@@ -143,3 +143,40 @@ def test_fingers_are_held_from_the_first_step_on(
     assert case.outcome is Outcome.AGREES, case.reason
     assert case.verdict is not None
     assert (case.verdict.uncertainty or 1) < known
+
+
+HIDDEN = FINGERS.format('damping="3000" range="0 0.04"').replace("-100 ", "-1e5 ")
+HIDDEN = HIDDEN.replace("/></equality>", ' polycoef="0 1 0 0 0"/></equality>')
+"""Motions that settle in microseconds, of which a soft equality leaves seven digits."""
+
+
+def test_what_a_soft_equality_hides_of_motions_is_decided_by_accelerations(tmp_path: Path) -> None:
+    file = tmp_path / "fingers.xml"
+    file.write_text(HIDDEN)
+    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    assert case.outcome is Outcome.AGREES
+    assert case.reason.startswith("its accelerations with soft equalities held exactly, at 200 ")
+    assert "rounding allows no more; an equality divides the last digits" in case.reason
+    assert case.forward_dynamics is not None
+    assert max(one.discrepancy or 0.0 for one in case.forward_dynamics.terms) < 1e-13
+
+
+@pytest.mark.parametrize(("old", "new", "term"), [
+    ('polycoef="0 1', 'polycoef="1e-10 1', "equalities"),
+    ('polycoef="0 1', 'polycoef="0 1.00000001', "equalities"),
+    ('mass="0.015"', 'mass="0.01500000015"', "mass matrix"),
+    ('damping="3000"', 'damping="3000.00003"', "forces odd in velocity"),
+    ('"0 -1e5 -10"', '"0 -100000.001 -10"', "forces by position"),
+])  # fmt: skip
+def test_a_number_off_by_a_hundred_millionth_differs_all_the_same(
+    tmp_path: Path, old: str, new: str, term: str
+) -> None:
+    file = tmp_path / "fingers.xml"
+    file.write_text(HIDDEN)
+    task = prepare_robot(file).task("mujoco", 1e-9)
+    file.write_text(HIDDEN.replace(old, new))
+    case = run_robot(task)
+    assert case.outcome is Outcome.DIFFERS, case.reason
+    assert case.forward_dynamics is not None
+    off = {one.name for one in case.forward_dynamics.terms if (one.discrepancy or 0) > 1e-9}
+    assert term in off

@@ -15,7 +15,7 @@ from harness.engines.compiled import CompiledTree
 from harness.engines.installed import version_of
 from harness.engines.mistake import DefaultLeftOn, LeftOut
 from harness.engines.mujoco.equalities import equalities_act
-from harness.engines.mujoco.forward import forward
+from harness.engines.mujoco.forward import equality_errors, forward, holds_exactly
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
 from harness.engines.mujoco.poses import Poses
 from harness.engines.mujoco.remarks import model_remarks
@@ -254,7 +254,7 @@ class MujocoModel(Model):
     def integrators(self) -> dict[str, dict[str, object]]:
         """Not with equalities: their limits are resolved with Euler alone."""
         other = "Euler" if self.integrator == "rk4" else "RK4"
-        return {} if self.model.neq else {other: {"integrator": other}}
+        return {} if equalities_act(self.model) else {other: {"integrator": other}}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What MuJoCo and its formats add or drop."""
@@ -270,12 +270,28 @@ class MujocoModel(Model):
             return step_rule(self.model)
 
     def accelerations(self, z: Array, w: Array, force: Array) -> Array | None:
-        """By `mj_forward`; none of a model with equalities, whose softness they would tell."""
-        if equalities_act(self.model):
+        """By `mj_forward`; where `smooth` asks equalities to hold at once, as if they held exactly.
+
+        None of a model with soft equalities, whose softness they would show.
+        """
+        if equalities_act(self.model) and not self._equalities_hold:
             return None
         held = self._controls, self._activations
         with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard():
             return forward(self.model, self._data, self._states, (z, w, force), held)
+
+    def equality_errors(self, z: Array) -> Array | None:
+        """By the rows of equalities that `accelerations` takes to hold exactly."""
+        if not self._equalities_hold:
+            return None
+        with engine_errors(self._spec.path, "MuJoCo"), self._warnings.heard():
+            return equality_errors(self.model, self._data, self._states.qpos(z))
+
+    @cached_property
+    def _equalities_hold(self) -> bool:
+        """Whether they are to hold at once, and all are straight lines between joints."""
+        smooth = is_on(self._spec, "smooth", otherwise=False)
+        return smooth and equalities_act(self.model) and holds_exactly(self.model)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ def couplings(m: Any) -> Iterator[CompiledCoupling]:
 
 def equalities_act(m: Any) -> bool:
     """Return whether a model has equalities and its flags leave them on."""
-    return bool(m.neq) and acts(m, "EQUALITY") and acts(m, "CONSTRAINT")
+    return bool(m.eq_active0.any()) and acts(m, "EQUALITY") and acts(m, "CONSTRAINT")
 
 
 def straight_equalities(m: Any) -> dict[int, _Following]:
