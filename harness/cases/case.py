@@ -210,7 +210,15 @@ def _stepping(task: CaseTask, model: Model, coordinates: CoordinateMap) -> Stepp
     if task.stepped is None:
         return None
     at = _passed(task.motion)
-    found = step_engine(model, coordinates, task.stepped, *at, task.resolution, long=True)
+    found = step_engine(
+        model,
+        coordinates,
+        task.stepped,
+        *at,
+        task.resolution,
+        fastest=task.motion.fastest,
+        long=True,
+    )
     return None if found is None else stepping_record(found, task.components)
 
 

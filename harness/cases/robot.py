@@ -333,7 +333,13 @@ def _stepping(task: RobotTask, way: Followed) -> Stepping | None:
     """The engine's very next state, at the starts of the segments."""
     drawn = way.samples
     found = step_engine(
-        way.model, way.map, _stepped(task, way), drawn.start, drawn.forces, task.resolution
+        way.model,
+        way.map,
+        _stepped(task, way),
+        drawn.start,
+        drawn.forces,
+        task.resolution,
+        fastest=drawn.fastest,
     )
     return None if found is None else stepping_record(found, way.components)
 
