@@ -28,6 +28,9 @@ ROUNDED = 1e-10
 """Where rounding moves rates to and fro, as of a light finger on a heavy body, a change that falls
 no more is of this size at most; the two solutions are held against each other all the same."""
 
+STAGNATED = 1e-6
+"""A last change below this is rounding; equations that do not converge change by far more."""
+
 Field = Callable[[Array, Array], Array]
 """dy/dt of (times (...,), states (..., 2n))."""
 
@@ -110,10 +113,16 @@ def _iterated(
         if not np.isfinite(change):
             break
     worst = int(np.argmax(np.where(np.isfinite(changes), changes, np.inf)))
+    name, by = names[worst] if names else f"component {worst}", changes[worst]
+    if by < STAGNATED:
+        raise ReferenceError(
+            f"rounding hides {by:.1e} of the rate of {name}, where a reference needs"
+            f" {ROUNDED:.0e}: it has too many joints in a row, or parts too light beside others, for"
+            " doubles; check parts of it, each in a file of its own"
+        )
     raise ReferenceError(
         "the stage equations of the collocation do not converge: the rate of"
-        f" {names[worst] if names else f'component {worst}'} changes by {changes[worst]:.1e} of"
-        " its size"
+        f" {name} changes by {by:.1e} of its size"
     )
 
 

@@ -202,6 +202,17 @@ def test_a_segment_too_long_for_its_stages_names_what_does_not_settle() -> None:
         collocate(field, np.zeros(1), np.array([[1.0, 0.0]]), 1.0, ["elbow", "elbow_dot"])
 
 
+def test_what_rounding_hides_is_refused_with_a_remedy() -> None:
+    """As of 120 hinges in a row, of whose accelerations doubles keep nine digits."""
+    rng = np.random.default_rng(0)
+
+    def field(times: Array, states: Array) -> Array:
+        return -states * (1 + 1e-8 * rng.uniform(-1, 1, states.shape))
+
+    with pytest.raises(ReferenceError, match=r"rounding hides .*e-0[89] of the rate of hip.*parts"):
+        collocate(field, np.zeros(1), np.array([[1.0, 0.5]]), 0.1, ["hip", "hip_dot"])
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_trajectory_hits_the_breaks_of_its_input(name: str) -> None:
     """A whole run in pieces ends where the segments' chain says, whatever the requested times."""
