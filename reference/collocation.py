@@ -117,8 +117,8 @@ def _iterated(
     if by < STAGNATED:
         raise ReferenceError(
             f"rounding hides {by:.1e} of the rate of {name}, where a reference needs"
-            f" {ROUNDED:.0e}: it has too many joints in a row, or parts too light beside others, for"
-            " doubles; check parts of it, each in a file of its own"
+            f" {ROUNDED:.0e}: too many joints follow one another, or parts are too light beside"
+            " others, for doubles; check parts of it, each in a file of its own"
         )
     raise ReferenceError(
         "the stage equations of the collocation do not converge: the rate of"
