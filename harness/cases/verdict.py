@@ -13,12 +13,12 @@ from typing import Protocol
 import numpy as np
 
 from harness.numerics import judgement
-from harness.numerics.judgement import ROUNDED, Judgement, Obstacle, obstacle
+from harness.numerics.judgement import Judgement, Obstacle, obstacle
 from harness.numerics.ladder import EPSILON, Limit
 from harness.numerics.residual import Residual
 from harness.numerics.segments import Extrapolated
 from harness.records.case import starts_at
-from harness.records.outcome import FLOOR, Outcome
+from harness.records.outcome import FLOOR, ROUNDED, Outcome
 from reference.motion import Motion
 from reference.numeric import Array
 
