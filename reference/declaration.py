@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from numbers import Number
+from pathlib import Path
 from typing import Any
 
 import sympy as sp
@@ -27,9 +28,12 @@ class LocatedError(Exception):
 
     Attributes:
         about: what it is wrong with, as it is declared: ("Scenario", its name); None if unknown.
+        file, line: where it stands, counted from 1; None if unknown.
     """
 
     about: tuple[str, str] | None = None
+    file: Path | None = None
+    line: int | None = None
 
 
 class DeclarationError(LocatedError, ValueError):

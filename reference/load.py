@@ -55,7 +55,9 @@ def load_declaration(folder: Path) -> System | MultibodySystem:
         exec(compile(path.read_bytes(), str(path), "exec"), module.__dict__)
     except Exception as error:
         line = _line_of(error, path) or _line(error, path)
-        raise DeclarationError(f"{path}:{line}: {_sentence(error)}") from error
+        told = DeclarationError(f"{path}:{line}: {_sentence(error)}")
+        told.file, told.line = path, line
+        raise told from error
     system = getattr(module, "system", None)
     if not isinstance(system, (System, MultibodySystem)):
         raise DeclarationError(
@@ -74,7 +76,7 @@ def told_with_file(folder: Path) -> Iterator[None]:
         line = _line_of(error, path)
         place = f"{path}:{line}" if line else str(path)
         told = type(error)(f"{place}: {error}")
-        told.about = error.about
+        told.about, told.file, told.line = error.about, path, line
         raise told from error
 
 

@@ -11,24 +11,33 @@ from harness.records.finding import AuditFinding
 
 def finding(
     kind: str,
+    subject: tuple[str, ...],
     message: str,
     *,
-    where: SourceLine | None = None,
+    location: SourceLine | None = None,
     expected: float | None = None,
     found: float | None = None,
+    replacement: str = "",
     severity: Literal["finding", "note"] = "finding",
 ) -> AuditFinding:
     """A finding, or a note, of which most stand in no line or are about no two numbers."""
     return AuditFinding(
         kind=kind,
+        subject=subject,
         message=message,
-        where=where,
+        location=location,
         expected=number(expected),
         found=number(found),
+        replacement=replacement,
         severity=severity,
     )
 
 
 def source_line(location: Location) -> SourceLine:
-    """The line that a number stands in."""
-    return SourceLine(file=str(location.file), line=location.line)
+    """The line that a number stands in, and its bytes there."""
+    return SourceLine(
+        file=str(location.file),
+        line=location.line,
+        span=(location.start, location.end),
+        text=location.text,
+    )

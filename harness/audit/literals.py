@@ -33,11 +33,11 @@ def declared_bindings(
                 alone = replace(sidecar, bindings={address: expression})
                 found += bindings(system, alone)
             except (LocationError, SidecarError) as error:
-                lost.append(finding("literal", f"the binding can't be read: {error}"))
+                lost.append(finding("literal", (address,), f"the binding can't be read: {error}"))
             if len(lost) == MOST_LOST and i + 1 < len(sidecar.bindings):
                 left = len(sidecar.bindings) - i - 1
                 rest = f"{left} more bindings were not looked at, after {MOST_LOST} that can't be"
-                lost.append(finding("literal", f"{rest} read; mend these first"))
+                lost.append(finding("literal", ("bindings",), f"{rest} read; mend these first"))
                 break
         if not lost:
             raise  # what is wrong is between two of them
@@ -58,9 +58,11 @@ def literal_findings(declared: tuple[Binding, ...]) -> Iterator[AuditFinding]:
             message = f"{says} where {is_to_be} ({off})"
         yield finding(
             "literal",
+            (b.address,),
             message,
-            where=source_line(b.place),
+            location=source_line(b.place),
             expected=b.expected,
             found=b.value,
+            replacement="" if b.rounded else repr(b.correction),
             severity="note" if b.rounded else "finding",
         )

@@ -54,9 +54,10 @@ def _poses(
     try:
         checked = check_poses(task.system, task.sidecar, model, coordinates, reached)
     except SidecarError as error:
-        return Poses(note="[frames] can't be read"), (finding("pose", str(error)),)
+        return Poses(note="[frames] can't be read"), (finding("pose", ("frames",), str(error)),)
     return checked.record, tuple(
-        finding("pose", one.message, expected=0.0, found=one.off) for one in checked.findings
+        finding("pose", one.frames, one.message, expected=0.0, found=one.off)
+        for one in checked.findings
     )
 
 
@@ -87,7 +88,7 @@ def _without_lost_digits(
 
 def _same(one: AuditFinding, other: AuditFinding) -> bool:
     """Whether two findings are about one term; accelerations are told at the worst state alone."""
-    return one.kind == other.kind and (one.kind == "acceleration" or one.expected == other.expected)
+    return one.kind == other.kind and (one.kind == "acceleration" or one.subject == other.subject)
 
 
 def _note(found: AuditFinding, why: str) -> AuditFinding:
@@ -112,8 +113,9 @@ def _default(remark: Remark, wrong: Set[str], task: AuditTask) -> AuditFinding:
         message += f" ({where(replace(remark, address=remark.beside), task.sidecar, task.engine)})"
     return finding(
         BEYOND if remark.beyond else "default",
+        remark.subject or (remark.message,),
         message,
-        where=where(remark, task.sidecar, task.engine),
+        location=where(remark, task.sidecar, task.engine),
         found=remark.value,
         severity="finding" if blamed else "note",
     )

@@ -62,13 +62,11 @@ class Compiled:
 
     def findings(self) -> Iterator[AuditFinding]:
         """What differs about each equilibrium, each term once, and accelerations anywhere."""
-        terms = []
-        for equilibrium in self.task.equilibria:
-            terms += list(self._about(equilibrium))
         # The same term is often wrong about every equilibrium: said once.
-        seen: dict[tuple[str, str], AuditFinding] = {}
-        for about, one in terms:
-            seen.setdefault((one.kind, about), one)
+        seen: dict[tuple[str, tuple[str, ...]], AuditFinding] = {}
+        for equilibrium in self.task.equilibria:
+            for one in self._about(equilibrium):
+                seen.setdefault((one.kind, one.subject), one)
         yield from seen.values()
         states, inputs = self._drawn()
         yield from self._anywhere(
@@ -100,6 +98,7 @@ class Compiled:
                 row = int(np.argmax(np.where(differing, size[:, j], 0.0)))
                 yield finding(
                     "freedom",
+                    (name,),
                     f"{name} accelerates with {found.value[row, j]:.6g} off the coordinate map, at"
                     f" {self._at(states[row])} (one of {int(differing.sum())} of {DRAWS} random"
                     " states): a freedom that the equations don't have",
@@ -109,6 +108,7 @@ class Compiled:
             elif (found.uncertainty[:, j] > RESOLVED * scale[j]).any():
                 yield finding(
                     "unresolved",
+                    (name,),
                     f"whether {name} keeps to the coordinate map is not resolved without motion",
                     severity="note",
                 )
@@ -123,8 +123,8 @@ class Compiled:
         both = self.equations(states[:, :n], states[:, n:], inputs, np.zeros((len(states), 1)))
         return both[:, : n * n].reshape(-1, n, n), both[:, n * n :]
 
-    def _about(self, equilibrium: Equilibrium) -> Iterator[tuple[str, AuditFinding]]:
-        """Terms about an equilibrium, each with what it is about."""
+    def _about(self, equilibrium: Equilibrium) -> Iterator[AuditFinding]:
+        """Terms about an equilibrium."""
         n = len(self.names)
         step = MOVED * np.where(self.task.amplitude[:n] > 0, self.task.amplitude[:n], 1.0)
         going, more = SLOW * self.accelerations.speed, np.diag(QUICKER * self.accelerations.speed)
@@ -170,25 +170,21 @@ class Compiled:
         for i, name in enumerate(self.names):
             if abs(left[i]) > left_error[i]:
                 sticky = True
-                yield (
-                    name,
-                    finding(
-                        "friction",
-                        f"a friction of {left[i]:.6g} acts on {name}, whatever its speed;"
-                        " the equations have none",
-                        expected=0.0,
-                        found=float(left[i]),
-                    ),
+                yield finding(
+                    "friction",
+                    (name,),
+                    f"a friction of {left[i]:.6g} acts on {name}, whatever its speed;"
+                    " the equations have none",
+                    expected=0.0,
+                    found=float(left[i]),
                 )
         if sticky:
-            yield (
-                "all",
-                finding(
-                    "unresolved",
-                    "stiffness and rest forces can't be told from friction, which holds"
-                    " what is at rest",
-                    severity="note",
-                ),
+            yield finding(
+                "unresolved",
+                ("stiffness", "rest"),
+                "stiffness and rest forces can't be told from friction, which holds"
+                " what is at rest",
+                severity="note",
             )
             return
         # At rest: the engine's accelerations there, times the inertia found on the move.
@@ -197,14 +193,12 @@ class Compiled:
         miss, miss_error = pull.value - wanted, pull.uncertainty + 16 * EPSILON * np.abs(wanted)
         for i, name in enumerate(self.names):
             if abs(miss[0, i]) > miss_error[0, i]:
-                yield (
-                    name,
-                    finding(
-                        "rest",
-                        self._rest(equilibrium, at, name, float(pull.value[0, i])),
-                        expected=float(wanted[0, i]),
-                        found=float(pull.value[0, i]),
-                    ),
+                yield finding(
+                    "rest",
+                    (name,),
+                    self._rest(equilibrium, at, name, float(pull.value[0, i])),
+                    expected=float(wanted[0, i]),
+                    found=float(pull.value[0, i]),
                 )
         expected = equilibrium.matrices["K"]
         yield from self._entries(
@@ -225,14 +219,14 @@ class Compiled:
 
     def _held(
         self, equilibrium: Equilibrium, at: Array | None, step: Array
-    ) -> Iterator[tuple[str, AuditFinding]]:
+    ) -> Iterator[AuditFinding]:
         """A note where stops act about an equilibrium: terms are taken elsewhere, if anywhere."""
-        held = ", ".join(stopped(*self._loaded, equilibrium.position, step))
+        held = tuple(stopped(*self._loaded, equilibrium.position, step))
         if held:
             where = "nowhere" if at is None else f"where {self._place(at)}"
-            message = f"a stop holds {held} in equilibrium {equilibrium.name!r}: the engine is not"
-            message += f" linearized about it, and terms are compared {where}"
-            yield "all", finding("unresolved", message, severity="note")
+            message = f"a stop holds {', '.join(held)} in equilibrium {equilibrium.name!r}: the"
+            message += f" engine is not linearized about it, and terms are compared {where}"
+            yield finding("unresolved", (*held, equilibrium.name), message, severity="note")
 
     def _place(self, at: Array) -> str:
         return ", ".join(f"{name} = {x:.4g}" for name, x in zip(self.names, at, strict=True))
@@ -265,7 +259,7 @@ class Compiled:
 
     def _entries(
         self, kind: str, equilibrium: str, expected: Array, found: Array, error: Array
-    ) -> Iterator[tuple[str, AuditFinding]]:
+    ) -> Iterator[AuditFinding]:
         """Each entry of a matrix that differs, and one note for those without a limit."""
         error = error + 16 * EPSILON * np.max(np.abs(expected), initial=0.0)
         # What an entry is small or large beside: the inertia, by the fastest rate.
@@ -277,23 +271,22 @@ class Compiled:
             for j, other in enumerate(self.names):
                 if j < i and (differing[j, i] or not resolved[j, i]):
                     continue  # symmetric: said already
-                about = one if i == j else f"{one} and {other}"
+                subject = (one,) if i == j else (one, other)
+                about = " and ".join(subject)
                 if differing[i, j]:
                     here, there = float(found[i, j]), float(expected[i, j])
                     message = _sentence(kind, about, i == j, here, there, float(error[i, j]))
                     if len(self.task.equilibria) > 1:
                         message += f" (about {equilibrium!r})"
-                    yield about, finding(kind, message, expected=there, found=here)
+                    yield finding(kind, subject, message, expected=there, found=here)
                 elif not resolved[i, j]:
                     unresolved.append(about)
         if unresolved:
-            yield (
-                kind,
-                finding(
-                    "unresolved",
-                    f"{kind} of {', '.join(unresolved)} is not resolved without motion",
-                    severity="note",
-                ),
+            yield finding(
+                "unresolved",
+                (kind, *unresolved),
+                f"{kind} of {', '.join(unresolved)} is not resolved without motion",
+                severity="note",
             )
 
     def _anywhere(self, states: Array, inputs: Array, known: bool) -> Iterator[AuditFinding]:
@@ -303,7 +296,8 @@ class Compiled:
         wanted = np.linalg.solve(masses, forces[:, :, None])[:, :, 0]
         found = self.accelerations.at(states, inputs, np.zeros((DRAWS, n)))
         if not np.isfinite(found.value).all():
-            yield finding("acceleration", "accelerations at random states are not finite")
+            message = "accelerations at random states are not finite"
+            yield finding("acceleration", ("not finite",), message)
             return
         scale = np.max(np.abs(wanted), axis=0)
         error = found.uncertainty + 16 * EPSILON * scale
@@ -314,6 +308,7 @@ class Compiled:
         if lost.any():
             yield finding(
                 "unresolved",
+                ("acceleration",),
                 f"accelerations at {int(lost.sum())} of {DRAWS} random states are not"
                 " resolved without motion",
                 severity="note",
@@ -327,6 +322,7 @@ class Compiled:
         of = f"one of {int(differing.any(axis=1).sum())} of {DRAWS} random states"
         yield finding(
             "acceleration",
+            (self.names[i],),
             f"{self.names[i]} accelerates with {shown[0]} in the model, {shown[1]}"
             f" in the equations, at {self._at(states[row])} ({of})",
             expected=there,

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Iterable, Mapping
 
 import msgspec
 
 from harness.baseline.file import SystemBaseline
-from harness.records.base import Number
 from harness.records.baseline import AcceptedAudit, AcceptedFinding
 from harness.records.case import ModelId
-from harness.records.finding import AuditFinding
+from harness.records.finding import SAME, AuditFinding, is_near
 from harness.records.model import Model
-
-SAME = 1e-6
-"""Computed numbers this close, relative to each other, are those that were accepted: another
-machine rounds otherwise. Those of a literal stand in the file, and are the same or are not."""
-
-_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
 
 
 def unaccepted(model: Model, audit: AcceptedAudit | None) -> tuple[AuditFinding, ...]:
@@ -74,6 +65,7 @@ def _plain(one: AuditFinding, model: Model) -> AcceptedFinding:
     """A finding without the place of this machine that its folder is in."""
     return AcceptedFinding(
         kind=one.kind,
+        subject=tuple(part.replace(f"{model.folder}/", "") for part in one.subject),
         message=one.message.replace(f"{model.folder}/", ""),
         expected=one.expected,
         found=one.found,
@@ -81,14 +73,10 @@ def _plain(one: AuditFinding, model: Model) -> AcceptedFinding:
 
 
 def _same(one: AcceptedFinding, other: AcceptedFinding) -> bool:
-    if one.kind == "literal":
-        return one == other
-    words = (_NUMBER.sub("#", each.message) for each in (one, other))
-    near = _near(one.expected, other.expected) and _near(one.found, other.found)
-    return one.kind == other.kind and next(words) == next(words) and near
-
-
-def _near(one: Number, other: Number) -> bool:
-    if one is None or other is None:
-        return one is other
-    return math.isclose(one, other, rel_tol=SAME)
+    """Whether a finding was accepted; the numbers of a literal are the file's, and exact."""
+    tolerance = 0.0 if one.kind == "literal" else SAME
+    return (
+        (one.kind, one.subject) == (other.kind, other.subject)
+        and is_near(one.expected, other.expected, tolerance)
+        and is_near(one.found, other.found, tolerance)
+    )

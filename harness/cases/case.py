@@ -178,7 +178,7 @@ def run_case(task: CaseTask) -> Case:
         claimed=claimed,
         agrees=verdict.outcome is Outcome.AGREES,
     )
-    outcome, reason = with_full_runs(verdict, study, motion, claimed)
+    outcome, reason, kind = with_full_runs(verdict, study, motion, claimed)
     if outcome is Outcome.FAILED:
         reason = _told(reason, task.sidecar, model)
     return Case(
@@ -189,6 +189,7 @@ def run_case(task: CaseTask) -> Case:
         folder=task.folder,
         outcome=outcome,
         reason="; ".join(filter(None, (reason, *model.reservations))),
+        kind=kind,
         verdict=verdict_record(verdict, found, claimed),
         full_run=full_run_record(study, model.step, model.integrator),
         series=series_record(

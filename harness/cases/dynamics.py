@@ -64,6 +64,7 @@ def _decided(
         time=float("nan"),
         reason=reason,
         resolution=resolution,
+        kind="",
     )
 
 

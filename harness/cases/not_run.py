@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from msgspec.structs import replace
+
 from harness.engines.protocol import Engine
 from harness.engines.registry import installs
 from harness.files.sidecar import Sidecar
@@ -53,7 +55,8 @@ def barred_case(one: CaseId, folder: str, why: Hurdle) -> Case:
 def failed_case(one: CaseId, folder: str, failure: Failure) -> Case:
     """A case, or what stands for the cases of a model or a folder, that could not be run."""
     reason = failure.about(Path(folder) / one.model)
-    return _case(one, folder, Outcome.FAILED, reason, failure.stdout)
+    case = _case(one, folder, Outcome.FAILED, reason, failure.stdout)
+    return replace(case, locations=failure.locations, kind=failure.kind)
 
 
 def _case(one: CaseId, folder: str, outcome: Outcome, reason: str, stdout: str) -> Case:

@@ -35,7 +35,7 @@ from harness.records.system import System
 from harness.robots.read import read_robot
 from harness.robots.robot import home_of
 from harness.robots.system import RobotError, robot_system
-from harness.schedule.failure import Failure
+from harness.schedule.failure import Failure, failure_of
 from reference.integrate import ReferenceError
 from reference.multibody.coupled import Coupled
 from reference.numeric import Array
@@ -242,7 +242,7 @@ def run_robot(task: RobotTask) -> Case:
     except RefusedError as error:
         if task.folder != str(task.file):
             raise
-        return _refused(task, Failure(str(error), ""))
+        return _refused(task, failure_of(error))
     stepping = _stepping(task, way)  # as the file itself has the engine step
     way, verdict, dynamics = _decided(task, way, verdict)
     return Case(
@@ -253,6 +253,7 @@ def run_robot(task: RobotTask) -> Case:
         folder=task.folder,
         outcome=verdict.outcome,
         reason="; ".join(filter(None, (verdict.reason, *way.model.reservations))),
+        kind=verdict.kind,
         verdict=verdict_record(verdict, way.found, way.model.exponents(False)[0]),
         stepping=stepping,
         forward_dynamics=dynamics_record(dynamics, tuple(way.model.coordinates)),
@@ -278,6 +279,7 @@ def _refused(task: RobotTask, failure: Failure) -> Case:
         folder=task.folder,
         outcome=Outcome.REFUSED,
         reason=failure.about(task.file),
+        locations=failure.locations,
     )
 
 

@@ -29,8 +29,9 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
     return tuple(
         AuditFinding(
             kind="inertia",
+            subject=(one.link, one.kind),
             message=f"{one.sentence}; {one.remedy}",
-            where=SourceLine(file=str(one.file), line=one.line or None),
+            location=SourceLine(file=str(one.file), line=one.line or None),
             expected=None,
             found=None,
             severity="note" if one.link in still else "finding",

@@ -63,7 +63,7 @@ def load_robot(task: RobotTask) -> Model:
     try:
         return engines()[task.engine].load(spec)
     except EngineError as error:
-        raise RefusedError(str(error)) from error
+        raise RefusedError(error.sentence, file=error.file, line=error.line) from error
 
 
 def placed(task: RobotTask, model: Model) -> tuple[Samples, CoordinateMap, tuple[str, ...]]:

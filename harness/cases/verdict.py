@@ -40,6 +40,7 @@ class Verdict:
             map, likewise, the largest; nan where the map leaves nothing open.
         reason: one sentence for whatever is not AGREES, and for what does with a reservation.
         resolution: at which it is judged: what is asked, or what the engine's numbers allow.
+        kind: which sentence that is of what is UNRESOLVED; empty for others.
     """
 
     outcome: Outcome
@@ -54,6 +55,7 @@ class Verdict:
     map_uncertainty: float
     reason: str
     resolution: float
+    kind: str = ""
 
 
 STILL = 1e-12
@@ -176,6 +178,7 @@ def judge(
         map_uncertainty=float("nan"),
         reason=reason,
         resolution=resolution,
+        kind="" if found.obstacle is None else found.obstacle.name.lower(),
     )
 
 
@@ -239,6 +242,7 @@ def with_residual(
         time=time,
         reason=told,
         resolution=resolution,
+        kind="coordinate map" if found.outcome is Outcome.UNRESOLVED else "",
     )
 
 

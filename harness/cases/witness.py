@@ -16,30 +16,35 @@ BLOWN_UP = 1e6
 
 def with_full_runs(
     verdict: Verdict, study: StepStudy, motion: Motion, claimed: int
-) -> tuple[Outcome, str]:
-    """The outcome of a case, and the sentence that is said of it; empty for plain agreement."""
+) -> tuple[Outcome, str, str]:
+    """The outcome of a case, the sentence that is said of it and its kind, as a case has it.
+
+    Both are empty for plain agreement.
+    """
     failed = failure(study.shipped, study.global_error, motion)
     if failed:
-        return Outcome.FAILED, failed
+        return Outcome.FAILED, failed, _failure_kind(study)
     if verdict.outcome is not Outcome.AGREES:
-        return verdict.outcome, verdict.reason
+        return verdict.outcome, verdict.reason, verdict.kind
     found = study.witness
     if not found.bears_out:
-        return Outcome.UNRESOLVED, (
+        told = (
             "every segment agrees, but a run from start to end does not converge to the motion"
             f" (order {found.order:.2f} where {claimed} is claimed, global error"
             f" {study.global_error:.1e}, {found.residual:.1e} of it left as the step falls):"
             " something is carried from step to step"
         )
+        return Outcome.UNRESOLVED, told, "full run"
     if not found.foretold:
-        return Outcome.UNRESOLVED, (
+        told = (
             f"every segment agrees, but the run at the shipped step of {study.shipped.h:g} s is not"
             f" what finer steps foretell: its error is {found.surprise:.1e} off the"
             f" {found.expected:.1e} that they do, where {found.unsure:.1e} is uncertain: something"
             " depends on the step that it ships with"
         )
+        return Outcome.UNRESOLVED, told, "shipped step"
     parts = (verdict.reason, _reservation(study, motion))
-    return verdict.outcome, "; ".join(part for part in parts if part)
+    return verdict.outcome, "; ".join(part for part in parts if part), verdict.kind
 
 
 def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
@@ -60,6 +65,13 @@ def failure(shipped: SampledRun, global_error: float, motion: Motion) -> str:
             f" error is {global_error:.0%} of the amplitude; the step is too coarse for it"
         )
     return ""
+
+
+def _failure_kind(study: StepStudy) -> str:
+    """Which of these sentences it is."""
+    if not study.shipped.finite:
+        return "not finite"
+    return "blows up" if study.global_error > BLOWN_UP else "too coarse"
 
 
 def _reservation(study: StepStudy, motion: Motion) -> str:

@@ -176,7 +176,9 @@ def _python(a: Path, b: Path) -> Iterator[Edit]:
         try:
             trees.append(ast.parse(path.read_bytes(), filename=str(path)))
         except SyntaxError as error:
-            raise LocationError(f"{path}:{error.lineno or 1}: no Python: {error.msg}") from None
+            raise LocationError(
+                f"no Python: {error.msg}", file=path, line=error.lineno or 1
+            ) from None
     shapes = [_Shape() for _ in trees]
     for shape, tree in zip(shapes, trees, strict=True):
         shape.visit(_without_docstrings(tree))

@@ -72,7 +72,7 @@ def causes(fit: Fit) -> tuple[Cause, ...]:
             nominal=number(hypothesis.value),
             estimate=number(estimate),
             standard_error=number(error),
-            where=hypothesis.where,
+            locations=hypothesis.where,
         )
         for hypothesis, estimate, error in found
     )

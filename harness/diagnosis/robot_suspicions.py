@@ -105,4 +105,4 @@ def _mass(one: Numeral) -> float | None:
 
 
 def _line(one: Numeral) -> SourceLine:
-    return SourceLine(file=one.file.name, line=one.line)
+    return SourceLine(file=one.file.name, line=one.line, span=one.span, text=one.text)

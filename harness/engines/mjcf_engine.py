@@ -213,6 +213,7 @@ class MjcfModel(TreeModel):
                 yield Remark(
                     message=f"frictionloss of {one.name} is {one.friction:g};"
                     f" {self.title} ignores it",
+                    subject=(one.name, self.title, "frictionloss"),
                     fault=True,
                     address=f"{address}@frictionloss",
                     value=one.friction,

@@ -30,11 +30,12 @@ class MjcfSource:
 
     path: Path
     root: ET.Element
-    places: Mapping[ET.Element, str]
+    places: Mapping[ET.Element, tuple[Path, int]]
 
     def refused(self, element: ET.Element, sentence: str) -> EngineError:
         """An error about an element."""
-        return EngineError(f"{self.places.get(element, self.path)}: {sentence}")
+        file, line = self.places.get(element, (self.path, None))
+        return EngineError(sentence, file=file, line=line)
 
     def unsupported(self, element: ET.Element, sentence: str) -> UnsupportedError:
         """Return an error about an element that is right, and that an adapter does not take."""
@@ -61,18 +62,19 @@ def read_source_mjcf(path: Path) -> MjcfSource:
     Raises:
         EngineError: naming file and line.
     """
-    places: dict[ET.Element, str] = {}
+    places: dict[ET.Element, tuple[Path, int]] = {}
     root = _expanded(path, path.parent, (), places)
     if root.tag != "mujoco":
-        raise EngineError(f"{places[root]}: the root is <{root.tag}>, not <mujoco>: no MJCF")
+        file, line = places[root]
+        raise EngineError(f"the root is <{root.tag}>, not <mujoco>: no MJCF", file=file, line=line)
     return MjcfSource(path=path, root=root, places=places)
 
 
 def _expanded(
-    path: Path, folder: Path, above: tuple[Path, ...], places: dict[ET.Element, str]
+    path: Path, folder: Path, above: tuple[Path, ...], places: dict[ET.Element, tuple[Path, int]]
 ) -> ET.Element:
     source = read_xml(read_source(path, mend=True), path)
-    places.update({one: f"{path}:{line}" for one, line in source.lines.items()})
+    places.update({one: (path, line) for one, line in source.lines.items()})
     for parent in list(source.root.iter()):
         for i, child in reversed(list(enumerate(parent))):
             if child.tag == "include":

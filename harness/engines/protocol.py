@@ -27,7 +27,22 @@ from harness.engines.step_rule import StepRule
 Array = NDArray[np.float64]
 
 
-class EngineError(RuntimeError):
+class FileError(Exception):
+    """What is wrong with a file; as text, `FILE:LINE: sentence`.
+
+    Attributes:
+        sentence: what is wrong; it names the file itself where `file` is None.
+        file: in which it stands; None where the sentence names it.
+        line: of it, counted from 1; None where it is no line's.
+    """
+
+    def __init__(self, sentence: str, *, file: Path | None = None, line: int | None = None) -> None:
+        place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
+        super().__init__(f"{place}{sentence}")
+        self.sentence, self.file, self.line = sentence, file, line
+
+
+class EngineError(FileError, RuntimeError):
     """A model file that an engine can't load or run; the message names file, place and remedy."""
 
 
@@ -331,7 +346,7 @@ class Engine(ABC):
         Raises:
             EngineError: naming file and reason.
         """
-        raise EngineError(f"{path}: {self.title} compiles no {path.suffix} files")
+        raise EngineError(f"{self.title} compiles no {path.suffix} files", file=path)
 
     def samples(self) -> tuple[Sample, ...]:
         """Mechanisms that the conformance suite runs, one a format or integrator at least."""

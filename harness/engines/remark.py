@@ -12,6 +12,8 @@ class Remark:
 
     Attributes:
         message: a sentence.
+        subject: what it is about, where its message has numbers that are computed rather than of
+            the file: two remarks of one subject are the same; empty where the message says it all.
         fault: whether it is wrong in itself.
         address: the number or element that it is about, as `harness.files.locations` spells them:
             `body/joint[x]@damping`, `option@gravity`, `robot/link[rod]`, in Python `MASS`,
@@ -28,6 +30,7 @@ class Remark:
     """
 
     message: str
+    subject: tuple[str, ...] = ()
     fault: bool = False
     address: str | None = None
     beside: str = ""
@@ -55,6 +58,7 @@ def limit_remarks(
             Remark(
                 message=f"{name} is limited to [{lower:g}, {upper:g}], and the motions stay between"
                 f" {low:.4g} and {high:.4g}",
+                subject=(name, "limits"),
                 address=address,
                 beyond=True,
             ),
@@ -63,10 +67,14 @@ def limit_remarks(
         Remark(
             message=f"{name} is limited to [{lower:g}, {upper:g}], and the motions reach"
             f" {extreme:.4g}: the limit stops it",
+            subject=(name, side),
             fault=True,
             address=address,
             value=bound,
         )
-        for bound, extreme, beyond in ((lower, low, low <= lower), (upper, high, high >= upper))
+        for side, bound, extreme, beyond in (
+            ("lower limit", lower, low, low <= lower),
+            ("upper limit", upper, high, high >= upper),
+        )
         if beyond
     )

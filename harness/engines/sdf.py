@@ -137,6 +137,7 @@ def sdf_remarks(
         if friction and reader.no_friction:
             yield Remark(
                 message=f"<friction> of {name} is {friction:g}; {reader.no_friction} ignores it",
+                subject=(name, reader.name, "friction"),
                 fault=True,
                 address=f"joint[{name}]/axis/dynamics/friction",
                 value=friction,

@@ -29,8 +29,8 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 class NoXmlError(EngineError):
     """A file that is no XML; `second_root`: but for what follows its root."""
 
-    def __init__(self, message: str, second_root: bool) -> None:
-        super().__init__(message)
+    def __init__(self, sentence: str, *, file: Path, line: int, second_root: bool) -> None:
+        super().__init__(sentence, file=file, line=line)
         self.second_root = second_root
 
 
@@ -44,7 +44,7 @@ class XmlSource:
 
     def refused(self, element: ET.Element, sentence: str) -> EngineError:
         """An error about an element."""
-        return EngineError(f"{self.path}:{self.lines[element]}: {sentence}")
+        return EngineError(sentence, file=self.path, line=self.lines[element])
 
 
 def read_source(path: Path, *, mend: bool = False) -> str:
@@ -59,13 +59,13 @@ def read_source(path: Path, *, mend: bool = False) -> str:
     """
     try:
         if path.exists() and not path.is_file():
-            raise EngineError(f"{path}: can't be read: it is no regular file")
+            raise EngineError("can't be read: it is no regular file", file=path)
         if path.stat().st_size > LARGEST:
-            raise EngineError(f"{path}: can't be read: it has more than {LARGEST:,} bytes")
+            raise EngineError(f"can't be read: it has more than {LARGEST:,} bytes", file=path)
         data = path.read_bytes()
         return (mended(data) if mend and not data.startswith(UTF_16) else data).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise EngineError(f"{path}: can't be read: {error}") from None
+        raise EngineError(f"can't be read: {error}", file=path) from None
 
 
 @contextmanager
@@ -88,7 +88,7 @@ def read_xml(text: str, path: Path) -> XmlSource:
         root: ET.Element = defusedxml.ElementTree.fromstring(text, forbid_dtd=True)
     except ET.ParseError as error:  # a prefix without a namespace, which expat alone reads over
         raise NoXmlError(
-            f"{path}:{error.position[0]}: no XML: {error}", second_root=False
+            f"no XML: {error}", file=path, line=error.position[0], second_root=False
         ) from None
     return XmlSource(path, root, dict(zip(root.iter(), lines, strict=True)))
 
@@ -104,16 +104,16 @@ def _lines(text: str, path: Path) -> list[int]:
         depth += 1
         found.append(parser.CurrentLineNumber)
         if depth > DEEPEST:
-            raise EngineError(f"{path}:{found[-1]}: elements are nested more than {DEEPEST} deep")
+            told = f"elements are nested more than {DEEPEST} deep"
+            raise EngineError(told, file=path, line=found[-1])
 
     def end(_name: str) -> None:
         nonlocal depth
         depth -= 1
 
     def declared(*_: object) -> None:
-        raise EngineError(
-            f"{path}:{parser.CurrentLineNumber}: refused: it declares entities or a DTD"
-        )
+        told = "refused: it declares entities or a DTD"
+        raise EngineError(told, file=path, line=parser.CurrentLineNumber)
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.StartDoctypeDeclHandler = declared
@@ -122,8 +122,10 @@ def _lines(text: str, path: Path) -> list[int]:
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise NoXmlError(
-            f"{path}:{error.lineno}: no XML at column {error.offset + 1}: {reason}",
-            reason == expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT,
+            f"no XML at column {error.offset + 1}: {reason}",
+            file=path,
+            line=error.lineno,
+            second_root=reason == expat.errors.XML_ERROR_JUNK_AFTER_DOC_ELEMENT,
         ) from None
     return found
 
@@ -153,6 +155,5 @@ def engine_errors(path: Path | str, title: str) -> Iterator[None]:
     except EngineError:
         raise
     except Exception as error:
-        raise EngineError(
-            f"{path}: {title} ends in {type(error).__name__}: {folded(error)}"
-        ) from error
+        told = f"{title} ends in {type(error).__name__}: {folded(error)}"
+        raise EngineError(told, file=Path(path)) from error

@@ -160,6 +160,7 @@ def _limits(reader: UrdfReader, joint: ET.Element, z: Array, w: Array) -> Iterat
         yield Remark(
             message=f"<limit velocity> of {name} is {velocity:g} and the motions reach {quick:.4g};"
             f" {reader.name} does not hold it to that here",
+            subject=(name, reader.name, "velocity limit"),
             address=f"robot/joint[{name}]",
             value=velocity,
         )
@@ -201,6 +202,7 @@ def _axis(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         yield Remark(
             message=f"the axis of {name} has the length {length:.15g}: {reader.long_axes} takes it"
             " as it is, and accelerates a hinge by so much less",
+            subject=(name, reader.name, "axis length"),
             fault=abs(length - 1) > FELT,
             address=f"robot/joint[{name}]/axis@xyz",
             value=length,
@@ -214,6 +216,7 @@ def _friction(reader: UrdfReader, joint: ET.Element) -> Iterator[Remark]:
         yield Remark(
             message=f"<dynamics friction> of {name} is {friction:g}; {reader.no_friction} ignores"
             " it",
+            subject=(name, reader.name, "friction"),
             fault=True,
             address=f"robot/joint[{name}]",
             value=friction,

@@ -61,7 +61,7 @@ def _with_audit(
 
 def _told(findings: tuple[AuditFinding, ...]) -> list[str]:
     told = [
-        f"the audit finds {one.where}: {one.message}" if one.where else f"the audit: {one.message}"
+        (f"the audit finds {one.location}: " if one.location else "the audit: ") + one.message
         for one in findings[:MOST_TOLD]
     ]
     more = len(findings) - MOST_TOLD

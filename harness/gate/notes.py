@@ -47,7 +47,7 @@ def _place(found: GateResult, change: Change) -> ChangedLine:
     model = change.id.model
     if change.case is not None and change.case.outcome is Outcome.DIFFERS:
         note = case_note(change.case, found.model_of(change.case))
-        if note.line > 1:
+        if note.line is not None:
             return ChangedLine(note.file, note.line, note.message)
     first = ["system.py", model] if "equations" in change.kinds else [model, f"{model}.toml"]
     mine = [d for d in found.file_diffs if d.system == change.id.system and model in d.models]
@@ -59,9 +59,9 @@ def _place(found: GateResult, change: Change) -> ChangedLine:
 def _of_finding(change: Change, changed: list[ChangedLine]) -> ChangedLine | None:
     """The line of what the audit finds wrong: a changed one, or where nothing else is wrong any."""
     wrong = [
-        (Path(one.where.file), one.where.line)
+        (Path(one.location.file), one.location.line)
         for one in change.findings
-        if one.where is not None and one.where.line is not None
+        if one.location is not None and one.location.line is not None
     ]
     names = {(file.name, line) for file, line in wrong}
     for one in changed:

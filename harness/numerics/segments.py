@@ -34,6 +34,8 @@ from reference.numeric import Array
 class BlownUpError(RuntimeError):
     """An engine returned values that are not finite."""
 
+    kind = "not finite"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Extrapolated:

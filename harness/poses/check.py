@@ -32,10 +32,12 @@ class PoseFinding:
     """Frames that are elsewhere, alike.
 
     Attributes:
+        frames: their names.
         off: how far at most, m.
         share: of that, which would still be found.
     """
 
+    frames: tuple[str, ...]
     message: str
     off: float
     share: float
@@ -124,7 +126,9 @@ def _compared(frames: Frames, system: System, q: Array, unchecked: tuple[str, ..
         worst = q[int(np.argmax((far + turned)[:, group].max(axis=1)))]
         told = _sentence([rows[f] for f in group], kind, _place(system, worst), near)
         apart = far[:, group].max() / near[0] if near[0] else 0.0, turned[:, group].max() / near[1]
-        findings.append(PoseFinding(told, float(far[:, group].max()), 1 / float(max(apart))))
+        names = tuple(rows[f].name for f in group)
+        off, share = float(far[:, group].max()), 1 / float(max(apart))
+        findings.append(PoseFinding(names, told, off, share))
     return PoseCheck(record, tuple(findings))
 
 

@@ -26,16 +26,24 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """
 
 
+Span = tuple[Count, Count]
+"""The first byte of a number in its file, and the byte after its last."""
+
+
 class SourceLine(Record, frozen=True, kw_only=True):
-    """A line of a file, as `file:line`.
+    """A line of a file, as `file:line`, with the number in it that is meant.
 
     Attributes:
         file: its name, or its path.
         line: counted from 1; None where the whole file is meant.
+        span: bytes of the number in the file; None where no single number is meant.
+        text: the number as the file spells it in `span`; empty without one.
     """
 
     file: str
     line: Count | None = None
+    span: Span | None = None
+    text: str = ""
 
     def __str__(self) -> str:
         return self.file if self.line is None else f"{self.file}:{self.line}"

@@ -152,11 +152,13 @@ class AcceptedFinding(Record, frozen=True, kw_only=True):
 
     Attributes:
         kind: as in `AuditFinding`.
+        subject: likewise; what was accepted is known again by kind, subject and numbers.
         message: its sentence, files by their places relative to the system's folder.
         expected, found: the numbers; None where there is none.
     """
 
     kind: str
+    subject: tuple[str, ...]
     message: str
     expected: Number
     found: Number

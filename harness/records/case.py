@@ -6,7 +6,15 @@ import math
 
 import msgspec
 
-from harness.records.base import Count, Number, Numbers, Record, Rows, one_length
+from harness.records.base import (
+    Count,
+    Number,
+    Numbers,
+    Record,
+    Rows,
+    SourceLine,
+    one_length,
+)
 from harness.records.outcome import ROUNDED, Outcome, contradiction
 
 ModelKey = tuple[str, str, str]
@@ -324,6 +332,9 @@ class Case(Record, frozen=True, kw_only=True):
         outcome: what became of it.
         reason: a sentence for whatever is not AGREES, and for what AGREES with a reservation.
         accepted: the reason for which a known difference is accepted; empty where none is.
+        locations: where that is in the files, as far as it is known.
+        kind: which of the sentences of an engine's motion `reason` is, where it has numbers of
+            this case alone; empty where the sentence itself tells.
         stdout: what a failed case printed.
         seconds: that it took, of wall-clock time.
         verdict, full_run, series: None where the case was not judged.
@@ -339,6 +350,8 @@ class Case(Record, frozen=True, kw_only=True):
     outcome: Outcome
     reason: str = ""
     accepted: str = ""
+    locations: tuple[SourceLine, ...] = ()
+    kind: str = ""
     stdout: str = ""
     seconds: float = 0.0
     verdict: Verdict | None = None

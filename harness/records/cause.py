@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from harness.records.base import Number, Record, SourceLine
@@ -21,6 +22,9 @@ the engine's `gravity`; a
 `default` of the engine; a joint's `axis` reversed or its `zero` moved; two constants' `exchange`;
 a `constant` of the equations; or a term on a coordinate that the equations lack.
 """
+
+IN_FILE = ("literal", "literals", "unbound literal", "gravity")
+"""Kinds of numbers that the model's files state, or would: the motion implies another value."""
 
 _PHRASES = {
     **dict.fromkeys(
@@ -60,7 +64,7 @@ class Cause(Record, frozen=True, kw_only=True):
         nominal: value in the file, or in the equations.
         estimate: value that explains the motion.
         standard_error: of the estimate.
-        where: lines of the literals; empty for what stands in no file.
+        locations: of the numbers, with their spans; empty for what stands in no file.
     """
 
     kind: CauseKind
@@ -68,7 +72,14 @@ class Cause(Record, frozen=True, kw_only=True):
     nominal: Number
     estimate: Number
     standard_error: Number
-    where: tuple[SourceLine, ...] = ()
+    locations: tuple[SourceLine, ...] = ()
+
+    @property
+    def replacement(self) -> str:
+        """What to write at each location; empty where no number of a file is to change."""
+        if self.kind not in IN_FILE or self.estimate is None or self.standard_error is None:
+            return ""
+        return digits_known(self.estimate, self.standard_error)
 
     @property
     def id(self) -> CauseId:
@@ -77,3 +88,9 @@ class Cause(Record, frozen=True, kw_only=True):
 
     def __str__(self) -> str:
         return str(self.id)
+
+
+def digits_known(value: float, error: float) -> str:
+    """A fitted value with ten digits, but none below its standard error."""
+    places = 15 if error == 0 else max(0, -math.floor(math.log10(error)))
+    return f"{round(value, places) + 0.0:.10g}"

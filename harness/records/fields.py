@@ -117,6 +117,8 @@ def _type(wanted: types.Type) -> str:
             return " or ".join(words) + null * (len(words) < len(several))
         case types.VarTupleType(item_type=item) | types.ListType(item_type=item):
             return f"list of {_type(item).replace('list of', 'lists of', 1)}"
+        case types.TupleType(item_types=items):
+            return " and ".join(map(_type, items))
         case types.DictType(value_type=value):
             return f"{_type(value)}, by name"
         case types.LiteralType(values=values):

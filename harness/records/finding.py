@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 from harness.records.base import Number, Numbers, Record, Rows, SourceLine
@@ -11,24 +12,56 @@ BEYOND = "reach"
 """Kind of a note on a stop or an obstacle that no motion reaches: what it does is not checked."""
 
 
+SAME = 1e-6
+"""Computed numbers this close, relative to each other, are of the same finding: another machine or
+engine rounds otherwise."""
+
+
+def is_near(one: Number, other: Number, tolerance: float) -> bool:
+    """Return whether two numbers are equal to a relative tolerance, or both are missing."""
+    if one is None or other is None:
+        return one is other
+    return math.isclose(one, other, rel_tol=tolerance)
+
+
 class AuditFinding(Record, frozen=True, kw_only=True):
     """Something that the audit has to say.
 
     Attributes:
         kind: `literal`, a compiled term such as `inertia`, `pose`, `default`, or `reach` for a stop
             or an obstacle that no motion reaches.
+        subject: what it is about, as of a cause: the address of a literal, coordinates, frames, a
+            link, or what an engine does on its own. Two findings of one kind and subject are the
+            same finding, perhaps with other numbers.
         message: one sentence.
-        where: None where it stands in no line.
+        location: None where it stands in no line.
         expected, found: the numbers; None where there is none.
+        replacement: what to write in the span of `location`; empty where no number is to change.
         severity: a `finding` is wrong, a `note` is worth knowing.
     """
 
     kind: str
+    subject: tuple[str, ...]
     message: str
-    where: SourceLine | None
+    location: SourceLine | None
     expected: Number
     found: Number
+    replacement: str = ""
     severity: Literal["finding", "note"]
+
+    def is_like(self, other: AuditFinding, tolerance: float) -> bool:
+        """Return whether another finding is this one, of the same file, by fields and not by words.
+
+        Args:
+            other: of another engine, version or run.
+            tolerance: by how much the numbers may differ, relative to the larger.
+        """
+        mine = self.kind, self.severity, self.subject, self.location
+        theirs = other.kind, other.severity, other.subject, other.location
+        return mine == theirs and all(
+            is_near(one, two, tolerance)
+            for one, two in ((self.expected, other.expected), (self.found, other.found))
+        )
 
 
 class Explanation(Record, frozen=True, kw_only=True):

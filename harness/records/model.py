@@ -181,9 +181,10 @@ def _other_linearization(one: EngineLinearization) -> AuditFinding:
     ]
     return AuditFinding(
         kind="linearization",
+        subject=(one.equilibrium,),
         message=f"the engine's own linearization about {one.equilibrium!r} is not Taylor's: it"
         f" differs in {' and in '.join(parts)}",
-        where=None,
+        location=None,
         expected=None,
         found=None,
         severity="finding",

@@ -11,7 +11,7 @@ from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.system import System
 
-SCHEMA: Literal[1] = 1
+SCHEMA: Literal[2] = 2
 
 
 def nothing_tested(engines: Iterable[str]) -> str:
@@ -90,7 +90,7 @@ class Results(Record, frozen=True, kw_only=True):
     stopped: str = ""
     not_run: tuple[CaseId, ...] = ()
     cached: int = 0
-    schema: Literal[1] = SCHEMA
+    schema: Literal[2] = SCHEMA
 
     @property
     def untested(self) -> str:

@@ -100,7 +100,11 @@ def diagnosis_view(
         explanations=() if diagnosis is None else tuple(map(_explanation, diagnosis.explanations)),
         files=_files(model, list(_blamed(model))),
         audit=tuple(
-            (shown(one.kind), shown(one.message), "" if one.where is None else _short(one.where))
+            (
+                shown(one.kind),
+                shown(one.message),
+                "" if one.location is None else _short(one.location),
+            )
             for one in model.findings
         ),
         cases=tuple(cases),
@@ -138,10 +142,10 @@ def _blamed(model: Model) -> Iterator[SourceLine]:
     if model.diagnosis is not None and model.diagnosis.explained:
         for explanation in model.diagnosis.explanations[:1]:
             for cause in explanation.causes:
-                yield from cause.where
+                yield from cause.locations
     for finding in model.findings:
-        if finding.where is not None:
-            yield finding.where
+        if finding.location is not None:
+            yield finding.location
 
 
 def _explanation(one: Explanation) -> ExplanationView:
@@ -158,7 +162,7 @@ def _cause(cause: Cause) -> CauseView:
         kind=cause.kind,
         nominal=_number(cause.nominal),
         estimate=f"{_number(cause.estimate)} ± {sci(cause.standard_error)}",
-        where=", ".join(_short(line) for line in cause.where),
+        where=", ".join(dict.fromkeys(map(_short, cause.locations))),
     )
 
 

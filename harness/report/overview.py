@@ -172,16 +172,24 @@ def _remedy(changes: Sequence[Wanted], model: Model, *, whole: bool) -> Remedy:
     """Changes, and the patch that makes them; `whole`: are they all? Half a cause is no remedy."""
     texts = ((model.model, model.text), (f"{model.model}.toml", model.sidecar))
     patch = unified(changes, texts) if whole and changes else ""
+    if not _is_shown_as_is(patch):
+        patch = ""
     return Remedy(
         fixes=tuple(map(_fix, changes)),
         lines=tuple(map(shown, lines_of(patch))),
-        patch=shown(patch),
+        patch=patch,
     )
+
+
+def _is_shown_as_is(patch: str) -> bool:
+    """Return whether a page can show a patch, which applies only to the characters of the file."""
+    plain = patch.replace("\r\n", "\n")
+    return shown(plain) == plain and "\ufffd" not in plain
 
 
 def _fix(change: Wanted) -> Fix:
     return Fix(
-        place=shown(", ".join(map(str, change.where))),
+        place=shown(", ".join(dict.fromkeys(map(str, change.locations)))),
         name=shown(", ".join(change.subject)),
         old=f"{change.old:.10g}",
         new=shown(change.new),

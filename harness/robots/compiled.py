@@ -38,9 +38,7 @@ def read_compiled_robot(path: Path, *, actuated: bool = True) -> Robot:
     try:
         found = engine.compiled(path)
     except EngineError as error:
-        # Its message names the file, and the line where it is known.
-        place, _, sentence = str(error).removeprefix(f"{path}").partition(": ")
-        return _refused(path, [sentence], line=int(place[1:]) if place[1:].isdigit() else 0)
+        return _refused(error.file or path, [error.sentence], line=error.line or 0)
     if not actuated:
         own = tuple(pull for pull in found.pulls if pull.control < 0)
         found = replace(found, pulls=own, controls=0)

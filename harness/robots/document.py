@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from bisect import bisect_right
+from codecs import BOM_UTF8
 from functools import cached_property
 from pathlib import Path
 
@@ -35,6 +36,7 @@ class Document:
     Attributes:
         path: of the file.
         data: its bytes, as UTF-8, with lines where they are.
+        omitted: how many bytes of the file precede these: those of a byte order mark.
         elements: all of them, in their order.
         obstacles: so far.
 
@@ -46,18 +48,19 @@ class Document:
         self.path = path
         self.obstacles: list[Obstacle] = []
         try:
-            self.data = mended(read_regular(path, MOST_MODEL))
+            written = read_regular(path, MOST_MODEL)
         except OSError as error:
             raise DocumentError(self._whole(f"can't be read: {error}", "give another")) from None
+        self.data = mended(written)
+        self.omitted = len(BOM_UTF8) if written.startswith(BOM_UTF8) else 0
         try:
             self.elements = read_elements(Source(path, self.data))
         except LocationError as error:
-            place, _, reason = str(error).removeprefix(f"{path}:").partition(": ")
-            line = int(place) if place.isdigit() else 0
             remedy = "take that out" if isinstance(error, RefusedError) else "write well-formed XML"
-            raise DocumentError(
-                Obstacle(sentence=reason, file=path, line=line, remedy=remedy)
-            ) from None
+            found = Obstacle(
+                sentence=error.sentence, file=path, line=error.line or 0, remedy=remedy
+            )
+            raise DocumentError(found) from None
 
     @property
     def root(self) -> RawElement:

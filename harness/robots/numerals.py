@@ -41,6 +41,8 @@ class Numeral:
         file: in which it stands.
         line: of it, from 1.
         start, end: its first byte in the document's, and the one after its last.
+        span: the same in the file itself.
+        text: the number as it is spelled there.
         value: it.
         scale: a size that a change of it may be a share of: its own, or that of the numbers beside.
         element: in which it stands.
@@ -54,6 +56,8 @@ class Numeral:
     line: int
     start: int
     end: int
+    span: tuple[int, int]
+    text: str
     value: float
     scale: float
     element: RawElement
@@ -82,6 +86,8 @@ def numerals(document: Document) -> tuple[Numeral, ...]:
                         line=line,
                         start=start,
                         end=end,
+                        span=(start + document.omitted, end + document.omitted),
+                        text=document.data[start:end].decode(),
                         value=value,
                         scale=largest if largest > SMALL else UNSIZED,
                         element=element,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harness.robots.robot import Robot
+from harness.robots.robot import Obstacle, Robot
 from harness.text.status import counted
 from reference.multibody.chart import coordinate_names
 from reference.multibody.tree import Tree
@@ -10,7 +10,15 @@ from reference.trees import TreeSystem, tree_system
 
 
 class RobotError(ValueError):
-    """A robot that can't be checked; the message names file, line and remedy."""
+    """A robot that can't be checked; the message names file, line and remedy.
+
+    Attributes:
+        obstacles: what is in the way, each with its line.
+    """
+
+    def __init__(self, message: str, obstacles: tuple[Obstacle, ...] = ()) -> None:
+        super().__init__(message)
+        self.obstacles = obstacles
 
 
 def robot_system(robot: Robot) -> TreeSystem:
@@ -20,7 +28,7 @@ def robot_system(robot: Robot) -> TreeSystem:
         RobotError: with all that is in the way, or the joints that are not covered.
     """
     if robot.tree is None:
-        raise RobotError("; ".join(map(str, robot.obstacles)))
+        raise RobotError("; ".join(map(str, robot.obstacles)), robot.obstacles)
     if not robot.tree.links:
         raise RobotError(f"{robot.file}: it has no joint that moves, so there is nothing to check")
     return tree_system(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.records.base import SourceLine
 from harness.text.visible import visible
 
 LONGEST = 600
@@ -21,11 +22,15 @@ class Failure:
     Attributes:
         reason: in one line, of a length that a person reads; what can't be shown is escaped.
         usage: whether what was asked makes no sense, rather than something having gone wrong.
+        locations: where that is in the user's files, as far as it is known.
+        kind: as of a case.
     """
 
     reason: str
     stdout: str
     usage: bool = False
+    locations: tuple[SourceLine, ...] = ()
+    kind: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reason", _sentence(self.reason))
@@ -33,6 +38,20 @@ class Failure:
     def about(self, file: Path) -> str:
         """The reason, with the file that it is about where it does not name it itself."""
         return self.reason if file.name in self.reason else f"{visible(str(file))}: {self.reason}"
+
+
+def failure_of(error: BaseException, reason: str = "") -> Failure:
+    """Return the failure of an error, with the lines that the error knows.
+
+    Args:
+        error: of ours, or any other.
+        reason: in words; those of the error where none are given.
+    """
+    files = [error, *getattr(error, "obstacles", ())]
+    found = [(getattr(one, "file", None), getattr(one, "line", None)) for one in files]
+    locations = tuple(SourceLine(file=str(file), line=line or None) for file, line in found if file)
+    kind = getattr(error, "kind", "")
+    return Failure(reason or str(error), "", locations=locations, kind=kind)
 
 
 def _sentence(text: str) -> str:

@@ -21,10 +21,12 @@ import tempfile
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any, cast
+
+import msgspec
 
 import physics_crosscheck
 from harness.engines.registry import engines
@@ -146,7 +148,11 @@ class Post:
     def _told(self, failure: Failure) -> Failure:
         """A failure with the paths that its files have where the run is."""
         reason, stdout = (text.replace(self._root, "") for text in (failure.reason, failure.stdout))
-        return Failure(reason, stdout, failure.usage)
+        locations = tuple(
+            msgspec.structs.replace(one, file=one.file.replace(self._root, ""))
+            for one in failure.locations
+        )
+        return replace(failure, reason=reason, stdout=stdout, locations=locations)
 
     def _manage(self) -> None:
         """Hand tasks to processes until the run leaves: multiprocessing is used by this thread."""

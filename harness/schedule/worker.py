@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import physics_crosscheck
-from harness.schedule.failure import Failure
+from harness.schedule.failure import Failure, failure_of
 from harness.schedule.limits import Limits
 from harness.schedule.source import user_line
 from harness.schedule.stop import SIGNALS
@@ -217,7 +217,7 @@ def _failure(error: BaseException, limits: Limits) -> Failure:
     # Our own errors, of these kinds, carry a sentence; anything else is told with its own kind.
     ours = type(error).__module__.startswith(("harness.", "reference."))
     if ours and isinstance(error, ValueError | RuntimeError):
-        return Failure(_words(error), "")
+        return failure_of(error, _words(error))
     # What is no Exception is meant to pass through whoever runs the file: say which file it was.
     said = _said(error)
     return Failure(said if isinstance(error, Exception) else _at(error, said), "")

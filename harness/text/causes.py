@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 from harness.records.base import Number
-from harness.records.cause import Cause
+from harness.records.cause import IN_FILE, Cause, digits_known
 from harness.records.finding import Explanation
-
-IN_FILE = ("literal", "literals", "unbound literal", "gravity")
-"""Kinds of numbers that the model's files state, or would: the motion wants another one."""
 
 SWITCHES = ("axis", "default", "exchange", "dropped")
 """Kinds that have no number: they hold or don't."""
@@ -28,8 +23,8 @@ def cause_sentences(explanation: Explanation) -> list[str]:
 
 
 def _sentence(cause: Cause) -> str:
-    where = ", ".join(map(str, cause.where))
-    name = f"{cause} ({where})" if where else str(cause)
+    places = ", ".join(dict.fromkeys(map(str, cause.locations)))
+    name = f"{cause} ({places})" if places else str(cause)
     if cause.kind == "dropped":
         return f"{name} in the file, 0 in the engine"
     if cause.kind in SWITCHES:
@@ -47,12 +42,6 @@ def _fitted(value: Number, error: Number) -> str:
     if value is None or error is None:
         return f"{_digits(value)} ± unknown"
     return f"{digits_known(value, error)} ± {error:.1g}"
-
-
-def digits_known(value: float, error: float) -> str:
-    """A fitted value with ten digits, but none below its standard error."""
-    places = 15 if error == 0 else max(0, -math.floor(math.log10(error)))
-    return _digits(round(value, places) + 0.0)
 
 
 def _digits(value: Number) -> str:

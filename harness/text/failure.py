@@ -48,12 +48,12 @@ def in_brief(
 ) -> tuple[str, SourceLine | None]:
     """A failure in one line, for pytest's short summary, and where it lies, if in any line."""
     if isinstance(record, Case) and diagnosis is not None and diagnosis.explained:
-        lines = [line for cause in diagnosis.explanations[0].causes for line in cause.where]
+        lines = [one for cause in diagnosis.explanations[0].causes for one in cause.locations]
         brief = f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}"
         return brief, lines[0] if lines else None
     places = []
     if isinstance(record, Model):
-        places = [finding.where for finding in record.findings if finding.where]
+        places = [finding.location for finding in record.findings if finding.location]
     brief = failure_message(record, decision, diagnosis).splitlines()[0]
     return brief, places[0] if places else None
 

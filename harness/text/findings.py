@@ -18,7 +18,7 @@ def audit_lines(findings: Iterable[AuditFinding], notes: bool = True) -> list[st
     for severity in ("finding", "note") if notes else ("finding",):
         for one in known:
             if one.severity == severity:
-                lines.append(f"{severity:<8} {one.kind:<12} {_place(one.where)}{one.message}")
+                lines.append(f"{severity:<8} {one.kind:<12} {_place(one.location)}{one.message}")
     return lines or ["nothing to say: literals and compiled terms are those of the equations"]
 
 

@@ -6,16 +6,22 @@ Workflow commands: https://docs.github.com/actions/reference/workflow-commands-f
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from harness.records.base import SourceLine
 from harness.records.case import Case
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
+from harness.text.causes import cause_sentences
+from harness.text.places import placed, shown_line
 from harness.text.visible import visible
+
+if TYPE_CHECKING:  # it needs a terminal
+    from harness.text.next_steps import Change
 
 MOST = 10
 """Annotations that GitHub shows of a step and level."""
@@ -33,22 +39,94 @@ _RANKS = (Outcome.FAILED, Outcome.DIFFERS, Outcome.UNRESOLVED, Outcome.REFUSED, 
 
 @dataclass(frozen=True, kw_only=True)
 class Annotation:
-    """A note at a place; its level is `error`, `warning` or `notice`, its line counted from 1."""
+    """A note at a place.
+
+    Attributes:
+        level: `error`, `warning` or `notice`.
+        rule: `audit`, or the outcome in lower case, as SARIF names them; empty for others.
+        file: that it is about.
+        line: in it, counted from 1; None where the whole file is meant.
+        locations: all that are known, the first of them at that line.
+        changes: of numbers in files, which set right what the note is about.
+        model: whose files these are.
+    """
 
     level: str
+    rule: str = ""
     file: Path
-    line: int
+    line: int | None
     title: str
     message: str
+    locations: tuple[SourceLine, ...] = ()
+    changes: tuple[Change, ...] = ()
+    model: Model | None = None
 
     def command(self, root: Path) -> str:
         """The workflow command, its file relative to the repository's root where it is inside."""
         path = self.file.resolve()
         inside = path.relative_to(root) if path.is_relative_to(root) else path
-        where = _property(inside.as_posix())
+        where = f"file={_property(inside.as_posix())}"
+        where += "" if self.line is None else f",line={self.line}"
         title = _property(self.title[:200])
         message = _data(self.message[:_LONGEST])
-        return f"::{self.level} file={where},line={self.line},title={title}::{message}"
+        return f"::{self.level} {where},title={title}::{message}"
+
+
+def run_notes(results: Results) -> list[Annotation]:
+    """What a run found, each thing once: cases, audits, and what could not be done of a model."""
+    return [*case_notes(results), *_audit_notes(results), *_failure_notes(results)]
+
+
+def _audit_notes(results: Results) -> Iterator[Annotation]:
+    """Each finding of a model file, at its line where it is in one."""
+    # Imported here: a gate of which nothing changed needs no terminal.
+    from harness.text.next_steps import stated_changes
+    from harness.text.troubles import audited_alike, named_models
+
+    for alike in audited_alike(one for one in results.models if not one.accepted):
+        model = alike[0]
+        for finding in model.findings:
+            where = [finding.location] if finding.location is not None else []
+            changes = stated_changes(model, [finding])
+            new = f"; write {changes[0].new}" if changes else ""
+            yield _note(
+                (model.folder, model.model),
+                where,
+                level="error",
+                rule="audit",
+                title=f"audit of {named_models(alike)}",
+                message=f"{finding.message}{new}",
+                changes=tuple(changes),
+                model=model,
+            )
+
+
+def _failure_notes(results: Results) -> Iterator[Annotation]:
+    """What could not be done of a model, and no case tells."""
+    from harness.text.troubles import untold_failures
+
+    for model, what, why in untold_failures(results):
+        title = f"{Outcome.FAILED} {what} of {model.id}"
+        place = model.folder, model.model
+        yield _note(place, [], level="error", rule="failed", title=title, message=why, model=model)
+
+
+def _note(place: tuple[str, str], blamed: Iterable[SourceLine], **fields: Any) -> Annotation:
+    """An annotation at the first line that is known.
+
+    Args:
+        place: folder and model file.
+        blamed: what it is about, as far as it is known.
+        fields: the rest of the annotation.
+    """
+    folder = Path(place[0])
+    file = folder if folder.is_file() else folder / place[1]
+    shown = (shown_line(place[0], where) for where in blamed)
+    found = tuple(one for one in shown if one.line is not None and Path(one.file).is_file())
+    first = (Path(found[0].file), found[0].line) if found else (file, None)
+    if not found and not file.is_file():
+        first = folder, None
+    return Annotation(file=first[0], line=first[1], locations=found, **fields)
 
 
 def case_notes(results: Results) -> list[Annotation]:
@@ -66,35 +144,31 @@ def case_note(case: Case, model: Model | None) -> Annotation:
 
     Where no cause explains it, the first line that the audit finds something wrong in.
     """
-    folder = Path(case.folder)
-    file = folder / case.model
-    path, line, message = (file if file.is_file() else folder), 1, case.reason
+    message, blamed = case.reason, list(case.locations)
     diagnosis = model.diagnosis if model else None
-    blamed: list[SourceLine] = []
-    if diagnosis and diagnosis.explained and diagnosis.explanations:
-        causes = diagnosis.explanations[0].causes
-        message = f"{' and '.join(str(cause) for cause in causes)}: {message}"
-        blamed = [one for cause in causes for one in cause.where]
+    changes: list[Change] = []
+    if model and diagnosis and diagnosis.explained and diagnosis.explanations:
+        from harness.text.next_steps import changes_of  # as above
+
+        best = placed(diagnosis.explanations[0], model.folder)
+        message = f"{' and '.join(cause_sentences(best)[:-1])}: {message}"
+        blamed = [one for cause in best.causes for one in cause.locations]
+        changes = changes_of(model)
+        if len(changes) < len(best.causes):
+            changes = []  # half a cause is no remedy
     elif model and (found := model.unexplained_findings):
         message = f"{found[0].message}: {message}"
-        blamed = [one.where for one in found if one.where is not None]
-    path, line = _first_line(blamed, folder) or (path, line)
-    return Annotation(
+        blamed = [one.location for one in found if one.location is not None]
+    return _note(
+        (case.folder, case.model),
+        blamed,
         level="error" if case.outcome.is_run or case.outcome is Outcome.FAILED else "warning",
-        file=path,
-        line=line,
+        rule=case.outcome.lower(),
         title=f"{case.outcome} {case.id}",
         message=message,
+        changes=tuple(changes),
+        model=model,
     )
-
-
-def _first_line(blamed: Sequence[SourceLine], folder: Path) -> tuple[Path, int] | None:
-    """The first line that is blamed, of those that are of a file of the folder."""
-    for where in blamed:
-        file = folder / Path(where.file).name
-        if where.line is not None and file.is_file():
-            return file, where.line
-    return None
 
 
 def _discrepancy(case: Case) -> float:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from harness.records.base import SourceLine
-from harness.records.cause import Cause
+from harness.records.finding import AuditFinding
 from harness.records.model import Model
 from harness.records.results import Results
-from harness.text.causes import IN_FILE, digits_known
 from harness.text.places import shown_line
 from harness.text.troubles import explained_alike
 
@@ -26,17 +26,19 @@ class Change:
 
     Attributes:
         subject: its address, or theirs.
-        where: its line, or theirs, with paths from where one stands.
-        old, new: what stands there, and what is to.
+        locations: its place, or theirs, with paths from where one stands.
+        old: the number that is there.
+        new: the text to write at each location.
     """
 
     subject: tuple[str, ...]
-    where: tuple[SourceLine, ...]
+    locations: tuple[SourceLine, ...]
     old: float
     new: str
 
     def __str__(self) -> str:
-        return f"{self.where[0]} from {self.old:.10g} to {self.new}"
+        places = ", ".join(dict.fromkeys(map(str, self.locations)))
+        return f"{places} from {self.old:.10g} to {self.new}"
 
 
 def next_steps(results: Results, out: Path) -> list[str]:
@@ -81,32 +83,29 @@ def changes_of(model: Model) -> list[Change]:
     return [
         Change(
             subject=cause.subject,
-            where=tuple(shown_line(model.folder, one) for one in cause.where),
+            locations=tuple(shown_line(model.folder, one) for one in cause.locations),
             old=cause.nominal,
-            new=value,
+            new=cause.replacement,
         )
         for cause in model.diagnosis.explanations[0].causes
-        if (value := _wanted(cause)) and cause.where and cause.nominal is not None
+        if cause.replacement and cause.locations and cause.nominal is not None
     ]
 
 
-def stated_changes(model: Model) -> list[Change]:
-    """The numbers in files that are others than their bindings say, by reading alone."""
+def stated_changes(model: Model, findings: Iterable[AuditFinding] | None = None) -> list[Change]:
+    """The numbers in files that are others than their bindings say, by reading alone.
+
+    Args:
+        model: its record.
+        findings: of the model; all where none are given.
+    """
     return [
         Change(
-            subject=(one.message.partition(" is ")[0],),
-            where=(shown_line(model.folder, one.where),),
+            subject=one.subject,
+            locations=(shown_line(model.folder, one.location),),
             old=one.found,
-            new=repr(one.expected),
+            new=one.replacement,
         )
-        for one in model.findings
-        if one.kind == "literal" and one.where is not None and one.where.line is not None
-        if one.found is not None and one.expected is not None
+        for one in (model.findings if findings is None else findings)
+        if one.replacement and one.location is not None and one.found is not None
     ]
-
-
-def _wanted(cause: Cause) -> str:
-    """The number that the motion wants in a file; empty where it says none."""
-    if cause.kind not in IN_FILE or cause.estimate is None or cause.standard_error is None:
-        return ""
-    return digits_known(cause.estimate, cause.standard_error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -24,10 +25,36 @@ def shown_line(folder: str, where: SourceLine) -> SourceLine:
     return replace(where, file=shown_path(beside)) if beside.is_file() else where
 
 
+def is_spelled(where: SourceLine, name: str, data: bytes) -> bool:
+    """Return whether a location is of the file so named, and its text is still in its span.
+
+    Args:
+        where: the location.
+        name: of a model file or its sidecar, without folders.
+        data: the bytes of that file.
+    """
+    folder, found = where.file.removesuffix(name), where.file.endswith(name)
+    if where.span is None or not found or folder[-1:] not in ("", "/", "\\"):
+        return False
+    return bool(where.text) and data[slice(*where.span)] == where.text.encode()
+
+
+def column(where: SourceLine, text: str) -> int:
+    """Return the first character of a location's span in its line, counted from 1.
+
+    Args:
+        where: a location that is spelled in the text.
+        text: of its file.
+    """
+    assert where.span is not None
+    before = text.encode()[: where.span[0]].decode(errors="replace").removeprefix("\ufeff")
+    return len(re.split(r"\r\n|\r|\n", before)[-1]) + 1
+
+
 def placed(explanation: Explanation, folder: str) -> Explanation:
     """An explanation whose lines have paths from where one stands."""
     causes = tuple(
-        replace(cause, where=tuple(shown_line(folder, one) for one in cause.where))
+        replace(cause, locations=tuple(shown_line(folder, one) for one in cause.locations))
         for cause in explanation.causes
     )
     return replace(explanation, causes=causes)

@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from urllib.parse import quote
 
-from harness.records.outcome import Outcome
+from harness.records.base import SourceLine
+from harness.records.model import Model
 from harness.records.results import Results
-from harness.text.github import Annotation, case_notes
-from harness.text.places import shown_line, shown_path
+from harness.text.github import Annotation, run_notes
+from harness.text.next_steps import Change
+from harness.text.places import column, is_spelled, shown_path
+from harness.text.visible import visible
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 
@@ -27,69 +32,100 @@ _RULES = {
 
 
 def sarif(results: Results) -> str:
-    """The JSON of a log with one run, whose files are told from where one stands."""
-    found = [*_of_cases(results), *_of_audits(results)]
-    log = {
-        "$schema": SCHEMA,
-        "version": "2.1.0",
-        "runs": [
-            {
-                "tool": {
-                    "driver": {
-                        "name": "crosscheck",
-                        "version": str(results.versions.get("physics-crosscheck")),
-                        "rules": [
-                            {"id": name, "shortDescription": {"text": text}}
-                            for name, text in _RULES.items()
-                        ],
-                    }
-                },
-                "results": found,
-            }
+    """Return the JSON of a log with one run, whose files are relative to the working folder."""
+    driver: dict[str, object] = {
+        "name": "crosscheck",
+        "rules": [
+            {"id": name, "shortDescription": {"text": text}} for name, text in _RULES.items()
         ],
     }
-    return json.dumps(log, indent=1)
+    if version := results.versions.get("physics-crosscheck"):
+        driver["version"] = version
+    run = {
+        "tool": {"driver": driver},
+        "columnKind": "unicodeCodePoints",
+        "newlineSequences": ["\r\n", "\r", "\n"],
+        "results": [_result(note) for note in run_notes(results)],
+    }
+    return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1)
 
 
-def _of_cases(results: Results) -> Iterator[dict[str, object]]:
-    for note in case_notes(results):
-        outcome = note.title.split(" ", 1)[0]
-        yield _result(Outcome(outcome).value.lower(), note)
-
-
-def _of_audits(results: Results) -> Iterator[dict[str, object]]:
-    """Findings that stand in a line, each once."""
-    for model in results.models:
-        for one in model.findings:
-            if one.where is None or model.accepted:
-                continue
-            where = shown_line(model.folder, one.where)
-            note = Annotation(
-                level="error",
-                file=Path(where.file),
-                line=where.line or 1,
-                title=f"audit of {model.id}",
-                message=one.message,
-            )
-            yield _result("audit", note)
-
-
-def _result(rule: str, note: Annotation) -> dict[str, object]:
-    return {
-        "ruleId": rule,
+def _result(note: Annotation) -> dict[str, object]:
+    """A result at all its places where each must change, else at the first with the rest beside."""
+    artifact = {"artifactLocation": {"uri": _uri(note.file)}}
+    places = list(_places(note)) or [{"physicalLocation": artifact}]
+    count = len(places) if note.changes else 1
+    result: dict[str, object] = {
+        "ruleId": note.rule,
+        "ruleIndex": list(_RULES).index(note.rule),
         "level": "note" if note.level == "notice" else note.level,
-        "message": {"text": f"{note.title}: {note.message}"},
-        "locations": [
-            {
-                "physicalLocation": {
-                    "artifactLocation": {"uri": _uri(note.file)},
-                    "region": {"startLine": note.line},
-                }
-            }
+        "message": {"text": _message(f"{note.title}: {note.message}")},
+        "locations": places[:count],
+    }
+    if places[count:]:
+        result["relatedLocations"] = places[count:]
+    if fix := _fix(note.changes, note.model):
+        result["fixes"] = [fix]
+    return result
+
+
+def _places(note: Annotation) -> Iterator[dict[str, object]]:
+    """The locations that are known, each once."""
+    seen: list[object] = []
+    for where in note.locations:
+        region = _region(where, note.model) or {"startLine": where.line}
+        place = {"artifactLocation": {"uri": _uri(Path(where.file))}, "region": region}
+        if place not in seen:
+            seen.append(place)
+            yield {"physicalLocation": place}
+
+
+def _fix(changes: Iterable[Change], model: Model | None) -> dict[str, object] | None:
+    """All replacements together; None where a file no longer has the text of one."""
+    files: dict[str, list[object]] = {}
+    told = []
+    for change in changes:
+        told.append(f"change {change}")
+        for where in change.locations:
+            region = _region(where, model)
+            if region is None:
+                return None
+            replacement = {"deletedRegion": region, "insertedContent": {"text": change.new}}
+            files.setdefault(_uri(Path(where.file)), []).append(replacement)
+    if not files:
+        return None
+    return {
+        "description": {"text": _message("; ".join(told))},
+        "artifactChanges": [
+            {"artifactLocation": {"uri": uri}, "replacements": replacements}
+            for uri, replacements in files.items()
         ],
     }
+
+
+def _region(where: SourceLine, model: Model | None) -> dict[str, object] | None:
+    """The characters of a number; None where the model's files have no such text there."""
+    if model is None:
+        return None
+    for name, text in ((model.model, model.text), (f"{model.model}.toml", model.sidecar)):
+        if is_spelled(where, name, text.encode()):
+            start = column(where, text)
+            end = start + len(where.text)
+            return {
+                "startLine": where.line, "startColumn": start,
+                "endLine": where.line, "endColumn": end,
+            }  # fmt: skip
+    return None
+
+
+def _message(text: str) -> str:
+    """A plain text message in which nothing is a link or a placeholder (sections 3.11.5, 6)."""
+    text = "".join(c if c == "\n" else visible(c) for c in text)
+    return re.sub(r"([{}])", r"\1\1", text.replace("](", "] ("))
 
 
 def _uri(file: Path) -> str:
     shown = Path(shown_path(file))
-    return Path(os.path.abspath(file)).as_uri() if shown.is_absolute() else shown.as_posix()
+    if shown.is_absolute():
+        return Path(os.path.abspath(file)).as_uri()
+    return quote(os.fsencode(shown.as_posix()))

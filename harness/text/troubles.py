@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -10,6 +9,7 @@ from itertools import groupby
 from rich.console import Console
 
 from harness.records.case import Case, ModelKey
+from harness.records.finding import SAME, AuditFinding
 from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.records.results import Results
@@ -21,8 +21,6 @@ from harness.text.status import counted
 from harness.text.styles import STYLES
 
 MOST_TOLD = 40
-
-_NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -36,8 +34,8 @@ class Trouble:
 def troubles(cases: Iterable[Case]) -> list[Trouble]:
     """Cases that don't agree and weren't accepted, worst first.
 
-    Together stand those of a model file that differ, and those that don't agree for one reason but
-    for its numbers.
+    Those of a model file that differ are together, and so are those of one kind in one component,
+    or of one reason where a case names no kind.
     """
     found: dict[Hashable, list[Case]] = {}
     amiss = [c for c in cases if c.outcome is not Outcome.AGREES and not c.accepted]
@@ -53,20 +51,35 @@ def explained_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
         if (diagnosis := model.diagnosis) is None:
             continue
         best = diagnosis.explanations[:1]
-        causes = tuple((cause.id, cause.where) for one in best for cause in one.causes)
+        causes = tuple((cause.id, cause.locations) for one in best for cause in one.causes)
         state = diagnosis.explained, bool(model.unexplained_findings), diagnosis.failure
         found.setdefault((model.folder, model.model, causes, state), []).append(model)
     return [tuple(one) for one in found.values()]
 
 
 def audited_alike(models: Iterable[Model]) -> list[tuple[Model, ...]]:
-    """Models with findings, those of one file and the same findings but for numbers together."""
-    found: dict[Hashable, list[Model]] = {}
+    """Models with findings, those of one file and the same findings together."""
+    found: list[list[Model]] = []
     for model in models:
         if model.findings:
-            lines = tuple(_NUMBER.sub("#", line) for line in audit_lines(model.findings))
-            found.setdefault((model.folder, model.model, lines), []).append(model)
-    return [tuple(one) for one in found.values()]
+            same = next((alike for alike in found if _same_findings(alike[0], model)), None)
+            if same is None:
+                found.append([model])
+            else:
+                same.append(model)
+    return [tuple(alike) for alike in found]
+
+
+def _same_findings(one: Model, other: Model) -> bool:
+    mine, theirs = one.findings, other.findings
+    return (one.folder, one.model, len(mine)) == (other.folder, other.model, len(theirs)) and all(
+        map(_is_like, mine, theirs)
+    )
+
+
+def _is_like(one: AuditFinding, other: AuditFinding) -> bool:
+    """Whether one message is right for both: numbers that it alone has must be the same."""
+    return one.is_like(other, SAME) and (one.found is not None or one.message == other.message)
 
 
 def untold_failures(results: Results) -> list[tuple[Model, str, str]]:
@@ -98,7 +111,9 @@ def print_troubles(console: Console, results: Results) -> None:
 def _kind(case: Case) -> Hashable:
     if case.outcome is Outcome.DIFFERS:
         return case.outcome, case.folder, case.model
-    return case.outcome, _NUMBER.sub("#", case.reason.replace(case.scenario, "#"))
+    if case.kind:
+        return case.outcome, case.kind, case.verdict.component if case.verdict else ""
+    return case.outcome, case.reason
 
 
 def _worst_first(case: Case) -> tuple[int, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from harness.records.history import digits_known
 from harness.records.outcome import Outcome
 from harness.records.results import Results
 from harness.text.markup import escape
-from harness.text.next_steps import changes_of
+from harness.text.next_steps import Change, changes_of
 from harness.text.status import counted
 from harness.text.troubles import explained_alike
 from harness.text.versions import MOST_TOLD, changes_table, error_change, say, verdicts
@@ -229,11 +230,16 @@ def _apart(then: Number, now: Number) -> bool:
 def _causes(results: Results) -> list[str]:
     """What each explained model file has wrong, a line a number."""
     lines = (
-        f"{alike[0].system}/{_short(change.where[0])} from {change.old:.10g} to {change.new}"
+        f"{alike[0].system}/{_told(change)}"
         for alike in explained_alike(results.models)
         for change in changes_of(alike[0])
     )
     return list(dict.fromkeys(lines))
+
+
+def _told(change: Change) -> str:
+    shorter = tuple(map(_short, change.locations))
+    return str(dataclasses.replace(change, locations=shorter))
 
 
 def _short(where: SourceLine) -> SourceLine:

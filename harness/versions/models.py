@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from harness.records.base import Rows
 from harness.records.finding import AuditFinding
 from harness.records.model import EngineLinearization, Model
 from harness.records.versions import ModelChange, VersionModel, VersionRun
-
-_NUMBER = re.compile(r"-?\d+(?:\.\d+)*(?:e[-+]?\d+)?")
 
 _ALIKE = 1e-9
 """Numbers of a remark that are this close, relatively, are the same."""
@@ -105,7 +102,7 @@ def _remarks(was: Model, now: Model) -> Told:
         return
     then, present = list(was.audit), list(now.audit)
     for one in was.audit:
-        same = next((other for other in present if _alike(one, other)), None)
+        same = next((other for other in present if one.is_like(other, _ALIKE)), None)
         if same is not None:
             then.remove(one)
             present.remove(same)
@@ -114,24 +111,5 @@ def _remarks(was: Model, now: Model) -> Told:
 
 
 def _sentence(one: AuditFinding) -> str:
-    where = "" if one.where is None else f"{one.where}: "
+    where = "" if one.location is None else f"{one.location}: "
     return f"{where}{one.message}"
-
-
-def _alike(one: AuditFinding, other: AuditFinding) -> bool:
-    """Whether two remarks say the same: words, place and numbers, these but for rounding."""
-    words = [
-        (each.kind, each.severity, str(each.where), _NUMBER.sub("#", each.message))
-        for each in (one, other)
-    ]
-    return words[0] == words[1] and _close((one.expected, one.found), (other.expected, other.found))
-
-
-def _close(these: Sequence[float | None], those: Sequence[float | None]) -> bool:
-    for a, b in zip(these, those, strict=True):
-        if a is None or b is None:
-            if a is not b:
-                return False
-        elif abs(a - b) > _ALIKE * max(abs(a), abs(b)):
-            return False
-    return True

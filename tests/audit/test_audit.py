@@ -70,7 +70,7 @@ def test_a_literal_off_by_a_millionth_is_read_and_measured(
     assert f"{address} is" in literal.message
     assert "1.0e-06 relative" in literal.message
     file = tmp_path / place.place.file.name
-    assert literal.where == SourceLine(file=str(file), line=place.place.line)
+    assert literal.location == SourceLine(file=str(file), line=place.place.line)
     assert literal.expected == pytest.approx(place.value, rel=1e-12)
     assert literal.found == pytest.approx(place.value * (1 + 1e-6), rel=1e-12)
     compiled = [f for f in grave(found) if f.kind in ("inertia", "damping", "stiffness")]
@@ -144,7 +144,7 @@ def test_a_urdf_limit_that_the_motions_reach(look: Look, engine: str) -> None:
     change = ('lower="-100" upper="100"', 'lower="-0.01" upper="100"')
     found = look("mass_spring_damper", "robot.urdf", engine, change)
     assert "x is limited to [-0.01, 100]" in said(found, "default")
-    where = next(f.where for f in found if "is limited to" in f.message)
+    where = next(f.location for f in found if "is limited to" in f.message)
     assert where is not None
     assert where.line
 

@@ -28,11 +28,11 @@ def test_what_a_model_remarks_on_itself_is_told_with_its_line(
     monkeypatch.setattr(MujocoModel, "remarks", remarks)
     found = [f for f in look("simple_pendulum", "mujoco.xml", "mujoco") if f.kind == "default"]
     assert [f.message for f in found] == ["a word", "a number", "the file"]
-    assert found[0].where is None
-    assert [f.where and Path(f.where.file).name for f in found[1:]] == ["mujoco.xml"] * 2
-    assert found[1].where is not None
-    assert found[1].where.line is not None
-    assert found[2].where == SourceLine(file=str(tmp_path / "mujoco.xml"))
+    assert found[0].location is None
+    assert [f.location and Path(f.location.file).name for f in found[1:]] == ["mujoco.xml"] * 2
+    assert found[1].location is not None
+    assert found[1].location.line is not None
+    assert found[2].location == SourceLine(file=str(tmp_path / "mujoco.xml"))
 
 
 def test_a_model_that_has_nothing_to_say_of_itself_says_nothing() -> None:
@@ -59,10 +59,10 @@ def test_what_a_setting_leaves_on_in_pybullet_is_not_said_to_be_off(
     assert "speed limit" in off.message
     on = next(f for f in found if "left on" in f.message)
     assert on.message.startswith(f"PyBullet's own {called}, left on by the setting")
-    assert on.where is not None
-    toml = Path(on.where.file)
+    assert on.location is not None
+    toml = Path(on.location.file)
     assert toml.name == "robot.urdf.toml"
-    assert toml.read_text().splitlines()[(on.where.line or 0) - 1] == setting
+    assert toml.read_text().splitlines()[(on.location.line or 0) - 1] == setting
     if fault:
         assert on.severity == "finding"
 
@@ -82,7 +82,7 @@ def test_a_damping_that_the_sidecar_sets_is_told_with_its_line(look: Look) -> No
         "simple_pendulum", "space.py", "pymunk", ("[settings]\n", "[settings]\ndamping = 0.99\n")
     )
     damped = next(f for f in found if "Space.damping is 0.99" in f.message)
-    assert "space.py.toml:" in str(damped.where)
+    assert "space.py.toml:" in str(damped.location)
 
 
 def line_with(file: Path, text: str) -> int:
@@ -108,7 +108,7 @@ def test_a_comment_or_a_look_alike_before_a_joint_is_not_taken_for_it(
         ),
         ('<joint name="theta" type="hinge"', armed),
     )
-    where = next(f.where for f in found if f.message.startswith("armature of theta"))
+    where = next(f.location for f in found if f.message.startswith("armature of theta"))
     file = tmp_path / "mujoco.xml"
     assert where == SourceLine(file=str(file), line=line_with(file, armed))
 
@@ -127,7 +127,7 @@ def test_a_transmission_before_a_joint_of_a_urdf_is_not_taken_for_it(
         ),
         ('friction="0"', 'friction="0.4"'),
     )
-    where = next(f.where for f in found if "ignores it" in f.message)
+    where = next(f.location for f in found if "ignores it" in f.message)
     file = tmp_path / "robot.urdf"
     line = line_with(file, '<joint name="x" type')
     assert where == SourceLine(file=str(file), line=line)
@@ -160,7 +160,7 @@ def test_a_comment_or_a_look_alike_in_python_is_not_taken_for_the_damping_of_a_s
 """
     built = "    space = pymunk.Space()\n"
     found = look("simple_pendulum", "space.py", "pymunk", (built, built + text))
-    where = next(f.where for f in found if "Space.damping is 0.99" in f.message)
+    where = next(f.location for f in found if "Space.damping is 0.99" in f.message)
     file = tmp_path / "space.py"
     line = line_with(file, "space.damping = 0.99")
     assert where == SourceLine(file=str(file), line=line)
@@ -171,7 +171,7 @@ def test_a_comment_is_not_taken_for_a_joint_in_python(look: Look, tmp_path: Path
     built = "    space = pymunk.Space()\n"
     comment = built + "    # pymunk.PinJoint( is what holds the bob\n"
     found = look("simple_pendulum", "space.py", "pymunk", change, (built, comment))
-    where = next(f.where for f in found if "error_bias of a PinJoint" in f.message)
+    where = next(f.location for f in found if "error_bias of a PinJoint" in f.message)
     file = tmp_path / "space.py"
     line = line_with(file, "= pymunk.PinJoint(")
     assert where == SourceLine(file=str(file), line=line)
@@ -192,7 +192,7 @@ def test_a_gravity_that_a_sidecar_overrides_is_told_with_both_lines(
     found = look("simple_pendulum", "mujoco.xml", "mujoco", change)
     (one,) = [f for f in found if "counts" in f.message]
     file, beside = tmp_path / "mujoco.xml", tmp_path / "mujoco.xml.toml"
-    assert one.where == SourceLine(file=str(file), line=line_with(file, "gravity="))
+    assert one.location == SourceLine(file=str(file), line=line_with(file, "gravity="))
     assert "0 0 -9.81" in one.message
     assert one.message.endswith(f"({beside}:{line_with(beside, 'gravity =')})")
     assert one.severity == "finding"  # the equations have another

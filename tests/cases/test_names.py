@@ -37,5 +37,5 @@ def test_a_body_called_nut_and_bolt_with_a_wrong_mass_is_named_with_its_line(
     assert model.diagnosis.explained
     (cause,) = model.diagnosis.explanations[0].causes
     assert cause.id == CauseId(kind="literal", subject=("body[nut and bolt]/inertial@mass",))
-    assert [place.line for place in cause.where] == [line]
+    assert [place.line for place in cause.locations] == [line]
     assert "nut and bolt" in (tmp_path / "out" / "index.html").read_text()

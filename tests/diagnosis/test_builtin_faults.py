@@ -76,7 +76,7 @@ def test_the_wrong_literal_is_named_with_file_line_and_value(
     (named,) = next(
         e.causes for e in diagnosis.explanations if [str(c) for c in e.causes] == [cause]
     )
-    assert named.where == (SourceLine(file=file, line=line),)
+    assert named.locations == (SourceLine(file=file, line=line),)
     assert named.estimate == pytest.approx(wanted, abs=0.01 * abs(float_of(new) - wanted))
     assert re.search(rf"cause in {name}/{re.escape(model)} \[{engine}\]", done.stdout)
     # The audit reads the literal; the diagnosis did not.

@@ -98,7 +98,7 @@ def check_named(
     alike = (first.causes[0].id, *first.tied_with)
     assert CauseId(kind="literal", subject=(address,)) in alike
     (cause,) = next(one.causes for one in found.explanations if one.causes[0].subject == (address,))
-    assert [(one.file, one.line) for one in cause.where] == [(file, line)]
+    assert [(one.file, one.line) for one in cause.locations] == [(file, line)]
     assert cause.nominal == pytest.approx(wrong, rel=1e-12)
     assert cause.estimate is not None
     assert abs(cause.estimate - right) < 1e-3 * abs(wrong - right)
@@ -310,7 +310,7 @@ def test_a_number_of_which_the_engine_sees_a_part_is_named_with_what_hides_the_r
     assert found.explained
     number, hidden = found.explanations[0].causes
     assert number.subject[0].endswith("@fromto[0]")
-    assert [one.line for one in number.where] == [4]
+    assert [one.line for one in number.locations] == [4]
     assert number.nominal == 5e-7
     assert abs(number.estimate or 0.0) < 1e-9
     assert "frames within 1e-6" in str(hidden)

@@ -61,7 +61,7 @@ def check_named(file: Path, engine: str, address: str, share: float) -> None:
     assert found.explained
     (cause,) = found.explanations[0].causes
     assert cause.subject == (address,)
-    assert [where.line for where in cause.where] == [one.line]
+    assert [where.line for where in cause.locations] == [one.line]
     assert cause.estimate == pytest.approx(one.value, abs=1e-3 * share)
 
 

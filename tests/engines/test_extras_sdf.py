@@ -220,7 +220,7 @@ def test_a_wrong_number_of_a_builtin_model_is_named_by_its_line(
     file.write_bytes(data[: place.start] + value.encode() + data[place.end :])
     cause = diagnosed(folder, "dart")
     assert (cause.kind, cause.subject) == ("literal", (address,))
-    assert [one.line for one in cause.where] == [place.line]
+    assert [one.line for one in cause.locations] == [place.line]
 
 
 def test_what_drake_alone_reads_is_left_out_where_a_file_is_checked_alone(tmp_path: Path) -> None:

@@ -134,8 +134,8 @@ def test_the_audit_tells_the_size_and_finds_nothing_wrong(hinge: Prepared, right
     assert remark.severity == "note"
     assert remark.found is not None
     assert 1e-13 < remark.found < 1e-8
-    assert remark.where is not None
-    assert remark.where.line == 4
+    assert remark.location is not None
+    assert remark.location.line == 4
     assert "the engine's own loss of digits" in said(found, "inertia", "note")
     assert "loss of digits" not in "".join(one.message for one in audit(hinge, exact(right)))
 

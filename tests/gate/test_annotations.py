@@ -163,7 +163,8 @@ def test_a_run_annotates_the_diagnosed_line(tmp_path: Path) -> None:
     )
     (made,) = case_notes(results)
     assert (made.file.name, made.line) == ("m.xml", 12)
-    assert made.message == "joint[x]@stiffness: off"
+    where = f"joint[x]@stiffness ({tmp_path}/m.xml:12)"
+    assert made.message == f"{where} is 1, the motion wants 2 ± 0.1: off"
     assert made.title == "DIFFERS spring/m.xml/free [e]"
     assert case_notes(results_of(differing(tmp_path, "free", accepted="known"))) == []
 
@@ -173,7 +174,10 @@ def test_a_pair_of_causes_is_annotated_at_the_first_that_stands_in_a_file(tmp_pa
     pair = cause("nut and bolt", None), cause("joint[x]@damping", 7)
     (made,) = case_notes(results_of(differing(tmp_path, "free"), causes=pair))
     assert (made.file.name, made.line) == ("m.xml", 7)
-    assert made.message == "nut and bolt and joint[x]@damping: off"
+    assert made.message == (
+        "nut and bolt is 1, the motion wants 2 ± 0.1 and"
+        f" joint[x]@damping ({tmp_path}/m.xml:7) is 1, the motion wants 2 ± 0.1: off"
+    )
 
 
 def test_a_model_that_no_cause_explains_is_annotated_where_the_audit_finds(tmp_path: Path) -> None:
@@ -181,8 +185,9 @@ def test_a_model_that_no_cause_explains_is_annotated_where_the_audit_finds(tmp_p
     found = results_of(differing(tmp_path, "free"), causes=(cause("joint[x]@damping", 7),))
     wrong = AuditFinding(
         kind="literal",
+        subject=("mass",),
         message="mass is 9 where m = 0.9",
-        where=SourceLine(file=str(tmp_path / "m.xml"), line=3),
+        location=SourceLine(file=str(tmp_path / "m.xml"), line=3),
         expected=0.9,
         found=9.0,
         severity="finding",
@@ -198,7 +203,7 @@ def test_a_model_that_no_cause_explains_is_annotated_where_the_audit_finds(tmp_p
 
 def test_a_model_without_a_diagnosis_is_annotated_at_its_file(tmp_path: Path) -> None:
     (made,) = case_notes(results_of(differing(tmp_path, "free")))
-    assert (made.file, made.line, made.message) == (tmp_path, 1, "off")
+    assert (made.file, made.line, made.message) == (tmp_path, None, "off")
 
 
 def differing(folder: Path, scenario: str, **fields: Any) -> Case:
@@ -213,7 +218,7 @@ def cause(subject: str, line: int | None) -> Cause:
         nominal=1.0,
         estimate=2.0,
         standard_error=0.1,
-        where=() if line is None else (SourceLine(file="m.xml", line=line),),
+        locations=() if line is None else (SourceLine(file="m.xml", line=line),),
     )
 
 

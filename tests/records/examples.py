@@ -32,6 +32,8 @@ def _of(wanted: inspect.Type) -> Any:
             return _of(next(one for one in types if not isinstance(one, inspect.NoneType)))
         case inspect.VarTupleType(item_type=item) | inspect.ListType(item_type=item):
             return [_of(item)]
+        case inspect.TupleType(item_types=items):
+            return [_of(item) for item in items]
         case inspect.DictType(value_type=value):
             return {"a": _of(value)}
         case inspect.LiteralType(values=values):

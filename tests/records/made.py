@@ -60,8 +60,8 @@ def model(*findings: AuditFinding, **fields: Any) -> Model:
 
 def finding(message: str = "is wrong", **fields: Any) -> AuditFinding:
     known: dict[str, Any] = {
-        "kind": "literal", "message": message, "where": None, "expected": None, "found": None,
-        "severity": "finding",
+        "kind": "literal", "subject": (message,), "message": message, "location": None,
+        "expected": None, "found": None, "severity": "finding",
     }  # fmt: skip
     return AuditFinding(**known | fields)
 

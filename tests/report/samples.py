@@ -247,7 +247,7 @@ def explanation(
                 nominal=38.25,
                 estimate=39.5,
                 standard_error=1e-9,
-                where=(SourceLine(file=where, line=21),) if where else (),
+                locations=(SourceLine(file=where, line=21),) if where else (),
             ),
         ),
         remaining=remaining,
@@ -317,8 +317,27 @@ def planted(engines: Sequence[str] = ("mujoco", "pybullet")) -> Results:
         case.key for case in cases if case.outcome is Outcome.DIFFERS
     }
     told = {case.key: diagnosis(case) for case in cases if case.key in wrong}
-    models = [replace(model, diagnosis=told.get(model.key)) for model in models]
+    models = [
+        replace(model, diagnosis=spelled(told[model.key], text))
+        if model.key in told
+        else replace(model, diagnosis=None)
+        for model in models
+    ]
     return replace(found, models=tuple(models), cases=tuple(cases))
+
+
+def spelled(found: Diagnosis, text: str) -> Diagnosis:
+    """A diagnosis whose first cause has its bytes in a file."""
+    first, *rest = found.explanations
+    (cause,) = first.causes
+    cause = replace(cause, locations=(located(cause.locations[0], text, "38.25"),))
+    return replace(found, explanations=(replace(first, causes=(cause,)), *rest))
+
+
+def located(where: SourceLine, text: str, number: str) -> SourceLine:
+    """A line with the bytes of a number that is in a text once."""
+    start = text.encode().index(number.encode())
+    return replace(where, span=(start, start + len(number.encode())), text=number)
 
 
 def blown_up(case: Case) -> Case:
@@ -370,8 +389,9 @@ def mixed() -> Results:
     cases.append(unjudged(replace(cases[3], engine="drake"), Outcome.REFUSED, "a massless link"))
     audited = AuditFinding(
         kind="literal",
+        subject=("joint[x]@stiffness",),
         message="joint[x]@stiffness is 39.5 where k = 38.25",
-        where=SourceLine(file="/models/system_0/mujoco.xml", line=21),
+        location=SourceLine(file="/models/system_0/mujoco.xml", line=21),
         expected=38.25,
         found=39.5,
         severity="finding",

@@ -19,6 +19,7 @@ from tests.report.samples import (
     changed_model,
     diagnosis,
     judged,
+    located,
     planted,
     results,
 )
@@ -126,10 +127,13 @@ def test_several_numbers_that_reading_finds_wrong_are_all_to_be_changed() -> Non
     text = "<a>\n  <b mass='2' size='0.1 0.2'/>\n  <c mass='4.5'/>\n</a>\n"
     findings = tuple(
         AuditFinding(
-            kind="literal", message=f"{name}@mass is {old} where m = {new}", found=old,
-            expected=new, where=SourceLine(file="robot.urdf", line=line), severity="finding",
+            kind="literal", subject=(f"{name}@mass",), message=f"{name}@mass is wrong", found=old,
+            expected=new, location=located(SourceLine(file="robot.urdf", line=line), text, spelled),
+            replacement=repr(new), severity="finding",
         )
-        for name, line, old, new in (("b", 2, 2.0, 3.0), ("c", 3, 4.5, 0.1 + 0.2))
+        for name, line, spelled, old, new in (
+            ("b", 2, "2", 2.0, 3.0), ("c", 3, "4.5", 4.5, 0.1 + 0.2),
+        )
     )  # fmt: skip
     agreeing = changed_model(found, 1, audit=findings, text=text)
     (trouble,) = report(agreeing).troubles
@@ -157,7 +161,7 @@ def test_half_of_a_cause_is_no_patch() -> None:
     told = found.models[1].diagnosis
     assert told is not None
     best = told.explanations[0]
-    turned = replace(best.causes[0], kind="axis", subject=("x",), where=())
+    turned = replace(best.causes[0], kind="axis", subject=("x",), locations=())
     both = replace(best, causes=(*best.causes, turned))
     found = changed_model(found, 1, diagnosis=replace(told, explanations=(both,)))
     (trouble,) = report(found).troubles

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import pytest
 
+from harness.audit.finding import source_line
+from harness.files.locations import find_in
 from harness.records.base import SourceLine
+from harness.records.outcome import Outcome
+from harness.report import write_report
 from harness.report.patches import lines_of, unified
 from harness.text.next_steps import Change
+from tests.records.made import case, finding, model, results
 
 URDF = """<robot>
   <link name="rod">
@@ -25,20 +33,24 @@ URDF = """<robot>
 SIDECAR = "[settings]\nstep = 0.01\ngravity = [0, 0, -9.8]"
 
 
-def edit(subject: str | tuple[str, ...], lines: tuple[int, ...], old: float, new: str) -> Change:
-    return Change(
-        subject=(subject,) if isinstance(subject, str) else subject,
-        where=tuple(SourceLine(file="models/disc/robot.urdf", line=line) for line in lines),
-        old=old,
-        new=new,
-    )
+def located(address: str, file: Path, text: str) -> SourceLine:
+    """A number with its bytes."""
+    return source_line(find_in(text.encode(), file, [address])[address])
 
 
-def patched(*edits: Change) -> str:
-    return unified(edits, (("robot.urdf", URDF), ("robot.urdf.toml", SIDECAR)))
+def edit(subject: str | tuple[str, ...], new: str, text: str = URDF) -> Change:
+    addresses = (subject,) if isinstance(subject, str) else subject
+    file = Path("models/disc/robot.urdf")
+    places = tuple(located(one, file, text) for one in addresses)
+    return Change(subject=addresses, locations=places, old=float(places[0].text), new=new)
 
 
-MASS = edit("link[rod]/inertial/mass@value", (4,), 0.9, "0.8")
+def patched(*edits: Change, text: str = URDF) -> str:
+    return unified(edits, (("robot.urdf", text), ("robot.urdf.toml", SIDECAR)))
+
+
+MASS = edit("link[rod]/inertial/mass@value", "0.8")
+(AT,) = MASS.locations
 
 
 def test_a_patch_changes_the_number_and_nothing_else() -> None:
@@ -55,8 +67,9 @@ def test_git_applies_a_patch_of_a_file_and_of_its_sidecar_without_a_last_newline
     folder.mkdir(parents=True)
     (folder / "robot.urdf").write_text(URDF)
     (folder / "robot.urdf.toml").write_text(SIDECAR)
-    where = (SourceLine(file="models/disc/robot.urdf.toml", line=3),)
-    gravity = Change(subject=("sidecar:settings.gravity[2]",), where=where, old=-9.8, new="-9.81")
+    where = located("settings.gravity[2]", Path("models/disc/robot.urdf.toml"), SIDECAR)
+    subject = ("sidecar:settings.gravity[2]",)
+    gravity = Change(subject=subject, locations=(where,), old=-9.8, new="-9.81")
     told = patched(MASS, gravity)
     subprocess.run(["git", "apply", "-"], input=told, text=True, cwd=tmp_path, check=True)
     assert (folder / "robot.urdf").read_text() == URDF.replace("0.9", "0.8")
@@ -64,28 +77,80 @@ def test_git_applies_a_patch_of_a_file_and_of_its_sidecar_without_a_last_newline
 
 
 def test_of_equal_numbers_in_a_line_the_one_that_is_meant_is_changed() -> None:
-    one = edit("link[rod]/inertial/inertia@iyy", (5,), 0.024, "0.03")
+    one = edit("link[rod]/inertial/inertia@iyy", "0.03")
     assert lines_of(patched(one))[1] == ('+ <inertia ixx="0.024" iyy="0.03" izz="0.0001" ixy="0"/>')
-    both = edit(("link[rod]//inertia@ixx", "link[rod]//inertia@iyy"), (5,), 0.024, "0.03")
+    both = edit(("link[rod]/inertial/inertia@ixx", "link[rod]/inertial/inertia@iyy"), "0.03")
     assert 'ixx="0.03" iyy="0.03" izz="0.0001"' in lines_of(patched(both))[1]
 
 
 @pytest.mark.parametrize(
     "uncertain",
     [
-        edit("link[rod]/inertial/mass@value", (4,), 0.7, "0.8"),
-        edit("link[rod]/inertial/mass@value", (99,), 0.9, "0.8"),
-        edit("link[rod]/inertial/origin@xyz[1]", (6,), 0.0, "0.8"),
-        edit("link[rod]/inertial/mass@value", (), 0.9, "0.8"),
+        replace(MASS, locations=(SourceLine(file=AT.file, line=4, span=AT.span, text="0.7"),)),
+        replace(
+            MASS, locations=(SourceLine(file=AT.file, line=99, span=(9000, 9003), text="0.9"),)
+        ),
+        replace(MASS, locations=(SourceLine(file=AT.file, line=4),)),
+        replace(MASS, locations=(SourceLine(file="other.urdf", span=AT.span, text="0.9"),)),
+        replace(MASS, locations=(AT, SourceLine(file=AT.file, line=4))),
     ],
 )
 def test_what_is_not_certain_makes_no_patch_at_all(uncertain: Change) -> None:
-    """Another number stands there, no such line, several that may be meant, no line."""
+    """Another number stands there, no such bytes, no bytes known, another file, one of two."""
     assert patched(uncertain) == ""
-    assert patched(MASS, uncertain) == ""
+    other = edit("link[rod]/inertial/origin@xyz[2]", "-0.4")
+    assert patched(other, uncertain) == ""
 
 
 def test_an_absolute_path_becomes_a_name_that_can_be_applied_where_the_file_lies() -> None:
-    where = (SourceLine(file="/models/disc/robot.urdf", line=4),)
-    told = patched(Change(subject=MASS.subject, where=where, old=0.9, new="0.8"))
+    where = SourceLine(file="/models/disc/robot.urdf", line=4, span=AT.span, text="0.9")
+    told = patched(replace(MASS, locations=(where,)))
     assert told.startswith("--- a/robot.urdf\n+++ b/robot.urdf\n")
+
+
+NAMES = ["rod is long", "a | b", 'it\'s "so"', "Stäbchen 杆", "x\u2028y", "::error::x", "50% [b]"]
+"""Names that separators of sentences, tables, markup and lines stand in."""
+
+
+class _Buttons(HTMLParser):
+    """What the buttons of a page copy."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.texts: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.texts += [value or "" for name, value in attrs if name == "data-copy"]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_copies_a_patch_that_applies_whatever_a_body_is_called(
+    name: str, end: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "my models" / "robot.urdf"
+    file.parent.mkdir()
+    # Of two links with one mass; an address quotes none of the characters.
+    text = URDF.replace('"rod"', quoteattr(name)).replace("<robot>", "<robot>\n<!-- 0.9 -->")
+    text = text.replace("\n", end)
+    file.write_bytes(text.encode())
+    where = located("mass@value", file, text)
+    wrong = finding(
+        f"link[{name}]/inertial/mass@value is 0.9 where m = 0.8",
+        subject=(f"link[{name}]/inertial/mass@value",), location=where, expected=0.8, found=0.9,
+        replacement="0.8",
+    )  # fmt: skip
+    folder = str(file.parent)
+    one = model(wrong, model="robot.urdf", folder=folder, text=text)
+    seen = results(case(Outcome.AGREES, model="robot.urdf", folder=folder), models=(one,))
+    write_report(tmp_path / "index.html", seen)
+    page = _Buttons()
+    page.feed((tmp_path / "index.html").read_bytes().decode())
+    (patch,) = [one for one in page.texts if one.startswith("--- ")]
+    for tool in (["git", "apply", "-"], ["patch", "--binary", "-p1"]):
+        if shutil.which(tool[0]) is None:
+            continue
+        file.write_bytes(text.encode())
+        subprocess.run(tool, input=patch.encode(), cwd=tmp_path, check=True)
+        assert file.read_bytes() == text.replace('value="0.9"', 'value="0.8"').encode()

@@ -191,8 +191,8 @@ def test_the_matrix_tells_costs_and_what_engines_read_otherwise() -> None:
     """A limit that no motion reaches is the model's own, and no reading."""
     found = results(2)
     note = AuditFinding(
-        kind="default", message="motors are switched off", where=None, expected=None, found=None,
-        severity="note",
+        kind="default", subject=("motors",), message="motors are switched off", location=None,
+        expected=None, found=None, severity="note",
     )  # fmt: skip
     audit = (note, replace(note, kind="reach", message="x is limited"))
     models = tuple(replace(model, audit=audit) for model in found.models)
@@ -226,8 +226,9 @@ def test_what_to_act_on_names_the_cause_and_leads_to_the_diagnosis(seen: Report)
 def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
     finding = AuditFinding(
         kind="literal",
+        subject=("m",),
         message="m is 2 where 3 belongs",
-        where=SourceLine(file="/a/robot.urdf", line=7),
+        location=SourceLine(file="/a/robot.urdf", line=7),
         expected=3.0,
         found=2.0,
         severity="finding",
@@ -244,8 +245,9 @@ def test_an_audit_finding_is_told_though_every_case_agrees() -> None:
 def test_a_finding_about_a_whole_file_marks_no_line() -> None:
     finding = AuditFinding(
         kind="default",
+        subject=("time step",),
         message="no time step is told",
-        where=SourceLine(file="/a/robot.urdf"),
+        location=SourceLine(file="/a/robot.urdf"),
         expected=None,
         found=None,
         severity="finding",
@@ -269,8 +271,9 @@ def test_an_unexplained_difference_begins_with_what_reading_finds(troubled: Resu
     unexplained = replace(diagnosis_of(troubled), explained=False)
     one = AuditFinding(
         kind="literal",
+        subject=("mass",),
         message="mass is 9 where m = 0.9",
-        where=SourceLine(file="mujoco.xml", line=21),
+        location=SourceLine(file="mujoco.xml", line=21),
         expected=0.9,
         found=9.0,
         severity="finding",
@@ -303,7 +306,7 @@ def test_the_line_of_the_cause_is_marked_among_its_neighbours(seen: Report) -> N
 def test_a_cause_in_the_sidecar_is_marked_there(troubled: Results) -> None:
     diagnosis = diagnosis_of(troubled)
     best = diagnosis.explanations[0]
-    cause = replace(best.causes[0], where=(SourceLine(file="mujoco.xml.toml", line=2),))
+    cause = replace(best.causes[0], locations=(SourceLine(file="mujoco.xml.toml", line=2),))
     explanations = (replace(best, causes=(cause,)), *diagnosis.explanations[1:])
     found = changed_model(
         troubled,
@@ -355,7 +358,7 @@ def test_digits_are_of_the_worst_component_and_discrepancies_of_the_one_that_dec
 def test_a_cause_whose_name_has_an_and_in_it_is_one_cause(troubled: Results) -> None:
     diagnosis = diagnosis_of(troubled)
     best = diagnosis.explanations[0]
-    body = replace(best.causes[0], subject=("body[nut and bolt]@mass",), where=())
+    body = replace(best.causes[0], subject=("body[nut and bolt]@mass",), locations=())
     pair = (body, replace(best.causes[0], estimate=2.5))
     for causes in ((body,), pair):
         first = replace(best, causes=causes, tied_with=(body.id,))

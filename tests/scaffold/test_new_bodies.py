@@ -163,7 +163,7 @@ def test_a_number_that_is_changed_afterwards_differs_and_is_named(
     for model in found.models:
         assert model.diagnosis is not None
         (first, *_) = model.diagnosis.explanations[0].causes
-        assert [place.line for place in first.where] == [line]
+        assert [place.line for place in first.locations] == [line]
 
 
 @pytest.mark.slow

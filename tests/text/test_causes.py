@@ -24,7 +24,7 @@ def cause(
         nominal=nominal,
         estimate=estimate,
         standard_error=error,
-        where=tuple(SourceLine(file="robot.urdf", line=line) for line in lines),
+        locations=tuple(SourceLine(file="robot.urdf", line=line) for line in lines),
     )
 
 

@@ -26,7 +26,7 @@ WRONG = Cause(
     nominal=3.3,
     estimate=3.6000000000001,
     standard_error=5e-12,
-    where=(SourceLine(file="mujoco.xml", line=21),),
+    locations=(SourceLine(file="mujoco.xml", line=21),),
 )
 
 
@@ -63,11 +63,23 @@ def test_a_model_that_differs_is_one_trouble_whatever_the_scenario_and_engine() 
 
 def test_one_reason_in_many_cases_is_one_trouble_and_another_reason_another() -> None:
     same = [
-        case(Outcome.FAILED, scenario=s, model=m, reason=f"killed after {i} s")
+        case(Outcome.FAILED, scenario=s, model=m, reason=f"bad at {i} s", kind="not finite")
         for i, (s, m) in enumerate((s, m) for s in ("free", "far") for m in ("a.xml", "b.xml"))
     ]
     other = case(Outcome.FAILED, reason="no memory is left")
     assert [len(one.others) for one in troubles([*same, other])] == [3, 0]
+
+
+def test_reasons_that_differ_in_the_digit_of_a_name_are_two_troubles() -> None:
+    meshes = [
+        case(Outcome.FAILED, model=f"arm{i}.urdf", reason=f"arm{i}.stl: no file") for i in (1, 2)
+    ]
+    assert len(troubles(meshes)) == 2
+    coarse = [
+        case(Outcome.UNRESOLVED, reason=c, kind="coarse", verdict=verdict(component=c))
+        for c in ("x1", "x2")
+    ]
+    assert len(troubles(coarse)) == 2
 
 
 def test_what_agrees_or_was_accepted_is_no_trouble() -> None:
@@ -77,7 +89,8 @@ def test_what_agrees_or_was_accepted_is_no_trouble() -> None:
 def planted() -> Results:
     """One wrong number in one file, seen in two scenarios and two engines."""
     wrong = finding(
-        "body[rod]/inertial@mass is 3.3 where m = 3.6", where=SourceLine(file="mujoco.xml", line=21)
+        "body[rod]/inertial@mass is 3.3 where m = 3.6",
+        location=SourceLine(file="mujoco.xml", line=21),
     )
     models: tuple[Model, ...] = tuple(
         model(wrong, engine=engine, diagnosis=diagnosis(left=left))
@@ -136,10 +149,13 @@ def test_what_was_accepted_is_not_to_be_changed() -> None:
 
 def test_findings_that_differ_in_numbers_alone_are_told_once() -> None:
     alike = tuple(
-        model(finding(f"A is {i}.5e-12 off, m = 3"), engine=engine)
+        model(
+            finding(f"A is {i}.5e-12 off", subject=("A",), expected=3.0, found=3 + i * 1e-12),
+            engine=engine,
+        )
         for i, engine in enumerate(("mujoco", "pybullet"))
     )
-    other = model(finding("B is off"), engine="drake")
+    other = model(finding("A is off", subject=("A",), expected=3.0, found=4.0), engine="drake")
     text = printed(results(case(), models=(*alike, other)))
     assert "audit of disc/mujoco.xml [mujoco, pybullet]" in text
     assert "audit of disc/mujoco.xml [drake]" in text

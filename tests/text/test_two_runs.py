@@ -88,14 +88,14 @@ def test_cases_that_are_gone_and_new_are_a_line_a_model() -> None:
 def test_what_was_mended_and_what_is_wrong_now_is_told_with_its_line() -> None:
     cause = Cause(
         kind="literal", subject=("body@mass",), nominal=3.3, estimate=3.6, standard_error=1e-12,
-        where=(SourceLine(file="mujoco.xml", line=21),),
+        locations=(SourceLine(file="mujoco.xml", line=21),),
     )  # fmt: skip
     told = Diagnosis(explanations=(Explanation(causes=(cause,), remaining=0.0),), explained=True)
     wrong = results(case(Outcome.DIFFERS), models=(model(diagnosis=told),), versions={"a": "1"})
     right = results(case(), models=(model(),), versions={"a": "2", "b": None})
     line = "disc/mujoco.xml:21 from 3.3 to 3.6"
     assert two_runs(wrong, right).mended == (line,)
-    elsewhere = replace(cause, where=(SourceLine(file="/b/disc/mujoco.xml", line=21),))
+    elsewhere = replace(cause, locations=(SourceLine(file="/b/disc/mujoco.xml", line=21),))
     again = replace(told, explanations=(Explanation(causes=(elsewhere,), remaining=0.0),))
     other = replace(wrong, models=(model(diagnosis=again, folder="/b/disc"),))
     assert two_runs(wrong, other).mended == two_runs(wrong, other).broken == ()

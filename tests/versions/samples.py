@@ -86,10 +86,16 @@ def linearization(k: float = 47.0, *, differs: bool = False) -> EngineLinearizat
     )
 
 
-def remark(message: str, found: float | None = None) -> AuditFinding:
+def remark(message: str, found: float | None = None, subject: str = "") -> AuditFinding:
     """A note of an audit."""
     return AuditFinding(
-        kind="default", message=message, where=None, expected=None, found=found, severity="note"
+        kind="default",
+        subject=(subject or message,),
+        message=message,
+        location=None,
+        expected=None,
+        found=found,
+        severity="note",
     )
 
 

@@ -46,9 +46,19 @@ def test_remarks_are_gained_and_lost() -> None:
 def test_a_remark_is_another_where_its_number_is_and_not_where_it_is_rounded(
     now: float, told: bool
 ) -> None:
-    was = model(audit=(remark("the damping is 0.1", 0.1),))
-    present = model(audit=(remark(f"the damping is {now}", now),))
+    was = model(audit=(remark("the damping is 0.1", 0.1, "damping"),))
+    present = model(audit=(remark(f"the damping is {now}", now, "damping"),))
     assert (changed(present, was) is not None) is told
+
+
+def test_remarks_on_two_links_are_two_and_another_count_is_the_same_remark() -> None:
+    """A digit of a name is another name; a digit of a computed count is not."""
+    one, other = remark("link rod1 is heavy", 2.0), remark("link rod2 is heavy", 2.0)
+    found = changed(model(audit=(other,)), model(audit=(one,)))
+    assert found is not None
+    assert found.kinds == ("remark gained", "remark lost")
+    few, many = remark("3 of 24 states", subject="states"), remark("4 of 24", subject="states")
+    assert changed(model(audit=(many,)), model(audit=(few,))) is None
 
 
 def test_a_part_of_the_check_that_fails_under_one_version_is_told() -> None:

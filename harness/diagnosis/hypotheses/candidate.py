@@ -184,7 +184,9 @@ def _literal(kind: CauseKind, moved: Sequence[Binding]) -> Candidate:
 
 
 def _line(place: Location) -> SourceLine:
-    return SourceLine(file=place.file.name, line=place.line)
+    return SourceLine(
+        file=place.file.name, line=place.line, span=(place.start, place.end), text=place.text
+    )
 
 
 def _bound(system: System, sidecar: Sidecar) -> Iterator[Binding]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from harness.engines.protocol import EngineError, ModelSpec
 from harness.engines.remark import PULL, Remark
@@ -101,27 +102,44 @@ def checked_numbers(arrays: Mapping[str, object], found: Sequence[XmlSource], pa
     if not arrays:
         return
     words = list(_words(found))
-    for value, text in words:
-        if not math.isfinite(value):
-            raise EngineError(f"{text}, where a finite number belongs")
-    largest = max(words, default=(0.0, f"{path}: its numbers"))[1]
+    if error := _not_a_number(words):
+        raise error
     fields = ", ".join(arrays)
-    raise EngineError(
-        f"{largest}; {fields} of the compiled model {'is' if len(arrays) == 1 else 'are'} not"
-        " finite"
-    )
+    told = f"{fields} of the compiled model {'is' if len(arrays) == 1 else 'are'} not finite"
+    if not words:
+        raise EngineError(f"its numbers; {told}", file=path)
+    largest = max(words, key=lambda word: word.size)
+    raise EngineError(f"{largest.sentence}; {told}", file=largest.file, line=largest.line)
 
 
-def _words(found: Sequence[XmlSource]) -> Iterator[tuple[float, str]]:
-    """The size of every number, and where it stands."""
+class _Word(NamedTuple):
+    """The size of a number, and what is said of it, with its place."""
+
+    size: float
+    sentence: str
+    file: Path
+    line: int
+
+
+def _words(found: Sequence[XmlSource]) -> Iterator[_Word]:
+    """Every number."""
     for source in found:
         for element in source.root.iter():
             for key, words in element.attrib.items():
                 if key in ("name", "class") or "range" in key:
                     continue
                 for word, value in _numbers(words):
-                    place = f"{source.path}:{source.lines[element]}"
-                    yield abs(value), f"{place}: <{element.tag} {key}> has {word!r}"
+                    told = f"<{element.tag} {key}> has {word!r}"
+                    yield _Word(abs(value), told, source.path, source.lines[element])
+
+
+def _not_a_number(words: Iterable[_Word]) -> EngineError | None:
+    """That a number is none, or beyond all; None where all are finite."""
+    for word in words:
+        if not math.isfinite(word.size):
+            told = f"{word.sentence}, where a finite number belongs"
+            return EngineError(told, file=word.file, line=word.line)
+    return None
 
 
 def _numbers(words: str) -> Iterator[tuple[str, float]]:
@@ -171,11 +189,11 @@ def _same(words: str, given: object) -> bool:
 
 def refusal(error: Exception, path: Path, found: Sequence[XmlSource]) -> EngineError:
     """What MuJoCo says on several lines, on one, and at its line where that is in this file."""
-    for value, text in _words(found):
-        if not math.isfinite(value):
-            return EngineError(f"{text}, where a finite number belongs")
+    if wrong := _not_a_number(_words(found)):
+        return wrong
     reason = folded(error)
+    # MuJoCo has no other way to say the line.
     line = re.search(r",? line (\d+)", reason)
     alone = len(found) == 1 and not any(True for _ in found[0].root.iter("include"))
-    where = f"{path}:{line[1]}" if line and alone else str(path)
-    return EngineError(f"{where}: MuJoCo can't load it: {reason}")
+    known = int(line[1]) if line and alone else None
+    return EngineError(f"MuJoCo can't load it: {reason}", file=path, line=known)

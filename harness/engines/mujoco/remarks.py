@@ -50,6 +50,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
         value = float(m.dof_armature[dof])
         yield Remark(
             message=f"armature of {name} adds an inertia of {value:g}",
+            subject=(name, "armature"),
             address=f"{address}@armature",
             value=value,
             shows_in=("inertia",),
@@ -58,6 +59,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
         value = float(m.dof_frictionloss[dof])
         yield Remark(
             message=f"frictionloss of {name} holds it with {value:g}; friction is not smooth",
+            subject=(name, "frictionloss"),
             fault=True,
             address=f"{address}@frictionloss",
             value=value,
@@ -80,6 +82,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
         rest = float(m.qpos_spring[m.jnt_qposadr[i]])
         yield Remark(
             message=f"the spring of {name} rests at {rest:g} (springref)",
+            subject=(name, "springref"),
             address=f"{address}@springref",
             value=rest,
             shows_in=PULL,
@@ -88,6 +91,7 @@ def _joint(m: Any, i: int, parent: str, z: Array) -> Iterator[Remark]:
         value = float(m.qpos0[m.jnt_qposadr[i]])
         yield Remark(
             message=f"{name} is {value:g} where the file draws it (ref)",
+            subject=(name, "ref"),
             address=f"{address}@ref",
             value=value,
             shows_in=PULL,
@@ -156,6 +160,7 @@ def _tendons(m: Any, file: Path) -> Iterator[Remark]:
             yield Remark(
                 message=f"tendon {tendon.name or i + 1} states no springlength: its spring rests at"
                 f" {value:g}, its length where the joints are at their springref",
+                subject=(str(tendon.name or i + 1), "springlength"),
                 address=address,
                 value=value,
                 shows_in=PULL,

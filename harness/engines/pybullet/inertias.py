@@ -149,6 +149,7 @@ def axes_remarks(lost: Mapping[str, float]) -> Iterator[Remark]:
             message=f"PyBullet's own principal axes of link {name}, by sweeps that stop early,"
             f" leave its tensor {off:.1e} of itself off: no number of the file can mend it, the"
             " setting exact_axes = true does",
+            subject=(name, "principal axes"),
             address=f"robot/link[{name}]",
             value=off,
             shows_in=("inertia", "acceleration"),

@@ -24,6 +24,7 @@ def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark
         yield Remark(
             message=f"Space.damping is {value:g}: every velocity loses {1 - value:.3g} of itself a"
             " second",
+            subject=("Space.damping",),
             fault=True,
             address=_address("damping", settings),
             value=value,

@@ -43,7 +43,7 @@ def script_errors(path: Path, what: str) -> Iterator[None]:
     try:
         yield
     except EngineError as error:
-        raise error if str(path) in str(error) else EngineError(f"{path}: {error}") from None
+        raise error if str(path) in str(error) else EngineError(str(error), file=path) from None
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt) and not _raised_by(error, path):
             raise
@@ -55,7 +55,7 @@ def blamed(error: BaseException, path: Path, what: str) -> EngineError:
     said = folded(error)
     kind = type(error).__name__
     sentence = f"{what} fails: {said or kind}" if what else f"{kind}: {said}".rstrip(": ")
-    return EngineError(f"{path}:{_line(error, path)}: {sentence}")
+    return EngineError(sentence, file=path, line=_line(error, path))
 
 
 def _line(error: BaseException, path: Path) -> int:

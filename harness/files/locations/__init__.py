@@ -81,7 +81,7 @@ def _grammar(file: Path) -> _Grammar:
     if suffix not in _GRAMMARS:
         known = ", ".join(_GRAMMARS)
         raise LocationError(
-            f"{file}: numbers are found in {known} files, not in {file.suffix} ones"
+            f"numbers are found in {known} files, not in {file.suffix} ones", file=file
         )
     return _GRAMMARS[suffix]
 
@@ -112,7 +112,7 @@ def numbers(file: Path, kinds: str) -> tuple[str, ...]:
     """
     listed = _grammar(file).listed
     if listed is None:
-        raise LocationError(f"{file}: numbers of {file.suffix} files have no kinds")
+        raise LocationError(f"numbers of {file.suffix} files have no kinds", file=file)
     source = _decoded(_read(file), file)
     return tuple(dict.fromkeys(listed(source, re.compile(kinds))))
 
@@ -148,12 +148,14 @@ def _read(file: Path) -> bytes:
     try:
         return file.read_bytes()
     except OSError as error:
-        raise LocationError(f"{file}: can't be read: {error.strerror}") from None
+        raise LocationError(f"can't be read: {error.strerror}", file=file) from None
 
 
 def _decoded(data: bytes, file: Path) -> Source:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise LocationError(f"{file}: byte {error.start} is no UTF-8; save it as UTF-8") from None
+        raise LocationError(
+            f"byte {error.start} is no UTF-8; save it as UTF-8", file=file
+        ) from None
     return Source(file, data)

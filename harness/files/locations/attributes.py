@@ -38,7 +38,7 @@ def elements(file: Path) -> tuple[RawElement, ...]:
     try:
         return tuple(read_elements(Source(file, file.read_bytes())))
     except OSError as error:
-        raise LocationError(f"{file}: can't be read: {error.strerror}") from None
+        raise LocationError(f"can't be read: {error.strerror}", file=file) from None
 
 
 def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> bytes:
@@ -50,7 +50,7 @@ def with_attributes(data: bytes, file: Path, wanted: Sequence[Attribute]) -> byt
     known = {element.start for element in read_elements(Source(file, data))}
     for one in sorted(wanted, key=lambda one: -one.start):
         if one.start not in known:
-            raise LocationError(f"{file}: no element starts at byte {one.start}")
+            raise LocationError(f"no element starts at byte {one.start}", file=file)
         data = _with(data, one)
     read_elements(Source(file, data))
     return data

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from harness.engines.protocol import FileError
 from harness.files.brief import brief, cut
 
 
-class LocationError(ValueError):
+class LocationError(FileError, ValueError):
     """An address that means no number or several; the message names file, line and remedy."""
 
 
@@ -76,8 +77,8 @@ class Source:
 
     def error(self, address: str, sentence: str, offset: int | None = None) -> LocationError:
         """An address can't be resolved, because of the byte at `offset`."""
-        where = f"{self.file}" if offset is None else f"{self.file}:{self.line(offset)}"
-        return LocationError(f"{where}: {brief(address)} {sentence}")
+        line = None if offset is None else self.line(offset)
+        return LocationError(f"{brief(address)} {sentence}", file=self.file, line=line)
 
     def place(self, found: tuple[Span, float], address: str) -> Location:
         """The place of a number, if its bytes say what the file's parser has read there."""

@@ -121,10 +121,14 @@ def parsed(source: Source) -> tuple[ast.Module, list[int]]:
     try:
         encoding, _ = tokenize.detect_encoding(BytesIO(source.data).readline)
         if encoding not in ("utf-8", "utf-8-sig"):
-            raise LocationError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
+            raise LocationError(
+                f"its encoding is {encoding}; save it as UTF-8", file=source.file, line=1
+            )
         tree = ast.parse(source.data, filename=str(source.file))
     except SyntaxError as error:
-        raise LocationError(f"{source.file}:{error.lineno or 1}: no Python: {error.msg}") from None
+        raise LocationError(
+            f"no Python: {error.msg}", file=source.file, line=error.lineno or 1
+        ) from None
     mark = 3 if source.data.startswith(b"\xef\xbb\xbf") else 0
     starts = [mark]
     for line in source.data[mark:].splitlines(keepends=True):

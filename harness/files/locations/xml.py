@@ -199,7 +199,7 @@ def check_harmless(source: Source) -> None:
 
 
 def _declares(source: Source, line: int) -> RefusedError:
-    return RefusedError(f"{source.file}:{line}: refused: it declares entities or a DTD")
+    return RefusedError("refused: it declares entities or a DTD", file=source.file, line=line)
 
 
 def read_elements(source: Source) -> list[RawElement]:
@@ -210,15 +210,17 @@ def read_elements(source: Source) -> list[RawElement]:
 
     def declare(_version: str, encoding: str | None, _standalone: int) -> None:
         if encoding and encoding.lower() not in ("utf-8", "us-ascii"):
-            raise LocationError(f"{source.file}:1: its encoding is {encoding}; save it as UTF-8")
+            raise LocationError(
+                f"its encoding is {encoding}; save it as UTF-8", file=source.file, line=1
+            )
 
     def refuse(*_: object) -> None:
         raise _declares(source, parser.CurrentLineNumber)
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         if len(open_) == MOST_DEPTH:
-            place = f"{source.file}:{parser.CurrentLineNumber}"
-            raise RefusedError(f"{place}: refused: more than {MOST_DEPTH} elements in one another")
+            told = f"refused: more than {MOST_DEPTH} elements in one another"
+            raise RefusedError(told, file=source.file, line=parser.CurrentLineNumber)
         parent = open_[-1] if open_ else None
         element = RawElement(tag, attributes, parser.CurrentByteIndex, parent)
         if parent is not None:
@@ -241,7 +243,9 @@ def read_elements(source: Source) -> list[RawElement]:
     try:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
-        raise LocationError(f"{source.file}:{_problem(source.data, error)}") from None
+        raise LocationError(
+            _problem(source.data, error), file=source.file, line=error.lineno
+        ) from None
     return elements
 
 
@@ -261,19 +265,19 @@ def no_xml(file: Path, *, strict: bool) -> str:
         expat.ParserCreate().Parse(data, True)
     except expat.ExpatError as error:
         if strict or b"\0" in data or not _ELEMENT.search(data):
-            return f"{file}:{_problem(data, error)}"
+            return f"{file}:{error.lineno}: {_problem(data, error)}"
     except OSError:
         pass
     return ""
 
 
 def _problem(data: bytes, error: expat.ExpatError) -> str:
-    """What is wrong with what was parsed: line, column from 1, and the parser's reason."""
+    """Return what is wrong with what was parsed: the column from 1, and the parser's reason."""
     if not data.strip():
-        return "1: no XML: the file is empty"
+        return "no XML: the file is empty"
     if b"\0" in data:
-        return f"{error.lineno}: no XML at column {error.offset + 1}: the file is binary"
-    return f"{error.lineno}: no XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
+        return f"no XML at column {error.offset + 1}: the file is binary"
+    return f"no XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
 
 
 def _walk(
