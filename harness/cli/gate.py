@@ -20,7 +20,7 @@ from harness.gate.result import GateResult
 from harness.gate.text import gate_lines, summary
 from harness.records.case import Case
 from harness.records.write import encoded, write_whole
-from harness.text.github import commands, plain_line, write_summary
+from harness.text.github import commands, print_commands, write_summary
 from harness.text.visible import visible
 
 
@@ -31,11 +31,10 @@ def main(options: argparse.Namespace) -> int:
     with LateProgress() as progress:
         found = gate(folders, what, progress)
     for line in gate_lines(found):
-        print(plain_line(visible(line), os.environ))
+        print(visible(line))
     if found.results is not None and not found.baseline:
         print(f"nothing is accepted in {options.baseline} yet; see `crosscheck accept --help`")
-    for line in commands(notes(found), os.environ):
-        print(line)
+    print_commands(commands(notes(found), os.environ))
     sys.stdout.flush()
     text = summary(found)
     write_summary(text, os.environ)

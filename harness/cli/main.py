@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options = parser.parse_args(given)
             for note in getattr(options, "settings_notes", ()):
                 print(f"crosscheck: {note}", file=sys.stderr)
-            return _run(options)
+            return _guarded(options)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         print(f"crosscheck: {where}{error.strerror or error}", file=sys.stderr)
@@ -79,6 +79,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         number = stopped.number if isinstance(stopped, Stopped) else signal.SIGINT
         print(f"crosscheck: stopped by {signal.Signals(number).name}", file=sys.stderr)
         return SIGNALLED + number
+
+
+def _guarded(options: argparse.Namespace) -> int:
+    """Run a command; where its output is read for workflow commands, no name in it may be one."""
+    asked = getattr(options, "format", "") == "github"
+    if not asked and os.environ.get("GITHUB_ACTIONS", "").lower() != "true":
+        return _run(options)
+    from harness.text.github import plain_logs
+
+    with plain_logs():
+        return _run(options)
 
 
 def _run(options: argparse.Namespace) -> int:

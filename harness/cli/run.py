@@ -25,7 +25,7 @@ from harness.report import write_report
 from harness.run import Interruption, Options, run
 from harness.schedule.stop import asking
 from harness.text.coverage import left_out, refused
-from harness.text.github import commands, run_notes
+from harness.text.github import commands, harmless_json, print_commands, run_notes
 from harness.text.next_steps import next_steps
 from harness.text.progress import Progress
 from harness.text.sarif import sarif
@@ -97,13 +97,13 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
 
 def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path]) -> None:
     if options.format == "json":
-        print(encoded(results), end="")
+        print(harmless_json(encoded(results)), end="")
         return
     if options.format == "sarif":
-        print(sarif(results))
+        print(harmless_json(sarif(results)))
         return
     if options.format == "github":
-        print("\n".join(note.command(Path.cwd()) for note in run_notes(results)))
+        print_commands(note.command(Path.cwd()) for note in run_notes(results))
         return
     console = terminal()
     for system in results.systems:
@@ -113,8 +113,7 @@ def _tell(results: Results, options: argparse.Namespace, robots: Sequence[Path])
     print(f"{options.out / 'results.json'}  {options.out / 'index.html'}")
     for line in next_steps(results, options.out):
         print(visible(line))
-    for line in commands(run_notes(results), os.environ):
-        print(line)
+    print_commands(commands(run_notes(results), os.environ))
 
 
 def _tell_stopped(results: Results, out: Path, done: Journal) -> None:

@@ -182,7 +182,7 @@ class _Bench:
         tasks = [replace(self.task, edits=made) for made in sets]
         values = self.execute(self.task.candidate.name, tried, tasks)
         return [
-            Trial(made, 0.0, 0.0, self._why(value))
+            Trial(made, 0.0, 0.0, value.reason)
             if isinstance(value, Failure)
             else attribute_difference(made, value, self.a, self.b, self.scale, self.floor)
             for made, value in zip(sets, values, strict=True)
@@ -200,7 +200,3 @@ class _Bench:
             if not together.not_tried and together.moved == 0.0:
                 return [Trial((edit,), 0.0, 0.0) for edit in made]
         return self.tried([(edit,) for edit in made[:most]])
-
-    def _why(self, failure: Failure) -> str:
-        """The reason, without the place of the copy, which is gone."""
-        return failure.reason.rpartition(f"{self.task.candidate.sidecar.model.name}:")[2].strip()

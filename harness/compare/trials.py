@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -61,13 +62,17 @@ def tried(task: TrialTask) -> Array:
     """Ends (K, 2m) of the runs with some edits made in a copy.
 
     Raises:
-        EngineError, BlownUpError, ValueError: where the edited model can't be run.
+        EngineError: where the edited model can't be run.
     """
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
-        model = _edited(task.candidate, task.edits, Path(folder)).load()
-        if len(model.coordinates) != task.joints:
-            raise EngineError("it changes which joints there are")
-        found = quick(model, task.runs, task.match)
+        try:
+            model = _edited(task.candidate, task.edits, Path(folder)).load()
+            if len(model.coordinates) != task.joints:
+                raise EngineError("it changes which joints there are")
+            found = quick(model, task.runs, task.match)
+        except (RuntimeError, ValueError) as error:
+            # Its place is the copy's, which is gone then: the file's own name is enough.
+            raise EngineError(str(error).replace(f"{Path(folder)}{os.sep}", "")) from error
     if task.match is not None:
         n = task.runs.z.shape[1]
         found = np.hstack(task.match.over(found[:, :n], found[:, n:]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +20,13 @@ QUIET = (Status.SAME,)
 
 MOST_TOLD = 200
 """Cases told in a log or a summary: beyond, the results say more."""
+
+_MARKUP = re.compile(r"[<>|`*~\[\]!\\$#]|(?<![^\W_])_|_(?![^\W_])")
+"""Characters that Markdown, or GitHub's formulas, read as markup."""
+
+_REFERENCE = re.compile(r"@|&#35;(?=\d)|www(?=\.)|https?(?=:)|ftp(?=:)")
+"""What begins a mention, a reference to an issue or a link, in what is shown already: a comment
+behind it ends it."""
 
 
 def gate_lines(found: GateResult) -> list[str]:
@@ -78,7 +86,8 @@ def summary(found: GateResult) -> str:
     for diff in found.file_diffs:
         lines += ["", f"**{_cell(diff.system)}/{_cell(diff.name)}**", ""]
         lines += [
-            f"- `{_relative(one.file)}:{one.line}` {_cell(one.message)}" for one in diff.lines
+            f"- {_code(f'{_relative(one.file)}:{one.line}')} {_cell(one.message)}"
+            for one in diff.lines
         ]
         if diff.more:
             lines.append(f"- and {counted(diff.more, 'line')} more")
@@ -114,14 +123,15 @@ def _relative(path: Path) -> str:
 
 
 def _cell(text: str) -> str:
+    """Text of one line as Markdown shows it: no markup, link, mention or reference to an issue."""
+    text = " ".join(visible_lines(text)).replace("&", "&amp;")
+    text = _MARKUP.sub(lambda found: f"&#{ord(found[0])};", text)
+    return _REFERENCE.sub(r"\g<0><!-- -->", text)
+
+
+def _code(text: str) -> str:
+    """Text of one line as a code span, whose fence is longer than any run of backticks in it."""
     text = " ".join(visible_lines(text))
-    for old, new in (
-        ("&", "&amp;"),
-        ("<", "&lt;"),
-        (">", "&gt;"),
-        ("](", "]&#40;"),
-        ("|", "\\|"),
-        ("`", "&#96;"),
-    ):
-        text = text.replace(old, new)
-    return text
+    fence = "`" * (1 + max(map(len, re.findall("`+", text)), default=0))
+    pad = " " if "`" in text else ""
+    return f"{fence}{pad}{text}{pad}{fence}"

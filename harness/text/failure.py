@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 from harness.records.base import Number, SourceLine
 from harness.records.case import Case
 from harness.records.finding import Diagnosis
@@ -9,7 +11,9 @@ from harness.records.model import Model
 from harness.records.outcome import Outcome
 from harness.text.causes import cause_sentences
 from harness.text.findings import audit_lines
+from harness.text.github import on_github, plain_line
 from harness.text.status import Decision
+from harness.text.visible import visible_lines
 
 
 def failure_message(
@@ -18,7 +22,8 @@ def failure_message(
     """What a failing test prints: the cause, the verdict, its numbers, what the engine printed."""
     if isinstance(record, Model):
         findings = audit_lines(record.findings)
-        return "\n".join([f"audit: {decision.reason}", *(f"  {text}" for text in findings)])
+        told = [f"audit: {decision.reason}", *(f"  {text}" for text in findings)]
+        return _visible("\n".join(told))
     agrees = record.outcome is Outcome.AGREES
     # What agrees may fail a project's demands.
     lines = [f"{record.outcome}{', but' if agrees else ':'} {decision.reason}"]
@@ -30,7 +35,13 @@ def failure_message(
         told = [cause, *(f"  {text}" for text in more)]
         lines = [*told, *lines] if diagnosis.explained else [*lines, *told]
     lines += [f"  | {text}" for text in record.stdout.splitlines()]
-    return "\n".join(lines)
+    return _visible("\n".join(lines))
+
+
+def _visible(text: str) -> str:
+    """Lines that write nothing to a terminal but themselves, and no command to a log of GitHub."""
+    lines = visible_lines(text)
+    return "\n".join(map(plain_line, lines) if on_github(os.environ) else lines)
 
 
 def diagnosis_lines(diagnosis: Diagnosis) -> list[str]:
@@ -49,7 +60,7 @@ def in_brief(
     """A failure in one line, for pytest's short summary, and where it lies, if in any line."""
     if isinstance(record, Case) and diagnosis is not None and diagnosis.explained:
         lines = [one for cause in diagnosis.explanations[0].causes for one in cause.locations]
-        brief = f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}"
+        brief = _visible(f"{record.outcome}: {diagnosis_lines(diagnosis)[0]}")
         return brief, lines[0] if lines else None
     places = []
     if isinstance(record, Model):

@@ -5,11 +5,15 @@ Workflow commands: https://docs.github.com/actions/reference/workflow-commands-f
 
 from __future__ import annotations
 
+import io
 import os
+import stat
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from harness.records.base import SourceLine
 from harness.records.case import Case
@@ -69,7 +73,7 @@ class Annotation:
         where += "" if self.line is None else f",line={self.line}"
         title = _property(self.title[:200])
         message = _data(self.message[:_LONGEST])
-        return f"::{self.level} {where},title={title}::{message}"
+        return f"::{self.level} {where},title={title}::{message}".replace("##[", "## [")
 
 
 def run_notes(results: Results) -> list[Annotation]:
@@ -182,20 +186,120 @@ def in_ci(environment: Mapping[str, str] | None = None) -> bool:
     return any(given.get(name, "").strip().lower() not in off for name in ("CI", "GITHUB_ACTIONS"))
 
 
+def on_github(environment: Mapping[str, str]) -> bool:
+    """Return whether what is printed is a log that GitHub reads for workflow commands."""
+    return environment.get("GITHUB_ACTIONS", "").lower() == "true"
+
+
 def commands(found: Sequence[Annotation], environment: Mapping[str, str]) -> list[str]:
     """Lines for a log on GitHub: at most ten, the first ones; none elsewhere."""
-    if environment.get("GITHUB_ACTIONS", "").lower() != "true":
+    if not on_github(environment):
         return []
     root = Path(environment.get("GITHUB_WORKSPACE") or Path.cwd()).resolve()
     return [annotation.command(root) for annotation in found[:MOST]]
 
 
-def plain_line(line: str, environment: Mapping[str, str]) -> str:
+def plain_line(line: str) -> str:
     """A line for a log that GitHub takes for no workflow command, whatever names stand in it."""
-    if environment.get("GITHUB_ACTIONS", "").lower() != "true":
-        return line
     shown = line.replace("##[", "## [")
     return f"| {shown}" if shown.lstrip().startswith("::") else shown
+
+
+def harmless_json(text: str) -> str:
+    """JSON of the same value, in which a log of GitHub's finds no workflow command."""
+    return text.replace("##[", "##\\u005b")
+
+
+class LogStream(io.TextIOBase):
+    """A stream to a log of GitHub, in which no line is a command but those that are meant.
+
+    Attributes:
+        inner: the stream that it writes to, whole lines at a time.
+    """
+
+    def __init__(self, inner: TextIO) -> None:
+        self.inner = inner
+        self._begun, self._within = "", False
+
+    def isatty(self) -> bool:
+        """Return whether a person reads it."""
+        return self.inner.isatty()
+
+    def fileno(self) -> int:
+        """Return the file that it writes to."""
+        return self.inner.fileno()
+
+    def write(self, text: str) -> int:
+        """Write the lines that are whole."""
+        *whole, self._begun = (self._begun + text).split("\n")
+        for line in whole:
+            self.inner.write(f"{self._plain(line)}\n")
+            self._within = False
+        return len(text)
+
+    def flush(self) -> None:
+        """Write what is begun as well, unless more of it may make it a command."""
+        begun = self._begun
+        if begun.strip() not in ("", ":") and not begun.endswith("#"):
+            self._write_begun()
+        self.inner.flush()
+
+    def end(self) -> None:
+        """Write all that is left."""
+        self._write_begun()
+        self.inner.flush()
+
+    def command(self, line: str) -> None:
+        """Write a command of ours, at the beginning of a line."""
+        if self._begun or self._within:
+            self.write("\n")
+        self.inner.write(f"{line}\n")
+
+    def _write_begun(self) -> None:
+        self.inner.write(self._plain(self._begun))
+        self._within = self._within or bool(self._begun)
+        self._begun = ""
+
+    def _plain(self, line: str) -> str:
+        first, *rest = line.split("\r")  # which ends a line there too
+        first = first.replace("##[", "## [") if self._within else plain_line(first)
+        return "\r".join([first, *map(plain_line, rest)])
+
+
+def print_commands(lines: Iterable[str]) -> None:
+    """Print workflow commands, which a log of GitHub's is to take for such."""
+    for line in lines:
+        if isinstance(sys.stdout, LogStream):
+            sys.stdout.command(line)
+        else:
+            print(line)
+
+
+@contextmanager
+def plain_logs() -> Iterator[None]:
+    """Keep workflow commands that names contain out of the standard streams meanwhile.
+
+    A regular file is no log, and gets every character as it is.
+    """
+    kept = sys.stdout, sys.stderr
+    logs = [LogStream(stream) for stream in kept]
+    sys.stdout, sys.stderr = (
+        stream if _is_file(stream) else cast(TextIO, log)
+        for stream, log in zip(kept, logs, strict=True)
+    )
+    try:
+        yield
+    finally:
+        for log in logs:
+            log.end()
+        sys.stdout, sys.stderr = kept
+
+
+def _is_file(stream: TextIO) -> bool:
+    try:
+        return stat.S_ISREG(os.fstat(stream.fileno()).st_mode)
+    except (OSError, ValueError):  # nothing that has a file
+        return False
 
 
 def write_summary(text: str, environment: Mapping[str, str]) -> None:

@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from harness.audit.finding import source_line
 from harness.audit.literals import declared_bindings
 from harness.audit.run import run_audit
 from harness.audit.task import audit_task
@@ -20,7 +21,6 @@ from harness.files.bindings import bindings, with_literals
 from harness.files.folders import builtin
 from harness.files.sidecar import read_sidecar
 from harness.numerics.coordinates import coordinate_map
-from harness.records.base import SourceLine
 from harness.records.finding import BEYOND, AuditFinding
 from harness.text.findings import audit_lines
 from reference.load import load_system
@@ -70,7 +70,10 @@ def test_a_literal_off_by_a_millionth_is_read_and_measured(
     assert f"{address} is" in literal.message
     assert "1.0e-06 relative" in literal.message
     file = tmp_path / place.place.file.name
-    assert literal.location == SourceLine(file=str(file), line=place.place.line)
+    there = bindings(prepared(system).system, wrong)
+    assert literal.location == next(source_line(b.place) for b in there if b.address == address)
+    assert (literal.location.file, literal.location.line) == (str(file), place.place.line)
+    assert literal.replacement == repr(place.correction)
     assert literal.expected == pytest.approx(place.value, rel=1e-12)
     assert literal.found == pytest.approx(place.value * (1 + 1e-6), rel=1e-12)
     compiled = [f for f in grave(found) if f.kind in ("inertia", "damping", "stiffness")]

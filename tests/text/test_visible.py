@@ -3,17 +3,38 @@
 from __future__ import annotations
 
 import io
+import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import TextIO, cast
 
 import pytest
 from rich.console import Console
 
-from harness.gate.text import _cell
-from harness.text.github import Annotation, plain_line
+from harness.cli import main as cli
+from harness.gate.text import _cell, _code
+from harness.records.base import SourceLine
+from harness.records.cause import Cause
+from harness.records.finding import Diagnosis, Explanation
+from harness.records.outcome import Outcome
+from harness.records.results import Results
+from harness.report import write_report
+from harness.text.failure import failure_message
+from harness.text.github import (
+    Annotation,
+    LogStream,
+    commands,
+    harmless_json,
+    plain_line,
+    run_notes,
+)
 from harness.text.markup import escape
+from harness.text.next_steps import next_steps
+from harness.text.sarif import sarif
+from harness.text.status import Decision, TestStatus
+from harness.text.table import print_results
 from harness.text.visible import odd_name, visible
-
-GITHUB = {"GITHUB_ACTIONS": "true"}
+from tests.records.made import case, finding, model, results
 
 
 @pytest.mark.parametrize(("text", "shown"), [
@@ -46,8 +67,7 @@ def test_in_a_table_of_a_terminal_neither_markup_nor_escapes_count() -> None:
     ("CHANGED a::b", "CHANGED a::b"),
 ])  # fmt: skip
 def test_no_line_of_a_log_is_a_command_that_we_did_not_write(line: str, shown: str) -> None:
-    assert plain_line(line, GITHUB) == shown
-    assert plain_line(line, {}) == line
+    assert plain_line(line) == shown
 
 
 def test_an_annotation_is_one_command_whatever_it_tells(tmp_path: Path) -> None:
@@ -60,5 +80,132 @@ def test_an_annotation_is_one_command_whatever_it_tells(tmp_path: Path) -> None:
 
 
 def test_a_cell_of_a_summary_is_text(tmp_path: Path) -> None:
-    said = _cell("[click](http://evil) <b> a|b `c`\n\x1b[31m")
-    assert said == "[click]&#40;http://evil) &lt;b&gt; a\\|b &#96;c&#96; \\x1b[31m"
+    said = _cell("[click](http://evil) <b> a|b `c`\n\x1b[31m @you #12 *a* my_name _b_ &lt;")
+    assert said == (
+        "&#91;click&#93;(http<!-- -->://evil) &#60;b&#62; a&#124;b &#96;c&#96; &#92;x1b&#91;31m"
+        " @<!-- -->you &#35;<!-- -->12 &#42;a&#42; my_name &#95;b&#95; &amp;lt;"
+    )
+    assert _code("a`b``c\n|") == "``` a`b``c | ```"
+
+
+@pytest.mark.parametrize(("parts", "shown"), [
+    (["::error::a\n"], "| ::error::a\n"),
+    ([":", ":err", "or::a\nb"], "| ::error::a\nb"),
+    (["x ##", "[group]y\n"], "x ## [group]y\n"),
+    (["safe\r::error::a\n"], "safe\r| ::error::a\n"),
+    (["why? ", "::no\n", "  ::error::a\n"], "why? ::no\n|   ::error::a\n"),
+])  # fmt: skip
+def test_a_log_has_no_command_however_its_lines_are_written(parts: list[str], shown: str) -> None:
+    inner = io.StringIO()
+    log = LogStream(inner)
+    for part in parts:
+        log.write(part)
+        log.flush()
+    log.end()
+    assert inner.getvalue() == shown
+
+
+HOSTILE = (
+    "::error file=x::pwned ##[error]a %0A [red]b[/red] <img src=x onerror=alert(1)> | `c`"
+    " ![i](http://evil) *d* @you #12 {0} \x9b31m \u202e \"q\" 'r'"
+)
+"""A name that every format has something to escape in."""
+
+
+def _of_hostile(folder: Path) -> Results:
+    """A case that differs, and a finding, in a robot, a file and a body of that name."""
+    file = folder / "a b#[%41].urdf"
+    text = "<robot>\n<mass value='3.3'/></robot>"
+    file.write_text(text)
+    where = SourceLine(file=str(file), line=2, span=(21, 24), text="3.3")
+    wrong = finding(
+        f"{HOSTILE} is 3.3 where m = 3.6", subject=(HOSTILE,), location=where, expected=3.6,
+        found=3.3, replacement="3.6",
+    )  # fmt: skip
+    cause = Cause(
+        kind="literal", subject=(HOSTILE,), nominal=3.3, estimate=3.6, standard_error=1e-12,
+        locations=(where,),
+    )  # fmt: skip
+    found = Diagnosis(explained=True, explanations=(Explanation(causes=(cause,), remaining=0.0),))
+    names = {"system": HOSTILE, "model": file.name, "folder": str(folder)}
+    differs = case(Outcome.DIFFERS, reason=f"{HOSTILE} is off", scenario=HOSTILE, **names)
+    failed = case(Outcome.FAILED, reason=f"{HOSTILE}", engine="drake", **names)
+    model_ = model(wrong, text=text, diagnosis=found, **names)
+    return results(differs, failed, models=(model_,))
+
+
+def _terminal(seen: Results) -> str:
+    out = io.StringIO()
+    log = LogStream(out)
+    print_results(Console(file=cast(TextIO, log), width=160, highlight=False), seen)
+    log.write("\n".join(visible(line) for line in next_steps(seen, Path("reports"))))
+    log.end()
+    return out.getvalue()
+
+
+def _pytest(seen: Results) -> str:
+    (one,) = seen.models
+    decision = Decision(TestStatus.FAIL, seen.cases[0].reason)
+    told = [failure_message(seen.cases[0], decision, one.diagnosis), failure_message(one, decision)]
+    return "\n".join(told)
+
+
+def _commands(seen: Results) -> str:
+    return "\n".join(commands(run_notes(seen), {"GITHUB_ACTIONS": "true"}))
+
+
+@pytest.mark.parametrize("form", [_terminal, _pytest, _commands])
+def test_a_hostile_name_is_no_command_and_writes_nothing_but_itself(
+    form: Callable[[Results], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    text = form(_of_hostile(tmp_path))
+    assert "pwned" in text
+    assert "##[" not in text
+    assert not set(text) & {"\x9b", "\x1b", "\u202e", "\r"}
+    for line in text.split("\n"):
+        assert not line.lstrip().startswith("::") or line.startswith(
+            "::error file=a b#[%2541].urdf"
+        )
+    if form is _terminal:
+        assert "[red]b[/red]" in text
+
+
+def test_a_hostile_name_is_text_in_a_page_and_in_sarif(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    seen = _of_hostile(tmp_path)
+    write_report(tmp_path / "index.html", seen)
+    assert "<img src=x" not in (tmp_path / "index.html").read_text()
+    log = harmless_json(sarif(seen))
+    assert "##[" not in log
+    for one in json.loads(log)["runs"][0]["results"]:
+        text = one["message"]["text"]
+        assert "](" not in text
+        assert "{{0}}" in text
+        assert "\x9b" not in text
+        place = one["locations"][0]["physicalLocation"]["artifactLocation"]
+        assert place == {"uri": "a%20b%23%5B%2541%5D.urdf"}
+
+
+def test_a_run_on_github_prints_no_command_of_a_robots_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    moments = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
+    link = f'<link name="{{}}"><inertial><mass value="1"/><inertia {moments}/></inertial>'
+    Path("r.urdf").write_text(
+        '<robot name="::error::pwned ##[error]x">'
+        + f"{link.format('a')}</link>{link.format('::error::b')}</link>"
+        + '<joint name="::error::j" type="continuous"><parent link="a"/><child link="::error::b"/>'
+        + '<axis xyz="0 1 0"/></joint></robot>'
+    )
+    assert cli.main(["run", "r.urdf", "--engine", "mujoco"]) == 0
+    told = capsys.readouterr()
+    assert "::error::pwned" in told.out
+    for line in (told.out + told.err).splitlines():
+        assert not line.lstrip().startswith("::")
+        assert "##[" not in line
