@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.compare.candidate import Candidate
+from harness.compare.candidate import Candidate, CompareError
 from harness.compare.diff import Edit, applied
 from harness.compare.excitation import unwrapped
 from harness.compare.match import Match
@@ -70,6 +70,8 @@ def tried(task: TrialTask) -> Array:
             if len(model.coordinates) != task.joints:
                 raise EngineError("it changes which joints there are")
             found = quick(model, task.runs, task.match)
+        except CompareError:
+            raise
         except (RuntimeError, ValueError) as error:
             # Its place is the copy's, which is gone then: the file's own name is enough.
             raise EngineError(str(error).replace(f"{Path(folder)}{os.sep}", "")) from error

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from harness.audit.finding import source_line
+from harness.files.locations import find_in
+from harness.records.base import SourceLine
+from harness.records.cause import Cause
+from harness.records.finding import Diagnosis, Explanation
 from harness.records.outcome import Outcome
+from harness.text.github import run_notes
 from harness.text.sarif import sarif
-from tests.records.made import case, results
+from tests.records.made import case, finding, model, results
 from tests.text.test_troubles import planted
 
 
@@ -18,10 +25,53 @@ def found(text: str) -> list[dict[str, Any]]:
     log = json.loads(text)
     assert log["version"] == "2.1.0"
     (run,) = log["runs"]
-    rules = {rule["id"] for rule in run["tool"]["driver"]["rules"]}
-    assert {one["ruleId"] for one in run["results"]} <= rules
-    assert all(one["level"] in ("error", "warning", "note") for one in run["results"])
+    rules = [rule["id"] for rule in run["tool"]["driver"]["rules"]]
+    assert run["columnKind"] == "unicodeCodePoints"
+    for one in run["results"]:
+        assert rules[one["ruleIndex"]] == one["ruleId"]
+        assert one["level"] in ("error", "warning", "note")
+        for place in [*one["locations"], *one.get("relatedLocations", [])]:
+            _check_place(place["physicalLocation"])
+        for fix in one.get("fixes", []):
+            for change in fix["artifactChanges"]:
+                _check_uri(change["artifactLocation"]["uri"])
+                for replacement in change["replacements"]:
+                    _check_region(replacement["deletedRegion"])
     return list(run["results"])
+
+
+def _check_place(place: dict[str, Any]) -> None:
+    """Sections 3.29 and 3.30."""
+    _check_uri(place["artifactLocation"]["uri"])
+    if "region" in place:
+        _check_region(place["region"])
+
+
+def _check_region(region: dict[str, Any]) -> None:
+    assert region["startLine"] >= 1
+    if "startColumn" in region:
+        assert 1 <= region["startColumn"] < region["endColumn"]
+
+
+def _check_uri(uri: str) -> None:
+    """Section 3.4.3: a relative reference of RFC 3986, percent-encoded; or a file: URI."""
+    assert re.fullmatch(r"(file://)?[A-Za-z0-9/_.~!$&'()*+,;=@%-]+", uri), uri
+
+
+def applied(fix: dict[str, Any], text: str) -> str:
+    """A text of one file with a fix made, as an editor does it."""
+    lines = text.splitlines(keepends=True)
+    (change,) = fix["artifactChanges"]
+    last_first = sorted(
+        change["replacements"],
+        key=lambda one: (one["deletedRegion"]["startLine"], one["deletedRegion"]["startColumn"]),
+        reverse=True,
+    )
+    for one in last_first:
+        region, line = one["deletedRegion"], one["deletedRegion"]["startLine"] - 1
+        start, end = region["startColumn"] - 1, region["endColumn"] - 1
+        lines[line] = lines[line][:start] + one["insertedContent"]["text"] + lines[line][end:]
+    return "".join(lines)
 
 
 def test_a_cause_and_a_finding_stand_at_their_line(
@@ -46,3 +96,99 @@ def test_what_agrees_is_no_result() -> None:
 def test_an_engine_that_is_absent_is_a_warning() -> None:
     (one,) = found(sarif(results(case(Outcome.ABSENT, reason="pymunk is not installed"))))
     assert (one["ruleId"], one["level"]) == ("absent", "warning")
+
+
+TEXT = """<mujoco>
+  <!-- Stäbchen --> <a name="é" m="0.9"/>
+  <b m="1.25"/> <c m="0.9"/>
+  <d m="0.9"/>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "models" / "disc" / "mujoco.xml"
+    path.parent.mkdir(parents=True)
+    path.write_text(TEXT)
+    return path
+
+
+def places(file: Path, *addresses: str) -> tuple[SourceLine, ...]:
+    found = find_in(TEXT.encode(), file, addresses)
+    return tuple(source_line(found[one]) for one in addresses)
+
+
+def copies(file: Path) -> Cause:
+    addresses = ("a[é]@m", "c@m", "d@m")
+    return Cause(
+        kind="literals",
+        subject=addresses,
+        nominal=0.9,
+        estimate=0.8,
+        standard_error=1e-12,
+        locations=places(file, *addresses),
+    )
+
+
+def diagnosed(*causes: Cause) -> Diagnosis:
+    return Diagnosis(explained=True, explanations=(Explanation(causes=causes, remaining=0.0),))
+
+
+def test_a_cause_of_several_lines_is_at_all_of_them_and_its_fix_changes_all(file: Path) -> None:
+    wrong = case(Outcome.DIFFERS, reason="x is off")
+    seen = results(wrong, models=(model(text=TEXT, diagnosis=diagnosed(copies(file))),))
+    (one,) = found(sarif(seen))
+    regions = [place["physicalLocation"]["region"] for place in one["locations"]]
+    assert [region["startLine"] for region in regions] == [2, 3, 4]
+    assert "the motion wants 0.8" in one["message"]["text"]
+    (fix,) = one["fixes"]
+    assert applied(fix, TEXT) == TEXT.replace('m="0.9"', 'm="0.8"')
+    (note,) = run_notes(seen)
+    assert (note.file, note.line) == (Path("models/disc/mujoco.xml"), 2)
+
+
+def test_a_fix_of_a_file_that_has_changed_or_of_half_a_cause_is_none(file: Path) -> None:
+    wrong = case(Outcome.DIFFERS, reason="x is off")
+    other = TEXT.replace('"0.9"/>', '"0.7"/>')
+    changed = results(wrong, models=(model(text=other, diagnosis=diagnosed(copies(file))),))
+    axis = Cause(kind="axis", subject=("j",), nominal=0.0, estimate=1.0, standard_error=0.0)
+    half = results(wrong, models=(model(text=TEXT, diagnosis=diagnosed(copies(file), axis)),))
+    for seen in (changed, half):
+        (one,) = found(sarif(seen))
+        assert "fixes" not in one
+    assert len(one["locations"]) + len(one["relatedLocations"]) == 3
+
+
+def test_every_finding_is_a_result_and_an_annotation_in_a_line_or_in_none(file: Path) -> None:
+    (where,) = places(file, "b@m")
+    literal = finding(
+        "b@m is 1.25 where m = 1.5", subject=("b@m",), location=where, expected=1.5, found=1.25,
+        replacement="1.5",
+    )  # fmt: skip
+    term = finding("inertia of x is off", kind="inertia", subject=("x",), expected=1.0, found=2.0)
+    models = (
+        model(literal, term, text=TEXT),
+        model(literal, term, text=TEXT, engine="mjx"),
+        model(engine="drake", audit=None, audit_failure="no memory is left"),
+    )
+    seen = results(case(), models=models)
+    first, second, failed = found(sarif(seen))
+    assert [one["ruleId"] for one in (first, second, failed)] == ["audit", "audit", "failed"]
+    assert first["message"]["text"].endswith("b@m is 1.25 where m = 1.5; write 1.5")
+    assert first["locations"][0]["physicalLocation"]["region"]["startLine"] == 3
+    assert applied(first["fixes"][0], TEXT) == TEXT.replace("1.25", "1.5")
+    for one in (second, failed):
+        (place,) = one["locations"]
+        uri = {"uri": "models/disc/mujoco.xml"}
+        assert place["physicalLocation"] == {"artifactLocation": uri}, "no line is made up"
+    assert [note.line for note in run_notes(seen)] == [3, None, None]
+
+
+def test_a_file_that_is_refused_is_a_result_at_the_lines_that_are_known(file: Path) -> None:
+    lines = tuple(SourceLine(file=str(file), line=line) for line in (3, 4))
+    refused = case(Outcome.FAILED, reason="no mass", locations=lines)
+    (one,) = found(sarif(results(refused)))
+    both = [*one["locations"], *one["relatedLocations"]]
+    assert [place["physicalLocation"]["region"]["startLine"] for place in both] == [3, 4]
