@@ -19,7 +19,6 @@ from harness.mutation.faults import SIZES
 from harness.mutation.judge import MutationTask, mutated
 from harness.mutation.survey import survey
 from harness.mutation.text import mutation_lines
-from harness.records.base import SourceLine
 from harness.records.mutation import FaultVerdict
 from harness.records.read import read_results
 from tests.commands import crosscheck
@@ -76,7 +75,7 @@ def test_the_wrong_literal_is_named_with_file_line_and_value(
     (named,) = next(
         e.causes for e in diagnosis.explanations if [str(c) for c in e.causes] == [cause]
     )
-    assert named.locations == (SourceLine(file=file, line=line),)
+    assert [(one.file, one.line) for one in named.locations] == [(file, line)]
     assert named.estimate == pytest.approx(wanted, abs=0.01 * abs(float_of(new) - wanted))
     assert re.search(rf"cause in {name}/{re.escape(model)} \[{engine}\]", done.stdout)
     # The audit reads the literal; the diagnosis did not.

@@ -56,7 +56,10 @@ def test_a_body_with_and_in_its_name_is_one_cause(tmp_path: Path) -> None:
     assert cause.id == CauseId(kind="literal", subject=(MASS,))
     text = task.sidecar.model.read_text()
     line = text[: text.index('mass="1.313"')].count("\n") + 1
-    assert cause.locations == (SourceLine(file="mujoco.xml", line=line),)
+    start = text.encode().index(b'mass="1.313"') + len(b'mass="')
+    where = SourceLine(file="mujoco.xml", line=line, span=(start, start + 5), text="1.313")
+    assert cause.locations == (where,)
+    assert cause.replacement == "1.3"
     assert cause.estimate == pytest.approx(1.3, rel=1e-6)
     sentence, left = cause_sentences(first)
     assert sentence.startswith(f"{MASS} (mujoco.xml:{line}) is 1.313, the motion wants 1.3")

@@ -14,7 +14,8 @@ from harness.engines.protocol import EngineError, ModelSpec
 from harness.engines.registry import engines
 from harness.records.outcome import Outcome
 from harness.robots.compiled import compiler, read_compiled_robot
-from harness.robots.system import RobotError
+from harness.robots.system import RobotError, robot_system
+from harness.schedule.failure import failure_of
 
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 SOUND = {
@@ -330,3 +331,22 @@ def test_a_file_without_a_joint_is_told(tmp_path: Path) -> None:
     assert [one.sentence for one in read_compiled_robot(file).obstacles] == [
         "it has no joint that moves"
     ]
+
+
+def test_an_obstacle_is_in_the_file_that_it_stands_in_though_another_includes_it(
+    tmp_path: Path,
+) -> None:
+    """And its sentence is whole: it has a colon of its own."""
+    (tmp_path / "part: 7.xml").write_text(
+        '<mujocoinclude>\n<body><joint/>\n<geom size="0.1" mass="nan" kind="x"/></body>\n</mujocoinclude>'
+    )
+    main = tmp_path / "main.xml"
+    main.write_text('<mujoco><worldbody><include file="part: 7.xml"/></worldbody></mujoco>')
+    robot = read_compiled_robot(main)
+    (found,) = robot.obstacles
+    assert (found.file.name, found.line) == ("part: 7.xml", 3)
+    assert found.sentence == "<geom mass> has 'nan', where a finite number belongs"
+    with pytest.raises(RobotError) as error:
+        robot_system(robot)
+    (where,) = failure_of(error.value).locations
+    assert (where.file, where.line) == (str(found.file), 3)
