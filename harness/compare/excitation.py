@@ -7,7 +7,7 @@ it. Each chain of runs is driven by a known random force, held, or left alone.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +39,12 @@ FINE = 1e-9
 
 SHORTER = (1.0, 2.0, 4.0, 16.0)
 """By how much runs are shortened until their limits are resolved."""
+
+LONGER = 3.0
+"""By how much they are lengthened where rounding alone is in the way."""
+
+ROOM = 0.4
+"""Share of the resolution that a run of the source may take up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,9 +212,7 @@ def _chain(
     for shorter in SHORTER:
         length = 2 * np.pi / found.fastest * SHARE / shorter
         chain = _links(model, task, found, replace(first, length=length), links)
-        sizes = [np.max(_relative(*link), axis=1) for link in chain]
-        ordered = np.sort(np.concatenate(sizes))
-        worst = float(ordered[int(0.9 * (len(ordered) - 1))])
+        worst = _most(chain, lambda limit: limit.uncertainty)
         # What is left is rounding where half the length or less doesn't halve it.
         before = np.inf if best is None else best[0]
         if best is None or worst < before:
@@ -216,7 +220,21 @@ def _chain(
         if worst <= 0.05 * task.resolution or (worst > before / 2 and before <= FINE):
             break
     assert best is not None
-    return best[1]
+    worst, chain = best
+    if worst > ROOM * task.resolution and 2 * _most(chain, lambda limit: limit.rounding) > worst:
+        # Over a longer run a position moves further by what it is rounded by.
+        length = chain[0][0].length * LONGER
+        longer = _links(model, task, found, replace(first, length=length), links)
+        if _most(longer, lambda limit: limit.uncertainty) < worst:
+            return longer
+    return chain
+
+
+def _most(chain: Sequence[tuple[Runs, Limit]], of: Callable[[Limit], Array]) -> float:
+    """Return what nine of ten runs don't exceed, relative to how far components move."""
+    sizes = [np.max(_relative(runs, limit, of(limit)), axis=1) for runs, limit in chain]
+    ordered = np.sort(np.concatenate(sizes))
+    return float(ordered[int(0.9 * (len(ordered) - 1))])
 
 
 def _links(
@@ -236,11 +254,11 @@ def _links(
     return chain
 
 
-def _relative(runs: Runs, limit: Limit) -> Array:
+def _relative(runs: Runs, limit: Limit, error: Array) -> Array:
     starts = np.hstack([runs.z, runs.w])
     known = np.flatnonzero(np.max(limit.uncertainty, axis=1) < np.inf)
     scale = movement(limit.value[known], starts[known])
-    relative: Array = limit.uncertainty / scale
+    relative: Array = error / scale
     return relative
 
 
@@ -263,7 +281,7 @@ def _gathered(
     wrapped = unwrapped(end, start, match.periodic)
     uncertainty = match.errors(value[:, :n], value[:, n:], error)
     relative = uncertainty / movement(wrapped, start)
-    kept = np.flatnonzero(np.max(relative, axis=1) <= task.resolution)
+    kept = _kept(np.max(relative, axis=1), task.resolution)
     scale = movement(wrapped[kept], start[kept]) if len(kept) else np.ones(2 * m)
     limit = chain[0][1]
     return Recorded(
@@ -280,6 +298,17 @@ def _gathered(
         order=limit.order,
         order_confirmed=limit.order_confirmed,
     )
+
+
+def _kept(uncertainty: Array, resolution: float) -> NDArray[np.intp]:
+    """Return which runs of K are resolved, of relative uncertainties (K,).
+
+    The target adds as much again: where most runs leave room for that, those alone are taken.
+    """
+    (clear,) = np.nonzero(uncertainty <= ROOM * resolution)
+    if 2 * len(clear) >= len(uncertainty):
+        return clear
+    return np.flatnonzero(uncertainty <= resolution)
 
 
 def unwrapped(end: Array, near: Array, periodic: tuple[bool, ...]) -> Array:

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from harness.compare.candidate import Facts
 from harness.compare.match import Match
+from harness.compare.placed import tree_of
 from harness.compare.side import pairs_of
 from harness.engines.protocol import Array
+from reference.multibody.chart import coordinate_names
 
 FAR = np.pi
 """Limits further from home than this stand for none, as in `reference.samples`: rad or m."""
+
+FAR_TURNED = 2.0
+"""Coordinates of a rotation, 4 tan(angle / 4), of a body that is turned far: by 106 degrees."""
 
 OFF = 1e-3
 """Share of a range by which a start is off its ends: there a stop may act already."""
@@ -37,7 +43,24 @@ def start_range(source: Facts, target: Facts, match: Match) -> tuple[Array, Arra
             limits[i] = both
         else:
             strangers.append(own)
-    return *_drawn(source, limits), tuple(strangers)
+    return *_drawn(replace(source, home=_upright(source)), limits), tuple(strangers)
+
+
+def _upright(source: Facts) -> Array:
+    """Return the positions of the file, (nz,), with bodies that are turned far turned back.
+
+    Half a turn is the edge of the chart: there a torque about an axis moves another coordinate
+    than its own, and the body would pass for one that is held.
+    """
+    home = source.home.copy()
+    tree = tree_of(source.robot, source.coordinates)
+    turning = [link for link in tree.links if link.kind in ("free", "ball")] if tree else []
+    for link in turning:
+        names = [name for name, unit in coordinate_names(link.kind, link.name) if unit == "rad"]
+        places = [source.coordinates.index(name) for name in names]
+        if np.linalg.norm(home[places]) > FAR_TURNED:
+            home[places] = 0.0
+    return home
 
 
 def _drawn(source: Facts, limits: Array) -> tuple[Array, Array]:

@@ -8,10 +8,10 @@ import numpy as np
 
 from harness.compare.match import Match
 from harness.engines.protocol import Array, Model
-from harness.numerics.batch import Batch, held
+from harness.numerics.batch import Batch, held, movement
 from harness.numerics.coordinates import CoordinateMap, identity
-from harness.numerics.ladder import RUNGS, Limit
-from harness.numerics.segments import extrapolate, limits_alone
+from harness.numerics.ladder import RUNGS, Limit, observed_order
+from harness.numerics.segments import Extrapolated, extrapolate, limits_alone
 
 QUICK = RUNGS[:8]
 
@@ -47,8 +47,27 @@ def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Li
     Raises:
         BlownUpError: where none is finite.
     """
-    own = own_states(runs.z.shape[1], match)
-    return extrapolate(model, own, _batch(runs, match), resolution=resolution).limit
+    own, batch = own_states(runs.z.shape[1], match), _batch(runs, match)
+    found = extrapolate(model, own, batch, resolution=resolution)
+    if found.limit.order_confirmed or not found.limit.converges:
+        return found.limit
+    claimed = model.exponents(batch.varying)[0]
+    return replace(found.limit, order_confirmed=_mostly_confirmed(found, batch.states, claimed))
+
+
+def _mostly_confirmed(found: Extrapolated, starts: Array, claimed: int) -> bool:
+    """Return whether most of the runs have the claimed order, each by itself.
+
+    Over all of them together a few runs decide in which a drag changes sign: what these lose is in
+    their own uncertainty.
+    """
+    scale = movement(found.limit.value, starts)
+    rounding = float(np.max(np.abs(found.limit.value) / scale))
+    known = np.flatnonzero(np.isfinite(found.limit.uncertainty).all(axis=1))
+    confirmed = [
+        observed_order(found.raw[:, [k]] / scale, found.rungs, claimed, rounding)[1] for k in known
+    ]
+    return 2 * sum(confirmed) >= len(confirmed)
 
 
 def quick(model: Model, runs: Runs, match: Match | None) -> Array:

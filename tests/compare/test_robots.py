@@ -256,6 +256,30 @@ def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
     assert found.terms == ()
 
 
+def test_a_servo_far_quicker_than_the_step_holds_no_joint(tmp_path: Path) -> None:
+    """As those of the KUKA iiwa 14 in MuJoCo Menagerie: 2e5 1/s, at a step of 2 ms."""
+    light = ('mass="0.9" fullinertia="0.017 0.016 0.003 0 0.0004 0"',
+             'mass="0.001" diaginertia="1e-7 1e-7 1e-7"')  # fmt: skip
+    hand = ('mass="0.35" diaginertia="0.0008 0.0009 0.0005"',
+            'mass="0.01" diaginertia="1e-6 1e-6 1e-6"')  # fmt: skip
+    servo = '<actuator><position joint="elbow" kp="2000" kv="200"/></actuator></mujoco>'
+    path = written(tmp_path, "arm.xml", MJCF, light, hand, ("</mujoco>", servo))
+    found = agrees(compared(path, path))
+    assert found.recorded.independent == (0, 1, 2)
+    assert found.recorded.lost == 0
+
+
+def test_a_free_body_that_is_drawn_half_a_turn_round_turns_about_every_axis(
+    tmp_path: Path,
+) -> None:
+    hinge = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.07"/>'
+    text = MJCF.replace(hinge, '<freejoint name="base"/>').replace(
+        'euler="0.3 0 0"', 'quat="0 0 0 1"'
+    )
+    path = written(tmp_path, "arm.xml", text)
+    assert agrees(compared(path, path)).recorded.independent == tuple(range(8))
+
+
 @pytest.mark.slow
 def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> None:
     mimic = ('<axis xyz="0.6 0.8 0"/>', '<axis xyz="0.6 0.8 0"/><mimic joint="shoulder"/>')
