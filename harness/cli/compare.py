@@ -49,6 +49,10 @@ def main(options: argparse.Namespace) -> int:
         print(options.json)
     if found.outcome is Outcome.FAILED:
         return FAIL
+    if options.strict and found.found is not None and found.found.untested:
+        print("\n".join(f"crosscheck: --strict: {line}" for line in found.found.untested),
+              file=sys.stderr)  # fmt: skip
+        return DIFFER
     return AGREE if found.outcome is Outcome.AGREES else DIFFER
 
 

@@ -75,7 +75,7 @@ def attributed(
     ]
     if not can:
         return tuple(rest), 0
-    bench = _Bench.of(execute, models, recorded, runs, followed, matched)
+    bench = _Bench.of(execute, models, recorded, runs, followed, matched, len(can))
     engine = engines()[models[0].engine]
     looks = [re.compile(pattern) for pattern in engine.idle]
     root = _root(models[0].sidecar.model)
@@ -93,6 +93,25 @@ def attributed(
     return tuple(trials), untried
 
 
+def untested(trials: Iterable[Trial], a: Candidate) -> tuple[str, ...]:
+    """Return the differences of the files that no run shows, but those of looks and steps."""
+    engine, root = engines()[a.engine], _root(a.sidecar.model)
+    looks = [re.compile(one) for one, what in engine.idle.items() if what in NO_PHYSICS]
+    silent = (one for one in trials if len(one.edits) == 1 and (one.not_tried or not one.moved))
+    edits = (one.edits[0] for one in silent)
+    return tuple(
+        f"{edit.label}: {edit.old} in A, {edit.new} in B"
+        for edit in edits
+        if not _is_idle(edit, root, looks) and not edit.label.startswith(SETTINGS)
+    )
+
+
+NO_PHYSICS = ("looks", "step and solver")
+"""What numbers are for that no motion need depend on, whatever acts."""
+
+SETTINGS = ("sidecar:settings.step", "sidecar:settings.integrator", "option@integrator")
+
+
 def _root(file: Path) -> str:
     """The tag of an XML file's first element; empty for other files."""
     return outline(file, file.read_bytes()).tag if file.suffix in MARKUP else ""
@@ -106,6 +125,13 @@ def _is_idle(edit: Edit, root: str, looks: Iterable[re.Pattern[str]]) -> bool:
     tags = re.sub(r"\[[^\]]*\]", "", edit.label)
     paths = (f"{root}/{tags}", f"{root}/{tags.replace('@', '/')}/")
     return bool(edit.changes) and any(one.fullmatch(path) for one in looks for path in paths)
+
+
+def _actuation(candidate: Candidate) -> dict[str, list[float]]:
+    """Return the settings at which the comparison holds a model's actuators."""
+    spec = candidate.sidecar.spec(candidate.engine)
+    given = candidate.given & {"controls", "activations"}
+    return {key: list(spec.settings[key]) for key in given}  # type: ignore[call-overload]
 
 
 def _size(edit: Edit) -> float:
@@ -127,6 +153,7 @@ class _Bench:
         a, b: ends, (K, 2m).
         scale: how far each component moves, (2m,).
         floor: below, relative, nothing is certain.
+        count: how many differences can be made.
     """
 
     execute: Execute
@@ -135,6 +162,7 @@ class _Bench:
     b: Array
     scale: Array
     floor: float
+    count: int
 
     @staticmethod
     def of(
@@ -144,6 +172,7 @@ class _Bench:
         runs: Runs,
         followed: Followed,
         matched: Match,
+        count: int,
     ) -> _Bench:
         """Run both as they are, on some of the runs."""
         doubt = (recorded.uncertainty + followed.limit.uncertainty) / recorded.scale
@@ -163,6 +192,7 @@ class _Bench:
                 joints=own.z.shape[1],
                 near=recorded.end[some],
                 periodic=matched.periodic,
+                other=_actuation(models[1]),
             )
 
         is_source = matched.source == "A"
@@ -174,12 +204,13 @@ class _Bench:
             a=ask(execute, models[0], tried, of_a),
             b=ask(execute, models[1], tried, of_b),
             scale=recorded.scale,
+            count=count,
             floor=2 * float(np.max(known[np.isfinite(known)], initial=1e-13)),
         )
 
     def tried(self, sets: Sequence[tuple[Edit, ...]]) -> list[Trial]:
         """Each set of differences made at once."""
-        tasks = [replace(self.task, edits=made) for made in sets]
+        tasks = [replace(self.task, edits=made, whole=len(made) == self.count) for made in sets]
         values = self.execute(self.task.candidate.name, tried, tasks)
         return [
             Trial(made, 0.0, 0.0, value.reason)

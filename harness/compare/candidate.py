@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engines.compiled import CompiledActuator
+from harness.engines.compiled import CompiledActuator, CompiledTree
 from harness.engines.protocol import Array, Engine, Model
 from harness.engines.registry import engines, missing, readers
 from harness.files.folders import FORMATS
@@ -45,6 +45,7 @@ class Candidate:
         engine: name of the engine that runs it.
         notes: what was assumed, a sentence each.
         bare: whether the file has no sidecar.
+        given: names of the settings that the comparison gives it.
     """
 
     label: str
@@ -52,6 +53,7 @@ class Candidate:
     engine: str
     notes: tuple[str, ...] = ()
     bare: bool = False
+    given: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -70,7 +72,8 @@ class Candidate:
         """The same with other settings."""
         own = {**self.sidecar.engine_settings.get(self.engine, {}), **settings}
         changed = {**self.sidecar.engine_settings, self.engine: own}
-        return replace(self, sidecar=replace(self.sidecar, engine_settings=changed))
+        sidecar = replace(self.sidecar, engine_settings=changed)
+        return replace(self, sidecar=sidecar, given=self.given | set(settings))
 
 
 FOLLOWERS = "joints that follow others"
@@ -109,7 +112,8 @@ class Facts:
         limits: bounds of the positions, infinite where there is none, (nz, 2).
         places: what has a pose in the engine, as `kind:name`.
         robot: the file as a tree of bodies; None for a format that is not read so.
-        actuators: as an engine compiles them; None where no engine tells.
+        compiled: the file as an engine compiles it; None for a format that none compiles.
+        states_move: whether actuators have states that move.
     """
 
     coordinates: tuple[str, ...]
@@ -121,7 +125,13 @@ class Facts:
     limits: Array
     places: tuple[str, ...]
     robot: Robot | None
-    actuators: tuple[CompiledActuator, ...] | None
+    compiled: CompiledTree | None
+    states_move: bool
+
+    @property
+    def actuators(self) -> tuple[CompiledActuator, ...]:
+        """Actuators of the file."""
+        return () if self.compiled is None else self.compiled.actuators
 
 
 def facts(candidate: Candidate) -> Facts:
@@ -144,7 +154,8 @@ def facts(candidate: Candidate) -> Facts:
         limits=_limits(model, robot),
         places=tuple(model.places),
         robot=robot,
-        actuators=None if found is None else found.compiled(file).actuators,
+        compiled=None if found is None else found.compiled(file),
+        states_move=bool(settings.get("activations")),
     )
 
 
@@ -155,7 +166,10 @@ def _robot(file: Path, settings: Mapping[str, object]) -> Robot:
     elif file.suffix == ".sdf":
         robot = read_robot(file)
     else:
-        robot = read_compiled_robot(file, actuated=bool(settings.get("actuators", True)))
+        actuated = bool(settings.get("actuators", True))
+        controls = settings.get("controls") if actuated else None
+        listed = controls if isinstance(controls, list) else None
+        robot = read_compiled_robot(file, actuated=actuated, controls=listed)
     if settings.get("couplings", True) or robot.tree is None or not robot.tree.couplings:
         return robot
     count = len(robot.tree.couplings)

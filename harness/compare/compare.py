@@ -16,7 +16,7 @@ from functools import partial
 
 import numpy as np
 
-from harness.compare.attribution import attributed
+from harness.compare.attribution import attributed, untested
 from harness.compare.candidate import Candidate, Facts
 from harness.compare.excitation import Recorded, SourceTask, record
 from harness.compare.execute import Execute, FailureError, ask
@@ -29,6 +29,7 @@ from harness.compare.property import Property
 from harness.compare.ranges import start_range, told
 from harness.compare.runs import Runs
 from harness.compare.said import Said, said
+from harness.compare.slack import taut_starts
 from harness.compare.terms import Frame, Term, terms
 from harness.compare.trials import Trial
 from harness.engines.protocol import Array
@@ -79,6 +80,7 @@ class Findings:
         terms: worst first; empty where nothing differs, or the properties explain it.
         trials: of each difference of the files, and of all together; most telling first.
         untried: how many differences of the files were not tried.
+        untested: what differs, or may differ, and no run shows.
         impossible: what is said of inertias that no body can have, each once.
         notes: what was assumed or left out.
     """
@@ -95,6 +97,7 @@ class Findings:
     terms: tuple[Term, ...]
     trials: tuple[Trial, ...]
     untried: int
+    untested: tuple[str, ...]
     impossible: tuple[str, ...]
     notes: tuple[str, ...]
     seconds: float
@@ -113,7 +116,8 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
     a, b, matched = made.a, made.b, made.match
     is_a = matched.source == "A"
     source, target = (a, b) if is_a else (b, a)
-    home, reach, strangers = start_range(*(made.facts if is_a else made.facts[::-1]), matched)
+    both = made.facts if is_a else made.facts[::-1]
+    home, reach, strangers, limits = start_range(*both, matched)
     task = SourceTask(
         candidate=source,
         match=matched,
@@ -121,6 +125,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         resolution=options.resolution,
         home=home,
         reach=reach,
+        taut=taut_starts(*both, matched, home, reach, limits),
     )
     recorded = ask(execute, source, record, task)
     if not len(recorded.runs.z):
@@ -167,6 +172,7 @@ def compare(options: CompareOptions, execute: Execute) -> Findings:
         terms=found,
         trials=trials,
         untried=untried,
+        untested=_untested(made, judgement, read, trials, untried),
         impossible=_impossible(made),
         notes=_notes(made, recorded, strangers),
         seconds=time.perf_counter() - began,
@@ -183,6 +189,18 @@ def _impossible(made: Prepared) -> tuple[str, ...]:
         if one.link not in {part.name for part in robot.parts if part.body == WORLD}
     ]
     return tuple(dict.fromkeys(told))
+
+
+def _untested(
+    made: Prepared, judgement: Judgement, read: Said, trials: tuple[Trial, ...], untried: int
+) -> tuple[str, ...]:
+    """Return what differs, or may differ, and does not change the outcome."""
+    agrees = judgement.outcome is Outcome.AGREES
+    found = [one.message for one in read.properties if agrees or not one.moves]
+    found += untested(trials, made.a)
+    if untried:
+        found.append(f"{untried} differences of the files that were not tried alone")
+    return (*dict.fromkeys(found), *made.uncompared)
 
 
 def _notes(made: Prepared, recorded: Recorded, strangers: tuple[str, ...]) -> tuple[str, ...]:

@@ -280,7 +280,8 @@ def _settings(a: Candidate, b: Candidate) -> Iterator[Edit]:
 
 def _stated(candidate: Candidate) -> dict[str, object]:
     spec = candidate.sidecar.spec(candidate.engine)
-    found = {f"settings.{key}": value for key, value in spec.settings.items()}
+    stated = ((key, value) for key, value in spec.settings.items() if key not in candidate.given)
+    found = {f"settings.{key}": value for key, value in stated}
     for i, spring in enumerate(spec.springs):
         found[f"spring[{i}]"] = spring
     return found

@@ -55,6 +55,7 @@ class SourceTask:
         given: starts by coordinate (`x`, `x_dot`).
         home: positions to begin from, (nz,).
         reach: where positions are drawn, (nz, 2).
+        taut: further positions to start from, (P, nz).
     """
 
     candidate: Candidate
@@ -63,6 +64,7 @@ class SourceTask:
     resolution: float
     home: Array
     reach: Array
+    taut: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +161,8 @@ def _starts(
         middle, half = extent.mean(axis=1), 0.8 * found.unit
         drawn = middle + half * rng.uniform(-1, 1, (DRAWN, n))
         going = 0.5 * found.unit * found.typical * rng.uniform(-1, 1, (DRAWN, n))
-        pairs = [*own, (start, still), *zip(drawn, going, strict=True)]
+        taut = [(position, still) for position in task.taut]
+        pairs = [*own, (start, still), *taut, *zip(drawn, going, strict=True)]
         starts = [pair for pair in pairs for _ in range(2)]
         driven = np.tile([False, True], len(pairs))
         links = LINKS_DRAWN

@@ -57,12 +57,14 @@ def explained(
         followed: where the target ends them, with joints turned by `signs`, (m,).
 
     Returns None where they can't be had: forces that depend on the state, springs of a sidecar,
-    joints that follow others.
+    joints that follow others, actuators whose states move.
     """
     source, other = sides
     if not match.constant or source.springs or other.springs:
         return None
     if source.tree.couplings or other.tree.couplings:
+        return None
+    if source.facts.states_move or other.facts.states_move:
         return None
     # In a run without a limit nothing is known.
     known = np.flatnonzero(np.isfinite(followed.limit.uncertainty).all(axis=1))

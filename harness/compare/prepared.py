@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from harness.compare.actuators import held_alike, pair_actuators
 from harness.compare.candidate import FOLLOWERS, Candidate, CompareError, Facts, facts, smooth
 from harness.compare.execute import Execute, ask
 from harness.compare.match import Match, match, spoken_for
@@ -27,6 +28,7 @@ class Prepared:
         match: of their coordinates.
         still: joints of A and of B that are held, and where.
         notes: what was done, a sentence each.
+        uncompared: what is left out and may differ: no literals of one format show it.
     """
 
     a: Candidate
@@ -35,6 +37,7 @@ class Prepared:
     match: Match
     still: tuple[Mapping[str, float], Mapping[str, float]]
     notes: tuple[str, ...]
+    uncompared: tuple[str, ...]
 
 
 def prepare(
@@ -54,6 +57,7 @@ def prepare(
     given = spoken_for(*names, joints, readback)
     found = partners(*names, given, _drawn(one, other))
     notes = list(_left_out(a, b, one, other, as_shipped))
+    unlike = [] if as_shipped else list(_uncompared(a, b, one, other))
     still: list[Mapping[str, float]] = []
     for candidate, own, alone in zip((a, b), (one, other), found.alone, strict=True):
         held = _held(candidate, own, alone) if found.pairs else {}
@@ -71,35 +75,74 @@ def prepare(
         other = ask(execute, b, facts, b)
     if not as_shipped:
         a, one, b, other, more = _actuated(
-            execute, (a, b), (one, other), bool(still[0] or still[1])
+            execute, (a, b), (one, other), _joints(found, joints), bool(still[0] or still[1])
         )
         notes += more
+        unlike += [note for note in more if note.startswith(NOT_COMPARED)]
     matched = _matched(one, other, joints, readback, found, still)
     return Prepared(
-        a=a, b=b, facts=(one, other), match=matched, still=(still[0], still[1]), notes=tuple(notes)
+        a=a,
+        b=b,
+        facts=(one, other),
+        match=matched,
+        still=(still[0], still[1]),
+        notes=tuple(notes),
+        uncompared=tuple(unlike),
     )
 
 
 def _actuated(
-    execute: Execute, models: tuple[Candidate, Candidate], own: tuple[Facts, Facts], held: bool
+    execute: Execute,
+    models: tuple[Candidate, Candidate],
+    own: tuple[Facts, Facts],
+    joints: Mapping[str, str],
+    held: bool,
 ) -> tuple[Candidate, Facts, Candidate, Facts, tuple[str, ...]]:
-    """Actuators held at controls, the same in both models; or switched off, where one has others.
+    """Hold actuators at controls, alike in both models; or leave them out.
 
-    What a sidecar states of them stands.
+    They are left out where a joint is held, which takes those on it away, and beside a file whose
+    format has none. What a sidecar states of them stands.
     """
     (a, b), (one, other) = models, own
-    asked = [_controls(*pair) for pair in zip(models, own, strict=True)]
-    if asked[0] is None or asked[1] is None or not (asked[0] or asked[1]):
+    stated = any(_is_stated(*pair) for pair in zip(models, own, strict=True))
+    if stated or not (one.actuators or other.actuators):
         return a, one, b, other, ()
-    if asked[0] == asked[1] and not held:
-        note = f"actuators ({len(asked[0])}), each held at a control within its range"
-        same = list(asked[0])
-        return a.at(controls=same), one, b.at(controls=same), other, (note,)
+    if held or one.compiled is None or other.compiled is None:
+        return _without_actuators(execute, models, own, held)
+    pairs = pair_actuators(one.actuators, other.actuators, joints)
+    at = held_alike(one.compiled, other.compiled, pairs)
+    found: list[tuple[Candidate, Facts]] = []
+    for candidate, values in zip(models, at, strict=True):
+        settings: dict[str, object] = {"controls": list(values.controls)}
+        if values.states and "activations" in engines()[candidate.engine].switches:
+            settings["activations"] = list(values.states)
+        acting = candidate.at(**settings)
+        found.append((acting, ask(execute, acting, facts, acting)))
+    notes = list(pairs.how)
+    if pairs.pairs:
+        notes.append(f"actuators ({len(pairs.pairs)}), each held at a control within its range")
+    for candidate, its, alone in zip(models, own, pairs.alone, strict=True):
+        count = sum(its.actuators[i].covered for i in alone)
+        if count:
+            who = f"actuators of {candidate.label} without a partner ({count})"
+            notes.append(f"{who}, each held likewise")
+    return *found[0], *found[1], tuple(notes)
+
+
+def _without_actuators(
+    execute: Execute,
+    models: tuple[Candidate, Candidate],
+    own: tuple[Facts, Facts],
+    held: bool,
+) -> tuple[Candidate, Facts, Candidate, Facts, tuple[str, ...]]:
+    """Switch actuators off in both models."""
+    why = "since joints are held" if held else "since the other file's format has none"
     found: list[tuple[Candidate, Facts]] = []
     notes = []
     for candidate, its in zip(models, own, strict=True):
         if its.actuators:
-            notes.append(f"left out of {candidate.label}: actuators ({len(its.actuators)})")
+            count = len(its.actuators)
+            notes.append(f"{NOT_COMPARED}: actuators ({count}) of {candidate.label}, {why}")
             off = candidate.at(actuators=False)
             found.append((off, ask(execute, off, facts, off)))
         else:
@@ -107,12 +150,21 @@ def _actuated(
     return *found[0], *found[1], tuple(notes)
 
 
-def _controls(candidate: Candidate, own: Facts) -> tuple[float, ...] | None:
-    """At which a file's actuators are held; None where a sidecar tells of them."""
+def _is_stated(candidate: Candidate, own: Facts) -> bool:
+    """Return whether a sidecar tells of a file's actuators."""
     stated = candidate.sidecar.spec(candidate.engine).settings
-    if {"controls", "actuators"} & set(stated) or not stated.get("smooth", False):
-        return None if own.actuators else ()
-    return own.robot.controls if own.robot is not None else ()
+    switched = {"controls", "actuators"} & set(stated) or not stated.get("smooth", False)
+    return bool(own.actuators) and bool(switched)
+
+
+def _joints(found: Partners, joints: Maps) -> dict[str, str]:
+    """Return joints of A with those of B that are their partners, by order and as they are mapped.
+
+    A free joint stands for its coordinates.
+    """
+    pairs = {**found.pairs, **{name: text.lstrip("-") for name, text in joints[0].items()}}
+    whole = {name.partition(":")[0]: its.partition(":")[0] for name, its in pairs.items()}
+    return {**whole, **pairs}
 
 
 def _matched(
@@ -159,6 +211,21 @@ def _held(candidate: Candidate, own: Facts, alone: Sequence[str]) -> dict[str, f
     }
 
 
+def _uncompared(a: Candidate, b: Candidate, one: Facts, other: Facts) -> Iterator[str]:
+    """Yield what is left out of files of two formats; limits of position are read from both."""
+    if a.sidecar.model.suffix == b.sidecar.model.suffix:
+        return
+    for candidate, own in ((a, one), (b, other)):
+        parts = [_counted(part) for part in _parts(candidate, own) if part.what != LIMITS]
+        if parts:
+            yield f"{NOT_COMPARED}: {', '.join(parts)}, in {candidate.label}"
+
+
+LIMITS = "limits of position"
+
+NOT_COMPARED = "not compared"
+"""How begins a note of what is left out."""
+
 ALWAYS = ("how ", "limits of effort", "limits of velocity")
 """How begins what is left out whatever is asked."""
 
@@ -174,9 +241,9 @@ def _left_out(
         return ("as shipped: with contacts, limits, dry friction and couplings as the files say",)
     told = [_told(*pair) for pair in ((a, one), (b, other))]
     if a.sidecar.model.resolve() == b.sidecar.model.resolve() or told[0] == told[1]:
-        return (f"left out of both: {told[0]}",) if told[0] else ()
+        return (f"{NOT_COMPARED}: {told[0]}",) if told[0] else ()
     return tuple(
-        f"left out of {candidate.label}: {text}"
+        f"{NOT_COMPARED}: {text}, in {candidate.label}"
         for candidate, text in zip((a, b), told, strict=True)
         if text
     )
@@ -184,12 +251,16 @@ def _left_out(
 
 def _told(candidate: Candidate, own: Facts) -> str:
     """Such as: contact geometry (12), dry friction (7)."""
+    return ", ".join(map(_counted, _parts(candidate, own)))
+
+
+def _parts(candidate: Candidate, own: Facts) -> list[LeftOut]:
+    """Return what is left out of a model's motions."""
     settings = candidate.sidecar.spec(candidate.engine).settings
     if own.robot is None or not settings.get("smooth", False):
-        return ""
+        return []
     kept = COUPLED if settings.get("couplings", True) else ()
-    parts = (one for one in own.robot.left_out if not one.what.startswith((*ALWAYS, *kept)))
-    return ", ".join(map(_counted, parts))
+    return [one for one in own.robot.left_out if not one.what.startswith((*ALWAYS, *kept))]
 
 
 def _counted(one: LeftOut) -> str:

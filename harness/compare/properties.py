@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from harness.compare.actuators import actuator_properties
 from harness.compare.alignment import SAME, Aligned, aligned, paired_links
 from harness.compare.bodies import body_properties
 from harness.compare.candidate import FOLLOWERS
@@ -19,7 +20,6 @@ from harness.compare.placed import Placed
 from harness.compare.property import Property, shown, told
 from harness.compare.side import Pair, Side
 from harness.compare.terms import apart
-from harness.engines.compiled import CompiledActuator
 from harness.engines.protocol import Array
 from harness.robots.robot import LeftOut
 
@@ -58,7 +58,8 @@ def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
         found += body_properties(a, b, row, size)
     found += _gravity(a, b)
     found.sort(key=lambda one: -one.effect)
-    rest = [*_ranges(a, b, rows, by_name), *_actuators(a, b, dict(names)), *_left_out(a, b)]
+    rest = [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
+    rest += _left_out(a, b)
     every = sorted((*found, *rest), key=lambda one: not one.moves)
     return Properties(found=tuple(every), turned=tuple(turned))
 
@@ -182,38 +183,43 @@ def _range(here: Array, there: Array) -> tuple[str, str]:
     return f"{low} to {high}", f"{its_low} to {its_high}"
 
 
-def _actuators(a: Side, b: Side, names: dict[str, str]) -> Iterator[Property]:
-    """Count, and by what they act on gear, kind and law: motions depend on those that act."""
-    one, other = a.facts.actuators, b.facts.actuators
-    if one is None or other is None:
+def _tendons(a: Side, b: Side) -> Iterator[Property]:
+    """Springs, dampers and armatures along tendons, by their names."""
+    if a.facts.compiled is None or b.facts.compiled is None:
         return
-    acting = a.facts.robot is not None and bool(a.facts.robot.controls)
-    if len(one) != len(other):
-        said = f"actuators: {len(one)} in A, {len(other)} in B"
-        yield told("actuators", "", said, 0.0, moves=False)
-    of_b = {actuator.on: actuator for actuator in other}
-    for actuator in one:
-        its = of_b.get(names.get(actuator.on, actuator.on))
-        if its is not None:
-            yield from _actuator(actuator, its, acting)
+    one, other = (
+        {pull.name: pull for pull in own.facts.compiled.pulls if pull.control < 0}
+        for own in (a, b)
+        if own.facts.compiled is not None
+    )
+    for name in dict.fromkeys([*one, *other]):
+        if name not in one or name not in other:
+            label = "A" if name in one else "B"
+            yield told("tendon", name, f"tendon {name} pulls in {label} alone", 0.0)
+            continue
+        here, there = one[name], other[name]
+        for what, x, y in (
+            ("stiffness", here.stiffness, there.stiffness),
+            ("damping", here.damping, there.damping),
+            ("rest", here.rest, there.rest),
+            ("armature", (here.armature,), (there.armature,)),
+        ):
+            if x != y:
+                message = f"{what} of tendon {name}: {_row(x)} in A, {_row(y)} in B"
+                yield told("tendon", name, message, 0.0)
 
 
-def _actuator(one: CompiledActuator, other: CompiledActuator, acting: bool) -> Iterator[Property]:
-    name = one.name or f"on {one.on}"
-    for what, here, there in (
-        ("kind", one.kind, other.kind),
-        ("gear", _numbers(one.gear), _numbers(other.gear)),
-        ("gain and bias", _numbers(one.law), _numbers(other.law)),
-    ):
-        if here != there:
-            said = f"{what} of actuator {name}: {here} in A, {there} in B"
-            yield told("actuator", one.on, said, 0.0, moves=acting)
+def _row(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.9g}" for value in values) or "none"
 
 
-def _numbers(values: Sequence[float]) -> str:
-    """Without the zeros that fill a row."""
-    last = max((i for i, value in enumerate(values) if value), default=0)
-    return " ".join(f"{value:.9g}" for value in values[: last + 1])
+def _actuators(a: Side, b: Side, names: dict[str, str]) -> Iterator[Property]:
+    """Actuators of two files whose formats have some: motions depend on those that act."""
+    if a.facts.compiled is None or b.facts.compiled is None:
+        return
+    robots = (own.facts.robot for own in (a, b))
+    acting = any(robot is not None and bool(robot.controls) for robot in robots)
+    yield from actuator_properties(a.facts.actuators, b.facts.actuators, names, acting)
 
 
 COUNTED = (

@@ -24,11 +24,14 @@ OFF = 1e-3
 """Share of a range by which a start is off its ends: there a stop may act already."""
 
 
-def start_range(source: Facts, target: Facts, match: Match) -> tuple[Array, Array, tuple[str, ...]]:
+def start_range(
+    source: Facts, target: Facts, match: Match
+) -> tuple[Array, Array, tuple[str, ...], Array]:
     """Positions to begin from, (nz,), and where they are drawn, (nz, 2), of the source.
 
     Within the limits of both; where there is none, as far as the engine has it, about where the
-    file draws the mechanism. With them joints whose ranges have nothing in common.
+    file draws the mechanism. With them joints whose ranges have nothing in common, and the limits
+    of both files, (nz, 2).
     """
     limits, strangers = source.limits.copy(), []
     for pair in pairs_of(match, source.coordinates):
@@ -43,7 +46,7 @@ def start_range(source: Facts, target: Facts, match: Match) -> tuple[Array, Arra
             limits[i] = both
         else:
             strangers.append(own)
-    return *_drawn(replace(source, home=_upright(source)), limits), tuple(strangers)
+    return *_drawn(replace(source, home=_upright(source)), limits), tuple(strangers), limits
 
 
 def _upright(source: Facts) -> Array:

@@ -60,6 +60,7 @@ def comparison_record(found: Findings, created: datetime.datetime) -> Comparison
             terms=tuple(_term(term) for term in found.terms),
             differences=tuple(_difference(trial) for trial in found.trials),
             untried=found.untried,
+            untested=found.untested,
             impossible=found.impossible,
             notes=found.notes,
             seconds=found.seconds,

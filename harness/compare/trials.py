@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from harness.compare.diff import Edit, applied
 from harness.compare.excitation import unwrapped
 from harness.compare.match import Match
 from harness.compare.runs import Runs, quick
-from harness.engines.protocol import Array, EngineError, Spring
+from harness.engines.protocol import Array, EngineError, Model, Spring
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +31,8 @@ class TrialTask:
         joints: how many coordinates it has.
         near: ends near which angles are taken, (K, 2m).
         periodic: of the coordinates of the comparison.
+        other: at what B's actuators are held, as settings.
+        whole: whether all differences are made, so that actuators are those of B.
     """
 
     candidate: Candidate
@@ -39,6 +42,8 @@ class TrialTask:
     joints: int
     near: Array
     periodic: tuple[bool, ...]
+    other: Mapping[str, list[float]]
+    whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,7 +71,7 @@ def tried(task: TrialTask) -> Array:
     """
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         try:
-            model = _edited(task.candidate, task.edits, Path(folder)).load()
+            model = _loaded(task, _edited(task.candidate, task.edits, Path(folder)))
             if len(model.coordinates) != task.joints:
                 raise EngineError("it changes which joints there are")
             found = quick(model, task.runs, task.match)
@@ -79,6 +84,37 @@ def tried(task: TrialTask) -> Array:
         n = task.runs.z.shape[1]
         found = np.hstack(task.match.over(found[:, :n], found[:, n:]))
     return unwrapped(found, task.near, task.periodic)
+
+
+def _loaded(task: TrialTask, edited: Candidate) -> Model:
+    """Return the edited model, its actuators held as A's, or as B's where they are B's.
+
+    Raises:
+        EngineError: where it can't be loaded, or has as many as neither.
+    """
+    as_b = edited.at(**task.other) if task.other else edited
+    try:
+        return (edited.at(**_completed(task)) if task.whole and task.other else edited).load()
+    except EngineError as error:
+        if not UNLIKE_ACTUATORS.search(str(error)):
+            raise
+    try:
+        return as_b.load()
+    except EngineError:
+        raise EngineError("it changes which actuators there are") from None
+
+
+def _completed(task: TrialTask) -> dict[str, object]:
+    """Return B's settings, and of as many numbers A's: its actuators keep their order."""
+    own = task.candidate.sidecar.spec(task.candidate.engine).settings
+    return {
+        key: mine if isinstance(mine := own.get(key), list) and len(mine) == len(its) else its
+        for key, its in task.other.items()
+    }
+
+
+UNLIKE_ACTUATORS = re.compile(r"\[settings\] (controls|activations) is")
+"""What is said of another number of actuators."""
 
 
 def _edited(candidate: Candidate, edits: Sequence[Edit], folder: Path) -> Candidate:

@@ -150,16 +150,24 @@ class CompiledActuator:
     Attributes:
         name: as in the file; empty for none.
         on: the joint, or what else it acts on.
-        kind: what it acts on, what its force depends on, and by which law.
-        gear: by which it is scaled.
-        law: coefficients of gain and bias.
+        kind: what it acts on, what its force depends on, by which law, and its dynamics.
+        numbers: by what they are, those on which its force depends: its gear, gain and bias, the
+            constants of its dynamics, and its own damper and armature.
+        ranges: those of its control, its state and its force, where it has them; and what else
+            acts as its control changes, as a delay.
+        covered: whether its force has a formula, so that it acts in smooth motions.
+        control: index of its first input.
+        states: indices of its own states.
     """
 
     name: str
     on: str
-    kind: str
-    gear: Numbers
-    law: Numbers
+    kind: tuple[str, ...]
+    numbers: tuple[tuple[str, Numbers], ...]
+    ranges: tuple[tuple[str, Numbers], ...]
+    covered: bool
+    control: int
+    states: tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,6 +216,7 @@ class CompiledTree:
             with its number.
         uncovered: what else acts on the bodies.
         actuators: in the order of the file.
+        states: how many states the actuators have.
         shapes: files of meshes and the like without which the bodies can't be had, by the names
             that the file has for them.
     """
@@ -222,4 +231,5 @@ class CompiledTree:
     besides: tuple[tuple[str, int], ...] = ()
     uncovered: tuple[str, ...] = ()
     actuators: tuple[CompiledActuator, ...] = ()
+    states: int = 0
     shapes: tuple[str, ...] = ()

@@ -280,8 +280,9 @@ class Engine(ABC):
         choices: whole numbers that choose and measure nothing, likewise; empty: none.
         compiles: the formats that `compiled` takes apart.
         switches: which of the settings `smooth`, `couplings`, `held` (names of joints that are to
-            stand still, where the file draws them), `actuators` (whether they act) and `controls`
-            (at which they are held) it has.
+            stand still, where the file draws them), `actuators` (whether they act), `controls`
+            (at which they are held) and `activations` (states of actuators, which then move) it
+            has.
         usual_mistakes: those that its users make and no format is to blame for.
         compilers: engines whose `compiled` takes a format apart, by its ending; the registry sets
             them. An adapter that edits a file may state inertias as one of them compiles them.

@@ -147,6 +147,7 @@ class Compared(Record, frozen=True, kw_only=True):
         turned: joints that turn the other way in B.
         left_when_turned: what is left of the discrepancy then; None where none does.
         untried: how many differences of the files were not tried alone.
+        untested: what differs, or may differ, and does not change the outcome.
         impossible: what is said of inertias that no body can have, with lines and remedies.
     """
 
@@ -167,6 +168,7 @@ class Compared(Record, frozen=True, kw_only=True):
     terms: tuple[ComparedTerm, ...]
     differences: tuple[FileDifference, ...]
     untried: int
+    untested: tuple[str, ...]
     impossible: tuple[str, ...]
     notes: tuple[str, ...]
     seconds: float

@@ -25,12 +25,15 @@ def compiler(suffix: str) -> Engine | None:
     return next((engine for engine in able if engine.version() is not None), None)
 
 
-def read_compiled_robot(path: Path, *, actuated: bool = True) -> Robot:
+def read_compiled_robot(
+    path: Path, *, actuated: bool = True, controls: Sequence[float] | None = None
+) -> Robot:
     """Read a file as an engine compiles it.
 
     Args:
         path: of the file.
         actuated: whether its actuators act, each at a control that is held.
+        controls: at which they are; None: within their ranges.
     """
     engine = compiler(path.suffix)
     if engine is None:
@@ -45,7 +48,7 @@ def read_compiled_robot(path: Path, *, actuated: bool = True) -> Robot:
     if sentences := list(_in_the_way(found)):
         return _refused(path, sentences, _left_out(engine, found), found.name)
     try:
-        return compiled_robot(found, path, _left_out(engine, found))
+        return compiled_robot(found, path, _left_out(engine, found), controls)
     except TreeError as error:
         return _refused(path, [str(error)], _left_out(engine, found), found.name)
 

@@ -38,13 +38,18 @@ SPREAD = (5**0.5 - 1) / 2
 """By whose multiples controls are spread over their ranges, so that no two are alike."""
 
 
-def compiled_robot(found: CompiledTree, path: Path, left_out: tuple[LeftOut, ...]) -> Robot:
-    """The whole, its controls held anywhere in their ranges.
+def compiled_robot(
+    found: CompiledTree,
+    path: Path,
+    left_out: tuple[LeftOut, ...],
+    controls: Sequence[float] | None = None,
+) -> Robot:
+    """Return the whole, its controls held where they are given, or anywhere in their ranges.
 
     Raises:
         TreeError: naming the joint that is not covered.
     """
-    controls = held_controls(found)
+    controls = held_controls(found) if controls is None else tuple(controls)
     told = _told(found, controls)
     whole = _assembled(told)
     return Robot(

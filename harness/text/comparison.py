@@ -16,6 +16,11 @@ from harness.text.styles import STYLES
 
 MOST_TOLD = 20
 MOST_TERMS = 8
+NOT_COMPARED = "not compared"
+
+SHOWN = 3
+"""So many of the differences that no run shows are named at the top."""
+
 FEW = 6
 """So many differences that move nothing are told beside those that do."""
 
@@ -44,12 +49,15 @@ def _print_failure(console: Console, comparison: Comparison) -> None:
 
 
 def _print_models(console: Console, comparison: Comparison, found: Compared) -> None:
+    for line in _not_compared(found):
+        _say(console, line, "yellow")
     for label, model in zip("AB", comparison.models, strict=True):
         pull = ", ".join(f"{g:g}" for g in model.gravity or ())
         said = f", gravity ({pull})" if pull else ""
         _say(console, f"{label}  {model.model} in {model.engine}{said}")
     for note in (*found.notes, *found.map):
-        _say(console, f"   {note}", "dim")
+        if not note.startswith(NOT_COMPARED):
+            _say(console, f"   {note}", "dim")
     if found.left_out:
         names = ", ".join(found.left_out)
         _say(console, f"   left out of {found.states_of}: {names}, which follow or stay put", "dim")
@@ -59,6 +67,17 @@ def _print_models(console: Console, comparison: Comparison, found: Compared) -> 
         f" {found.states_of}, {found.runs.driven} of them under known forces",
     )
     console.print()
+
+
+def _not_compared(found: Compared) -> list[str]:
+    """Return a line for what is left out, and one for what differs and no run shows."""
+    lines = [note for note in found.notes if note.startswith(NOT_COMPARED)]
+    silent = [one for one in found.untested if one not in lines]
+    if silent:
+        more = f"; and {len(silent) - SHOWN} more" if len(silent) > SHOWN else ""
+        shown = "; ".join(silent[:SHOWN])
+        lines.append(f"{NOT_COMPARED}: the files differ where no run shows it: {shown}{more}")
+    return lines
 
 
 def _print_outcome(console: Console, comparison: Comparison, found: Compared) -> None:

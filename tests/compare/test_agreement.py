@@ -176,4 +176,4 @@ def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path: Path) -> None:
     assert shipped.judgement.outcome is Outcome.DIFFERS
     # Left out unless it is asked for, and told.
     found = agrees(compared(touching, path))
-    assert found.notes == ("left out of A: contact geometry (2)",)
+    assert found.notes == ("not compared: contact geometry (2), in A",)

@@ -137,7 +137,7 @@ def test_friction_is_told_as_such_and_not_as_a_force_at_rest(tmp_path: Path) -> 
     # Left out unless it is asked for, and told.
     found = compared(path, other)
     assert found.judgement.outcome is Outcome.AGREES
-    assert found.notes == ("left out of B: dry friction",)
+    assert found.notes == ("not compared: dry friction, in B",)
     assert [one.message for one in found.properties] == ["dry friction: 0 in A, 1 in B"]
 
 

@@ -53,13 +53,13 @@ def test_a_base_that_touches_its_first_link_is_no_difference_of_two_engines(
     shipped = compared(path, path, "pybullet", "mujoco", as_shipped=True)
     assert shipped.judgement.outcome is not Outcome.AGREES
     found = agrees(compared(path, path, "pybullet", "mujoco"))
-    assert "left out of both: limits of position, collision geometry (2)" in found.notes
+    assert "not compared: limits of position, collision geometry (2)" in found.notes
 
 
 def test_the_kuka_agrees_in_both_engines() -> None:
     path = robots("kuka_iiwa/model.urdf")
     found = agrees(compared(path, path, "pybullet", "mujoco"))
-    assert "left out of both: limits of position (7), collision geometry (8)" in found.notes
+    assert "not compared: limits of position (7), collision geometry (8)" in found.notes
 
 
 def test_meshes_that_are_not_there_are_not_looked_for(tmp_path: Path) -> None:
@@ -241,7 +241,100 @@ def test_actuators_are_held_against_each_other(tmp_path: Path) -> None:
     assert single(found).explained == 1.0
     # A URDF has none: they are left out.
     found = agrees(compared(a, written(tmp_path, "arm.urdf", URDF), engine_b="mujoco"))
-    assert "left out of A: actuators (1)" in found.notes
+    assert "not compared: actuators (1) of A, since the other file's format has none" in found.notes
+
+
+DYNAMICS = '<general name="drive" joint="elbow" gear="2" {}/>'
+MOTOR = '<motor name="drive" joint="elbow" gear="2" {}/>'
+TENDON = '<tendon><fixed name="cord" stiffness="30" springlength="{}">{}</fixed></tendon>'
+MIXED = '<joint joint="elbow" coef="0.1"/><joint joint="reach" coef="1"/>'
+
+
+def driven(folder: Path, name: str, actuators: str, *replaced: tuple[str, str]) -> Path:
+    """The arm with actuators."""
+    whole = f"<actuator>{actuators}</actuator></mujoco>"
+    return written(folder, f"{name}.xml", MJCF, *replaced, ("</mujoco>", whole))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "said"),
+    [
+        (MOTOR.format(""), DYNAMICS.format('dyntype="integrator" biastype="none"'),
+         "actuator drive: dynamics none in A, dynamics integrator in B"),
+        (DYNAMICS.format('dyntype="filter" dynprm="0.01"'),
+         DYNAMICS.format('dyntype="filter" dynprm="9"'),
+         "dynamics of actuator drive: 0.01 in A, 9 in B"),
+        ('<position name="drive" joint="elbow" kp="3"/>', "", "actuator drive: in A alone"),
+    ],
+)  # fmt: skip
+def test_actuators_of_other_dynamics_and_those_of_one_file_alone_differ(
+    tmp_path: Path, one: str, other: str, said: str
+) -> None:
+    a, b = driven(tmp_path, "a", one), driven(tmp_path, "b", other)
+    found = compared(a, b)
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert moving(found) == [said]
+    assert max(trial.explained for trial in found.trials) == 1.0
+    agrees(compared(a, a))
+
+
+def test_a_filter_that_is_exact_agrees_with_itself_under_rk4(tmp_path: Path) -> None:
+    """RK4 is of order 1 there, which MuJoCo's adapter has to claim."""
+    filtered = DYNAMICS.format('dyntype="filterexact" dynprm="0.01"')
+    path = driven(tmp_path, "a", filtered, ('integrator="Euler"', 'integrator="RK4"'))
+    assert agrees(compared(path, path)).recorded.lost == 0
+
+
+def test_actuators_are_paired_by_name_then_by_joint(tmp_path: Path) -> None:
+    servo = '<position name="{}" joint="reach" kp="300"/>'
+    a = driven(tmp_path, "a", MOTOR.format("") + servo.format("push"))
+    swapped = driven(tmp_path, "swapped", servo.format("push") + MOTOR.format(""))
+    assert agrees(compared(a, swapped)).trials == ()
+    renamed = driven(
+        tmp_path, "renamed", servo.format("other") + MOTOR.format("").replace("drive", "turn")
+    )
+    found = agrees(compared(a, renamed))
+    assert [note for note in found.notes if note.startswith("actuator ")] == [
+        "actuator drive of A is turn of B: by joint",
+        "actuator push of A is other of B: by joint",
+    ]
+
+
+def test_sites_without_names_are_no_partners_of_each_other(tmp_path: Path) -> None:
+    """As the four actuators of a Crazyflie in MuJoCo Menagerie, which act on one site."""
+    thrust = '<motor name="{}" site="tip" gear="{}"/>'
+    hand = ('<joint name="reach"', '<site name="tip"/><joint name="reach"')
+    both = thrust.format("lift", "0 0 1 0 0 0") + thrust.format("turn", "0 0 0 1 0 0")
+    path = driven(tmp_path, "a", both, hand)
+    assert agrees(compared(path, path)).properties == ()
+
+
+@pytest.mark.parametrize(
+    ("joints", "one", "other"),
+    [(MIXED, "-1 4", "-1 5"), ('<joint joint="reach" coef="1"/>', "-0.2 0.15", "-0.2 0.2")],
+)
+def test_a_spring_with_play_is_drawn_taut(
+    tmp_path: Path, joints: str, one: str, other: str
+) -> None:
+    a, b = (
+        written(tmp_path, f"{name}.xml", MJCF, ("</mujoco>", TENDON.format(rest, joints)
+                                                + "</mujoco>"))
+        for name, rest in (("a", one), ("b", other))
+    )  # fmt: skip
+    found = compared(a, b)
+    assert found.judgement.outcome is Outcome.DIFFERS
+    assert moving(found) == [f"rest of tendon cord: {one} in A, {other} in B"]
+    assert single(found).explained == 1.0
+
+
+def test_a_spring_whose_play_no_joint_leaves_is_not_compared(tmp_path: Path) -> None:
+    slide = '<joint joint="reach" coef="1"/>'
+    a, b = (
+        written(tmp_path, f"{i}.xml", MJCF, ("</mujoco>", TENDON.format(rest, slide) + "</mujoco>"))
+        for i, rest in enumerate(("-0.2 0.5", "-0.2 0.6"))
+    )
+    found = agrees(compared(a, b))
+    assert "rest of tendon cord: -0.2 0.5 in A, -0.2 0.6 in B" in found.untested
 
 
 def test_a_free_body_is_held_against_its_like(tmp_path: Path) -> None:
@@ -285,7 +378,7 @@ def test_couplings_of_two_files_alone_are_left_out_and_told(tmp_path: Path) -> N
     mimic = ('<axis xyz="0.6 0.8 0"/>', '<axis xyz="0.6 0.8 0"/><mimic joint="shoulder"/>')
     a, b = written(tmp_path, "a.urdf", URDF, mimic), written(tmp_path, "b.urdf", URDF)
     found = agrees(compared(a, b, "pybullet", "mujoco"))
-    assert "left out of A: joints that follow others, limits of position" in found.notes
+    assert "not compared: joints that follow others, limits of position, in A" in found.notes
     assert idle(found) == ["joints that follow others: 1 in A, 0 in B"]
     shipped = compared(a, b, "pybullet", "pybullet", as_shipped=True)
     assert shipped.judgement.outcome is Outcome.DIFFERS

@@ -38,6 +38,11 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="with contacts, limits, dry friction and couplings, which are left out otherwise",
     )
+    command.add_argument(
+        "--strict",
+        action="store_true",
+        help="exit 1 where the files differ, or may differ, in what no run shows",
+    )
     command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
     arguments.resolution_of(command)
     arguments.limits(command)

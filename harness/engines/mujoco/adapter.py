@@ -93,7 +93,7 @@ class MujocoEngine(Engine):
         r"|.*/(texture|global|quality|hfield)@\w+"
     )
     compiles: tuple[str, ...] = (".xml",)
-    switches = frozenset({"smooth", "couplings", "held", "actuators", "controls"})
+    switches = frozenset({"smooth", "couplings", "held", "actuators", "controls", "activations"})
     usual_mistakes: tuple[DefaultLeftOn | LeftOut, ...] = (
         LeftOut(
             name="soft equality, solref left out", within="equality", defaults=_OWN, cause=_SOFT
@@ -325,9 +325,16 @@ class MujocoModel(Model):
         return self._poses.at(places, self._states.qpos(z))
 
     def exponents(self, varying_input: bool) -> tuple[int, int]:
-        """RK4 keeps order 4 until an input is held over the step; the others have order 1."""
+        """RK4 keeps order 4 until an input is held over the step; the others have order 1.
+
+        States of exact filters that move under RK4 have order 1 as well (seen in 4.0.0).
+        """
+        import mujoco
+
         order = _ORDERS.get(f"mjINT_{self.integrator.upper()}", 1)
-        return (1 if varying_input else order), 1
+        exact = np.array(self.model.actuator_dyntype) == mujoco.mjtDyn.mjDYN_FILTEREXACT
+        moves = "activations" in self._spec.settings and bool(exact.any())
+        return (1 if varying_input or moves else order), 1
 
     @cached_property
     def _data(self) -> Any:

@@ -36,6 +36,7 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
     settings.pop("couplings", None)
     for key in (
         "controls",
+        "activations",
         "floating",
         "held",
         "actuators",
@@ -83,21 +84,18 @@ def held_controls(model: Any, spec: ModelSpec) -> tuple[Array, Array]:
     """At which all controls are held, and the states of actuators; zero unless the settings say.
 
     Of an actuator with a state they say that: an integrator stands without an input, a filter
-    under an input that is as large.
+    under an input that is as large. Where `activations` gives the states that runs start with,
+    controls are controls, and states move.
 
     Raises:
-        EngineError: where they are not as many numbers as there are controls.
+        EngineError: where they are not as many numbers as there are controls, or states.
     """
     import mujoco
 
     count = int(getattr(model, "nctrl", model.nu))
-    given = spec.settings.get("controls", [0.0] * count)
-    numbers = isinstance(given, list) and all(type(one) in (int, float) for one in given)
-    if not numbers or len(given) != count:  # type: ignore[arg-type]  # a list
-        raise EngineError(
-            f"{spec.path}.toml: [settings] controls is {given!r}, where {count} numbers belong"
-        )
-    inputs, states = np.array(given, dtype=float), np.zeros(model.na)
+    inputs, states = _listed(spec, "controls", count), np.zeros(model.na)
+    if "activations" in spec.settings:
+        return inputs, _listed(spec, "activations", int(model.na))
     for i in range(actuators(model)):
         if (state := held_state(model, i)) >= 0:
             at = control(model, i)
@@ -105,3 +103,18 @@ def held_controls(model: Any, spec: ModelSpec) -> tuple[Array, Array]:
             if model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_INTEGRATOR:
                 inputs[at] = 0.0
     return inputs, states
+
+
+def _listed(spec: ModelSpec, key: str, count: int) -> Array:
+    """Return the numbers that a setting lists, (count,); zeros where it is not there.
+
+    Raises:
+        EngineError: where it is anything else.
+    """
+    given = spec.settings.get(key, [0.0] * count)
+    numbers = isinstance(given, list) and all(type(one) in (int, float) for one in given)
+    if not numbers or len(given) != count:  # type: ignore[arg-type]  # a list
+        raise EngineError(
+            f"{spec.path}.toml: [settings] {key} is {given!r}, where {count} numbers belong"
+        )
+    return np.array(given, dtype=float)

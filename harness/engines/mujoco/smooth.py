@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
 from harness.engines.mujoco.pulls import (
     acts,
     actuators,
+    control,
     covered_actuator,
     covered_tendon,
     joint_name,
@@ -73,7 +74,8 @@ def leave_out(m: Any) -> None:
         # a body stands at its own center without the armature of its joint.
         m.tendon_invweight0[:] *= _HEAVIER
         m.dof_invweight0[:] *= _HEAVIER
-    for name in ("actuator_forcelimited", "jnt_actfrclimited", "tendon_actfrclimited"):
+    limited = ("actuator_forcelimited", "actuator_actlimited", "jnt_actfrclimited")
+    for name in (*limited, "tendon_actfrclimited"):
         getattr(m, name)[:] = 0
     without_ellipsoids(m)
     own = ("damping", "dampingpoly", "armature")
@@ -150,9 +152,7 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
     touching = (np.array(m.geom_contype) | np.array(m.geom_conaffinity)) != 0
     counts: dict[str, Any] = {
         "actuators of other laws or transmissions": len(_bent_actuators(m)),
-        "saturation of actuators": np.count_nonzero(
-            np.array(m.actuator_ctrllimited) | np.array(m.actuator_forcelimited)
-        )
+        "saturation of actuators": sum(map(bool, _saturation(m)))
         + np.count_nonzero(m.jnt_actfrclimited)
         + np.count_nonzero(m.tendon_actfrclimited),
         "tendons around shapes that pull": len(_bent_tendons(m)),
@@ -165,6 +165,13 @@ def besides(m: Any) -> tuple[tuple[str, int], ...]:
         "ellipsoids in a medium": np.count_nonzero(ellipsoids(m)) if medium(m) else 0,
     }
     return tuple((what, int(count)) for what, count in counts.items() if count)
+
+
+def _saturation(m: Any) -> Iterator[bool]:
+    """Yield whether each actuator has a bound of its control, its state or its force."""
+    for i in range(actuators(m)):
+        limited = m.actuator_ctrllimited[control(m, i)], m.actuator_actlimited[i]
+        yield any((*limited, m.actuator_forcelimited[i]))
 
 
 def uncovered(m: Any) -> tuple[str, ...]:

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from harness.engines.compiled import (
-    CompiledActuator,
     CompiledBody,
     CompiledJoint,
     CompiledTree,
     Numbers,
 )
+from harness.engines.mujoco.actuators import compiled_actuator
 from harness.engines.mujoco.equalities import couplings
 from harness.engines.mujoco.medium import boxed, medium
 from harness.engines.mujoco.mjcf import included, refusal, sources
-from harness.engines.mujoco.pulls import acts, actuators, output, powers, pulls
+from harness.engines.mujoco.pulls import acts, actuators, powers, pulls
 from harness.engines.mujoco.shapes import files_of_shapes, without_idle_files
 from harness.engines.mujoco.smooth import besides, uncovered
 from harness.engines.mujoco.warnings import Warnings
@@ -54,26 +54,9 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         name=tree.modelname,
         besides=besides(m),
         uncovered=uncovered(m),
-        actuators=tuple(_actuator(m, i) for i in range(actuators(m))),
+        actuators=tuple(compiled_actuator(m, i) for i in range(actuators(m))),
+        states=int(m.na),
         shapes=shapes,
-    )
-
-
-def _actuator(m: Any, i: int) -> CompiledActuator:
-    import mujoco
-
-    acts = mujoco.mjtTrn(m.actuator_trntype[i]).name.removeprefix("mjTRN_").lower()
-    gain = mujoco.mjtGain(m.actuator_gaintype[i]).name.removeprefix("mjGAIN_").lower()
-    bias = mujoco.mjtBias(m.actuator_biastype[i]).name.removeprefix("mjBIAS_").lower()
-    target = int(m.actuator_trnid[i][0])
-    named = {"joint": m.joint, "jointinparent": m.joint, "tendon": m.tendon, "site": m.site}
-    on = named[acts](target).name if acts in named and target >= 0 else ""
-    return CompiledActuator(
-        name=m.actuator(i).name,
-        on=on,
-        kind=f"{acts}, gain {gain}, bias {bias}",
-        gear=_numbers(m.actuator_gear[output(m, i)]),
-        law=(*_numbers(m.actuator_gainprm[i]), *_numbers(m.actuator_biasprm[i])),
     )
 
 
