@@ -49,11 +49,10 @@ def main(options: argparse.Namespace) -> int:
         print(options.json)
     if found.outcome is Outcome.FAILED:
         return FAIL
-    if options.strict and found.found is not None and found.found.untested:
-        print("\n".join(f"crosscheck: --strict: {line}" for line in found.found.untested),
-              file=sys.stderr)  # fmt: skip
-        return DIFFER
-    return AGREE if found.outcome is Outcome.AGREES else DIFFER
+    if found.strict and found.found is not None:
+        for line in found.found.untested:
+            print(f"crosscheck: --strict: {line}", file=sys.stderr)
+    return AGREE if found.passes else DIFFER
 
 
 def _pair(options: argparse.Namespace) -> CompareOptions:
@@ -63,12 +62,13 @@ def _pair(options: argparse.Namespace) -> CompareOptions:
         CompareError, SidecarError, NotInstalledError, UnreadableModelError: naming what is wrong.
     """
     return CompareOptions(
-        a=candidate("A", options.a, options.engine_a or options.engine),
-        b=candidate("B", options.b, options.engine_b or options.engine),
+        a=candidate("A", options.a, options.engine_a or options.engine, floating=options.floating),
+        b=candidate("B", options.b, options.engine_b or options.engine, floating=options.floating),
         joints=declared(options.joints, options.map),
         starts=tuple(options.start),
         resolution=options.resolution,
         as_shipped=options.as_shipped,
+        strict=options.strict,
     )
 
 

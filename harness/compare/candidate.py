@@ -194,8 +194,14 @@ def _limits(model: Model, robot: Robot | None) -> Array:
     return limits
 
 
-def candidate(label: str, path: Path, engine: str | None) -> Candidate:
-    """The model at `path`, in the engine asked for, or in the one that fits its format.
+def candidate(label: str, path: Path, engine: str | None, *, floating: bool = False) -> Candidate:
+    """Return the model at `path`, in the engine asked for, or in the one that fits its format.
+
+    Args:
+        label: "A" or "B".
+        path: of the file.
+        engine: its name; None: the first that is installed of those that read the file.
+        floating: whether the root link of a URDF moves freely, where no sidecar says it.
 
     Raises:
         CompareError: naming what is wrong with the path or the engine, and the remedy.
@@ -222,7 +228,8 @@ def candidate(label: str, path: Path, engine: str | None) -> Candidate:
     own = found.caveats(path)
     if sidecar is None:
         bare, notes = _bare(path, found)
-        return Candidate(label, bare, name, (*notes, *own), bare=True)
+        alone = Candidate(label, bare, name, (*notes, *own), bare=True)
+        return alone.at(floating=True) if floating and path.suffix == ".urdf" else alone
     return Candidate(label, sidecar, name, own)
 
 

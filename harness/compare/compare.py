@@ -57,6 +57,7 @@ class CompareOptions:
 
     Attributes:
         as_shipped: whether contacts, limits, dry friction and couplings act as the files say.
+        strict: whether what differs, or may differ, and no run shows counts as a difference.
     """
 
     a: Candidate
@@ -65,6 +66,7 @@ class CompareOptions:
     starts: tuple[Mapping[str, float], ...] = ()
     resolution: float = 1e-9
     as_shipped: bool = False
+    strict: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from harness.compare.placed import Placed, placed, positions, tree_of
 from harness.engines.registry import engines
 from harness.robots.robot import LeftOut
 from harness.robots.system import names_of
+from reference.multibody.tree import WORLD
 
 Maps = tuple[Mapping[str, str], Mapping[str, str]]
 
@@ -51,12 +52,12 @@ def prepare(
     """
     if not as_shipped:
         a, b = smooth(a, b)
-    one, other = ask(execute, a, facts, a), ask(execute, b, facts, b)
+    (a, one), (b, other), floated = _loaded(execute, (a, b))
     readback = a.sidecar.readback, b.sidecar.readback
     names = one.coordinates, other.coordinates
     given = spoken_for(*names, joints, readback)
     found = partners(*names, given, _drawn(one, other))
-    notes = list(_left_out(a, b, one, other, as_shipped))
+    notes = [*_left_out(a, b, one, other, as_shipped), *floated]
     unlike = [] if as_shipped else list(_uncompared(a, b, one, other))
     still: list[Mapping[str, float]] = []
     for candidate, own, alone in zip((a, b), (one, other), found.alone, strict=True):
@@ -89,6 +90,34 @@ def prepare(
         notes=tuple(notes),
         uncompared=tuple(unlike),
     )
+
+
+def _loaded(
+    execute: Execute, models: tuple[Candidate, Candidate]
+) -> tuple[tuple[Candidate, Facts], tuple[Candidate, Facts], list[str]]:
+    """Load both models; a URDF, which does not say whether its root floats, as the other does."""
+    found: dict[str, tuple[Candidate, Facts]] = {}
+    notes = []
+    for candidate in sorted(models, key=_may_float):
+        if _may_float(candidate) and any(_floats(own) for _, own in found.values()):
+            (other,) = found
+            candidate = candidate.at(floating=True)
+            notes.append(f"the root link of {candidate.label} moves freely, as that of {other}")
+        found[candidate.label] = candidate, ask(execute, candidate, facts, candidate)
+    return found[models[0].label], found[models[1].label], notes
+
+
+def _may_float(candidate: Candidate) -> bool:
+    """Return whether nothing says that the root of a model is fixed, or that it floats."""
+    stated = "floating" in candidate.sidecar.spec(candidate.engine).settings
+    return candidate.sidecar.model.suffix == ".urdf" and candidate.bare and not stated
+
+
+def _floats(own: Facts) -> bool:
+    """Return whether all that the world carries in a model moves freely."""
+    links = () if own.robot is None or own.robot.tree is None else own.robot.tree.links
+    kinds = [link.kind for link in links if link.parent == WORLD]
+    return bool(kinds) and set(kinds) == {"free"}
 
 
 def _actuated(

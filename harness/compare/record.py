@@ -36,6 +36,7 @@ def comparison_record(found: Findings, created: datetime.datetime) -> Comparison
             for candidate, facts in zip((options.a, options.b), found.facts, strict=True)
         ),
         outcome=judged.outcome,
+        strict=options.strict,
         reason=judged.reason,
         found=Compared(
             discrepancy=number(judged.discrepancy),
@@ -77,6 +78,7 @@ def failed_record(
         resolution=options.resolution,
         models=tuple(_model(candidate, None) for candidate in (options.a, options.b)),
         outcome=Outcome.FAILED,
+        strict=options.strict,
         reason=failure.reason,
         stdout=failure.stdout,
     )

@@ -27,7 +27,6 @@ from harness.notebook.subject import Name
 from harness.options import resolvable
 from harness.records import comparison
 from harness.records.base import Number, SourceLine
-from harness.records.outcome import Outcome
 from harness.schedule.limits import MEMORY, SECONDS, Limits
 from harness.schedule.main_module import without_main
 from harness.schedule.workers import Workers
@@ -70,8 +69,11 @@ class Comparison(comparison.Comparison, frozen=True, kw_only=True):
 
     @property
     def agree(self) -> bool:
-        """Whether they move alike; what could not be run does not."""
-        return self.outcome is Outcome.AGREES
+        """Whether they move alike; what could not be run does not.
+
+        With `strict=True`, nothing that no run shows may differ either.
+        """
+        return self.passes
 
     def __bool__(self) -> bool:
         return self.agree
@@ -200,6 +202,8 @@ def compare(
     starts: Sequence[Mapping[str, float]] = (),
     resolution: float = 1e-9,
     as_shipped: bool = False,
+    floating: bool = False,
+    strict: bool = False,
     limit: float = SECONDS,
     memory: float = MEMORY,
 ) -> Comparison:
@@ -216,6 +220,10 @@ def compare(
         starts: states to start from, `{"hip": 1.0, "hip_dot": 0}`; none: they are drawn.
         resolution: relative discrepancy to resolve.
         as_shipped: with contacts, limits, dry friction and couplings, which are left out otherwise.
+        floating: whether the root links of URDFs without a sidecar move freely; beside an MJCF
+            whose root does, that of a URDF does too.
+        strict: whether `agree` is false where the files differ, or may differ, in what no run
+            shows, listed in `found.untested`.
         limit: processor seconds that one task may use.
         memory: GiB that a worker may hold.
 
@@ -239,12 +247,13 @@ def compare(
     limits = Limits(seconds=limit, memory=memory, options="compare's ")
     try:
         options = CompareOptions(
-            a=candidate("A", _path(a), engine_a or engine),
-            b=candidate("B", _path(b), engine_b or engine),
+            a=candidate("A", _path(a), engine_a or engine, floating=floating),
+            b=candidate("B", _path(b), engine_b or engine, floating=floating),
             joints=(dict(joints or {}), {}),
             starts=tuple(starts),
             resolution=resolution,
             as_shipped=as_shipped,
+            strict=strict,
         )
         with without_main(), Workers(1, limits) as workers:
             found = comparison_record(compared(options, in_workers(workers)), created)

@@ -185,6 +185,7 @@ class Comparison(Record, frozen=True, kw_only=True):
         reason: a sentence for whatever is not AGREES.
         stdout: what was printed, where the comparison could not be run.
         found: None where it could not.
+        strict: whether what `untested` lists counts as a difference.
         schema: version of this format.
     """
 
@@ -195,4 +196,11 @@ class Comparison(Record, frozen=True, kw_only=True):
     reason: str = ""
     stdout: str = ""
     found: Compared | None = None
+    strict: bool = False
     schema: int = 1
+
+    @property
+    def passes(self) -> bool:
+        """Whether they move alike and, if that is asked for, nothing was left untested."""
+        untested = self.found.untested if self.found is not None else ()
+        return self.outcome is Outcome.AGREES and not (self.strict and untested)

@@ -72,7 +72,7 @@ def _print_models(console: Console, comparison: Comparison, found: Compared) -> 
 def _not_compared(found: Compared) -> list[str]:
     """Return a line for what is left out, and one for what differs and no run shows."""
     lines = [note for note in found.notes if note.startswith(NOT_COMPARED)]
-    silent = [one for one in found.untested if one not in lines]
+    silent = [one for one in found.untested if not one.startswith(NOT_COMPARED)]
     if silent:
         more = f"; and {len(silent) - SHOWN} more" if len(silent) > SHOWN else ""
         shown = "; ".join(silent[:SHOWN])

@@ -43,6 +43,7 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="exit 1 where the files differ, or may differ, in what no run shows",
     )
+    arguments.floating(command)
     command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
     arguments.resolution_of(command)
     arguments.limits(command)

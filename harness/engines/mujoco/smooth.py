@@ -132,7 +132,7 @@ def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
     """Take joints out of a specification, so that what they carry stands where it is drawn.
 
     Those without a name are called as the adapter calls them. Actuators, sensors and equalities
-    of such a joint go with it.
+    of such a joint go with it, and all keyframes, which have a position of it.
     """
     users = (
         *((one, (one.target,)) for one in tree.actuators),
@@ -140,6 +140,7 @@ def without_joints(tree: Any, joints: tuple[str, ...]) -> None:
         *((one, (one.name1, one.name2)) for one in tree.equalities),
     )
     gone = [one for one, targets in users if set(targets) & set(joints)]
+    gone += list(tree.keys) if joints else []
     rows = enumerate(tree.joints)
     gone += [joint for i, joint in rows if (joint.name or f"joint_{i}") in joints]
     for one in gone:
