@@ -89,7 +89,9 @@ def attributed(
     if len(can) > 1:
         sets.append(tuple(can))
     trials += [*bench.tried(sets), *rest]
-    trials.sort(key=lambda one: (-one.explained, -one.moved, len(one.edits)))
+    # Six digits: what is alike keeps its order, whatever the last digits are.
+    trials.sort(key=lambda one: (-round(one.explained, 6), -float(f"{one.moved:.5e}"),
+                                 len(one.edits)))  # fmt: skip
     return tuple(trials), untried
 
 

@@ -32,12 +32,14 @@ def body_properties(a: Side, b: Side, row: Aligned, size: float) -> Iterator[Pro
     if weighed and apart > SAME * size:
         here, there = (f"({_digits(c, apart)})" for c in (one.center, other.center))
         message = f"centre of mass {apart:.3g} m apart: {here} in A, {there} in B, in the world"
-        yield from _named(a, b, parts, "centre", message, heavy * apart / total / size)
+        effect = heavy * apart / total / size
+        yield from _named(a, b, parts, "centre", message, (effect, apart / size))
     large = max(np.abs(one.inertia).max(), np.abs(other.inertia).max())
     miss = float(np.abs(one.inertia - other.inertia).max())
     if miss > SAME * large + ROUNDING * heavy * size**2:
         message = _tensors(one.inertia, other.inertia)
-        yield from _named(a, b, parts, "inertia", message, miss / total / size**2)
+        effect = miss / total / size**2
+        yield from _named(a, b, parts, "inertia", message, (effect, miss / large))
 
 
 def _masses(
@@ -56,10 +58,13 @@ def _masses(
     if pairs and abs(left) <= SAME * max(masses):
         for x, y in pairs:
             message = f"link {_both(x.name, y.name)}: mass {shown(x.mass, y.mass)}"
-            yield _at(a, b, x, y, told("mass", x.name, message, effect, x.mass, y.mass))
+            share = abs(x.mass - y.mass) / max(x.mass, y.mass)
+            one = told("mass", x.name, message, effect, x.mass, y.mass, relative=share)
+            yield _at(a, b, x, y, one)
         return
     message = f"mass {shown(*masses)}"
-    yield from _named(a, b, parts, "mass", message, effect, masses)
+    share = abs(masses[0] - masses[1]) / max(masses)
+    yield from _named(a, b, parts, "mass", message, (effect, share), masses)
 
 
 def _namesakes(one: tuple[Part, ...], other: tuple[Part, ...]) -> list[tuple[Part, Part]]:
@@ -75,17 +80,22 @@ def _named(
     parts: tuple[tuple[Part, ...], tuple[Part, ...]],
     kind: str,
     message: str,
-    effect: float,
+    sizes: tuple[float, float],
     values: tuple[float, float] | None = None,
 ) -> Iterator[Property]:
-    """Said of the link that differs by itself, or of all that are welded."""
+    """Said of the link that differs by itself, or of all that are welded.
+
+    `sizes` are the effect and by how much it differs, relative.
+    """
     own = [pair for pair in _namesakes(*parts) if a.file.suffix == b.file.suffix and _unlike(*pair)]
     x, y = own[0] if len(own) == 1 else (_heaviest(parts[0]), _heaviest(parts[1]))
     name = _both(x.name, y.name) if x and y else (x or y or _NOBODY).name
     more = max(map(len, parts)) > 1 and len(own) != 1
     subject = f"link {name}{' with what is welded to it' if more else ''}"
     here, there = values or (None, None)
-    one = told(kind, x.name if x else name, f"{subject}: {message}", effect, here, there)
+    effect, share = sizes
+    about, sentence = x.name if x else name, f"{subject}: {message}"
+    one = told(kind, about, sentence, effect, here, there, relative=share)
     yield _at(a, b, x, y, one)
 
 

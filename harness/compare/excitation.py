@@ -253,7 +253,7 @@ def _links(
             released = links > LINKS_DRAWN and link >= links // 2
             push = np.zeros_like(runs.push) if released else runs.push
             runs = Runs(length=runs.length, z=state[:, :n], w=state[:, n:], push=push)
-        chain.append((runs, ends(model, runs, task.match, task.resolution)))
+        chain.append((runs, ends(model, runs, task.match, task.resolution).limit))
     return chain
 
 

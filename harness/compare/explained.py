@@ -66,8 +66,7 @@ def explained(
         return None
     if source.facts.states_move or other.facts.states_move:
         return None
-    # In a run without a limit nothing is known.
-    known = np.flatnonzero(np.isfinite(followed.limit.uncertainty).all(axis=1))
+    known, reached = _reached(followed)
     if not len(known):
         return None
     some = known[evenly(len(known), SOME)]
@@ -85,7 +84,7 @@ def explained(
     one = np.hstack(match.over(one[:, :n], one[:, n:]))
     if not (np.isfinite(one).all() and np.isfinite(two).all()):
         return None
-    seen, scale = followed.limit.value[some], recorded.scale
+    seen, scale = reached[some], recorded.scale
     discrepancy = (seen - ends) / scale
     left = discrepancy - (two - one) / scale
     return Explained(
@@ -95,6 +94,17 @@ def explained(
             float(np.max(np.abs(two - seen) / scale)),
         ),
     )
+
+
+def _reached(followed: Followed) -> tuple[NDArray[np.intp], Array]:
+    """Return which runs end somewhere known, and where all end, (K, 2m).
+
+    Where hardly a run has a limit, as under motors that hold, ends are those in the most steps.
+    """
+    if followed.mostly_known:
+        known = np.isfinite(followed.limit.uncertainty).all(axis=1)
+        return np.flatnonzero(known), followed.limit.value
+    return np.flatnonzero(np.isfinite(followed.finest).all(axis=1)), followed.finest
 
 
 def _of(runs: Runs, some: NDArray[np.intp]) -> Runs:

@@ -74,7 +74,16 @@ def frame_properties(
             parts.append(f"turned by {turn:.4g} rad")
         if parts:
             message = f"frame {name}: {' and '.join(parts)}"
-            found.append(told("frame", name, message, far / size + turn, moves=False))
+            found.append(
+                told(
+                    "frame",
+                    name,
+                    message,
+                    far / size + turn,
+                    moves=False,
+                    relative=far / size + turn,
+                )
+            )
     return tuple(found)
 
 

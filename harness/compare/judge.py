@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.compare.candidate import Candidate
 from harness.compare.excitation import Recorded, unwrapped
@@ -16,6 +17,12 @@ from harness.numerics.judgement import Obstacle, obstacle
 from harness.numerics.ladder import EPSILON, Limit
 from harness.records.outcome import Outcome
 from harness.text.status import counted
+
+ALIKE = 1e-6
+"""Differences by so much, relative, are one: of legs that are copies of each other."""
+
+FEWEST = 0.1
+"""Share of the target's runs that must have a limit, for anything to be said."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +37,23 @@ class TargetTask:
 
 @dataclass(frozen=True)
 class Followed:
-    """Where the target ends the runs, in the coordinates of the comparison; see `Limit`."""
+    """Where the target ends the runs, in the coordinates of the comparison; see `Limit`.
+
+    Attributes:
+        limit: as h -> 0.
+        finest: in the most steps, (K, 2m).
+        claimed: order of its integrator.
+    """
 
     limit: Limit
+    finest: Array
     claimed: int
+
+    @property
+    def mostly_known(self) -> bool:
+        """Whether so many runs have a limit that it is not by the chance of last digits."""
+        known = np.isfinite(self.limit.uncertainty).all(axis=1)
+        return bool(np.mean(known) >= FEWEST)
 
 
 def follow(task: TargetTask) -> Followed:
@@ -44,9 +64,9 @@ def follow(task: TargetTask) -> Followed:
     """
     model, s, given = task.candidate.load(), task.signs, task.runs
     runs = Runs(length=given.length, z=given.z * s, w=given.w * s, push=given.push * s)
-    limit = ends(model, runs, None, task.resolution)
-    limit.value[:] *= np.concatenate([s, s])
-    return Followed(limit, model.exponents(False)[0])
+    found, both = ends(model, runs, None, task.resolution), np.concatenate([s, s])
+    found.limit.value[:] *= both
+    return Followed(found.limit, found.raw[-1] * both, model.exponents(False)[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +78,7 @@ class Judgement:
         uncertainty: U, likewise; both are those of `component`, in the run numbered `run`.
         largest_discrepancy, largest_uncertainty: over all components and runs.
         by_component: the largest difference of each component, relative, (2m,).
+        certain: which of these are above their uncertainty in some run, (2m,).
         reason: one sentence for whatever is not AGREES.
     """
 
@@ -69,6 +90,7 @@ class Judgement:
     component: str
     run: int
     by_component: Array
+    certain: NDArray[np.bool_]
     reason: str
 
 
@@ -83,9 +105,13 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
     source, target = ("A", "B") if match.source == "A" else ("B", "A")
     hindered = _obstacle_in_source(recorded)
     resolution = judgement.resolvable(limit, recorded.scale, resolution)
-    found = judgement.judge(defect, uncertainty, resolution, hindered or obstacle(limit))
+    there = obstacle(limit) or (None if followed.mostly_known else Obstacle.DIVERGES)
+    found = judgement.judge(defect, uncertainty, resolution, hindered or there)
     reason = ""
+    known = np.where(np.isfinite(uncertainty), defect, 0.0)
+    certain = known > uncertainty
     if found.outcome is Outcome.DIFFERS:
+        found = _largest(found, known, uncertainty, certain & (known + uncertainty > resolution))
         reason = (
             f"{components[found.component]} ends a run of {recorded.runs.length:.3g} s"
             f" {found.discrepancy:.2e} of its movement apart, where"
@@ -103,8 +129,28 @@ def judge(recorded: Recorded, followed: Followed, match: Match, resolution: floa
         largest_uncertainty=found.largest_uncertainty,
         component=components[found.component],
         run=found.segment,
-        by_component=np.max(np.where(np.isfinite(uncertainty), defect, 0.0), axis=0),
+        by_component=np.max(known, axis=0),
+        certain=np.asarray(certain.any(axis=0)),
         reason=reason,
+    )
+
+
+def _largest(
+    found: judgement.Judgement, defect: Array, uncertainty: Array, differing: NDArray[np.bool_]
+) -> judgement.Judgement:
+    """Return a judgement that names the component with the largest difference that is certain.
+
+    Beside which uncertainty it is the most certain depends on last digits; of like ones, the first.
+    """
+    sizes = np.max(np.where(differing, defect, 0.0), axis=0)
+    component = int(np.argmax(sizes >= (1 - ALIKE) * np.max(sizes)))
+    run = int(np.argmax(np.where(differing[:, component], defect[:, component], -1.0)))
+    return replace(
+        found,
+        component=component,
+        segment=run,
+        discrepancy=float(defect[run, component]),
+        uncertainty=float(uncertainty[run, component]),
     )
 
 

@@ -57,11 +57,16 @@ def properties(a: Side, b: Side, pairs: Sequence[Pair]) -> Properties:
         found += _joint(a, b, row, pair, size)
         found += body_properties(a, b, row, size)
     found += _gravity(a, b)
-    found.sort(key=lambda one: -one.effect)
+    found.sort(key=lambda one: (one.kind in ALONG_JOINTS, -one.effect))
     rest = [*_ranges(a, b, rows, by_name), *_tendons(a, b), *_actuators(a, b, dict(names))]
     rest += _left_out(a, b)
     every = sorted((*found, *rest), key=lambda one: not one.moves)
     return Properties(found=tuple(every), turned=tuple(turned))
+
+
+ALONG_JOINTS = ("armature", "damping", "stiffness", "rest")
+"""Kinds of properties that come after those of bodies and axes: motors and gears are chosen later,
+and often left out."""
 
 
 def _joint_pairs(one: Placed, other: Placed, pairs: Sequence[Pair]) -> dict[str, Pair]:
@@ -94,10 +99,10 @@ def _geometry(a: Side, b: Side, row: Aligned, pair: Pair, size: float) -> Iterat
         vectors = _vector(a.placed.axes[row.a]), _vector(_axis(b, row))
         message = f"axis of joint {name}: {vectors[0]} in A, {vectors[1]} in B, in the world"
         message += f", {row.angle:.3g} rad apart"
-        yield told("axis", name, message, row.angle)
+        yield told("axis", name, message, row.angle, relative=row.angle)
     if row.apart > SAME * size:
         message = f"place of joint {name}: {row.apart:.3g} m apart"
-        yield told("anchor", name, message, row.apart / size)
+        yield told("anchor", name, message, row.apart / size, relative=row.apart / size)
     if abs(row.zero) > SAME * (1.0 if one.kind == "hinge" else size):
         unit = "rad" if one.kind == "hinge" else "m"
         sign = -1.0 if row.opposite else 1.0
@@ -121,7 +126,8 @@ def _forces(a: Side, b: Side, row: Aligned, pair: Pair) -> Iterator[Property]:
         most = max(abs(here), abs(there))
         if abs(here - there) > SAME * most:
             message = f"{what} of joint {name}: {shown(here, there)}"
-            yield told(what, name, message, abs(here - there) / most, here, there)
+            share = abs(here - there) / most
+            yield told(what, name, message, share, here, there, relative=share)
     if one.stiffness and other.stiffness and not (a.springs or b.springs):
         rest = (other.rest[0] - pair.offset) / pair.slope
         if abs(one.rest[0] - rest) > SAME:
@@ -165,7 +171,15 @@ def _ranges(
         if (miss > SAME * np.maximum(1.0, np.minimum(np.abs(here), np.abs(there)))).any():
             told_a, told_b = _range(here, there)
             said = f"range of joint {pair.a}: {told_a} in A, {told_b} in B"
-            yield told("range", pair.a, said, 0.0, moves=False)
+            share = _share(miss, np.maximum(np.abs(here), np.abs(there)))
+            yield told("range", pair.a, said, 0.0, moves=False, relative=share)
+
+
+def _share(miss: Array, sizes: Array) -> float:
+    """Return the largest of differences, by sizes; 1 of what is not finite."""
+    finite = np.isfinite(miss) & np.isfinite(sizes) & (sizes > 0)
+    shares = np.divide(miss, sizes, out=np.where(miss > 0, 1.0, 0.0), where=finite)
+    return float(np.max(shares))
 
 
 def _range(here: Array, there: Array) -> tuple[str, str]:

@@ -20,6 +20,7 @@ class Property:
         where_a, where_b: the lines, where known.
         effect: how large it is, relative, to sort by.
         moves: whether equations of motion have it.
+        relative: by how much it differs, relative; 1 where that is no matter of size.
     """
 
     kind: str
@@ -31,6 +32,7 @@ class Property:
     where_b: SourceLine | None = None
     effect: float
     moves: bool = True
+    relative: float = 1.0
 
 
 def told(
@@ -42,10 +44,18 @@ def told(
     b: float | None = None,
     *,
     moves: bool = True,
+    relative: float = 1.0,
 ) -> Property:
     """One without lines."""
     return Property(
-        kind=kind, about=about, message=message, a=a, b=b, effect=float(effect), moves=moves
+        kind=kind,
+        about=about,
+        message=message,
+        a=a,
+        b=b,
+        effect=float(effect),
+        moves=moves,
+        relative=float(relative),
     )
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import datetime
 
+import numpy as np
+
 from harness.compare.candidate import Candidate, Facts
 from harness.compare.compare import CompareOptions, Findings
+from harness.compare.judge import Judgement
 from harness.compare.property import Property
 from harness.compare.terms import Term
 from harness.compare.trials import Trial
@@ -43,7 +46,7 @@ def comparison_record(found: Findings, created: datetime.datetime) -> Comparison
             uncertainty=number(judged.uncertainty),
             component=judged.component,
             joints=tuple(found.match.names),
-            by_component=numbers(judged.by_component.tolist()),
+            by_component=numbers(_by_component(judged)),
             map=tuple(found.match.pairing),
             left_out=tuple(found.match.left_out),
             states_of=found.match.source,
@@ -67,6 +70,13 @@ def comparison_record(found: Findings, created: datetime.datetime) -> Comparison
             seconds=found.seconds,
         ),
     )
+
+
+def _by_component(judged: Judgement) -> list[float]:
+    """Return the largest discrepancy of each component; where some differ, of these alone."""
+    differs = judged.outcome is Outcome.DIFFERS
+    shown = np.where(judged.certain | (not differs), judged.by_component, 0.0)
+    return [float(one) for one in shown]
 
 
 def failed_record(
@@ -119,6 +129,7 @@ def _property(one: Property) -> ComparedProperty:
         where_a=one.where_a,
         where_b=one.where_b,
         moves=one.moves,
+        relative=number(one.relative),
     )
 
 

@@ -10,7 +10,7 @@ from harness.compare.match import Match
 from harness.engines.protocol import Array, Model
 from harness.numerics.batch import Batch, held, movement
 from harness.numerics.coordinates import CoordinateMap, identity
-from harness.numerics.ladder import RUNGS, Limit, observed_order
+from harness.numerics.ladder import RUNGS, observed_order
 from harness.numerics.segments import Extrapolated, extrapolate, limits_alone
 
 QUICK = RUNGS[:8]
@@ -32,8 +32,8 @@ class Runs:
     push: Array
 
 
-def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Limit:
-    """Where the runs end as h -> 0, in the model's own coordinates.
+def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Extrapolated:
+    """Return where the runs end as h -> 0, and at each rung, in the model's own coordinates.
 
     Rungs are added until the uncertainty is far below the resolution, or stops falling. A run that
     is not finite has no limit.
@@ -50,9 +50,10 @@ def ends(model: Model, runs: Runs, match: Match | None, resolution: float) -> Li
     own, batch = own_states(runs.z.shape[1], match), _batch(runs, match)
     found = extrapolate(model, own, batch, resolution=resolution)
     if found.limit.order_confirmed or not found.limit.converges:
-        return found.limit
+        return found
     claimed = model.exponents(batch.varying)[0]
-    return replace(found.limit, order_confirmed=_mostly_confirmed(found, batch.states, claimed))
+    confirmed = _mostly_confirmed(found, batch.states, claimed)
+    return replace(found, limit=replace(found.limit, order_confirmed=confirmed))
 
 
 def _mostly_confirmed(found: Extrapolated, starts: Array, claimed: int) -> bool:

@@ -70,7 +70,8 @@ def terms(a: Mechanics, b: Mechanics, frame: Frame) -> tuple[Term, ...]:
         )
     else:
         every += found.springs(a.rest, b.rest, "force")
-    return tuple(sorted(every, key=lambda term: -term.effect))
+    # Six digits: terms of like legs keep their order, whatever the last digits are.
+    return tuple(sorted(every, key=lambda term: -float(f"{term.effect:.5e}")))
 
 
 def _constraint(a: Mechanics, b: Mechanics) -> Iterator[Term]:
@@ -136,9 +137,10 @@ class _Pair:
         differing = np.abs(a.value - b.value) > error
         for i, one in enumerate(frame.names):
             for j, other in enumerate(frame.names):
-                if not differing[..., j, i].any():
+                # At the higher speed, of which the value is told.
+                base = _worst((a.value - b.value)[:, 1, j, i], error[:, 1, j, i])
+                if base is None:
                     continue
-                base = int(np.argmax(np.max(np.abs(a.value - b.value)[..., j, i], axis=1)))
                 slow, fast = ((a.value - b.value)[base, k, j, i] for k in range(len(SPEEDS)))
                 ratio = SPEEDS[1] / SPEEDS[0]
                 bent = (

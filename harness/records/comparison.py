@@ -78,6 +78,7 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
         a, b: its values, where it is one number.
         where_a, where_b: the lines, where they are known.
         moves: whether equations of motion have it.
+        relative: by how much it differs, relative; 1 where that is no matter of size.
     """
 
     kind: str
@@ -88,6 +89,7 @@ class ComparedProperty(Record, frozen=True, kw_only=True):
     where_a: SourceLine | None
     where_b: SourceLine | None
     moves: bool
+    relative: Number
 
 
 class FileEdit(Record, frozen=True, kw_only=True):
@@ -128,7 +130,8 @@ class Compared(Record, frozen=True, kw_only=True):
     Attributes:
         discrepancy, uncertainty: of `component`, relative to its movement.
         component: the one that decides, such as `hip_dot`.
-        by_component: the largest discrepancy of each component.
+        by_component: the largest discrepancy of each component; where the models differ, zero of
+            those that do not by more than their uncertainty.
         map: how joints were paired, a sentence each.
         left_out: joints without a partner that follow from others or stay put.
         states_of: the model that the states were taken from.

@@ -12,11 +12,17 @@ from harness.records.comparison import Compared, ComparedProperty
 from harness.records.outcome import Outcome
 from harness.text.markup import escape
 
-MOST_SHOWN = 12
+MOST_SHOWN = 20
 """Of each kind; the record has all."""
 
 SHARE = 0.99
 """Of a discrepancy: what explains so much is the cause."""
+
+SIX_DIGITS = 5e-6
+"""By so much, relative, a number moves at most where it is written with six digits."""
+
+LEAST_ROUNDED = 4
+"""So many differences of that size are one line: fewer may be meant."""
 
 
 def print_properties(console: Console, outcome: Outcome, found: Compared) -> None:
@@ -35,6 +41,14 @@ def print_properties(console: Console, outcome: Outcome, found: Compared) -> Non
     _print_all(console, "what else differs and moves nothing here", idle)
 
 
+def rounding_line(count: int) -> str:
+    """Return what is printed of differences that are rounding."""
+    return (
+        f"{count} numbers differ by less than 5e-6 of themselves, which is rounding to six digits;"
+        " see --json"
+    )
+
+
 def is_explained(found: Compared) -> bool:
     """Whether what the files say is the cause."""
     moving = any(one.moves for one in found.properties)
@@ -45,10 +59,33 @@ def _print_all(console: Console, title: str, rows: Sequence[ComparedProperty]) -
     if not rows:
         return
     console.print(f"\n{title}")
-    for one in rows[:MOST_SHOWN]:
-        console.print(f"  {escape(_where(one) + one.message)}", soft_wrap=True)
-    if len(rows) > MOST_SHOWN:
-        console.print(f"  and {len(rows) - MOST_SHOWN} more, see --json")
+    lines = _folded(rows)
+    for line in lines[:MOST_SHOWN]:
+        console.print(f"  {escape(line)}", soft_wrap=True)
+    if len(lines) > MOST_SHOWN:
+        console.print(f"  and {len(lines) - MOST_SHOWN} more, see --json")
+
+
+def _folded(rows: Sequence[ComparedProperty]) -> list[str]:
+    """Return a line for each, for joints that are alike together, and one for all rounding."""
+    rounded = [one for one in rows if one.relative is not None and one.relative <= SIX_DIGITS]
+    if len(rounded) < LEAST_ROUNDED:
+        rounded = []
+    alike: dict[tuple[str, str], list[str]] = {}
+    for one in rows:
+        if one in rounded:
+            continue
+        line = _where(one) + one.message
+        head, found, tail = line.partition(f" of joint {one.about}: ") if one.about else (line,) * 3
+        key = (head, tail) if found == f" of joint {one.about}: " else (line, "")
+        alike.setdefault(key, []).append(line)
+    lines = [
+        own[0] if len(own) == 1 else f"{head} of {len(own)} joints: {tail}"
+        for (head, tail), own in alike.items()
+    ]
+    if rounded:
+        lines.append(rounding_line(len(rounded)))
+    return lines
 
 
 def _where(one: ComparedProperty) -> str:

@@ -9,7 +9,13 @@ from rich.table import Table
 
 from harness.records.comparison import Compared, Comparison, FileDifference, FileEdit
 from harness.records.outcome import Outcome
-from harness.text.compared_properties import is_explained, print_properties
+from harness.text.compared_properties import (
+    LEAST_ROUNDED,
+    SIX_DIGITS,
+    is_explained,
+    print_properties,
+    rounding_line,
+)
 from harness.text.markup import escape
 from harness.text.status import counted
 from harness.text.styles import STYLES
@@ -20,6 +26,9 @@ NOT_COMPARED = "not compared"
 
 SHOWN = 3
 """So many of the differences that no run shows are named at the top."""
+
+MOST_EXPLAINED = 0.5
+"""Share of a discrepancy above which a difference is its cause."""
 
 FEW = 6
 """So many differences that move nothing are told beside those that do."""
@@ -81,10 +90,12 @@ def _not_compared(found: Compared) -> list[str]:
 
 
 def _print_outcome(console: Console, comparison: Comparison, found: Compared) -> None:
+    # Where they agree, last digits choose the component.
+    agrees = comparison.outcome is Outcome.AGREES
     console.print(
         f"[{STYLES[comparison.outcome]}]{comparison.outcome}[/]  discrepancy"
-        f" {_size(found.discrepancy)}, uncertainty {_size(found.uncertainty)}, on"
-        f" {escape(found.component)}"
+        f" {_size(found.discrepancy)}, uncertainty {_size(found.uncertainty)}"
+        f"{'' if agrees else f', on {escape(found.component)}'}"
     )
     if comparison.reason:
         _say(console, f"  {comparison.reason}")
@@ -110,8 +121,14 @@ def _by_joint(found: Compared) -> str:
     sizes = [float("inf") if size is None else size for size in found.by_component]
     n = len(found.joints)
     worst = {name: max(sizes[i], sizes[n + i]) for i, name in enumerate(found.joints)}
-    order = sorted(worst, key=lambda name: -worst[name])
-    return ", ".join(f"{name} {worst[name]:.1e}" for name in order[:MOST_TOLD])
+    order = sorted(worst, key=lambda name: -_rounded(worst[name]))
+    apart = [name for name in order if worst[name] > 0]
+    return ", ".join(f"{name} {worst[name]:.1e}" for name in apart[:MOST_TOLD])
+
+
+def _rounded(size: float) -> float:
+    """Return six digits: what is alike keeps its order, whatever the last digits are."""
+    return float(f"{size:.5e}")
 
 
 def _print_terms(console: Console, outcome: Outcome, found: Compared) -> None:
@@ -137,9 +154,14 @@ def _print_differences(console: Console, outcome: Outcome, found: Compared) -> N
     still = [one for one in shown if one.moved == 0.0 and not one.not_tried]
     if not agrees and len(still) > FEW:
         shown = [one for one in shown if one not in still]
+    rounded = [one for one in shown if _is_rounding(one)]
+    if len(rounded) >= LEAST_ROUNDED:
+        shown = [one for one in shown if one not in rounded]
     for one in shown[:MOST_TOLD]:
         table.add_row(*(escape(cell) for cell in _cells(one, agrees)))
     console.print(table)
+    if len(rounded) >= LEAST_ROUNDED:
+        console.print(rounding_line(len(rounded)), soft_wrap=True)
     if len(shown) > MOST_TOLD:
         console.print(f"and {len(shown) - MOST_TOLD} more, see --json")
     if not agrees and len(still) > FEW:
@@ -147,6 +169,17 @@ def _print_differences(console: Console, outcome: Outcome, found: Compared) -> N
     if found.untried:
         told = counted(found.untried, "more difference")
         console.print(f"not tried alone: {told} of the files")
+
+
+def _is_rounding(one: FileDifference) -> bool:
+    """Return whether a number differs by rounding to six digits, and is not the cause."""
+    if len(one.edits) != 1 or (one.explained or 0.0) > MOST_EXPLAINED:
+        return False
+    try:
+        a, b = float(one.edits[0].a), float(one.edits[0].b)
+    except ValueError:
+        return False
+    return abs(a - b) <= SIX_DIGITS * max(abs(a), abs(b))
 
 
 def _cells(one: FileDifference, agrees: bool) -> tuple[str, str, str]:

@@ -52,7 +52,7 @@ def compare(made: Bench) -> Array:
         w=start[:, 1:],
         push=np.zeros((len(start), 1)),
     )
-    found = compared_ends(made.model, runs, None, 1e-6)
+    found = compared_ends(made.model, runs, None, 1e-6).limit
     return np.abs(found.value - made.motion.end[::5]) / found.uncertainty
 
 
