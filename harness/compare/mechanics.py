@@ -116,7 +116,8 @@ class _Lens:
             0
         ]
         ease = np.diagonal(rough)
-        sizes = self.size * task.typical**2 / np.where(ease > 0, ease, np.max(ease))
+        most = float(np.max(ease)) or 1.0  # where a motor holds all joints, none moves
+        sizes = self.size * task.typical**2 / np.where(ease > 0, ease, most)
         inverse = self._agreed(
             [inverse_mass(self._accelerations(model, by), task.z, task.w, sizes) for by in WINDOWS]
         )

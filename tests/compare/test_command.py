@@ -9,6 +9,7 @@ from harness.records.comparison import Comparison
 from harness.records.outcome import Outcome
 from harness.records.read import decoded
 from tests import commands
+from tests.compare.arm import MJCF
 from tests.compare.asking import changed, model, written
 
 ROOT = Path(__file__).parents[2]
@@ -59,6 +60,33 @@ def test_the_same_exits_0(tmp_path: Path) -> None:
     path = model("simple_pendulum", "mujoco.xml")
     done = crosscheck(path, path, cwd=tmp_path)
     assert (done.returncode, "AGREES" in done.stdout) == (0, True), done.stdout + done.stderr
+
+
+def test_what_no_run_shows_is_at_the_top_and_fails_when_strict(tmp_path: Path) -> None:
+    written(tmp_path, "a.xml", MJCF)
+    written(tmp_path, "b.xml", MJCF, ('range="-0.2 0.3"', 'range="-0.2 0.35"'))
+    done = crosscheck("a.xml", "b.xml", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.startswith("not compared: limits of position\n")
+    said = "not compared: the files differ where no run shows it: range of joint reach"
+    assert said in done.stdout.splitlines()[1]
+    assert crosscheck("a.xml", "b.xml", "--strict", cwd=tmp_path).returncode == 1
+    assert crosscheck("a.xml", "a.xml", "--strict", cwd=tmp_path).returncode == 0
+
+
+def test_alike_differences_and_rounding_are_one_line_each(tmp_path: Path) -> None:
+    joints = re.findall(r'<joint name="\w+"', MJCF)
+    armature = [(joint, f'{joint} armature="0.01"') for joint in joints]
+    numbers = ("0.041", "0.039", "0.017", "0.0008")
+    other = [(number, f"{float(number) * (1 + 2e-6):.10g}") for number in numbers]
+    written(tmp_path, "a.xml", MJCF)
+    written(tmp_path, "b.xml", MJCF, *armature, *other, ('mass="0.35"', 'mass="0.36"'))
+    lines = crosscheck("a.xml", "b.xml", cwd=tmp_path).stdout.splitlines()
+    told = [line.strip() for line in lines]
+    assert "armature of 3 joints: 0 in A, 0.01 in B" in told
+    mass = next(i for i, line in enumerate(told) if "link hand: mass 0.35 in A" in line)
+    assert mass < told.index("armature of 3 joints: 0 in A, 0.01 in B")
+    assert any(line.startswith("4 numbers differ by less than 5e-6") for line in told)
 
 
 def test_an_engine_that_crashes_exits_3_and_is_told_with_what_it_printed(tmp_path: Path) -> None:

@@ -1,12 +1,21 @@
 """Files of real robots, and small ones with the same traits: no false difference, one cause."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from harness.compare.candidate import candidate
 from harness.compare.compare import Findings
+from harness.compare.excitation import Recorded
+from harness.compare.executor import at_once
+from harness.compare.judge import Followed, judge
+from harness.compare.match import match
+from harness.compare.prepared import prepare
+from harness.compare.runs import Runs
 from harness.compare.trials import Trial
+from harness.numerics.ladder import Limit
 from harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import compared, written
@@ -435,3 +444,71 @@ def test_what_an_engine_makes_of_a_file_is_kept_apart_from_what_it_says() -> Non
     assert found.explained.off[0] < 1e-9 < found.explained.off[1]
     assert any("link 'panda_link8' has moments" in one for one in found.impossible)
     assert {term.kind for term in found.terms} <= {"inertia"}
+
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_equations_are_held_against_ends_that_have_no_limit() -> None:
+    """Under PyBullet's motors none of 84 runs has a limit here, and one of them elsewhere."""
+    cases = ROOT / "docs" / "cases"
+    found = compared(cases / "pendulum.urdf", cases / "pendulum_with_motors.urdf", "pybullet")
+    assert found.explained is not None
+    assert found.explained.off[0] < 1e-9 < found.explained.off[1]
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_urdf_floats_beside_an_mjcf_that_floats(tmp_path: Path, engine: str) -> None:
+    hinge = '<joint name="shoulder" type="hinge" axis="0 1 0" damping="0.07"/>'
+    a = written(tmp_path, "arm.xml", MJCF.replace(hinge, '<freejoint name="root"/>'))
+    start, end = URDF.index('<joint name="shoulder"'), URDF.index('<joint name="elbow"')
+    floating = URDF[:start].replace('<link name="ground"/>', "") + URDF[end:]
+    b = written(tmp_path, "arm.urdf", floating)
+    found = agrees(compared(a, b, engine_b=engine))
+    assert "the root link of B moves freely, as that of A" in found.notes
+    assert len(found.match.names) == 8
+
+
+def test_an_arm_stays_fixed_beside_a_file_with_a_free_body(tmp_path: Path) -> None:
+    cube = '<body name="cube" pos="2 0 0"><freejoint/><geom size="0.1"/></body></worldbody>'
+    a = written(tmp_path, "arm.xml", MJCF, ("</worldbody>", cube),
+                ('inertiafromgeom="false"', 'inertiafromgeom="auto"'))  # fmt: skip
+    b = written(tmp_path, "arm.urdf", URDF)
+    models = candidate("A", a, None), candidate("B", b, "mujoco")
+    found = prepare(at_once, *models, ({}, {}), False)
+    assert found.facts[1].coordinates == ("shoulder", "elbow", "reach")
+
+
+def test_keyframes_of_a_joint_that_is_held_go_with_it(tmp_path: Path) -> None:
+    """Held joints of Unitree's G1 in MuJoCo Menagerie left a keyframe of another length."""
+    key = '<keyframe><key qpos="0.1 0.2 0.3"/></keyframe></mujoco>'
+    a = written(tmp_path, "arm.xml", MJCF, ("</mujoco>", key))
+    fixed = ('<joint name="reach" type="prismatic">', '<joint name="reach" type="fixed">')
+    b = written(tmp_path, "arm.urdf", URDF, fixed, *(
+        (text, "") for text in (URDF[URDF.index('<gazebo reference="reach">'):
+                                     URDF.index("</robot>")],)))  # fmt: skip
+    assert "joint reach of A has no partner in B: held at 0" in compared(a, b).notes
+
+
+def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() -> None:
+    """The most certain one, by E/U, depended on last digits of U."""
+    ends = np.array([[0.0, 0.0], [1.0, 1.0]])
+    runs = Runs(length=1.0, z=ends[:, :1], w=ends[:, 1:], push=np.zeros((2, 1)))
+    recorded = Recorded(
+        runs=runs, end=ends, uncertainty=np.full((2, 2), 1e-12), scale=np.ones(2),
+        driven=np.zeros(2, dtype=bool), lost=0, fastest=1.0, typical=1.0, unit=np.ones(1),
+        independent=(0,), order=1.0, order_confirmed=True,
+    )  # fmt: skip
+    limit = Limit(
+        value=ends + np.array([[0.3, 0.2], [0.0, 0.0]]), uncertainty=np.array([[1e-10, 1e-13]] * 2),
+        rungs=(2, 3), increments=np.ones(1), order=1.0, order_confirmed=True, converges=True,
+        rounding=np.zeros((2, 2)), epsilon=2.2e-16,
+    )  # fmt: skip
+    pair = match(("x",), ("x",), ({}, {}), ({}, {}))
+    found = judge(recorded, Followed(limit, limit.value, 1), pair, 1e-9)
+    assert (found.component, found.discrepancy) == ("x", pytest.approx(0.3))
+    assert found.discrepancy > found.uncertainty
+    near = replace(limit, value=ends + np.array([[0.3, 1e-13], [0.0, 0.0]]))
+    assert judge(recorded, Followed(near, near.value, 1), pair, 1e-9).certain.tolist() == [
+        True, False,
+    ]  # fmt: skip
