@@ -506,7 +506,8 @@ def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() 
     )  # fmt: skip
     pair = match(("x",), ("x",), ({}, {}), ({}, {}))
     found = judge(recorded, Followed(limit, limit.value, 1), pair, 1e-9)
-    assert (found.component, found.discrepancy) == ("x", pytest.approx(0.3))
+    assert found.component == "x"
+    assert found.discrepancy == pytest.approx(0.3)
     assert found.discrepancy > found.uncertainty
     near = replace(limit, value=ends + np.array([[0.3, 1e-13], [0.0, 0.0]]))
     assert judge(recorded, Followed(near, near.value, 1), pair, 1e-9).certain.tolist() == [
