@@ -140,10 +140,12 @@ def _actuated(
         return _without_actuators(execute, models, own, held)
     pairs = pair_actuators(one.actuators, other.actuators, joints)
     at = held_alike(one.compiled, other.compiled, pairs)
+    # States that move in one engine and stand in the other would be a difference of no file.
+    move = all("activations" in engines()[candidate.engine].switches for candidate in models)
     found: list[tuple[Candidate, Facts]] = []
     for candidate, values in zip(models, at, strict=True):
         settings: dict[str, object] = {"controls": list(values.controls)}
-        if values.states and "activations" in engines()[candidate.engine].switches:
+        if values.states and move:
             settings["activations"] = list(values.states)
         acting = candidate.at(**settings)
         found.append((acting, ask(execute, acting, facts, acting)))
