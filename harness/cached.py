@@ -218,11 +218,11 @@ def models_inputs(known: Mapping[ModelKey, str]) -> dict[ModelKey, str]:
     }
 
 
-def piece_of_robot(file: Path, *, floating: bool) -> Piece:
-    """The preparation of a robot's file, with all that it names."""
+def piece_of_robot(file: Path, options: Mapping[str, object]) -> Piece:
+    """Return the preparation of a robot's file under options, with all that it names."""
     try:
         beside = file.with_name(f"{file.name}.toml").is_file()  # which is told as not read
-        told = (part_digests(file), floating, beside, VERSION, _surroundings())
+        told = (part_digests(file), options, beside, VERSION, _surroundings())
         known = digest_of(msgspec.json.encode(told))
     except OSError:
         known = ""

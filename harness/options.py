@@ -53,9 +53,9 @@ class Options:
     """What `crosscheck run` may be told.
 
     `baseline` is where known differences are looked up; `floating` lets the root link of a URDF
-    that is given alone move; `choice` tells which cases are wanted; `scheduler` is the address of a
-    cluster's, empty for processes of this machine; `cache` has what was found before, where nothing
-    it depends on is another.
+    that is given alone move; `model` chooses one of several models of an SDFormat file; `choice`
+    tells which cases are wanted; `scheduler` is the address of a cluster's, empty for processes of
+    this machine; `cache` has what was found before, where nothing it depends on is another.
     """
 
     engines: tuple[str, ...] = ()
@@ -65,6 +65,7 @@ class Options:
     baseline: Path | None = None
     selection: Selection | None = None
     floating: bool = False
+    model: str = ""
     choice: Choice = field(default_factory=Choice)
     scheduler: str = ""
     cache: Cache | None = None

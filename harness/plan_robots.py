@@ -53,7 +53,8 @@ class RobotWork(PlaceWork[RobotFacts]):
 
     def __init__(self, file: Path, options: Options, found: Collected) -> None:
         wanted = found.keeps or options.cache
-        known = piece_of_robot(file, floating=options.floating) if wanted else None
+        own = {"floating": options.floating, "model": options.model}
+        known = piece_of_robot(file, own) if wanted else None
         super().__init__(file, options, found, known)
 
     @property
@@ -69,7 +70,9 @@ class RobotWork(PlaceWork[RobotFacts]):
     def _preparing(self) -> Task[Any, Any]:
         from harness.cases.robot import prepare_robot
 
-        return Task(partial(prepare_robot, floating=self.options.floating), self.place)
+        options = self.options
+        prepare = partial(prepare_robot, floating=options.floating, model=options.model)
+        return Task(prepare, self.place)
 
     def _facts_of(self, prepared: PreparedRobot) -> RobotFacts:
         return RobotFacts(

@@ -128,7 +128,11 @@ def states_of(declared: MultibodySystem, count: int) -> Samples:
 
 def survey_file(sidecar: Sidecar) -> FileSurvey:
     """Read a model file as it is read alone."""
-    robot = read_robot(sidecar.model, floating=bool(sidecar.settings.get("floating", False)))
+    robot = read_robot(
+        sidecar.model,
+        floating=bool(sidecar.settings.get("floating", False)),
+        model=str(sidecar.settings.get("model", "")),
+    )
     return FileSurvey(
         findings=inertia_findings(robot), left_out=tuple(told(one) for one in robot.left_out)
     )

@@ -104,18 +104,19 @@ class PreparedRobot:
         )
 
 
-def prepare_robot(file: Path, *, floating: bool = False) -> PreparedRobot:
+def prepare_robot(file: Path, *, floating: bool = False, model: str = "") -> PreparedRobot:
     """Read a robot's file, draw states, and solve.
 
     Args:
         file: the model file.
         floating: whether the root link of a URDF moves freely.
+        model: which of several models of an SDFormat file; empty: the only one that moves.
 
     Raises:
         RobotError, ReferenceError: naming file, line and remedy.
     """
     began = time.perf_counter()
-    robot = read_robot(file, floating=floating)
+    robot = read_robot(file, floating=floating, model=model)
     system = robot_system(robot)
     try:
         drawn = tree_states(system, robot.limits, STATES)

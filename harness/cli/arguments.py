@@ -108,6 +108,17 @@ def floating(command: argparse.ArgumentParser) -> None:
     )
 
 
+def chosen_model(command: argparse.ArgumentParser) -> None:
+    """Add --model."""
+    command.add_argument(
+        "--model",
+        dest="chosen_model",
+        default="",
+        metavar="NAME",
+        help="which of several models of an SDFormat file [the only one that moves]",
+    )
+
+
 def environments(command: argparse.ArgumentParser) -> None:
     """Add --environments DIR."""
     # Imported here: most commands make none.

@@ -26,7 +26,9 @@ def main(options: argparse.Namespace) -> int:
             # Only now: reading a model needs sympy and engines.
             from harness.scaffold.from_model import from_model
 
-            written = from_model(options.model, target, floating=options.floating)
+            written = from_model(
+                options.model, target, floating=options.floating, chosen=options.chosen_model
+            )
             declares = f"\nsystem.py declares {visible(written.declares)}\n"
             for remark in written.remarks:
                 print(f"note: {remark}", file=sys.stderr)

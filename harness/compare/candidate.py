@@ -164,7 +164,7 @@ def _robot(file: Path, settings: Mapping[str, object]) -> Robot:
     if file.suffix == ".urdf":
         robot = read_robot(file, floating=bool(settings.get("floating", False)))
     elif file.suffix == ".sdf":
-        robot = read_robot(file)
+        robot = read_robot(file, model=str(settings.get("model", "")))
     else:
         actuated = bool(settings.get("actuators", True))
         controls = settings.get("controls") if actuated else None

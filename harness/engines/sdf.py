@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
-from harness.engines.protocol import Array, Sample
+from harness.engines.protocol import Array, EngineError, Sample
 from harness.engines.remark import Remark, limit_remarks
 from harness.engines.sdf_check import WORLD, SdfJoint, checked
 from harness.engines.source import XmlSource, finite_numbers, read_source, read_xml
@@ -83,14 +83,20 @@ class SdfFile:
         return found
 
 
-def read_sdf(path: Path) -> SdfFile:
+def read_sdf(path: Path, model: object = "") -> SdfFile:
     """Parse an SDFormat file, entity expansion off.
+
+    Args:
+        path: of the file.
+        model: which of several models that move, as the setting states it; empty: the only one.
 
     Raises:
         EngineError: naming file and line.
     """
+    if not isinstance(model, str):
+        raise EngineError(f"{path}.toml: [settings] model is {model!r}, where a name belongs")
     source = read_xml(read_source(path, mend=True), path)
-    return SdfFile(source, *checked(source))
+    return SdfFile(source, *checked(source, model))
 
 
 def mimic_of(joint: ET.Element) -> Mimic | None:

@@ -7,22 +7,26 @@ attached to links, joints or other frames (http://sdformat.org/tutorials?tut=pos
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from harness.engines.sdf_shapes import is_automatic
 from harness.engines.source import XmlSource, finite_numbers
 
 WORLD = "world"
 """What joints may hang from and no file declares."""
+
+OPAQUE = ("plugin", "sensor", "gripper", "visual", "light", "projector")
+"""Parts that an engine is not given: what is seen, senses, or would be loaded by a simulator."""
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 _SCALARS = (
     "mass", "ixx", "iyy", "izz", "ixy", "ixz", "iyz", "damping", "friction", "spring_stiffness",
     "spring_reference", "lower", "upper", "effort", "velocity", "multiplier", "offset",
-    "reference",
+    "reference", "density", "radius", "length",
 )  # fmt: skip
-_COUNTS = {**dict.fromkeys(_SCALARS, 1), "xyz": 3}
+_COUNTS = {**dict.fromkeys(_SCALARS, 1), **dict.fromkeys(("xyz", "size", "radii"), 3)}
 """How many numbers an element has."""
 
 _ONCE = {
@@ -60,8 +64,14 @@ class SdfJoint:
         return self.kind != "fixed"
 
 
-def checked(source: XmlSource) -> tuple[ET.Element, ET.Element | None, dict[str, SdfJoint]]:
-    """The model, its world, and its joints.
+def checked(
+    source: XmlSource, chosen: str = ""
+) -> tuple[ET.Element, ET.Element | None, dict[str, SdfJoint]]:
+    """Return the model, its world, and its joints.
+
+    Args:
+        source: the file.
+        chosen: which of several models that move; empty: the only one.
 
     Raises:
         EngineError: naming file and line.
@@ -72,32 +82,66 @@ def checked(source: XmlSource) -> tuple[ET.Element, ET.Element | None, dict[str,
     worlds = root.findall("world")
     for other in worlds[1:]:
         raise source.refused(other, "a second <world>: keep one a file")
+    for joint in root.findall("world/joint"):
+        raise source.refused(joint, "a <joint> between models is not covered: write both into one")
+    model = _only_model(source, chosen, (root, *worlds))
     world = worlds[0] if worlds else None
-    for holder in (root, world) if world is not None else (root,):
-        for element in holder.findall("include"):
-            raise source.refused(element, f"<include> is not covered: {_NOT_COVERED['include']}")
-    models = [one for holder in (root, *worlds) for one in holder.findall("model")]
-    for other in models[1:]:
-        raise source.refused(other, f"it has {len(models)} models, and one is covered: keep one")
-    if not models:
-        raise source.refused(root, "it has no <model>")
-    _check_parts(source, models[0], world)
-    return models[0], world, _joints(source, models[0])
+    _check_parts(source, model, world)
+    return model, world, _joints(source, model)
+
+
+def _only_model(source: XmlSource, chosen: str, holders: Sequence[ET.Element]) -> ET.Element:
+    """Return the one model that moves, or that is chosen by its name."""
+    models = [one for holder in holders for one in holder.findall("model")]
+    moving = [one for one in models if not _is_static(one)]
+    found = [one for one in moving if not chosen or one.get("name") == chosen]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise source.refused(
+            found[1],
+            f"it has {len(found)} models that move: choose one, by the setting model"
+            if not chosen
+            else f"it has {len(found)} models {chosen!r}",
+        )
+    if moving:
+        raise source.refused(source.root, f"it has no model {chosen!r} that moves")
+    for element in (one for holder in holders for one in holder.findall("include")):
+        raise source.refused(element, f"<include> is not covered: {_NOT_COVERED['include']}")
+    for static in models:
+        raise source.refused(static, "the model is static: nothing moves")
+    raise source.refused(source.root, "it has no <model>")
+
+
+def _is_static(model: ET.Element) -> bool:
+    return (model.findtext("static") or "").strip().lower() in ("1", "true")
+
+
+def _within(element: ET.Element) -> Iterator[ET.Element]:
+    """Yield an element and what is in it, without parts that an engine is not given."""
+    yield element
+    for child in element:
+        if child.tag not in OPAQUE and not (
+            child.tag == "collision" and not has_automatic(element)
+        ):
+            yield from _within(child)
+
+
+def has_automatic(link: ET.Element) -> bool:
+    """Return whether a link's collision shapes are read, since its inertia follows from them."""
+    return any(is_automatic(one.get("auto")) for one in link.findall("inertial"))
 
 
 def _check_parts(source: XmlSource, model: ET.Element, world: ET.Element | None) -> None:
-    for element in model.iter():
+    for element in _within(model):
         if element is not model and element.tag in _NOT_COVERED:
             raise source.refused(element, f"<{element.tag}>: {_NOT_COVERED[element.tag]}")
     for holder in (world, *world.findall("physics")) if world is not None else ():
         _check_once(source, holder)
         for part in holder:
             _check_number(source, part, {"gravity": 3, "max_step_size": 1})
-    static = model.find("static")
-    if static is not None and (static.text or "").strip().lower() in ("1", "true"):
-        raise source.refused(static, "the model is static: nothing of it moves")
     for element in (model, *model.findall("link"), *model.findall("joint")):
-        for part in element.iter() if element is not model else (model, *model.findall("pose")):
+        for part in _within(element) if element is not model else (model, *model.findall("pose")):
             _check_number(source, part)
             _check_once(source, part)
 

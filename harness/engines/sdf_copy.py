@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Sequence
 
 from harness.engines.sdf import SdfFile
+from harness.engines.sdf_check import OPAQUE, has_automatic
 from harness.engines.urdf_copy import Change, changed
 
 VERSION = "1.6"
@@ -20,18 +21,13 @@ def sdf_text(file: SdfFile, changes: Sequence[Change]) -> str:
 
 
 def sdf_without_shapes(model: ET.Element) -> None:
-    """Leave out what is seen, touches, senses and is lit: no mesh is looked for."""
-    for link in model.findall("link"):
-        for part in list(link):
-            if part.tag in ("visual", "collision", "sensor", "light", "projector"):
-                link.remove(part)
+    """Leave out what is seen, touches, senses, is lit or loaded: no mesh and no code is looked for.
 
-
-def sdf_without_plugins(model: ET.Element) -> None:
-    """Leave out code that a simulator would load."""
+    Shapes of which an automatic inertia is made stay.
+    """
     for holder in (model, *model.findall("link"), *model.findall("joint")):
         for part in list(holder):
-            if part.tag in ("plugin", "sensor", "gripper"):
+            if part.tag in OPAQUE or (part.tag == "collision" and not has_automatic(holder)):
                 holder.remove(part)
 
 

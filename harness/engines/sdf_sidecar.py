@@ -8,16 +8,19 @@ from dataclasses import dataclass, replace
 from harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
 from harness.engines.remark import Remark
 from harness.engines.sdf import Bounds, SdfFile, number, read_sdf, sdf_remarks
+from harness.engines.sdf_check import has_automatic
 from harness.engines.sdf_copy import (
     sdf_mimics_of,
     sdf_text,
     sdf_with_held,
-    sdf_without_plugins,
     sdf_without_shapes,
 )
 from harness.engines.urdf import UrdfReader
 from harness.engines.urdf_copy import Change, followers_of
 from harness.engines.urdf_sidecar import DeclaredUrdf
+
+MODEL = "model"
+"""The setting that chooses one of several models of an SDFormat file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +50,9 @@ class DeclaredSdf(DeclaredUrdf):
 
     @property
     def moments(self) -> Mapping[str, float]:
-        """What links state for ixx, kg m^2."""
-        found = {link.get("name", ""): link.find("inertial/inertia") for link in self._links}
+        """What links state for ixx, kg m^2, but those whose inertia follows from their shapes."""
+        links = [link for link in self._links if not has_automatic(link)]
+        found = {link.get("name", ""): link.find("inertial/inertia") for link in links}
         return {n: 1.0 if i is None else number(i, "ixx", 1.0) for n, i in found.items()}
 
     @property
@@ -74,7 +78,7 @@ def stated(spec: ModelSpec) -> ModelSpec:
     Raises:
         EngineError: naming file, line and setting.
     """
-    own = read_sdf(spec.path).settings
+    own = read_sdf(spec.path, spec.settings.get(MODEL, "")).settings
     if spec.settings.get("floating", own["floating"]) != own["floating"]:
         said = "nothing holds the model" if own["floating"] else "the model is held by the world"
         raise EngineError(
@@ -92,9 +96,9 @@ def declared_sdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredSdf
     Raises:
         EngineError: naming file, line and setting.
     """
-    file, held = read_sdf(spec.path), held_joints(spec)
+    file, held = read_sdf(spec.path, spec.settings.get(MODEL, "")), held_joints(spec)
     followers = followers_of(spec.settings, f"{spec.path}.toml")
-    changes = [sdf_without_shapes, sdf_without_plugins, *further]
+    changes = [sdf_without_shapes, *further]
     if followers is not None:
         changes.append(sdf_mimics_of(followers))
     if held:

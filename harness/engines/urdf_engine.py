@@ -12,7 +12,7 @@ from harness.engines.installed import version_of
 from harness.engines.mjcf_source import with_options
 from harness.engines.protocol import Array, Engine, EngineError, Model, ModelSpec, Sample, within
 from harness.engines.remark import Remark
-from harness.engines.sdf_sidecar import declared_sdf, stated
+from harness.engines.sdf_sidecar import MODEL, declared_sdf, stated
 from harness.engines.source import engine_errors
 from harness.engines.tree_model import TreeModel
 from harness.engines.urdf import IDLE, SETTINGS, UrdfReader, sample_urdf
@@ -55,7 +55,7 @@ class UrdfEngine(Engine):
         """Load a file, with the settings that it states itself."""
         if own := _STATED.get(spec.path.suffix):
             spec = own(spec)
-        others = self.switches & {CONTROLS}
+        others = self.switches & {CONTROLS} | ({MODEL} if spec.path.suffix == SDF else set())
         check_settings(spec, self.title, self.unstated, self.defaults, self.words, others)
         if spec.path.suffix != MJCF and spec.settings.get(CONTROLS):
             told = f"[settings] controls is {spec.settings[CONTROLS]!r}"

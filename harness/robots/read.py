@@ -36,10 +36,16 @@ class Numbers(Protocol):
         """The files, by their paths, with other values of some numbers."""
 
 
-def read_robot(file: Path, *, floating: bool = False) -> Robot:
-    """A robot's file, by its ending; a URDF's root link may float, an SDFormat file says it."""
+def read_robot(file: Path, *, floating: bool = False, model: str = "") -> Robot:
+    """Read a robot's file, by its ending.
+
+    Args:
+        file: the model file.
+        floating: whether the root link of a URDF moves freely; an SDFormat file says it.
+        model: which of several models of an SDFormat file; empty: the only one that moves.
+    """
     if file.suffix == ".sdf":
-        return read_sdf_robot(file)
+        return read_sdf_robot(file, model=model)
     if file.suffix == ".urdf":
         return read_urdf_robot(file, floating=floating)
     return read_compiled_robot(file)
@@ -56,7 +62,7 @@ def robot_numbers(file: Path, settings: Mapping[str, object]) -> Numbers:
         RobotError: where nothing that compiles the file is installed.
     """
     if file.suffix == ".sdf":
-        return SdfNumbers(file)
+        return SdfNumbers(file, str(settings.get("model", "")))
     if file.suffix == ".urdf":
         held = settings.get("held", [])
         return UrdfNumbers(

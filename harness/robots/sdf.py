@@ -1,8 +1,8 @@
-"""An SDFormat file as a tree of bodies: one model, with all that is left out or in the way said."""
+"""One model of an SDFormat file as a tree of bodies, with what is left out and what hinders it."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from harness.robots.document import Document, DocumentError
 from harness.robots.hanging import hang, hinder_loops
 from harness.robots.robot import Robot, refused
 from harness.robots.sdf_frames import WORLD, Frames
-from harness.robots.sdf_left_out import sdf_left_out
+from harness.robots.sdf_left_out import is_static, sdf_left_out
 from harness.robots.sdf_parts import SdfJoint, SdfLink, bodies_of, read_joints, read_links
 from harness.robots.sdf_parts import read_mimics as read_sdf_mimics
 from harness.robots.settle import elements_of, part_of, robot_of, settled
@@ -28,31 +28,36 @@ _UNCOVERED: Mapping[str, str] = {
     "thread_pitch": "take the screw out",
 }
 
+_OPAQUE = ("plugin", "sensor", "visual", "collision")
+"""Parts of a model that hold no bodies and no joints, whatever stands in them."""
 
-def read_sdf_robot(path: Path) -> Robot:
-    """Read an SDFormat file of one model, whole.
+
+def read_sdf_robot(path: Path, *, model: str = "") -> Robot:
+    """Read one model of an SDFormat file, whole.
 
     Poses are resolved as `sdf_frames` says. A joint moves its child along or about `<axis>`, which
     is told in the joint's frame unless `expressed_in` names another (to 1.6:
     `use_parent_model_frame`; to 1.4 always the model's). A model that no joint holds to `world`
     moves freely. Links without mass or moments have 1 kg and 1 kg m^2, as the format says
     (http://sdformat.org/spec). Step and gravity are those of a `<world>`, where it states them.
+    Static models and files that a world includes are left out.
 
     Args:
         path: of the file.
+        model: which of several models that move; empty: the only one.
     """
     try:
         document = Document(path)
     except DocumentError as error:
         return refused(path, path.stem, [error.obstacle])
     with np.errstate(all="ignore"):  # what overflows is told
-        return read_document(document)
+        return read_document(document, model)
 
 
-def read_document(document: Document) -> Robot:
-    """A file that is parsed."""
+def read_document(document: Document, chosen: str = "") -> Robot:
+    """Read a file that is parsed; `chosen` as the model of `read_sdf_robot`."""
     path = document.path
-    model, world = _model(document)
+    model, world = chosen_model(document, chosen)
     if model is None:
         return refused(path, path.stem, document.obstacles)
     name = model.attributes.get("name") or path.stem
@@ -61,8 +66,10 @@ def read_document(document: Document) -> Robot:
     root = _root(document, model, links, joints)
     parts = tuple(part_of(document, link.element, link.body) for link in links.values())
     mimics = read_sdf_mimics(document, joints)
-    left_out = sdf_left_out(document, model, joints, mimics)
+    left_out = sdf_left_out(document, model, world, joints, mimics)
     stated, gravity = _stated(document, world)
+    if chosen:
+        stated["model"] = chosen
     if not document.obstacles:
         for one in (*links, *joints):
             frames.place(one)
@@ -83,36 +90,84 @@ def read_document(document: Document) -> Robot:
     )  # fmt: skip
 
 
-def _model(document: Document) -> tuple[RawElement | None, RawElement | None]:
-    """The model, and the world in which it stands; what hinders is noted."""
+def chosen_model(
+    document: Document, chosen: str = ""
+) -> tuple[RawElement | None, RawElement | None]:
+    """Return the model, and the world in which it stands; what hinders is noted.
+
+    Args:
+        document: the file.
+        chosen: the model's name; empty: the only one that moves.
+    """
     root = document.root
     if root.tag != "sdf":
         document.hinder(root, f"the root is <{root.tag}>, not <sdf>", "give an SDFormat file")
         return None, None
     worlds = [one for one in root.children if one.tag == "world"]
-    models = [one for holder in (root, *worlds) for one in holder.children if one.tag == "model"]
-    includes = [
-        one for holder in (root, *worlds) for one in holder.children if one.tag == "include"
-    ]
-    for one in includes:
-        document.hinder(one, "<include> is not covered", _UNCOVERED["include"])
-    for one in (*worlds[1:], *models[1:]):
-        document.hinder(one, f"a second <{one.tag}> of one file", "keep one, of one model")
-    if not models:
-        document.hinder(root, "it has no <model>", "a robot's file has one")
+    for one in worlds[1:]:
+        document.hinder(one, "a second <world> of one file", "keep one")
+    model = _only_model(document, chosen, [root, *worlds])
+    for one in (joint for world in worlds for joint in world.children if joint.tag == "joint"):
+        document.hinder(one, "a <joint> between models is not covered", "write both into one model")
+    if model is None:
         return None, None
-    for one in _within(models[0]):
+    for one in _within(model):
         if one.tag in _UNCOVERED:
             document.hinder(one, f"<{one.tag}> is not covered", _UNCOVERED[one.tag])
-    static = document.child(models[0], "static")
-    if static is not None and static.text.strip().lower() in ("1", "true"):
-        document.hinder(static, "the model is static: nothing of it moves", "give another")
-    return models[0], worlds[0] if worlds else None
+    return model, worlds[0] if worlds else None
+
+
+def _only_model(
+    document: Document, chosen: str, holders: Sequence[RawElement]
+) -> RawElement | None:
+    """Return the one model that moves, or that is chosen by its name; else note why there is none.
+
+    Files that are included beside it are left out: nothing but a joint of the world, which is
+    refused, would let one of their models act on it.
+    """
+    models = [one for holder in holders for one in holder.children if one.tag == "model"]
+    moving = [one for one in models if not is_static(one)]
+    found = [one for one in moving if not chosen or one.attributes.get("name") == chosen]
+    names = ", ".join(brief(one.attributes.get("name", "")) for one in moving[:_NAMED])
+    names += ", ..." if len(moving) > _NAMED else ""
+    includes = [one for holder in holders for one in holder.children if one.tag == "include"]
+    if len(found) == 1:
+        return found[0]
+    if chosen and moving:
+        what = f"{len(found)} models" if found else "no moving model"
+        document.hinder(
+            found[1] if found else holders[0],
+            f"it has {what} of the name {brief(chosen)}",
+            f"choose one of {names}",
+        )
+    elif found:
+        document.hinder(
+            found[1],
+            f"it has {len(found)} models that move: {names}",
+            "choose one: crosscheck run --model NAME FILE",
+        )
+    elif includes:
+        document.hinder(
+            includes[0],
+            "<include> is not covered, and no model that moves stands in the file itself",
+            _UNCOVERED["include"],
+        )
+    elif models:
+        static = next(one for one in models[0].children if one.tag == "static")
+        what = "the model is" if len(models) == 1 else "all models are"
+        document.hinder(static, f"{what} static: nothing moves", "give another")
+    else:
+        document.hinder(holders[0], "it has no <model>", "a robot's file has one")
+    return None
+
+
+_NAMED = 8
+"""Models named in a sentence."""
 
 
 def _within(element: RawElement) -> Iterator[RawElement]:
     for child in element.children:
-        if child.tag != "plugin":
+        if child.tag not in _OPAQUE:
             yield child
             yield from _within(child)
 

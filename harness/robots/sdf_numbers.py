@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
+from harness.engines.sdf_shapes import is_automatic
+from harness.files.locations.xml import RawElement
 from harness.robots.document import Document
 from harness.robots.numerals import Numeral, numerals, put, with_values
-from harness.robots.sdf import read_document
+from harness.robots.sdf import chosen_model, read_document
 from reference.multibody.tree import Tree
 
 _SAYING = re.compile(
@@ -18,22 +20,29 @@ _SAYING = re.compile(
 )
 """Numbers that a tree is made of."""
 
+_SHAPES = re.compile(r"sdf/(world/)?model/link/collision/(pose|density|geometry/.*)")
+"""The same where a link's inertia follows from its shapes."""
+
 
 class SdfNumbers:
     """The numbers of an SDFormat file that has a tree.
 
     Args:
         path: of the file.
+        model: which of several models that move; empty: the only one.
 
     Attributes:
-        numerals: all of them, in the file's order.
+        numerals: those that do not belong to another model, in the file's order.
         saying: indices of those that may say something of the tree.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._document = Document(path)
-        self.numerals: tuple[Numeral, ...] = numerals(self._document)
-        self.saying = tuple(i for i, one in enumerate(self.numerals) if _SAYING.fullmatch(one.path))
+    def __init__(self, path: Path, model: str = "") -> None:
+        self._document, self._chosen = Document(path), model
+        own, _ = chosen_model(self._document, model)
+        self.numerals: tuple[Numeral, ...] = tuple(
+            one for one in numerals(self._document) if _model_of(one.element) in (None, own)
+        )
+        self.saying = tuple(i for i, one in enumerate(self.numerals) if _is_relevant(one))
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """The tree with other values of some numbers, by their index; None where there is none."""
@@ -42,10 +51,34 @@ class SdfNumbers:
         with ExitStack() as restored:
             for index, value in values.items():
                 put(self.numerals[index], value, restored)
-            tree = read_document(document).tree
+            tree = read_document(document, self._chosen).tree
         del document.obstacles[known:]
         return tree
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
         """The file with other values of some numbers."""
         return {self._document.path: with_values(self._document.data, self.numerals, values)}
+
+
+def _above(element: RawElement) -> Iterator[RawElement]:
+    """Yield an element and those in which it stands, outwards."""
+    above: RawElement | None = element
+    while above is not None:
+        yield above
+        above = above.parent
+
+
+def _model_of(element: RawElement) -> RawElement | None:
+    """Return the outermost model in which an element stands; None where it stands in none."""
+    return next((one for one in [*_above(element)][::-1] if one.tag in ("model", "include")), None)
+
+
+def _is_relevant(one: Numeral) -> bool:
+    if _SAYING.fullmatch(one.path):
+        return True
+    link = next((above for above in _above(one.element) if above.tag == "link"), None)
+    return (
+        link is not None
+        and _SHAPES.fullmatch(one.path) is not None
+        and any(is_automatic(part.attributes.get("auto")) for part in link.children)
+    )

@@ -8,11 +8,13 @@ from types import MappingProxyType
 
 import numpy as np
 
+from harness.engines.sdf_shapes import is_automatic
 from harness.files.brief import brief
 from harness.files.locations.xml import RawElement
 from harness.robots.couplings import Mimic, acyclic
 from harness.robots.document import Document
 from harness.robots.sdf_frames import MODEL, WORLD, Frames, child_of, inverse, read_pose
+from harness.robots.sdf_shapes import automatic_lump
 from reference.multibody.bodies import Joint, Quaternion, RigidBody, Triple
 from reference.multibody.tree import Kind
 from reference.numeric import Array
@@ -59,15 +61,33 @@ class SdfJoint:
 def read_links(document: Document, frames: Frames) -> dict[str, SdfLink]:
     """The links by their names; what is wrong with them is noted in the document."""
     return {
-        name: SdfLink(element=element, body=_body(document, element, name))
+        name: SdfLink(element=element, body=_body(document, frames, element, name))
         for name, element in frames.of("link").items()
     }
 
 
-def _body(document: Document, link: RawElement, name: str) -> RigidBody:
-    """Of 1 kg and 1 kg m^2 where a file tells nothing else, as the format has it."""
-    what = f"link {brief(name)}"
+def _body(document: Document, frames: Frames, link: RawElement, name: str) -> RigidBody:
+    """Return the body of a link: 1 kg and 1 kg m^2 where a file states nothing else."""
     told = document.child(link, "inertial")
+    falls = document.child(link, "gravity")
+    lift = 1.0 if falls is not None and falls.text.strip().lower() in ("0", "false") else 0.0
+    if told is not None and is_automatic(told.attributes.get("auto")):
+        lump = automatic_lump(document, frames, link, told, name)
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = lump.inertia.tolist()
+        return RigidBody(
+            name=name,
+            parent=None,
+            mass=lump.mass,
+            center=_triple(lump.center),
+            inertia=(xx, yy, zz, xy, xz, yz),
+            lift=lift,
+        )
+    return _stated_body(document, told, name, lift)
+
+
+def _stated_body(document: Document, told: RawElement | None, name: str, lift: float) -> RigidBody:
+    """Return the body of an `<inertial>` that states its numbers, or of none."""
+    what = f"link {brief(name)}"
     mass = None if told is None else document.child(told, "mass")
     inertia = None if told is None else document.child(told, "inertia")
     place = None if told is None else read_pose(document, told, f"<inertial> of {what}").place
@@ -77,13 +97,8 @@ def _body(document: Document, link: RawElement, name: str) -> RigidBody:
         element = None if inertia is None else document.child(inertia, key)
         tensor += document.text_numbers(element, (default,), what)
     xx, yy, zz, xy, xz, yz = tensor
-    falls = document.child(link, "gravity")
     body = RigidBody(
-        name=name,
-        parent=None,
-        mass=weight,
-        inertia=(xx, yy, zz, xy, xz, yz),
-        lift=1.0 if falls is not None and falls.text.strip().lower() in ("0", "false") else 0.0,
+        name=name, parent=None, mass=weight, inertia=(xx, yy, zz, xy, xz, yz), lift=lift
     )
     if place is None:
         return body

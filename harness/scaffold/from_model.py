@@ -38,7 +38,7 @@ class Written:
     remarks: tuple[str, ...]
 
 
-def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
+def from_model(model: Path, target: Path, *, floating: bool = False, chosen: str = "") -> Written:
     """Write the folder of a model file.
 
     Nothing is written where what was read is not what any engine makes of the file.
@@ -47,6 +47,7 @@ def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
         model: the file.
         target: the folder to write.
         floating: whether the root link of a URDF moves freely.
+        chosen: which of several models of an SDFormat file; empty: the only one that moves.
 
     Raises:
         NewError: naming file, line and what can't be read.
@@ -63,7 +64,7 @@ def from_model(model: Path, target: Path, *, floating: bool = False) -> Written:
         data = read_regular(model)
     except OSError as error:
         raise NewError(f"{model}: can't be read: {error.strerror}") from None
-    robot = read_robot(model, floating=floating)
+    robot = read_robot(model, floating=floating, model=chosen)
     if robot.tree is None:
         raise NewError("; ".join(map(str, robot.obstacles)))
     found = _energies(robot, data, target)

@@ -106,7 +106,8 @@ def _check_reading(made: Path, robot: Robot) -> None:
         _OtherBodiesError: where the copy is another robot.
         NewError: where the declaration is.
     """
-    again = read_robot(made / robot.file.name, floating=robot.floats)
+    chosen = str(robot.stated.get("model", ""))
+    again = read_robot(made / robot.file.name, floating=robot.floats, model=chosen)
     if again.told != robot.told:
         raise _OtherBodiesError(
             "; ".join(one.sentence for one in again.obstacles) or "it lacks a part"

@@ -177,7 +177,7 @@ def test_step_gravity_and_what_floats_are_the_files_unless_its_sidecar_says(
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(("old", "new", "said"), [
-    ("</sdf>", "<model name='n'/></sdf>", ":7: it has 2 models"),
+    ("</sdf>", "<model name='n'/></sdf>", ":7: it has 2 models that move"),
     ("</model>", "<include/></model>", ":7: <include>: write the model"),
     ("</model>", "<model name='n'/></model>", ":7: <model>: models within models"),
     ("revolute", "ball", ":6: joint 'j' is of type 'ball'; types are revolute"),
@@ -242,3 +242,63 @@ def test_dart_takes_the_files_springs_and_dampers_at_the_step_s_end(tmp_path: Pa
     assert both is not None
     assert none.stiffness is none.damping is None
     np.testing.assert_array_equal([both.stiffness, both.damping], [[[3.0]], [[0.02]]])
+
+
+def shaped(inertial: str = '<inertial auto="true"/>') -> str:
+    """A link of two shapes, in the axes of the second turned."""
+    shapes = """<collision name="c"><pose>0.1 0 -0.3 0 0 0</pose><geometry><box><size>0.1 0.2 0.3
+</size></box></geometry></collision><collision name="d"><pose>0 0.2 -0.5 0.4 0.5 0.6</pose>
+<density>700</density><geometry><cone><radius>0.1</radius><length>0.4</length></cone></geometry>
+</collision>"""
+    return (
+        f'<sdf version="1.11"><model name="m"><link name="a">{inertial}{shapes}</link><joint name'
+        '="j" type="revolute"><parent>world</parent><child>a</child><axis><xyz>0.1 -1 0.2</xyz>'
+        "</axis></joint></model></sdf>"
+    )
+
+
+@pytest.mark.parametrize("sdf", [
+    shaped(), shaped('<inertial auto="1"><density>300</density><mass>5</mass></inertial>'),
+])  # fmt: skip
+def test_dart_ignores_an_automatic_inertia_that_drake_computes(sdf: str, tmp_path: Path) -> None:
+    assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
+    assert outcome("dart", sdf, tmp_path) is Outcome.DIFFERS
+    ((cause, undone),) = load("dart", sdf, tmp_path).remedies.items()
+    assert cause == 'DART\'s own 1 kg and 1 kg m^2 for <inertial auto="true"> (a)'
+    assert outcome("dart", sdf, tmp_path, **undone) is Outcome.AGREES
+
+
+def test_an_automatic_ball_of_water_is_no_inertia_that_drake_has_made_up(tmp_path: Path) -> None:
+    ball = "<collision name='c'><pose>0 0 1 0 0 0</pose><geometry><sphere/></geometry></collision>"
+    sdf = (
+        text().replace("<inertial>", '<inertial auto="true">').replace("</link>", ball + "</link>")
+    )
+    for tag in ("pose", "mass", "inertia"):
+        start, end = (sdf.index(f"{part}{tag}>", sdf.index("<inertial")) for part in ("<", "</"))
+        sdf = sdf[:start] + sdf[end + len(tag) + 3 :]
+    assert outcome("drake", sdf, tmp_path) is Outcome.AGREES
+
+
+def test_dart_takes_other_moments_of_a_mass_without_inertia(tmp_path: Path) -> None:
+    bare = "<inertial><mass>3</mass><pose>0 0 -0.4 0 0 0</pose></inertial>"
+    assert outcome("drake", shaped(bare), tmp_path) is Outcome.AGREES
+    assert outcome("dart", shaped(bare), tmp_path) is Outcome.DIFFERS
+    ((cause, undone),) = load("dart", shaped(bare), tmp_path).remedies.items()
+    assert cause == "DART's own moments, mass times 1 m^2, without <inertia> (a)"
+    assert outcome("dart", shaped(bare), tmp_path, **undone) is Outcome.AGREES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_model_of_a_world_is_run_by_its_name(name: str, tmp_path: Path) -> None:
+    inner = text().split("\n", 1)[1].removesuffix("</sdf>")
+    ground = "<model name='g'><static>1</static><link name='l'/></model>"
+    other = "<model name='n'><link name='free'/></model>"
+    include = "<include><uri>model://sun</uri></include>"
+    whole = f"<sdf version='1.6'><world name='w'>{ground}{include}{inner}{{}}</world></sdf>"
+    assert load(name, whole.format(""), tmp_path).coordinates == ("j",)
+    assert load(name, whole.format(other), tmp_path, model="m").coordinates == ("j",)
+    assert load(name, whole.format(other), tmp_path, model="n").coordinates[0] == "free:x"
+    with pytest.raises(EngineError, match="it has no model 'g' that moves"):
+        load(name, whole.format(other), tmp_path, model="g")
+    with pytest.raises(EngineError, match="model is 3, where a name belongs"):
+        load(name, whole.format(other), tmp_path, model=3)

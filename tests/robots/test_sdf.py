@@ -44,6 +44,15 @@ def read(folder: Path, *lines: str, version: str = "1.9", world: str = "") -> Ro
     return read_robot(path)
 
 
+def auto(geometry: str, beside: str = "", within: str = "") -> str:
+    """A link whose inertia follows from one shape."""
+    return (
+        f'<link name="arm"><pose>0.4 0.1 0.2 -0.3 0.5 0.1</pose><inertial auto="true">{within}'
+        f'</inertial><collision name="c"><pose>0.1 0.2 0.3 0.4 0.5 0.6</pose>{beside}'
+        f"<geometry>{geometry}</geometry></collision></link>"
+    )
+
+
 def place(text: str) -> Place:
     x, y, z, roll, pitch, yaw = map(float, text.split())
     return Place(from_rpy(roll, pitch, yaw), np.array([x, y, z]))
@@ -175,6 +184,11 @@ def test_a_mimic_is_a_coupling_and_one_with_an_offset_is_left_free(tmp_path: Pat
     ((BASE, ARM, joint().replace("revolute", "screw")), 4, "joint 'q' is of type 'screw'"),
     ((BASE, ARM), 3, "nothing holds 'base', 'arm'"),
     ((BASE, "<static>true</static>"), 3, "the model is static"),
+    ((BASE.replace("<pose>", '<pose frame="f">', 1), WELD), 2, "frame= of the pose of link 'base'"),
+    ((BASE, WELD, auto("<mesh><uri>a.dae</uri></mesh>")), 4,
+     "<inertial auto=\"true\"> of link 'arm' is not computed from a <mesh>"),
+    ((BASE, WELD, auto("<box><size>1 1 0</size></box>")), 4, "<size> of link 'arm' is not"),
+    ((BASE, WELD, auto("<box/>").replace("collision", "visual")), 4, "has no <collision>"),
     ((BASE, ARM, joint().replace(">arm<", ">leg<")), 4, "the child of joint 'q' is 'leg'"),
     ((BASE, ARM, joint(xyz="<xyz>0 0 0</xyz>")), 4, "the axis of joint 'q' has no length"),
     ((BASE, ARM.replace("-0.3 0.5", "x 0.5"), joint()), 3, "where 6 finite numbers belong"),
@@ -214,3 +228,115 @@ def test_a_tree_of_other_numbers_is_that_of_the_file_with_them(tmp_path: Path) -
 def test_such_files_are_robots(tmp_path: Path) -> None:
     read(tmp_path, BASE, ARM, WELD, joint())
     assert robot_files([str(tmp_path / "robot.sdf")]).files == [tmp_path / "robot.sdf"]
+
+
+@pytest.mark.parametrize(("geometry", "mass", "moments"), [
+    ("<box><size>0.1 0.2 0.3</size></box>", 4.2, (0.0455, 0.035, 0.0175)),
+    ("<sphere><radius>0.1</radius></sphere>", 2.932153143350474, (0.01172861257,) * 3),
+    ("<ellipsoid><radii>0.1 0.2 0.3</radii></ellipsoid>", 17.59291886010284,
+     (0.45741589, 0.35185838, 0.17592919)),
+    ("<cylinder><radius>0.1</radius><length>0.4</length></cylinder>", 8.796459430051423,
+     (0.13927727, 0.13927727, 0.0439823)),
+    ("<capsule><radius>0.1</radius><length>0.4</length></capsule>", 11.728612573401898,
+     (0.31227431, 0.31227431, 0.05571091)),
+    ("<cone><radius>0.1</radius><length>0.4</length></cone>", 2.932153143350474,
+     (0.02199115, 0.02199115, 0.00879646)),
+])  # fmt: skip
+def test_an_automatic_inertia_follows_from_the_shape_and_its_density(
+    geometry: str, mass: float, moments: tuple[float, ...], tmp_path: Path
+) -> None:
+    """Masses as libsdformat 15 computes them; moments by textbook formulas."""
+    lines = (BASE, WELD, joint(), auto(geometry, "<density>700</density>"))
+    (link,) = tree_of(read(tmp_path, *lines)).links
+    assert link.mass == pytest.approx(mass, rel=1e-14)
+    assert sorted(np.linalg.eigvalsh(link.inertia)) == pytest.approx(sorted(moments), rel=1e-7)
+    height = -0.1 if "cone" in geometry else 0.0
+    center = place("0.1 0.2 0.3 0.4 0.5 0.6").at(np.array([0.0, 0.0, height]))
+    assert link.center == pytest.approx(center, abs=1e-15)
+
+
+def test_a_stated_mass_scales_the_densities_of_several_shapes(tmp_path: Path) -> None:
+    ball = '<collision name="d"><density>3000</density><geometry><sphere/></geometry></collision>'
+    light = "<density>500</density>"
+
+    def arm(within: str) -> str:
+        return auto("<box/>", within=within).replace("</link>", ball + "</link>")
+
+    def mass_and_center(within: str) -> tuple[float, float]:
+        (link,) = tree_of(read(tmp_path, BASE, WELD, joint(), arm(within))).links
+        return link.mass, link.center[2]
+
+    total = 500 + 3000 * 4 / 3 * np.pi
+    assert mass_and_center(light) == pytest.approx((total, 0.3 * 500 / total), rel=1e-14)
+    assert mass_and_center(f"{light}<mass>5</mass>") == pytest.approx((5, 0.3 * 500 / total))
+
+
+def test_numbers_of_shapes_are_those_of_the_tree_where_an_inertia_follows_from_them(
+    tmp_path: Path,
+) -> None:
+    shaped = BASE.replace(
+        "</link>", "<collision name='k'><pose>1 0 0 0 0 0</pose></collision></link>"
+    )
+    read(tmp_path, shaped, WELD, joint(), auto("<sphere><radius>0.1</radius></sphere>"))
+    numbers = robot_numbers(tmp_path / "robot.sdf", {})
+    named = {one.address: i for i, one in enumerate(numbers.numerals)}
+    radius = next(i for a, i in named.items() if a.endswith("sphere/radius"))
+    assert radius in numbers.saying
+    assert named["collision[k]/pose[0]"] not in numbers.saying
+    changed = numbers.tree({radius: 0.2})
+    assert changed is not None
+    assert changed.links[0].mass == pytest.approx(1000 * 4 / 3 * np.pi * 0.008)
+
+
+STATIC = "<model name='ground'><static>true</static><link name='l'/></model>"
+SECOND = "<model name='second'><link name='l'><inertial><mass>7</mass></inertial></link></model>"
+
+
+def test_what_stands_in_a_world_beside_the_model_is_left_out_by_its_name(tmp_path: Path) -> None:
+    world = (
+        f"{STATIC}<include><uri>model://sun</uri></include><wind/><light name='s' kind='a'/>"
+        "<physics name='p' type='ode'><max_step_size>0.002</max_step_size><ode/></physics>"
+    )
+    sensor = "<sensor name='s'><plugin name='p'><model/><include/></plugin></sensor>"
+    shape = "<collision name='c'><plugin><mass>abc</mass><axis2/></plugin></collision>"
+    base = BASE.replace("</link>", f"{sensor}{shape}</link>").replace("<pose>", "<pose odd='1'>", 1)
+    robot = read(tmp_path, base, ARM, WELD, joint(), "<enable_wind>1</enable_wind>", world=world)
+    tree_of(robot)
+    assert told(robot) == {
+        "collision geometry": ("base",),
+        "odd of <pose>": ("base",),
+        "<sensor> of <link>": ("base",),
+        "<enable_wind> of <model>": (),
+        "static model": ("ground",),
+        "<include> of another file": ("model://sun",),
+        "<wind> of <world>": ("w",),
+        "<ode> of <physics>": ("w",),
+    }
+
+
+def test_of_several_models_that_move_one_is_chosen_by_its_name(tmp_path: Path) -> None:
+    read(tmp_path, BASE, ARM, WELD, joint(), world=f"{STATIC}{SECOND}")
+    file = tmp_path / "robot.sdf"
+    ((line, sentence),) = in_the_way(read_robot(file))
+    assert (line, sentence) == (1, "it has 2 models that move: 'second', 'm'")
+    second = read_robot(file, model="second")
+    assert [one.mass for one in tree_of(second).links] == [7.0]
+    assert second.stated == {"model": "second"}
+    assert told(second)["another model that moves"] == ("m",)
+    assert [one.name for one in tree_of(read_robot(file, model="m")).links] == ["q"]
+    ((_, sentence),) = in_the_way(read_robot(file, model="ground"))
+    assert sentence == "it has no moving model of the name 'ground'"
+    own = robot_numbers(file, {"model": "second"})
+    assert [one.value for one in own.numerals] == [1.9, 7.0]
+
+
+def test_models_of_other_files_and_joints_between_models_make_no_tree(tmp_path: Path) -> None:
+    file = tmp_path / "robot.sdf"
+    include = "<include><uri>model://arm</uri></include>"
+    file.write_text(f"<sdf version='1.9'>\n<world name='w'>{STATIC}\n{include}</world></sdf>")
+    ((line, sentence),) = in_the_way(read_robot(file))
+    assert (line, sentence.split(",")[0]) == (3, "<include> is not covered")
+    beside = "<joint name='j' type='fixed'><parent>m</parent><child>second</child></joint>"
+    read(tmp_path, BASE, ARM, WELD, joint(), world=f"{SECOND}{beside}")
+    ((line, sentence),) = in_the_way(read_robot(file, model="m"))
+    assert sentence == "a <joint> between models is not covered"

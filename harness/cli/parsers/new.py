@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from harness.cli import arguments
+
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -22,3 +24,4 @@ def add(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="the root link of the URDF moves freely; else it is fixed",
     )
+    arguments.chosen_model(command)

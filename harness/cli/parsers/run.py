@@ -70,3 +70,4 @@ def add(command: argparse.ArgumentParser) -> None:
         " or where one engine refuses it, whatever the others say",
     )
     arguments.floating(command)
+    arguments.chosen_model(command)

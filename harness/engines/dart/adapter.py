@@ -18,11 +18,18 @@ from harness.engines.bare import BARE, bare_cause, bare_links, weightless
 from harness.engines.captured import STDERR, STDOUT, captured
 from harness.engines.dart.sdf import (
     as_older,
+    automatic_cause,
+    automatic_links,
+    momentless_cause,
+    momentless_links,
     refuse_newer,
     sdf_skeleton,
     turned_cause,
     turned_links,
+    with_automatic,
+    with_moments,
     with_turned,
+    without_collisions,
 )
 from harness.engines.dart.steps import WorldSteps
 from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Sample
@@ -49,6 +56,12 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     # Whether an SDFormat inertial that is turned is written for it along the link's axes; DART
     # itself takes its moments as if it were not.
     "turned_inertials": False,
+    # Whether an SDFormat inertial with auto="true" is computed for it from the link's shapes; DART
+    # itself takes the mass and the moments that stand there, or 1 kg and 1 kg m^2.
+    "automatic_inertials": False,
+    # Whether an SDFormat link with a mass and no <inertia> has the format's 1 kg m^2; DART itself
+    # takes its mass times 1 m^2.
+    "default_moments": False,
 })  # fmt: skip
 
 READER = UrdfReader(name="dart", no_inertial="a mass of 1 kg", no_stops="DART")
@@ -203,10 +216,19 @@ def _changes(spec: ModelSpec) -> list[Change]:
     if spec.path.suffix == SDF:
         changes: list[Change] = [as_older]
         changes += [sdf_without_friction, sdf_without_bounds] if smooth else []
-        return changes + ([with_turned] if spec.settings.get("turned_inertials", False) else [])
+        wanted = (how for key, how in _INERTIALS.items() if spec.settings.get(key, False))
+        return [*changes, *wanted, without_collisions]
     further: list[Change] = [without_shapes]
     further += [without_friction] if smooth else []
     return further + ([] if spec.settings.get("bare_links", True) else [weightless])
+
+
+_INERTIALS: Mapping[str, Change] = MappingProxyType({
+    "automatic_inertials": with_automatic,
+    "default_moments": with_moments,
+    "turned_inertials": with_turned,
+})  # fmt: skip
+"""Settings with which DART is given an SDFormat file's inertials as the format has them."""
 
 
 def _remedies(
@@ -214,8 +236,16 @@ def _remedies(
 ) -> dict[str, Mapping[str, object]]:
     """What DART makes of a file that it does not say, with the settings that undo it."""
     if declared.path.suffix == SDF:
-        turned = [] if settings["turned_inertials"] else turned_links(declared.robot)
-        return {turned_cause(turned): {"turned_inertials": True}} if turned else {}
+        found = {
+            "turned_inertials": (turned_links, turned_cause),
+            "automatic_inertials": (automatic_links, automatic_cause),
+            "default_moments": (momentless_links, momentless_cause),
+        }
+        return {
+            cause(names): {key: True}
+            for key, (links, cause) in found.items()
+            if not settings[key] and (names := links(declared.robot))
+        }
     bare = bare_links(declared.robot) if settings["bare_links"] else []
     return {bare_cause(bare, "DART"): BARE} if bare else {}
 

@@ -12,7 +12,9 @@ import numpy as np
 from harness.engines.attitude import from_rpy
 from harness.engines.protocol import Array, EngineError
 from harness.engines.sdf import SdfFile, number
+from harness.engines.sdf_check import SdfJoint, has_automatic
 from harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
+from harness.engines.sdf_shapes import SIZES, WATER, solid
 from harness.engines.source import written
 
 _KNOWN = ("1.4", "1.5", "1.6")
@@ -73,8 +75,7 @@ def turned_links(model: ET.Element) -> list[str]:
 
 def turned_cause(names: Sequence[str]) -> str:
     """What a diagnosis calls it."""
-    told = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-    return f"DART's taking of <inertial>s that are turned as if they were not ({told})"
+    return f"DART's taking of <inertial>s that are turned as if they were not ({_listed(names)})"
 
 
 def with_turned(model: ET.Element) -> None:
@@ -85,14 +86,110 @@ def with_turned(model: ET.Element) -> None:
             continue
         pose, moments = _pose(inertial), _tensor(inertial)
         turn = from_rpy(pose[3:])
-        moments = turn @ moments @ turn.T
-        for part in (*inertial.findall("pose"), *inertial.findall("inertia")):
-            inertial.remove(part)
-        ET.SubElement(inertial, "pose").text = " ".join(map(repr, [*pose[:3].tolist(), 0, 0, 0]))
-        inertia = ET.SubElement(inertial, "inertia")
-        for key in TENSOR:
-            i, j = ("xyz".index(axis) for axis in key[1:])
-            ET.SubElement(inertia, key).text = repr(float(moments[i, j]))
+        mass = number(inertial, "mass", 1.0)
+        _write_inertial(link, mass, pose[:3], turn @ moments @ turn.T)
+
+
+def _write_inertial(link: ET.Element, mass: float, center: Array, moments: Array) -> None:
+    """Write an `<inertial>` along the axes of a link in place of its own."""
+    for part in link.findall("inertial"):
+        link.remove(part)
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "mass").text = repr(float(mass))
+    ET.SubElement(inertial, "pose").text = " ".join(map(repr, [*center.tolist(), 0, 0, 0]))
+    inertia = ET.SubElement(inertial, "inertia")
+    for key in TENSOR:
+        i, j = ("xyz".index(axis) for axis in key[1:])
+        ET.SubElement(inertia, key).text = repr(float(moments[i, j]))
+
+
+def automatic_links(model: ET.Element) -> list[str]:
+    """Return the names of links whose inertia follows from their shapes, which DART ignores."""
+    return [link.get("name", "") for link in model.findall("link") if has_automatic(link)]
+
+
+def automatic_cause(names: Sequence[str]) -> str:
+    """Return what a diagnosis calls it."""
+    return f'DART\'s own 1 kg and 1 kg m^2 for <inertial auto="true"> ({_listed(names)})'
+
+
+def momentless_links(model: ET.Element) -> list[str]:
+    """Return the names of links that state a mass and no `<inertia>`: DART takes mass times 1 m^2.
+
+    The format, and Drake, take 1 kg m^2.
+    """
+    return [
+        link.get("name", "")
+        for link in model.findall("link")
+        if link.find("inertial/inertia") is None
+        and not has_automatic(link)
+        and number(link, "inertial/mass", 1.0) != 1.0
+    ]
+
+
+def momentless_cause(names: Sequence[str]) -> str:
+    """Return what a diagnosis calls it."""
+    return f"DART's own moments, mass times 1 m^2, without <inertia> ({_listed(names)})"
+
+
+def with_moments(model: ET.Element) -> None:
+    """Write 1 kg m^2 for links that state a mass and no `<inertia>`."""
+    names = momentless_links(model)
+    for link in model.findall("link"):
+        if link.get("name", "") in names:
+            inertia = ET.SubElement(link.find("inertial"), "inertia")  # type: ignore[arg-type]
+            for key in TENSOR:
+                ET.SubElement(inertia, key).text = "1" if key[1] == key[2] else "0"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+
+
+def with_automatic(model: ET.Element) -> None:
+    """Write the inertia that follows from the shapes of links in numbers."""
+    for link in model.findall("link"):
+        if has_automatic(link):
+            _write_inertial(link, *_automatic(link))
+
+
+def without_collisions(model: ET.Element) -> None:
+    """Leave out all shapes that touch."""
+    for link in model.findall("link"):
+        for part in link.findall("collision"):
+            link.remove(part)
+
+
+def _automatic(link: ET.Element) -> tuple[float, Array, Array]:
+    """Return mass, center (3,) and moments about it (3, 3), along the link's axes."""
+    parts = [_collision(link, one) for one in link.findall("collision")]
+    mass = sum(one for one, _, _ in parts)
+    center = sum(one * at for one, at, _ in parts) / mass
+    moments = np.zeros((3, 3))
+    for own, at, about in parts:
+        apart = at - center
+        moments += about + own * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+    inertial = link.find("inertial")
+    ratio = 1.0 if inertial is None else number(inertial, "mass", mass) / mass
+    return mass * ratio, np.asarray(center), moments * ratio
+
+
+def _collision(link: ET.Element, collision: ET.Element) -> tuple[float, Array, Array]:
+    """Return the same of one shape, seen from the link."""
+    shape = collision.find("geometry/*")
+    inertial = link.find("inertial")
+    if shape is None or shape.tag not in SIZES or inertial is None:
+        raise EngineError(f"link {link.get('name')!r} has a shape of which no inertia is made")
+    sizes: list[float] = []
+    for tag, default in SIZES[shape.tag].items():
+        words = (shape.findtext(tag) or "").split()
+        sizes += map(float, words) if words else default
+    volume, height, moments = solid(shape.tag, sizes)
+    mass = volume * number(collision, "density", number(inertial, "density", WATER))
+    pose = _pose(collision)
+    turn = from_rpy(pose[3:])
+    center = pose[:3] + turn @ np.array([0.0, 0.0, height])
+    return mass, center, mass * turn @ np.diag(moments) @ turn.T
 
 
 def refuse_newer(file: SdfFile) -> None:
@@ -117,11 +214,16 @@ def _refuse_moved(file: SdfFile, element: ET.Element) -> None:
     for pose in element.findall("pose"):
         if pose.get("relative_to", "") not in ("", *own.get(element.tag, ("__model__",))):
             raise _newer(file, pose, f"relative_to={pose.get('relative_to')!r}")
-    for pose in element.findall("inertial/pose"):
-        if pose.get("relative_to"):
-            raise _newer(file, pose, "relative_to= of an inertial")
-    if joint is None:
-        return
+    for tag in ("inertial", "collision") if has_automatic(element) else ("inertial",):
+        for pose in element.findall(f"{tag}/pose[@relative_to]"):
+            if pose.get("relative_to"):
+                raise _newer(file, pose, f"relative_to= of <{tag}>")
+    if joint is not None:
+        _refuse_frames(file, joint)
+
+
+def _refuse_frames(file: SdfFile, joint: SdfJoint) -> None:
+    element = joint.element
     for tag, link in (("parent", joint.parent), ("child", joint.child)):
         if element.findtext(tag, "").strip() != link:
             raise _newer(file, element, f"a frame for the {tag} of joint {joint.name!r}")

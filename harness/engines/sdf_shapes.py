@@ -1,0 +1,74 @@
+"""Solid shapes of SDFormat: volumes and moments, of which `<inertial auto="true">` is made.
+
+The format has a link's mass, center and moments follow from its collision shapes and their
+densities (http://sdformat.org/tutorials?tut=auto_inertial_params_proposal).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+WATER = 1000.0
+"""The density of a shape that states none, kg/m^3."""
+
+SIZES: Mapping[str, Mapping[str, tuple[float, ...]]] = MappingProxyType({
+    "box": {"size": (1.0, 1.0, 1.0)},
+    "sphere": {"radius": (1.0,)},
+    "ellipsoid": {"radii": (1.0, 1.0, 1.0)},
+    "cylinder": {"radius": (1.0,), "length": (1.0,)},
+    "capsule": {"radius": (0.5,), "length": (1.0,)},
+    "cone": {"radius": (0.5,), "length": (1.0,)},
+})  # fmt: skip
+"""The sizes of each shape that has moments, m, and what they are where the file states none."""
+
+Solid = tuple[float, float, tuple[float, float, float]]
+"""Volume, m^3; height of the center along z, m; moments about it per kg, m^2."""
+
+
+def is_automatic(auto: str | None) -> bool:
+    """Return whether the attribute `auto` of an `<inertial>` asks for the shapes' inertia."""
+    return (auto or "").strip().lower() in ("1", "true")
+
+
+def solid(shape: str, sizes: Sequence[float]) -> Solid:
+    """Return the volume, center and moments of a solid shape.
+
+    Args:
+        shape: one of `SIZES`.
+        sizes: its sizes, in the order that `SIZES` has, m.
+    """
+    if shape == "box":
+        return _box(*sizes)
+    if shape == "cone":
+        return _cone(*sizes)
+    if shape == "cylinder":
+        return _round(sizes[0], sizes[1], 0.0)
+    if shape == "capsule":
+        return _round(sizes[0], sizes[1], sizes[0])
+    a, b, c = sizes if shape == "ellipsoid" else (*sizes, *sizes, *sizes)
+    moments = ((b * b + c * c) / 5, (a * a + c * c) / 5, (a * a + b * b) / 5)
+    return 4 / 3 * math.pi * a * b * c, 0.0, moments
+
+
+def _box(x: float, y: float, z: float) -> Solid:
+    moments = ((y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12)
+    return x * y * z, 0.0, moments
+
+
+def _cone(radius: float, length: float) -> Solid:
+    """Return those of a cone whose tip is on +z; its center is at a quarter of its length."""
+    across = 3 / 80 * (4 * radius**2 + length**2)
+    volume = math.pi * radius**2 * length / 3
+    return volume, -length / 4, (across, across, 0.3 * radius**2)
+
+
+def _round(radius: float, length: float, cap: float) -> Solid:
+    """Return those of a cylinder with half a ball of radius `cap` on each end."""
+    side, ball = math.pi * radius**2 * length, 4 / 3 * math.pi * cap**3
+    across = side * (length**2 / 12 + radius**2 / 4)
+    across += ball * (0.4 * cap**2 + length**2 / 4 + 3 / 8 * length * cap)
+    along = side * radius**2 / 2 + ball * 0.4 * cap**2
+    volume = side + ball
+    return volume, 0.0, (across / volume, across / volume, along / volume)
