@@ -42,7 +42,7 @@ NAMES = {
     "gravcomp": "gravity compensation",
 }
 
-URDF_ALONE = ("floating", "hold_mimics")
+URDF_ALONE = ("floating", "hold_mimics", "trimmed_numbers")
 """Settings that say what an MJCF says itself."""
 
 MJCF_IDLE: Mapping[str, str] = MappingProxyType(
@@ -102,7 +102,7 @@ class MjcfModel(TreeModel):
     ) -> None:
         super().__init__(spec, title, {**defaults, **spec.settings})
         for key in URDF_ALONE:
-            if self.settings.get(key):
+            if spec.settings.get(key):
                 raise EngineError(f"{spec.path}.toml: {title}'s adapter takes {key} of URDFs alone")
         self._read_over, self.misread = read_over, False
         self.declared = declared_mjcf(spec, title, compiler, self.no_fromto)

@@ -24,7 +24,7 @@ from harness.engines.remark import Remark
 from harness.engines.springs import SpringForces
 from harness.engines.step_rule import StepRule
 from harness.engines.tree_model import FREE
-from harness.engines.urdf import UrdfReader
+from harness.engines.urdf import UrdfReader, refuse_negative_masses
 from harness.engines.urdf_copy import Change, rewritten, without_looks
 from harness.engines.urdf_engine import UrdfEngine, UrdfModel
 from harness.engines.urdf_sidecar import ROBOTS
@@ -100,6 +100,7 @@ class SapienModel(UrdfModel):
 
     def __init__(self, spec: ModelSpec) -> None:
         super().__init__(spec, "SAPIEN", READER, DEFAULTS, _changes(spec))
+        refuse_negative_masses(self.declared.source, "SAPIEN", floats=self.floats)
         self.integrator = f"semi-implicit euler ({self.settings['solver']})"
         sapien = quietly("sapien")
         physx = sapien.physx

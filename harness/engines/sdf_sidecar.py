@@ -107,6 +107,7 @@ def declared_sdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredSdf
     return DeclaredSdf(
         path=spec.path,
         robot=file.model,
+        source=file.source,
         file=file,
         springs=spec.springs,
         mimics=tuple(mimics),

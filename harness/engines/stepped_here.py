@@ -21,7 +21,7 @@ ADDED_HERE: Mapping[str, bool] = MappingProxyType({
     # Whether dampers are added, as forces by velocity; the engine's dynamics leave them out.
     "damping": True,
     # Whether a URDF's joints are held to those that they follow; the engine lets them go.
-    "hold_mimics": False,
+    "hold_mimics": True,
 })  # fmt: skip
 """Settings of such an engine."""
 

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from harness.engines.protocol import Array, EngineError, Sample
 from harness.engines.remark import Remark, limit_remarks
-from harness.engines.source import finite_numbers, read_source, read_xml
+from harness.engines.source import XmlSource, finite_numbers, read_source, read_xml
 from harness.engines.urdf_check import check_urdf
 
 SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
@@ -33,6 +33,15 @@ class Mimic:
 
 
 def read_urdf(path: Path) -> ET.Element:
+    """Return the `<robot>` of a URDF that has one meaning.
+
+    Raises:
+        EngineError: naming file and line.
+    """
+    return read_urdf_source(path).root
+
+
+def read_urdf_source(path: Path) -> XmlSource:
     """Parse a URDF that has one meaning, entity expansion off, as forgivingly as engines do.
 
     Raises:
@@ -40,7 +49,32 @@ def read_urdf(path: Path) -> ET.Element:
     """
     source = read_xml(read_source(path, mend=True), path)
     check_urdf(source)
-    return source.root
+    return source
+
+
+def refuse_negative_masses(source: XmlSource, title: str, *, floats: bool) -> None:
+    """Refuse links of negative mass, of which some engines make no numbers, or other ones.
+
+    Args:
+        source: of a URDF.
+        title: of the engine.
+        floats: whether its root link moves; the mass of one that stands still has no effect.
+
+    Raises:
+        EngineError: naming file, line and link.
+    """
+    still = "" if floats else root_link(source.root)
+    for link in source.root.findall("link"):
+        mass = link.find("inertial/mass")
+        if mass is None or link.get("name") == still:
+            continue
+        weight = float(mass.get("value", "0"))
+        if weight < 0:
+            raise source.refused(
+                mass,
+                f"the mass of link {link.get('name')!r} is below zero, {weight:g} kg, of which"
+                f" {title} makes no body; write a positive one",
+            )
 
 
 def joint_springs(robot: ET.Element, path: Path) -> dict[str, tuple[float, float]]:

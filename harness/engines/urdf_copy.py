@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 
 from harness.engines.protocol import EngineError
-from harness.engines.source import written
+from harness.engines.source import XmlSource, written
 
 Change = Callable[[ET.Element], None]
 """Of a `<robot>`, in place."""
@@ -138,4 +139,73 @@ def followers_of(settings: Mapping[str, object], place: str) -> Collection[str] 
     raise EngineError(
         f"{place}: [settings] couplings is {given!r}, where true, false or a list of the joints"
         " that follow others belongs"
+    )
+
+
+SCALARS: Mapping[str, tuple[str, ...]] = MappingProxyType({
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "dynamics": ("damping", "friction"),
+    "limit": ("lower", "upper", "effort", "velocity"),
+    "mimic": ("multiplier", "offset"),
+    "calibration": ("rising", "falling"),
+    "safety_controller": ("soft_lower_limit", "soft_upper_limit", "k_position", "k_velocity"),
+})  # fmt: skip
+"""Attributes of one number: urdfdom takes such a one for none where a blank follows the number."""
+
+TRIMMED: Mapping[str, object] = MappingProxyType({"trimmed_numbers": True})
+"""The setting with which engines that read by urdfdom are given such numbers without the blank."""
+
+
+def trim_numbers(robot: ET.Element) -> None:
+    """Take away blanks that stand around single numbers."""
+    for element in robot.iter():
+        for key in SCALARS.get(element.tag, ()):
+            if key in element.attrib:
+                element.set(key, element.attrib[key].strip())
+
+
+def _blanks(source: XmlSource, parts: Iterable[ET.Element]) -> Iterator[str]:
+    """Yield the numbers that a blank follows, each with its line."""
+    for part in parts:
+        for key in SCALARS.get(part.tag, ()):
+            words = part.get(key, "")
+            if words != words.rstrip():
+                yield f'{source.path}:{source.lines[part]}: <{part.tag} {key}="{words}">'
+
+
+def refuse_blanks(source: XmlSource, title: str) -> None:
+    """Refuse joints in which a blank follows a number: urdfdom reads none of the file then.
+
+    Args:
+        source: of a URDF.
+        title: of the engine.
+
+    Raises:
+        EngineError: naming file and line.
+    """
+    parts = (part for joint in source.root.findall("joint") for part in joint)
+    for place in _blanks(source, parts):
+        raise EngineError(
+            f"{place} has a blank after the number, and urdfdom, by which {title} reads, takes that"
+            " for no number; take it out, or set trimmed_numbers = true"
+        )
+
+
+def dropped_cause(source: XmlSource, title: str) -> str:
+    """Return what a diagnosis calls inertials that urdfdom drops; empty where there are none.
+
+    It drops the whole `<inertial>` where a blank follows its mass or one of its moments.
+    """
+    places = [
+        place
+        for inertial in source.root.findall("link/inertial")
+        for place in list(_blanks(source, inertial))[:1]
+    ]
+    more = f" and {len(places) - 3} more" if len(places) > 3 else ""
+    listed = ", ".join(places[:3]) + more
+    return (
+        f"{title}'s dropping of <inertial>s in which a blank follows a number ({listed})"
+        if (places)
+        else ""
     )

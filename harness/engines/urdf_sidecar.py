@@ -10,13 +10,14 @@ from types import MappingProxyType
 
 from harness.engines.protocol import Array, EngineError, ModelSpec, Spring, held_joints
 from harness.engines.remark import Remark
+from harness.engines.source import XmlSource
 from harness.engines.urdf import (
     Mimic,
     UrdfReader,
     base_name,
     joint_springs,
     mimics,
-    read_urdf,
+    read_urdf_source,
     root_link,
     urdf_remarks,
 )
@@ -45,6 +46,7 @@ class DeclaredUrdf:
 
     Attributes:
         path, robot: the file.
+        source: its elements with their lines.
         springs: of joints, in Gazebo's convention, and of the sidecar; none of what is held.
         mimics: joints that follow others, of those that the setting `couplings` lets.
         changes: what settings change in the file before an engine loads it.
@@ -52,6 +54,7 @@ class DeclaredUrdf:
 
     path: Path
     robot: ET.Element
+    source: XmlSource
     springs: tuple[Spring, ...]
     mimics: tuple[Mimic, ...]
     changes: tuple[Change, ...]
@@ -111,8 +114,8 @@ def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUr
     Raises:
         EngineError: naming file, line and setting.
     """
-    robot = read_urdf(spec.path)
-    held = held_joints(spec)
+    source = read_urdf_source(spec.path)
+    robot, held = source.root, held_joints(spec)
     followers = followers_of(spec.settings, f"{spec.path}.toml")
     springs = [
         Spring({joint: 1.0}, stiffness, 0.0, rest)
@@ -129,6 +132,7 @@ def declared_urdf(spec: ModelSpec, further: Sequence[Change] = ()) -> DeclaredUr
     return DeclaredUrdf(
         path=spec.path,
         robot=robot,
+        source=source,
         springs=(*springs, *spec.springs),
         mimics=tuple(
             one for one in mimics(robot, spec.path) if followers is None or one.joint in followers

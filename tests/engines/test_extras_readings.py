@@ -91,12 +91,12 @@ def test_springs_of_gazebo_pull(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("name", "settings", "off", "led"), [
-    ("pinocchio", {}, 0.41, 1.0), ("pinocchio", {"hold_mimics": True}, 1e-13, 0.2),
+    ("pinocchio", {}, 1e-13, 0.2), ("pinocchio", {"hold_mimics": False}, 0.41, 1.0),
     ("drake", {}, 1e-6, 0.2), ("drake", {"stepping": "tamsi"}, 0.41, 1.0),
     ("drake", {"stepping": "continuous"}, 0.41, 1.0),
     ("drake", {"stepping": "continuous", "hold_mimics": True}, 1e-13, 0.2),
     ("dart", {}, 1e-2, 1.0),
-    ("idyntree", {}, 0.41, 1.0), ("idyntree", {"hold_mimics": True}, 1e-13, 0.2),
+    ("idyntree", {}, 1e-13, 0.2), ("idyntree", {"hold_mimics": False}, 0.41, 1.0),
 ])  # fmt: skip
 def test_a_mimic_is_left_out_held_or_a_servo(
     name: str, settings: dict[str, object], off: float, led: float, tmp_path: Path
@@ -289,3 +289,60 @@ def test_frames_are_where_the_file_puts_them(name: str, tmp_path: Path) -> None:
     origins, turns = model.poses(["link:a", "centre:a"], np.array([[0.5]]))
     np.testing.assert_allclose(origins[0], [[0, 0, 0], [-np.sin(0.5), 0, -np.cos(0.5)]], atol=1e-15)
     np.testing.assert_allclose(turns[0, 0] @ [0, 0, -1], origins[0, 1], atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["pinocchio", "dart"])
+@pytest.mark.parametrize(("number", "place"), [
+    ('value="1"', 'mass value="1 "'), ('iyy="0.01"', 'inertia iyy="0.01 "'),
+])  # fmt: skip
+def test_urdfdom_drops_an_inertial_with_a_blank_after_a_number_and_a_cause_names_its_line(
+    name: str, number: str, place: str, tmp_path: Path
+) -> None:
+    def with_body(old: str, new: str) -> str:
+        return urdf(beside=WELDED.format(BODY), body=BODY.replace(old, new))
+
+    before, after = with_body('="', '=" '), with_body(number, f'{number[:-1]} "')
+    assert load(name, before, tmp_path).remedies == {}
+    model = load(name, after, tmp_path)
+    ((cause, undone),) = model.remedies.items()
+    assert f"{name}.urdf:1: <{place}>" in cause
+    mended = load(name, after, tmp_path, settings=undone)
+    assert mended.remedies == {}
+    still = np.zeros((1, len(model.coordinates)))
+    push = np.ones_like(still)
+    given, whole = (one.accelerations(still, still, push) for one in (model, mended))
+    assert given is not None
+    assert whole is not None
+    assert whole == pytest.approx(np.full((1, 1), 1 / (0.01 + 0.01 + 1)))
+    assert abs(given - whole).max() > 1e-3
+
+
+@pytest.mark.parametrize("name", ["pinocchio", "dart"])
+@pytest.mark.parametrize("part", [
+    '<dynamics damping="0.3 "/>', '<limit lower="-1" upper="1 " effort="1" velocity="1"/>',
+    '<limit lower="-1" upper="1" effort="1&#9;" velocity="1"/>',
+])  # fmt: skip
+def test_urdfdom_reads_no_joint_with_a_blank_after_a_number(
+    name: str, part: str, tmp_path: Path
+) -> None:
+    with pytest.raises(EngineError, match=r"\.urdf:\d+: <\w+ \w+=.* has a blank after the number"):
+        load(name, urdf(part), tmp_path)
+    trimmed = load(name, urdf(part), tmp_path, settings={"trimmed_numbers": True})
+    assert trimmed.coordinates == ("j",)
+
+
+@pytest.mark.parametrize("name", ["pinocchio", "sapien"])
+def test_a_mass_below_zero_is_refused_by_line_where_no_body_is_made_of_it(
+    name: str, tmp_path: Path
+) -> None:
+    below = BODY.replace('value="1"', 'value="-1"')
+    with pytest.raises(EngineError, match=r"\.urdf:\d+: the mass of link 'a' is below zero, -1 kg"):
+        load(name, urdf(body=below), tmp_path)
+
+
+def test_pinocchio_adds_a_mass_below_zero_to_what_it_is_welded_to(tmp_path: Path) -> None:
+    below = BODY.replace('value="1"', 'value="-0.001"')
+    model = load("pinocchio", urdf(beside=WELDED.format(below)), tmp_path)
+    still = np.zeros((1, 1))
+    found = model.accelerations(still, still, np.ones((1, 1)))
+    assert found == pytest.approx(np.full((1, 1), 1 / (0.01 + 0.01 - 0.001)))

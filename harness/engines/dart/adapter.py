@@ -41,7 +41,15 @@ from harness.engines.sdf_sidecar import DeclaredSdf
 from harness.engines.source import folded
 from harness.engines.step_rule import StepRule
 from harness.engines.urdf import IDLE, UrdfReader, sample_urdf
-from harness.engines.urdf_copy import Change, without_friction, without_shapes
+from harness.engines.urdf_copy import (
+    TRIMMED,
+    Change,
+    dropped_cause,
+    refuse_blanks,
+    trim_numbers,
+    without_friction,
+    without_shapes,
+)
 from harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
 from harness.engines.urdf_sidecar import ROBOTS, DeclaredUrdf
 
@@ -51,6 +59,9 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,
     # Whether a link without an inertial has 1 kg and 1 kg m^2, as DART has it, or nothing.
     "bare_links": True,
+    # Whether numbers of a URDF that a blank follows are given to it without; DART drops the
+    # <inertial> in which one stands.
+    "trimmed_numbers": False,
     # Whether <mimic> is a constraint on both joints (CouplerConstraint), or DART's own servo.
     "couplers": False,
     # Whether an SDFormat inertial that is turned is written for it along the link's axes; DART
@@ -109,6 +120,8 @@ class DartModel(UrdfModel):
         self._sdf = spec.path.suffix == SDF
         if isinstance(self.declared, DeclaredSdf):
             refuse_newer(self.declared.file)
+        elif not self.settings["trimmed_numbers"]:
+            refuse_blanks(self.declared.source, "DART")
         self._remedies = _remedies(self.declared, self.settings)
         self._body = self._skeleton()
         self._world = dart.simulation.World()
@@ -220,6 +233,7 @@ def _changes(spec: ModelSpec) -> list[Change]:
         return [*changes, *wanted, without_collisions]
     further: list[Change] = [without_shapes]
     further += [without_friction] if smooth else []
+    further += [trim_numbers] if spec.settings.get("trimmed_numbers", False) else []
     return further + ([] if spec.settings.get("bare_links", True) else [weightless])
 
 
@@ -247,7 +261,9 @@ def _remedies(
             if not settings[key] and (names := links(declared.robot))
         }
     bare = bare_links(declared.robot) if settings["bare_links"] else []
-    return {bare_cause(bare, "DART"): BARE} if bare else {}
+    lost = "" if settings["trimmed_numbers"] else dropped_cause(declared.source, "DART")
+    causes = {bare_cause(bare, "DART"): BARE} if bare else {}
+    return {**causes, **({lost: TRIMMED} if lost else {})}
 
 
 def _urdf_skeleton(text: str, path: Path, floats: bool) -> Any:

@@ -21,6 +21,9 @@ from harness.engines.urdf_engine import UrdfEngine
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ADDED_HERE,
     **ADDED,
+    # Whether numbers of a URDF that a blank follows are given to it without; Pinocchio drops the
+    # <inertial> in which one stands.
+    "trimmed_numbers": False,
     # Whether all root bodies of an MJCF are read; Pinocchio reads the first alone.
     "all_roots": True,
     # Whether an MJCF's geoms that touch nothing weigh something; Pinocchio takes them for looks.

@@ -10,8 +10,15 @@ from harness.engines.pinocchio.model import PinocchioModel
 from harness.engines.pinocchio.reading import built
 from harness.engines.protocol import Array, ModelSpec
 from harness.engines.remark import Remark
-from harness.engines.urdf import UrdfReader
-from harness.engines.urdf_copy import rewritten, without_shapes
+from harness.engines.urdf import UrdfReader, refuse_negative_masses
+from harness.engines.urdf_copy import (
+    TRIMMED,
+    dropped_cause,
+    refuse_blanks,
+    rewritten,
+    trim_numbers,
+    without_shapes,
+)
 from harness.engines.urdf_engine import UrdfModel
 
 MIMICS = "Pinocchio's leaving out of <mimic>"
@@ -28,9 +35,16 @@ class PinocchioUrdf(PinocchioModel, UrdfModel):
     """A URDF."""
 
     def __init__(self, spec: ModelSpec, defaults: Mapping[str, bool]) -> None:
-        UrdfModel.__init__(self, spec, "Pinocchio", READER, defaults, (without_shapes,))
+        trimmed = bool(spec.settings.get("trimmed_numbers", False))
+        changes = (without_shapes, *([trim_numbers] if trimmed else []))
+        UrdfModel.__init__(self, spec, "Pinocchio", READER, defaults, changes)
+        if not trimmed:
+            refuse_blanks(self.declared.source, "Pinocchio")
+        self._dropped = "" if trimmed else dropped_cause(self.declared.source, "Pinocchio")
         with rewritten(self.declared.robot, spec.path, self.declared.changes) as path:
             model = built(path, spec.path, self.root if self.floats else "")
+        if any(one.mass < 0 for one in model.inertias):  # it divides by such a mass as by 1e-30
+            refuse_negative_masses(self.declared.source, "Pinocchio", floats=self.floats)
         moving = list(model.names)[1:]
         names = [[] if self.floats and i == 0 else [name] for i, name in enumerate(moving)]
         self._held = self.mimics if self.settings["hold_mimics"] else ()
@@ -41,7 +55,8 @@ class PinocchioUrdf(PinocchioModel, UrdfModel):
     def remedies(self) -> dict[str, Mapping[str, object]]:
         """What Pinocchio leaves out and the settings let stand, with what undoes it."""
         lost: Mapping[str, object] = {"hold_mimics": True}
-        return {**self.undamped, **({MIMICS: lost} if self.mimics and not self._held else {})}
+        found = {**self.undamped, **({MIMICS: lost} if self.mimics and not self._held else {})}
+        return {**found, **({self._dropped: TRIMMED} if self._dropped else {})}
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the URDF says in vain, and dampers that are left out."""

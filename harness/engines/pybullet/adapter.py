@@ -49,7 +49,8 @@ from harness.engines.urdf import (
     base_name,
     joint_springs,
     mimics,
-    read_urdf,
+    read_urdf_source,
+    refuse_negative_masses,
     sample_urdf,
 )
 from harness.engines.urdf_copy import followers_of, rewritten
@@ -100,8 +101,11 @@ class PybulletEngine(Engine):
 
     def load(self, spec: ModelSpec) -> PybulletModel:
         """Load a URDF into this process's physics server."""
-        robot = read_urdf(spec.path)
+        source = read_urdf_source(spec.path)
+        robot = source.root
         check_settings(spec, self.title, self.unstated, DEFAULTS)
+        # It is taken, and motions are those of other masses.
+        refuse_negative_masses(source, self.title, floats=bool(spec.settings.get("floating")))
         held = held_joints(spec)
         springs = [
             Spring({joint: 1.0}, stiffness, 0.0, rest)

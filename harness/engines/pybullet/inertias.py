@@ -80,10 +80,7 @@ def check_inertias(path: str, body: int, robot: ET.Element | None) -> None:
     stated = set() if robot is None else {e.get("name") for e in robot if _has_moments(e)}
     zeroed = []
     for index in range(p.getNumJoints(body)):
-        mass, _, inertia = p.getDynamicsInfo(body, index)[:3]
-        name = _link(body, index)
-        if mass < 0:  # it is taken
-            raise EngineError(f"{path}: the mass of link {name!r} is below zero")
+        inertia, name = p.getDynamicsInfo(body, index)[2], _link(body, index)
         # On a link behind a fixed joint too, and on one of no mass, as of a rotor.
         if name in stated and not any(inertia):
             zeroed.append(repr(name))
