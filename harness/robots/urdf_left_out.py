@@ -19,12 +19,21 @@ _READ: Mapping[str, Collection[str]] = MappingProxyType(
         "inertial": ("origin", "mass", "inertia"),
         "joint": ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"),
         "gazebo": ("springStiffness", "springReference"),
+        **dict.fromkeys(("origin", "mass", "inertia", "parent", "child", "axis"), ()),
+        **dict.fromkeys(("limit", "dynamics", "mimic"), ()),
     }
 )
 """What is read of an element, here or there, and of whose children the rest is told."""
 
 _SAID: Mapping[str, Collection[str]] = MappingProxyType(
     {
+        "robot": ("name", "version"),
+        "link": ("name", "type"),
+        "joint": ("name", "type"),
+        "inertial": (),
+        "parent": ("link",),
+        "child": ("link",),
+        "mimic": ("joint", "multiplier", "offset"),
         "origin": ("xyz", "rpy"),
         "mass": ("value",),
         "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
@@ -62,10 +71,12 @@ def _all(
         if name not in joints or joints[name].kind not in ("hinge", "slide"):
             yield "spring of no hinge and no slide", name
     yield from _unread(document.root, "")
+    yield from _unsaid(document.root, "")
     for element in document.root.children:
         name = element.attributes.get("name", element.attributes.get("reference", ""))
         yield from _unread(element, name)
         if element.tag in ("link", "joint"):
+            yield from _unsaid(element, name)
             yield from _of_parts(element, name)
 
 
@@ -75,8 +86,9 @@ def _of_parts(element: RawElement, name: str) -> Iterator[Told]:
         yield "collision geometry", name
     for part in element.children:
         if part.tag not in (*_LOOKS, "collision"):
-            yield from _unread(part, name)
-            yield from _unsaid(part, name)
+            for inner in (part, *part.children):
+                yield from _unread(inner, name)
+                yield from _unsaid(inner, name)
 
 
 def _of_joint(document: Document, joint: UrdfJoint) -> Iterator[Told]:
@@ -126,8 +138,7 @@ def _unread(element: RawElement, name: str) -> Iterator[Told]:
 
 
 def _unsaid(element: RawElement, name: str) -> Iterator[Told]:
-    """Attributes that mean nothing."""
-    for part in (element, *element.children):
-        for key in part.attributes:
-            if part.tag in _SAID and key not in _SAID[part.tag]:
-                yield f"{key} of <{part.tag}>", name
+    """Yield the attributes of an element that mean nothing."""
+    for key in element.attributes if element.tag in _SAID else ():
+        if key not in _SAID[element.tag] and not key.startswith("xmlns"):
+            yield f"{key} of <{element.tag}>", name

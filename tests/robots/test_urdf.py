@@ -227,13 +227,13 @@ def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
         link("b"),
         joint("j", "base", "a", limit + '<dynamics damping="1" friction="0.2"/>', "revolute"),
         joint("k", "a", "b", '<mimic joint="j" multiplier="2"/><dynamics friction="0"/>'),
-        joint("m", "b", "d", '<mimic joint="j" offset="1"/>'),
-        link("d"),
+        joint("m", "b", "d", '<mimic joint="j" offset="1" gain="2"/><origin><shift/></origin>'),
+        link("d", BODY.replace("<inertial", '<inertial scale="2"')),
         '<transmission name="t"><joint name="j"><hardwareInterface/></joint></transmission>',
         "<gazebo><plugin/></gazebo>",
         '<gazebo reference="a"><turnGravityOff>true</turnGravityOff><mu1>1</mu1></gazebo>',
         joint("w", "b", "c", '<axis xyz="0 0 0" rpy="0 0 0"/>', "fixed"),
-        link("c"),
+        '<link name="c" mass="3"/>',
         "<loop_joint/>",
     )
     assert (tree_of(robot).nv, tree_of(robot).freedoms) == (3, 2)
@@ -250,6 +250,10 @@ def test_all_that_is_left_out_is_said(tmp_path: Path) -> None:
         "<turnGravityOff> of <gazebo>": ("a",),
         "<mu1> of <gazebo>": ("a",),
         "rpy of <axis>": ("w",),
+        "mass of <link>": ("c",),
+        "gain of <mimic>": ("m",),
+        "<shift> of <origin>": ("m",),
+        "scale of <inertial>": ("d",),
     }
 
 
