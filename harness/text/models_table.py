@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from harness.records.base import Number
-from harness.records.case import Case, FullRun, ModelId, Verdict
+from harness.records.case import Case, FullRun, ModelId
 from harness.records.outcome import Outcome
 from harness.text.markup import escape
 from harness.text.styles import STYLES
@@ -98,19 +98,38 @@ def _width(name: str, cells: Sequence[str]) -> int:
 def _row(model: ModelId, cases: Sequence[Case]) -> Row:
     counts = Counter(case.outcome for case in cases)
     outcome = ", ".join(f"[{STYLES[o]}]{counts[o]} {o}[/]" for o in reversed(Outcome) if counts[o])
-    verdicts: list[Verdict] = [case.verdict for case in cases if case.verdict is not None]
+    discrepancy, uncertainty = _sizes(cases)
     runs: list[FullRun] = [case.full_run for case in cases if case.full_run is not None]
     steps = [one.step for run in runs for one in run.steps_for if one.target == TENTH]
     tenth = known(steps)
     return (model.system, model.model, model.engine), [
         outcome,
-        _most((verdict.largest_discrepancy for verdict in verdicts), "{:.1e}"),
-        _most((verdict.largest_uncertainty for verdict in verdicts), "{:.1e}"),
+        _most([discrepancy], "{:.1e}"),
+        _most([uncertainty], "{:.1e}"),
         _most((run.global_error for run in runs), "{:.2%}"),
         _most((run.shipped_step for run in runs), "{:g} s"),
         _range(known(run.order for run in runs)),
         f"{min(tenth):.2g} s" + "*" * (len(tenth) < len(steps)) if tenth else "-",
     ]
+
+
+def _sizes(cases: Sequence[Case]) -> tuple[Number, Number]:
+    """Return a row's E and U.
+
+    Where cases differ, both belong to the component that decides the case that differs most, so
+    that E is above U; otherwise each is the largest of all cases, components and segments.
+    """
+    verdicts = [case.verdict for case in cases if case.verdict is not None]
+    differing = [case.verdict for case in cases if case.verdict and case.outcome is Outcome.DIFFERS]
+    if differing:
+        worst = max(differing, key=lambda one: one.discrepancy or 0.0)
+        return worst.discrepancy, worst.uncertainty
+    largest = (
+        known(one.largest_discrepancy for one in verdicts),
+        known(one.largest_uncertainty for one in verdicts),
+    )
+    discrepancy, uncertainty = (max(found, default=None) for found in largest)
+    return discrepancy, uncertainty
 
 
 def known(values: Iterable[Number]) -> list[float]:

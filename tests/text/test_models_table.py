@@ -16,7 +16,9 @@ LONG = "two_drums_on_a_slope", "robot_folded_and_turned.urdf"
 
 def table(width: int) -> str:
     out = StringIO()
-    wrong = verdict(largest_discrepancy=8.5e-2, largest_uncertainty=4.4e-12)
+    wrong = verdict(
+        discrepancy=8.5e-2, uncertainty=4.4e-12, largest_discrepancy=0.3, largest_uncertainty=0.7
+    )
     cases = [
         case(),
         case(Outcome.DIFFERS, system=LONG[0], model=LONG[1], verdict=wrong),
@@ -49,3 +51,13 @@ def test_more_columns_are_shown_where_there_is_room() -> None:
 
 def test_names_have_lines_of_their_own_where_they_are_too_wide() -> None:
     assert "two_drums_on_a_slope/robot_folded_and_turned.urdf [mujoco]" in table(80).splitlines()
+
+
+def test_what_differs_is_told_with_the_numbers_that_decide() -> None:
+    """The largest U is of another segment, and above the largest E."""
+    lines = table(160).splitlines()
+    (row,) = (line.split() for line in lines if line.startswith(LONG[0]))
+    assert {"8.5e-02", "4.4e-12"} <= set(row)
+    assert not {"3.0e-01", "7.0e-01"} & set(row)
+    (agreeing,) = (line for line in lines if "1 AGREES" in line)
+    assert "3.0e-13" in agreeing
