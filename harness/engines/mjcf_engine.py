@@ -42,7 +42,7 @@ NAMES = {
     "gravcomp": "gravity compensation",
 }
 
-URDF_ALONE = ("floating", "hold_mimics", "trimmed_numbers")
+URDF_ALONE = ("floating", "hold_mimics", "trimmed_numbers", "weightless_links")
 """Settings that say what an MJCF says itself."""
 
 MJCF_IDLE: Mapping[str, str] = MappingProxyType(

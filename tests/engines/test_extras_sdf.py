@@ -101,8 +101,26 @@ def test_a_link_without_gravity_falls_in_drake(name: str, falls: bool, tmp_path:
     sdf = text(link="<gravity>false</gravity>")
     wanted = Outcome.DIFFERS if falls else Outcome.AGREES
     assert outcome(name, sdf, tmp_path) is wanted
-    warned = load(name, sdf, tmp_path).warnings
-    assert any("Unsupported value for SDFormat element gravity" in one for one in warned) is falls
+    model = load(name, sdf, tmp_path)
+    warned = any("Unsupported value for SDFormat element gravity" in one for one in model.warnings)
+    assert warned is falls
+    causes = ["Drake's ignoring of <gravity>false</gravity> (a)"] if falls else []
+    assert list(model.remedies) == causes
+
+
+@pytest.mark.parametrize("stepping", ["sap", "tamsi", "continuous"])
+@pytest.mark.parametrize("held", [True, False])
+def test_a_setting_lifts_a_link_without_gravity_in_drake(
+    stepping: str, held: bool, tmp_path: Path
+) -> None:
+    sdf = text(link="<gravity>false</gravity>")
+    if not held:  # a root that floats, and a link on it that falls
+        base = "<link name='b'><inertial><mass>0.7</mass></inertial></link>"
+        sdf = sdf.replace("<parent>world", "<parent>b").replace("<link ", f"{base}<link ", 1)
+    settings = {"stepping": stepping, "weightless_links": True}
+    assert outcome("drake", sdf, tmp_path, stepping=stepping) is Outcome.DIFFERS
+    assert outcome("drake", sdf, tmp_path, **settings) is Outcome.AGREES
+    assert not load("drake", sdf, tmp_path, **settings, floating=not held).remedies
 
 
 @pytest.mark.parametrize("name", NAMES)

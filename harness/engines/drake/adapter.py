@@ -25,6 +25,9 @@ DEFAULTS: Mapping[str, bool | str] = MappingProxyType({
     "stepping": SAP,
     # Whether a URDF's joints are held to those that they follow where Drake itself lets them go.
     "hold_mimics": False,
+    # Whether links of an SDFormat file with <gravity>false</gravity> have no weight, by a force
+    # that carries it; Drake ignores the element.
+    "weightless_links": False,
     **ADDED,
     # Whether armature of an MJCF is added to its joints; Drake reads that of driven joints alone.
     "armature": True,

@@ -30,6 +30,12 @@ def moving_joints(plant: Any) -> list[Any]:
     )
 
 
+def weight_of(body: Any) -> Weight:
+    """Return the weight of a body of a finalized plant."""
+    centre = tuple(map(float, body.default_com()))
+    return Weight(body=body.name(), centre=centre, mass=float(body.default_mass()))
+
+
 class Plant:
     """A finalized plant with a context.
 

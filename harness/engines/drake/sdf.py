@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 
 from harness.engines.sdf import mimic_of
 
@@ -30,3 +31,18 @@ def own_mimics(model: ET.Element) -> None:
                 "offset": repr(mimic.offset),
             }
             ET.SubElement(joint, f"{{{SPACE}}}mimic", told)
+
+
+def weightless(model: ET.Element) -> tuple[str, ...]:
+    """Return the names of links that gravity is not to pull on: Drake ignores `<gravity>`."""
+    return tuple(
+        link.get("name", "")
+        for link in model.findall("link")
+        if (link.findtext("gravity") or "").strip().lower() in ("0", "false")
+    )
+
+
+def weight_cause(names: Sequence[str]) -> str:
+    """Return what a diagnosis calls it."""
+    listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+    return f"Drake's ignoring of <gravity>false</gravity> ({listed})"

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
+from harness.engines.drake.plant import weight_of
 from harness.engines.drake.reading import refuse_balls
-from harness.engines.drake.sdf import own_mimics, without_own
+from harness.engines.drake.sdf import own_mimics, weight_cause, weightless, without_own
 from harness.engines.protocol import Array, ModelSpec
 from harness.engines.remark import Remark
 from harness.engines.sdf_copy import sdf_mimics_of, sdf_without_bounds
@@ -37,8 +38,12 @@ class DrakeUrdf(DrakeModel, UrdfModel):
             no_stops="Drake" if self.stepping == CONTINUOUS else "",
         )
         UrdfModel.__init__(self, spec, "Drake", reader, defaults, _changes(spec, self.stepping))
+        self._weightless = weightless(self.declared.robot) if spec.path.suffix == SDF else ()
         held = self.settings["hold_mimics"] and self.stepping == CONTINUOUS
         self.take(self.declared.text, spec.path.suffix[1:], self.mimics if held else ())
+        if self.settings["weightless_links"]:
+            bodies = map(self._plant.GetBodyByName, self._weightless)
+            self.lifts = tuple(map(weight_of, bodies))
         refuse_balls(self._plant, self.declared.moments, spec.path)
 
     def complete(self, plant: Any) -> None:
@@ -49,8 +54,11 @@ class DrakeUrdf(DrakeModel, UrdfModel):
 
     @property
     def remedies(self) -> Mapping[str, Mapping[str, object]]:
-        """What Drake leaves out as it is stepped here."""
-        return {MIMICS: {"stepping": SAP}} if self.let_go else {}
+        """What Drake leaves out, of joints as it is stepped here, with what undoes it."""
+        found: dict[str, Mapping[str, object]] = {MIMICS: {"stepping": SAP}} if self.let_go else {}
+        if self._weightless and not self.lifts:
+            found[weight_cause(self._weightless)] = {"weightless_links": True}
+        return found
 
     def remarks(self, z: Array, w: Array) -> Iterator[Remark]:
         """What the file says in vain, and what Drake says of it."""
