@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from harness.engines.attitude import angular_velocity, exponential, matrix, quaternion
 from harness.engines.conformance import CHECKS, conform_samples
 from harness.engines.protocol import EngineError, ModelSpec
 from harness.engines.registry import engines
 from tests.engines.extras import EXTRAS, H, load, need
+from tests.engines.test_free_joints import TUMBLING
 from tests.engines.test_readings import BELOW, BODY, limit, moved, urdf
 
 MIMIC = (
@@ -346,3 +348,25 @@ def test_pinocchio_adds_a_mass_below_zero_to_what_it_is_welded_to(tmp_path: Path
     still = np.zeros((1, 1))
     found = model.accelerations(still, still, np.ones((1, 1)))
     assert found == pytest.approx(np.full((1, 1), 1 / (0.01 + 0.01 - 0.001)))
+
+
+def test_dart_drops_the_cubic_term_of_small_turns_of_a_root_that_floats(tmp_path: Path) -> None:
+    """Motions of a quadruped are 7e-9 off by that; a setting turns it here."""
+
+    def turn(settings: dict[str, object]) -> tuple[np.ndarray, float]:
+        model = load("dart", TUMBLING, tmp_path, settings={"floating": True, **settings})
+        z, v = np.zeros((1, 7)), np.zeros((1, 7))
+        v[0, 3:6] = [0.3, -0.2, 0.2]
+        (after,), (speeds,) = model.rollout(z, v, H, 1, None, 1)
+        spin = matrix(quaternion(after[0, 3:6])) @ angular_velocity(after[0, 3:6], speeds[0, 3:6])
+        wanted = exponential(H * spin)
+        off = float(np.abs(quaternion(after[0, 3:6]) - wanted).max())
+        return wanted, off
+
+    wanted, off = turn({})
+    cubic = (2 * np.linalg.norm(wanted[1:])) ** 3 / 12
+    assert off == pytest.approx(cubic, rel=0.7)
+    assert off > 100 * turn({"exact_turns": True})[1]
+    floating = load("dart", TUMBLING, tmp_path, settings={"floating": True})
+    assert list(floating.remedies.values()) == [{"exact_turns": True}]
+    assert not load("dart", TUMBLING, tmp_path).remedies

@@ -53,6 +53,8 @@ from harness.engines.urdf_copy import (
 from harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
 from harness.engines.urdf_sidecar import ROBOTS, DeclaredUrdf
 
+TURNS = "DART's dropping of the cubic term of turns below 1e-3 rad a step of a root that floats"
+
 SERVO = "<mimic> of {} is a servo, of which its leader feels nothing"
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
@@ -64,6 +66,8 @@ DEFAULTS: Mapping[str, bool] = MappingProxyType({
     "trimmed_numbers": False,
     # Whether <mimic> is a constraint on both joints (CouplerConstraint), or DART's own servo.
     "couplers": False,
+    # Whether a root that floats is turned here; DART itself drops the cubic term of small turns.
+    "exact_turns": False,
     # Whether an SDFormat inertial that is turned is written for it along the link's axes; DART
     # itself takes its moments as if it were not.
     "turned_inertials": False,
@@ -138,7 +142,11 @@ class DartModel(UrdfModel):
         springs = self.name([joint.getName() for joint in joints])
         self._stiffness = np.diag([joint.getSpringStiffness(0) for joint in joints])
         self._damping = np.diag([joint.getDampingCoefficient(0) for joint in joints])
-        self.stepper = self._steps = WorldSteps(self._world, self._body, self.floats, springs)
+        exact = bool(self.settings["exact_turns"])
+        self._steps = WorldSteps(self._world, self._body, self.floats, springs, exact)
+        self.stepper = self._steps
+        if self.floats and not exact:
+            self._remedies[TURNS] = {"exact_turns": True}
         slides = any(joint.getCoulombFriction(0) for joint in joints)
         if not (self.declared.mimics or slides):
             self.forward = each_alone(self._steps.accelerations)

@@ -11,6 +11,7 @@ from harness.engines.attitude import (
     coordinates,
     exponential,
     matrix,
+    product,
     quaternion,
     rate,
 )
@@ -28,10 +29,20 @@ class WorldSteps(Stepper):
 
     DART's coordinates of a free root are its rotation vector and its place; velocities are angular
     and linear, along the world's axes, and forces likewise.
+
+    Args:
+        world, body: DART's own.
+        floats: whether its root does.
+        springs: along slides and hinges.
+        exact: whether a root that floats is turned here, to the last digit; DART drops the cubic
+            term of the rotation by which it turns in a step, where that is below 1e-3 rad.
     """
 
-    def __init__(self, world: Any, body: Any, floats: bool, springs: SpringForces) -> None:
+    def __init__(
+        self, world: Any, body: Any, floats: bool, springs: SpringForces, exact: bool = False
+    ) -> None:
         self._world, self._body, self._floats, self._springs = world, body, floats, springs
+        self._turned = exact and floats
         self._near = np.array([1.0, 0.0, 0.0, 0.0])
 
     def reset(self, q: Array, v: Array) -> None:
@@ -73,11 +84,17 @@ class WorldSteps(Stepper):
         """By its world, whose step is h."""
         if force is not None or not self._springs.empty:
             self._body.setForces(self._pushes(force))
+        before = self._body.getPositions()[:3] if self._turned else np.zeros(3)
         self._world.step()
+        if self._turned:
+            q, spin = self._body.getPositions(), self._body.getVelocities()[:3]
+            after = product(exponential(h * spin), exponential(before))
+            q[:3] = _rotation_vector(after if after[0] >= 0 else -after)
+            self._body.setPositions(q)
 
     def coast(self, h: float, n: int) -> None:
         """Its world alone, where no spring has to be asked."""
-        if not self._springs.empty:
+        if self._turned or not self._springs.empty:
             super().coast(h, n)
             return
         step = self._world.step
