@@ -128,6 +128,23 @@ def crosscheck(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str
     return commands.crosscheck("run", *arguments, "--out", "out", "--jobs", "1", cwd=folder)
 
 
+def test_one_model_of_a_world_is_chosen_on_the_command_line(tmp_path: Path) -> None:
+    link = "<inertial><mass>{}</mass></inertial>"
+    models = "".join(
+        f"<model name='{name}'><link name='{name}'>{link.format(mass)}</link></model>"
+        for name, mass in (("box", 2), ("ball", 3))
+    )
+    (tmp_path / "w.sdf").write_text(f"<sdf version='1.9'><world name='w'>{models}</world></sdf>")
+    either = crosscheck(tmp_path, "w.sdf")
+    assert either.returncode == 3
+    assert "it has 2 models that move: 'box', 'ball'; choose one" in either.stdout
+    assert "ball, 1 joint" in crosscheck(tmp_path, "w.sdf", "--model", "ball").stdout
+    assert (
+        "no moving model of the name 'bell'"
+        in crosscheck(tmp_path, "w.sdf", "--model", "bell").stdout
+    )
+
+
 @pytest.mark.slow
 def test_from_the_command_line_a_file_is_enough(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text((DATA / "kuka_iiwa" / "model.urdf").read_text())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
@@ -82,7 +83,7 @@ class DrakeModel(TreeModel):
                 plant.mutable_gravity_field().set_gravity_vector(self.gravity)
                 plant.Finalize()
         except RuntimeError as error:
-            told = folded(error).replace(f"<literal-string>.{self._kind}", self.path.name)
+            told = re.sub(r"<(literal|data)-string>(\.\w+)?(:\d+)*", self.path.name, folded(error))
             raise UnsupportedError(f"{self.path}: Drake can't load it: {told}") from None
         return plant
 

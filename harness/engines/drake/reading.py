@@ -50,7 +50,7 @@ def logged(said: list[str]) -> Iterator[None]:
     class Kept(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             told = folded(record.getMessage())
-            said.append(re.sub(r"^<literal-string>\.\w+:", "", told))
+            said.append(re.sub(r"^<(literal|data)-string>(\.\w+)?:", "", told))
 
     logger, handler = logging.getLogger("drake"), Kept(logging.WARNING)
     others, spread = list(logger.handlers), logger.propagate
