@@ -338,7 +338,8 @@ def test_an_obstacle_is_in_the_file_that_it_stands_in_though_another_includes_it
 ) -> None:
     """And its sentence is whole: it has a colon of its own."""
     (tmp_path / "part: 7.xml").write_text(
-        '<mujocoinclude>\n<body><joint/>\n<geom size="0.1" mass="nan" kind="x"/></body>\n</mujocoinclude>'
+        "<mujocoinclude>\n<body><joint/>\n"
+        '<geom size="0.1" mass="nan" kind="x"/></body>\n</mujocoinclude>'
     )
     main = tmp_path / "main.xml"
     main.write_text('<mujoco><worldbody><include file="part: 7.xml"/></worldbody></mujoco>')
