@@ -200,7 +200,7 @@ def _results(data: bytes) -> object:
 
 def _results_seeds() -> Iterator[bytes]:
     yield json.dumps(example(Results)).encode()
-    yield b'{"schema": 1}'
+    yield b'{"schema": 2}'
 
 
 def _baseline(data: bytes) -> object:
