@@ -70,6 +70,7 @@ class Samples:
         end: where the equations take them, (K, 2n).
         bound: of the error of `end`, per component, (2n,).
         fastest: rate at any of the states, rad/s.
+        bent: whether forces bend, as a drag does, which grows with the square of a velocity.
     """
 
     start: Array
@@ -78,6 +79,7 @@ class Samples:
     end: Array
     bound: Array
     fastest: float
+    bent: bool = False
 
     @property
     def t(self) -> Array:
@@ -148,7 +150,15 @@ def solved(
             f"two solutions of {names[worst]} are {apart[worst]:.1e} apart over a segment"
         )
     bound = apart + rounding_of(equations, start, forces, end, length)
-    return Samples(start=start, forces=forces, length=length, end=end, bound=bound, fastest=fastest)
+    return Samples(
+        start=start,
+        forces=forces,
+        length=length,
+        end=end,
+        bound=bound,
+        fastest=fastest,
+        bent=equations.bent,
+    )
 
 
 def rounding_of(

@@ -212,6 +212,7 @@ def follow_robot(
         varying=False,
         scale=scale,
         ends=drawn.end,
+        uneven=drawn.bent,
     )
     try:
         if rungs:

@@ -33,6 +33,8 @@ class Batch:
         ends: about where they end, (K, c), near which angles are taken; None: near their starts.
         times: when they start, (K,), and
         name: of their scenario, for messages.
+        uneven: whether rounding differs much from segment to segment, as under a drag, which grows
+            with the square of a velocity: each segment has companions of its own.
         partial: whether segments that are not finite are left without a limit, where others are.
     """
 
@@ -44,6 +46,7 @@ class Batch:
     ends: Array | None = None
     times: Array | None = None
     name: str = ""
+    uneven: bool = False
     partial: bool = False
 
     @staticmethod

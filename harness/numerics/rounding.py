@@ -134,14 +134,17 @@ def without_companions(z: Array, w: Array) -> Starts:
     return Starts(rows=np.arange(len(z)), z=z, w=w, gain=np.ones(len(z)), pairs=0)
 
 
-def with_companions(z: Array, w: Array, epsilon: float = EPSILON) -> Starts:
+def with_companions(z: Array, w: Array, epsilon: float = EPSILON, every: bool = False) -> Starts:
     """Starts (K, nz) and their companions: each number moved by a share of itself, by draw.
+
+    Where rounding is much the same from start to start, some of them show it; else `every` one has
+    a pair of its own.
 
     The inputs are moved so too, all of a companion's by one share: a start at rest in zero has no
     digit of its own, but what its inputs make of it has.
     """
     count = len(z)
-    pairs = min(PAIRS, max(LEAST, count // 4))
+    pairs = count if every else min(PAIRS, max(LEAST, count // 4))
     # An even spread, off the ends: a start at rest, or just at a stop, tells little of the others.
     rows = ((np.arange(pairs) + 0.5) * count / pairs).astype(np.intp)
     rng = np.random.default_rng(0)  # the same companions in every run

@@ -98,7 +98,8 @@ def extrapolate(
     Raises:
         BlownUpError: where the engine returns values that are not finite.
     """
-    starts = with_companions(*coordinates.to_engine(batch.states), model.epsilon)
+    at = coordinates.to_engine(batch.states)
+    starts = with_companions(*at, model.epsilon, every=batch.uneven)
     left: list[Array] = []
     observable = _ends(model, coordinates, batch, starts, left)
     found = climb(observable, rungs, resolution)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pybullet_data
 import pytest
 
-from harness.cases.robot import PreparedRobot, prepare_robot, run_robot
+from harness.cases.robot import PreparedRobot, follow_robot, prepare_robot, run_robot
 from harness.engines.protocol import EngineError
 from harness.engines.registry import engines, runners, standing
 from harness.files.locations.xml import no_xml
@@ -391,3 +391,21 @@ def test_source_for_xacro_is_refused_with_the_commands_that_help(tmp_path: Path)
     done = crosscheck(tmp_path, "my arm.urdf.xacro")
     assert done.returncode == 2
     assert "`xacro 'my arm.urdf.xacro' > 'my arm.urdf'`, and give 'my arm.urdf'" in done.stderr
+
+
+@pytest.mark.parametrize(("damping", "every"), [("0.1", False), ("0.1 0.3", True)])
+def test_where_a_force_grows_with_the_square_of_a_velocity_each_segment_shows_its_rounding(
+    tmp_path: Path, damping: str, every: bool
+) -> None:
+    """Of such a force some segments have ten times the rounding of others, which a sample misses."""
+    file = tmp_path / "drag.xml"
+    file.write_text(
+        f'<mujoco><worldbody><body><joint axis="0 1 0" name="j" damping="{damping}"/>'
+        '<inertial pos="0 0 -0.3" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody>'
+        "</mujoco>"
+    )
+    task = prepare_robot(file).task("mujoco", 1e-9)
+    found = follow_robot(task).found
+    starts = len(task.samples.start)
+    pairs = starts if every else starts // 4
+    assert found.steps == sum(found.rungs) * (starts + 2 * pairs)
