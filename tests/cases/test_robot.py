@@ -397,7 +397,7 @@ def test_source_for_xacro_is_refused_with_the_commands_that_help(tmp_path: Path)
 def test_where_a_force_grows_with_the_square_of_a_velocity_each_segment_shows_its_rounding(
     tmp_path: Path, damping: str, every: bool
 ) -> None:
-    """Of such a force some segments have ten times the rounding of others, which a sample misses."""
+    """Some have more rounding than others there, which a sample of them misses."""
     file = tmp_path / "drag.xml"
     file.write_text(
         f'<mujoco><worldbody><body><joint axis="0 1 0" name="j" damping="{damping}"/>'
