@@ -21,11 +21,17 @@ from harness.baseline.place import DEFAULT
 from harness.files.folders import check_engines, system_folders
 from harness.notebook import cases as shown
 from harness.notebook.optional import frame
-from harness.options import resolvable
+from harness.options import (
+    check_limits,
+    check_names,
+    check_number,
+    check_resolution,
+    check_text,
+)
 from harness.records import results
 from harness.records.case import Case
 from harness.run import Options, run
-from harness.schedule.limits import MEMORY, SECONDS, Limits
+from harness.schedule.limits import MEMORY, SECONDS
 from harness.schedule.main_module import without_main
 from harness.text.causes import BEGIN_WITH_AUDIT
 from harness.text.failure import diagnosis_lines, failure_message
@@ -139,6 +145,10 @@ class Results(results.Results, frozen=True, kw_only=True):
     __repr__ = __str__
 
 
+MOST_JOBS = 4096
+"""Worker processes that no machine has."""
+
+
 def check(
     *paths: str | PathLike[str],
     engines: Sequence[str] = (),
@@ -165,17 +175,21 @@ def check(
         FolderError: for a path that is no system folder, or an engine that nobody knows.
         BaselineError: for a baseline that can't be believed.
         ClusterError: for a cluster that can't be worked with.
-        ValueError: for a resolution that double precision can't serve.
+        TypeError: for an argument of another type, such as one engine's name for a list of them.
+        ValueError: for a number that is out of bounds.
     """
+    for path in paths:
+        check_text(path, "a path of check()", path=True)
+    check_names(engines, "engines")
+    check_text(baseline, "baseline", path=True)
+    check_text(scheduler, "scheduler")
     check_engines(engines)
-    if not resolvable(resolution):
-        raise ValueError(f"the resolution {resolution} is not between 1e-13 and 1e-2")
     folders = system_folders([str(path) for path in paths])
     options = Options(
         engines=tuple(engines),
-        resolution=resolution,
-        jobs=jobs,
-        limits=Limits(seconds=limit, memory=memory, options="check's "),
+        resolution=check_resolution(resolution),
+        jobs=int(check_number(jobs, "jobs", 0, MOST_JOBS, whole=True)),
+        limits=check_limits(limit, memory, "check's "),
         baseline=Path(baseline),
         scheduler=scheduler,
     )

@@ -2,23 +2,99 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral, Real
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from harness.files.brief import brief
 from harness.files.choice import Choice
 from harness.records.baseline import Snapshot
 from harness.records.case import CaseId, ModelKey
-from harness.schedule.limits import Limits
+from harness.schedule.limits import LEAST_MEMORY, LEAST_SECONDS, MOST, Limits
+
+RESOLVED = (1e-13, 1e-2)
+"""Resolutions that double precision can serve."""
 
 if TYPE_CHECKING:  # a cache asks the equations, and sympy takes a second
     from harness.cached import Cache
 
 
+def check_text(value: object, name: str, *, path: bool = False) -> None:
+    """Check an argument that is a text, or a path.
+
+    Raises:
+        TypeError: naming the argument, and what belongs there.
+    """
+    if not isinstance(value, str | PathLike if path else str):
+        what = "a path" if path else "a string"
+        raise TypeError(f"{name} is {brief(value)}, where {what} belongs")
+
+
+def check_names(value: object, name: str) -> None:
+    """Check an argument that is a sequence of names.
+
+    Raises:
+        TypeError: naming the argument, and what belongs there.
+    """
+    if isinstance(value, str):
+        raise TypeError(f"{name} is {value!r}, where a list belongs: {name}=[{value!r}]")
+    if not isinstance(value, Sequence) or not all(isinstance(one, str) for one in value):
+        raise TypeError(f"{name} is {brief(value)}, where a list of names belongs")
+
+
+def check_number(
+    value: object, name: str, least: float, most: float, unit: str = "", *, whole: bool = False
+) -> float:
+    """Return an argument that is a number from `least` to `most`; numpy's own count too.
+
+    Raises:
+        TypeError: for what is no number, or no whole one where that is asked.
+        ValueError: for one that is out of bounds.
+    """
+    kind = f"{'a whole number' if whole else 'a number'}{unit and ' of '}{unit}"
+    told = f"{name} is {brief(value)}, where {kind}"
+    if isinstance(value, bool) or not isinstance(value, Integral if whole else Real):
+        raise TypeError(f"{told} belongs")
+    number = float(value)
+    if not least <= number <= most:
+        raise ValueError(f"{told} from {least:g} to {most:g} belongs")
+    return number
+
+
+def check_resolution(value: object) -> float:
+    """Return a resolution.
+
+    Raises:
+        TypeError, ValueError: for one that double precision can't serve.
+    """
+    return check_number(value, "resolution", *RESOLVED)
+
+
+def check_limits(seconds: object, memory: object, options: str) -> Limits:
+    """Return the limits of a task.
+
+    Args:
+        seconds: of the processor.
+        memory: GiB.
+        options: what the names of the two are told with.
+
+    Raises:
+        TypeError, ValueError: for what is no limit.
+    """
+    return Limits(
+        seconds=check_number(seconds, "limit", LEAST_SECONDS, MOST, "seconds"),
+        memory=check_number(memory, "memory", LEAST_MEMORY, MOST, "GiB"),
+        options=options,
+    )
+
+
 def resolvable(resolution: float) -> bool:
     """Whether double precision can serve a resolution."""
-    return 1e-13 <= resolution <= 1e-2
+    least, most = RESOLVED
+    return least <= resolution <= most
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,7 @@ def run(
         scheduler=options.scheduler,
         files=partial(luggage, (*folders, *robots)),
         engines=options.engines,
-        sure=options.cache is None and bool(folders or readable),
+        sure=options.cache is None and bool(folders or readable or not robots),
     ) as workers:
         planned = [*map(plan.folder, folders), *map(alone.file, readable)]
         work(chain.from_iterable(planned), workers, stop)

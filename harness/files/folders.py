@@ -88,6 +88,8 @@ def named_folders(named: Sequence[str], *, beside: bool = False) -> NamedFolders
 
 
 def _meant(name: str) -> list[Path]:
+    if not name:  # an unset variable, which would mean the working folder
+        raise FolderError("a name is empty; name a folder, or . for those in the working folder")
     path = Path(name)
     if not path.exists() and (builtin() / name / "system.py").is_file():
         path = builtin() / name

@@ -10,11 +10,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harness.files.brief import brief
 from harness.files.parts import part_digests
 from harness.files.states import states_now
 from harness.notebook import motions
 from harness.notebook.columns import Columns
-from harness.notebook.motions import Asked, Simulated, Solved, start_from
+from harness.notebook.motions import Asked, Simulated, Solved, is_number, start_from
 from harness.notebook.subject import Name, Subject, engine_for, model_named, system_named
 from harness.notebook.trajectory import MotionError, Trajectory
 from harness.schedule.limits import Limits
@@ -127,7 +128,7 @@ def _told(asked: Asked) -> str:
 
 
 def _positive(value: float, what: str) -> float:
-    if not isinstance(value, (int, float)) or not 0 < value < math.inf:
+    if not is_number(value) or not 0 < value < math.inf:
         raise MotionError(f"the {what} is {value!r}, where a number of seconds above zero belongs")
     return float(value)
 
@@ -135,8 +136,12 @@ def _positive(value: float, what: str) -> float:
 def _times(given: ArrayLike | None, duration: float) -> Array:
     if given is None:
         return np.linspace(0.0, duration, SAMPLES + 1)
-    times = np.array(given, dtype=float)
-    if times.ndim != 1 or not len(times) or np.any(np.diff(times) <= 0):
+    try:
+        times = np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise MotionError(f"times are {brief(given)}, where ascending numbers belong") from None
+    ascending = times.ndim == 1 and len(times) and np.all(np.diff(times) > 0)
+    if not (ascending and np.all(np.isfinite(times))):
         raise MotionError("times are numbers in a row, ascending")
     if not (times[0] >= 0 and times[-1] <= duration * (1 + 1e-12)):
         raise MotionError(

@@ -20,14 +20,16 @@ from harness.compare.compare import compare as compared
 from harness.compare.execute import FailureError
 from harness.compare.executor import in_workers
 from harness.compare.record import comparison_record, failed_record
+from harness.files.brief import brief
 from harness.files.choice import named_model
 from harness.notebook.markup import badge, block, line, paper, shown, table
+from harness.notebook.motions import is_number
 from harness.notebook.optional import frame
 from harness.notebook.subject import Name
-from harness.options import resolvable
+from harness.options import check_limits, check_resolution, check_text
 from harness.records import comparison
 from harness.records.base import Number, SourceLine
-from harness.schedule.limits import MEMORY, SECONDS, Limits
+from harness.schedule.limits import MEMORY, SECONDS
 from harness.schedule.main_module import without_main
 from harness.schedule.workers import Workers
 from harness.text.comparison import print_comparison
@@ -235,22 +237,25 @@ def compare(
             partner; with the remedy.
         NotInstalledError: where no engine that would do is installed.
         SidecarError: for a sidecar that can't be read.
-        ValueError: for a resolution that double precision can't serve.
+        TypeError: for an argument of another type.
+        ValueError: for a number that is out of bounds.
     """
-    if not resolvable(resolution):
-        raise ValueError(f"the resolution {resolution} is not between 1e-13 and 1e-2")
-    for start in starts:
-        for name, value in start.items():
-            if not math.isfinite(value):
-                raise CompareError(f"{name} starts at {value!r}, where a finite number belongs")
+    for key, file in {"a": a, "b": b}.items():
+        check_text(file, key, path=True)
+    for key, one in {"engine": engine, "engine_a": engine_a, "engine_b": engine_b}.items():
+        if one is not None:
+            check_text(one, key)
+    _check_joints(joints)
+    _check_starts(starts)
+    resolution = check_resolution(resolution)
     created = datetime.datetime.now(datetime.UTC)
-    limits = Limits(seconds=limit, memory=memory, options="compare's ")
+    limits = check_limits(limit, memory, "compare's ")
     try:
         options = CompareOptions(
             a=candidate("A", _path(a), engine_a or engine, floating=floating),
             b=candidate("B", _path(b), engine_b or engine, floating=floating),
             joints=(dict(joints or {}), {}),
-            starts=tuple(starts),
+            starts=tuple({key: float(q) for key, q in one.items()} for one in starts),
             resolution=resolution,
             as_shipped=as_shipped,
             strict=strict,
@@ -262,6 +267,29 @@ def compare(
     except FailureError as error:
         found = failed_record(options, error.failure, created)
     return Comparison(**msgspec.structs.asdict(found))
+
+
+def _check_joints(joints: object) -> None:
+    pairs = {} if joints is None else joints
+    if not isinstance(pairs, Mapping) or not all(
+        isinstance(one, str) for pair in pairs.items() for one in pair
+    ):
+        raise TypeError(
+            f"joints is {brief(joints)}, where joints of A by those of B belong, such as"
+            ' {"hip": "j1", "knee": "-j2"}'
+        )
+
+
+def _check_starts(starts: object) -> None:
+    if not isinstance(starts, Sequence) or not all(isinstance(one, Mapping) for one in starts):
+        raise TypeError(
+            f"starts is {brief(starts)}, where a list of states belongs, such as"
+            ' [{"hip": 1.0, "hip_dot": 0.0}]'
+        )
+    for start in starts:
+        for name, value in start.items():
+            if not is_number(value) or not math.isfinite(value):
+                raise CompareError(f"{name} starts at {value!r}, where a finite number belongs")
 
 
 def _path(name: Name) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 
 from harness.cases.case import load
@@ -235,6 +236,11 @@ def told(start: Start) -> str:
     return ", ".join(f"{name} = {value:g}" for name, value in start) or "from zero"
 
 
+def is_number(value: object) -> bool:
+    """Whether a value is a real number, of Python or of numpy; a truth value is none."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
 def start_from(given: Mapping[str, float]) -> Start:
     """A start as it is sent to a worker.
 
@@ -246,6 +252,6 @@ def start_from(given: Mapping[str, float]) -> Start:
             f'the scenario is {given!r}, where a name belongs, or a start, such as {{"theta": 0.1}}'
         )
     for name, value in given.items():
-        if not isinstance(value, (int, float)) or not math.isfinite(value):
+        if not is_number(value) or not math.isfinite(value):
             raise MotionError(f"{name} starts at {value!r}, where a finite number belongs")
     return tuple((str(name), float(value)) for name, value in given.items())

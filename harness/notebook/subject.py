@@ -13,6 +13,7 @@ from harness.files.folders import FORMATS, check_engines, system_folders
 from harness.files.model_files import check_springs, model_files
 from harness.files.sidecar import Sidecar, read_sidecar
 from harness.notebook.trajectory import MotionError
+from harness.options import check_text
 from harness.robots.named import robot_files
 
 Name = str | PathLike[str]
@@ -48,7 +49,9 @@ def model_named(name: Name) -> Subject:
 
     Raises:
         MotionError: for what is none, with what is there.
+        TypeError: for what is no path.
     """
+    check_text(name, "model", path=True)
     text = str(name)
     found = named_model(text)
     if found is not None:
@@ -73,7 +76,9 @@ def system_named(name: Name) -> Subject:
 
     Raises:
         MotionError, FolderError: for what is none, with what is there.
+        TypeError: for what is no path.
     """
+    check_text(name, "system", path=True)
     text = str(name)
     found = named_model(text)
     if found is not None:
@@ -98,9 +103,11 @@ def engine_for(subject: Subject, asked: str | None) -> str:
 
     Raises:
         MotionError, FolderError, SidecarError: with those that run it, or what installs one.
+        TypeError: for what is no name.
     """
     assert subject.file is not None
     if asked is not None:
+        check_text(asked, "engine")
         check_engines([asked])
     known = engines()
     if subject.folder is None:

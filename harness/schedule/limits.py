@@ -17,6 +17,16 @@ PATIENCE = 10.0
 """A task that sleeps or waits for itself uses no processor: it has so many times its limit."""
 
 
+LEAST_SECONDS = 1e-3
+"""Processor seconds below which no task ends."""
+
+LEAST_MEMORY = 0.5
+"""GiB in which Python and an engine find room."""
+
+MOST = 1e6
+"""Seconds or GiB that no limit reaches."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Limits:
     """What a task may use up.

@@ -127,6 +127,10 @@ class _Worker:
         self.kill()
 
 
+_IMPORTED_IN = os.getpid()
+"""The process that imported this module; one forked from it has another number."""
+
+
 class Workers(Executor):
     """Worker processes of this machine; use them as a context manager.
 
@@ -280,8 +284,11 @@ def _dismiss(crew: list[_Worker], scratch: Path) -> None:
 def _context() -> Any:
     """How processes are started: from a server that has imported what every task needs.
 
-    It is started with the first of them: where all is known, nothing has to be imported.
+    It is started with the first of them: where all is known, nothing has to be imported. A process
+    that was forked can't use the server of the one that it came from, and starts each by itself.
     """
+    if os.getpid() != _IMPORTED_IN:
+        return multiprocessing.get_context("spawn")
     methods = multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
     if "forkserver" in methods:

@@ -59,7 +59,7 @@ def test_a_run_that_is_stopped_keeps_what_is_done_and_goes_on(
     after(lambda done: os.kill(os.getpid(), number) if done == 2 else None)
     assert main(["run", "osc", "--out", "out", "--jobs", "1"]) == 128 + number
     told = capsys.readouterr()
-    assert f"stopped by {number.name}: 2 cases are done and kept" in told.err
+    assert f"stopped by {number.name}: 2 cases done and kept" in told.err
     assert "crosscheck run --resume --out out" in told.err
     assert f"2 cases: 2 AGREES; stopped by {number.name}, 2 not run" in told.out
     first = read_results(Path("out/results.json"))

@@ -61,7 +61,7 @@ def test_one_line_sums_up_without_what_no_motion_shows() -> None:
         "small faults: 3 of 3 caught, 3 named, 0 refused by the engine;"
         " mistakes: 6 of 7 caught, 5 named, 1 refused by the engine;"
         " another step or integrator: 1 of 1 agree;"
-        " 1 literals that no motion depends on (see audit)"
+        " 1 literal that no motion depends on (see audit)"
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -123,10 +124,25 @@ def test_what_can_not_be_compared_is_refused_in_the_words_of_python(tmp_path: Pa
     with pytest.raises(CompareError, match="choose another with engine_a=") as told:
         compare(MODEL, MODEL, engine="pymunk")
     assert "--" not in str(told.value)
-    with pytest.raises(ValueError, match="is not between"):
+    with pytest.raises(ValueError, match="resolution is 0, where a number"):
         compare(MODEL, MODEL, resolution=0)
     with pytest.raises(CompareError, match="theta starts at inf"):
         compare(MODEL, MODEL, starts=[{"theta": float("inf")}])
+
+
+@pytest.mark.parametrize(("given", "told"), [
+    ({"b": None}, "b is None, where a path belongs"),
+    ({"engine": ["mujoco"]}, r"engine is \['mujoco'\], where a string belongs"),
+    ({"joints": 5}, "joints is 5, where joints of A by those of B belong"),
+    ({"joints": {"theta": 5}}, "joints is .* where joints of A by those of B belong"),
+    ({"starts": {"theta": 1.0}}, "starts is .* where a list of states belongs"),
+    ({"limit": "long"}, "limit is 'long', where a number of seconds belongs"),
+])  # fmt: skip
+def test_an_argument_of_another_type_is_refused_with_what_belongs_there(
+    given: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(TypeError, match=told):
+        compare(**{"a": MODEL, "b": MODEL, **given})
 
 
 def test_an_engine_that_fails_makes_it_failed_with_the_reason(tmp_path: Path) -> None:

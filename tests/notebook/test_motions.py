@@ -280,6 +280,38 @@ def test_times_lie_in_the_motion_and_ascend() -> None:
         reference("simple_pendulum", START, times=[0, 2], duration=1)
 
 
+def test_numbers_of_numpy_are_numbers() -> None:
+    plain = simulate("simple_pendulum/mujoco.xml", START, 0.004, duration=1)
+    start = {"theta": np.float32(1.5)}
+    found = simulate(
+        "simple_pendulum/mujoco.xml",
+        start,  # type: ignore[arg-type]
+        np.float64(0.004),
+        duration=np.int64(1),  # type: ignore[arg-type]
+    )
+    assert np.array_equal(found.values, plain.values)
+
+
+def test_arguments_of_another_type_are_refused_with_what_belongs_there() -> None:
+    anything: Any = "ab"
+    with pytest.raises(MotionError, match="times are 'ab', where ascending numbers belong"):
+        reference("simple_pendulum", "free", times=anything)
+    for times in ([0.0, float("nan")], [None]):
+        anything = times
+        with pytest.raises(MotionError, match="times are numbers in a row, ascending"):
+            reference("simple_pendulum", "free", times=anything)
+    anything = None
+    with pytest.raises(TypeError, match="system is None, where a path belongs"):
+        reference(anything, "free")
+    with pytest.raises(TypeError, match="model is None, where a path belongs"):
+        simulate(anything, "free")
+    with pytest.raises(MotionError, match="the step is True, where a number of seconds"):
+        simulate("simple_pendulum/mujoco.xml", "free", True)
+    anything = ["mujoco"]
+    with pytest.raises(TypeError, match=r"engine is .* where a string belongs"):
+        simulate("simple_pendulum/mujoco.xml", "free", engine=anything)
+
+
 def test_an_engine_that_is_not_installed_is_told_with_what_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

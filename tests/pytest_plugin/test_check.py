@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
@@ -90,8 +92,36 @@ def test_wrong_arguments_are_refused_by_name() -> None:
         check("nowhere")
     with pytest.raises(FolderError, match="no engine 'havok' is known"):
         check("torsional_disc", engines=["havok"])
-    with pytest.raises(ValueError, match="is not between"):
-        check("torsional_disc", resolution=0)
+    with pytest.raises(FolderError, match="a name is empty"):
+        check("")
+    with pytest.raises(FolderError, match="a file, where a system folder belongs; name its folder"):
+        check(builtin() / "torsional_disc" / "space.py")
+
+
+@pytest.mark.parametrize(("given", "kind", "told"), [
+    ({"engines": "pymunk"}, TypeError, r"engines is 'pymunk', .* engines=\['pymunk'\]"),
+    ({"engines": [5]}, TypeError, r"engines is \[5\], where a list of names belongs"),
+    ({"resolution": 0}, ValueError, "resolution is 0, where a number from 1e-13 to 0.01 belongs"),
+    ({"resolution": "fine"}, TypeError, "resolution is 'fine', where a number belongs"),
+    ({"limit": math.nan}, ValueError, "limit is nan, where a number of seconds from"),
+    ({"limit": "long"}, TypeError, "limit is 'long', where a number of seconds belongs"),
+    ({"memory": 0}, ValueError, "memory is 0, where a number of GiB from 0.5"),
+    ({"jobs": -1}, ValueError, "jobs is -1, where a whole number from 0"),
+    ({"jobs": 1.5}, TypeError, "jobs is 1.5, where a whole number belongs"),
+    ({"baseline": 5}, TypeError, "baseline is 5, where a path belongs"),
+    ({"scheduler": 5}, TypeError, "scheduler is 5, where a string belongs"),
+])  # fmt: skip
+def test_an_argument_of_another_kind_is_refused_with_what_belongs_there(
+    given: dict[str, Any], kind: type[Exception], told: str
+) -> None:
+    with pytest.raises(kind, match=told):
+        check("torsional_disc", **given)
+
+
+def test_a_path_that_is_none_is_refused() -> None:
+    for path in (None, 5, ["torsional_disc"]):
+        with pytest.raises(TypeError, match="a path of check"):
+            check(path)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

@@ -320,6 +320,24 @@ def test_what_a_task_changes_of_its_surroundings_is_not_there_for_the_next(tmp_p
             assert one.outcome(one.submit(surroundings, None)) == before
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_process_that_was_forked_has_workers_of_its_own(workers: Workers, tmp_path: Path) -> None:
+    """The server that starts the parent's is no child of it, and can't be waited for."""
+    assert workers.outcome(workers.submit(square, 4)) == 16
+    told = tmp_path / "told"
+    child = os.fork()
+    if child == 0:
+        try:
+            with Workers(1) as own:
+                told.write_text(str(own.outcome(own.submit(square, 5))))
+        except BaseException as error:
+            told.write_text(repr(error))
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    assert told.read_text() == "25"
+
+
 def test_a_reason_of_a_megabyte_keeps_its_beginning_and_its_end(workers: Workers) -> None:
     text = f"begins {'x' * 10**6} ends"
     reason = failed(workers.outcome(workers.submit(ramble, text))).reason

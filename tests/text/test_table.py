@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout
 from io import StringIO
 
 import pytest
@@ -15,6 +16,7 @@ from harness.records.outcome import Outcome
 from harness.records.results import BaselineChange, BaselineChanges, Results
 from harness.text.causes import BEGIN_WITH_AUDIT
 from harness.text.table import case_line, print_results, summary
+from harness.text.terminal import terminal
 from harness.text.troubles import MOST_TOLD
 from tests.records.made import case, finding, full_run, model, results, stepping, verdict
 
@@ -61,6 +63,28 @@ def test_the_summary_counts_outcomes_and_what_is_accepted() -> None:
         " all that agree do so to 4.0e-12; 1.5 s"
     )
     assert summary(results()) == "0 cases: ; 1.5 s"
+    assert summary(results(case())).startswith("1 case: 1 AGREES;")
+
+
+def test_an_absent_engine_is_one_line_with_the_command_that_installs_it() -> None:
+    why = "pymunk is not installed; pip install 'physics-crosscheck[engines]'"
+    absent = [case(Outcome.ABSENT, engine="pymunk", scenario=s, reason=why) for s in ("a", "b")]
+    text = printed(results(*absent))
+    assert [line for line in text.splitlines() if "pymunk" in line] == [
+        f"ABSENT 2 cases: {why}",
+        f"2 cases: 2 ABSENT; {results(*absent).untested}; 1.5 s",
+    ]
+    assert "'physics-crosscheck[engines]'" in results(*absent).untested
+    assert "discrepancy" not in text  # no table of cases that were not run
+
+
+def test_nothing_that_a_record_has_is_markup_or_an_emoji() -> None:
+    out = StringIO()
+    with redirect_stdout(out):
+        name = "arm:cat:[bold].urdf"
+        wrong = case(Outcome.FAILED, model=name, reason=f"{name}:12: no mass")
+        print_results(terminal(), results(wrong, case(model=name, scenario="[red]far[/red]")))
+    assert out.getvalue().count(name) == 3
 
 
 def test_what_is_amiss_is_told_worst_first_with_what_was_printed() -> None:
@@ -173,7 +197,7 @@ def test_a_next_state_that_is_not_the_rules_is_told_beside_what_agrees() -> None
             case(Outcome.DIFFERS, model="wrong.xml", reason="off", stepping=soft),
         )
     )
-    assert "in one case, are the equations' by the engines' own rules to 2.0e-14" in text
+    assert "in 1 case, are the equations' by the engines' own rules to 2.0e-14" in text
     assert "The next state of disc/soft.xml [mujoco] is not that of semi-implicit Euler" in text
     assert "3.0e-05 of its movement off, where 1.0e-11 is uncertain; besides act eq" in text
     assert "next state of disc/wrong.xml" not in text, "its limit says so already"
