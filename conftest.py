@@ -10,7 +10,7 @@ import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from harness.schedule.threads import claim_one_thread
+from harness.schedule.environment import claim_defaults
 
 if TYPE_CHECKING:
     from harness.records.case import Case, FullRun, Verdict
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 pytest_plugins = ["pytest_crosscheck"]
 
 # Before anything imports numpy: there is a worker of pytest's a core.
-claim_one_thread()
+claim_defaults()
 
 # A shell's background job ignores Ctrl-C, and so would every run that is started to be stopped.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -17,8 +17,8 @@ from typing import Any
 from harness.cli.completion import COMPLETING, complete, words_before
 from harness.cli.exit_codes import FAIL, SIGNALLED, USAGE
 from harness.cli.streams import claim_streams, unprinted
+from harness.schedule.environment import claim_defaults
 from harness.schedule.stop import Stopped, raising
-from harness.schedule.threads import claim_one_thread
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",
@@ -49,7 +49,7 @@ EXIT_CODES = (
 def program() -> int:
     """The command line as a program of its own; returns the exit code."""
     claim_streams()
-    claim_one_thread()
+    claim_defaults()
     code = main()
     if lost := unprinted():
         print(f"crosscheck: standard output: {lost}", file=sys.stderr)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,10 @@ _MODEL = re.compile(r"(settings|spring)\b.*")
 _DIRECTION = re.compile(r".*axis\w*(@.*)?")
 """Numbers of which the direction counts, and not the length."""
 
-_STEP = {r"settings(\.\w+)?\.step": "the step"}
+_STEP = {r"settings(\.\w+)?\.step": "time step"}
+
+_NAMED = tuple(say.value for say in (Say.NONE, Say.FAINT, Say.FIXED, Say.REFUSED))
+"""Reasons for which each number that has an address is named."""
 
 
 def count_numbers(task: AuditTask) -> Coverage:
@@ -50,7 +54,7 @@ def count_numbers(task: AuditTask) -> Coverage:
     probe = Probe(z, w, model.step, engine, _frames(task.system, task.sidecar))
     found, bound = _numbers(task.sidecar, task.engine), _bound(task.sidecar)
     idle = {**_STEP, **engine.idle}
-    reasons = [_reason(one, idle) for one in found]
+    reasons = [reason_of(one.path, idle) for one in found]
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         base = probe.of(model)
         _ = base.posed  # now: in some engines the next model ends this one
@@ -66,7 +70,19 @@ def count_numbers(task: AuditTask) -> Coverage:
         trials.flip([i for i, one in enumerate(found) if _DIRECTION.fullmatch(one.path)])
     said = {**dict.fromkeys(range(len(found)), Say.UNTRIED), **trials.said}
     said |= {i: Say.CHOICE for i, choice in enumerate(chosen) if choice}
-    return _counted(found, said, bound, reasons)
+    return summarized(
+        [
+            CountedNumber(
+                path=one.path,
+                address="",
+                line=f"{one.location.file.name}:{one.location.line}",
+                say=said[i],
+                bound=_place(one) in bound,
+            )
+            for i, one in enumerate(found)
+        ],
+        idle,
+    )
 
 
 def _some(states: Array) -> Array:
@@ -107,46 +123,62 @@ def _place(literal: Literal) -> tuple[str, int]:
     return str(literal.location.file), literal.location.start
 
 
-def _reason(literal: Literal, idle: Mapping[str, str]) -> str:
-    """What numbers of its kind are for, where no motion depends on them; empty: not known."""
-    return next((why for kind, why in idle.items() if re.fullmatch(kind, literal.path)), "")
+@dataclass(frozen=True, kw_only=True)
+class CountedNumber:
+    """A number of a file, and what depends on it.
+
+    Attributes:
+        path: the tags that lead to it and its attribute.
+        address: what it is called; empty for none.
+        line: where it stands, such as `rod.xml:12`.
+        say: what depends on it.
+        bound: whether it is held against a formula.
+    """
+
+    path: str
+    address: str
+    line: str
+    say: Say
+    bound: bool = False
 
 
-def _counted(
-    found: Sequence[Literal],
-    said: Mapping[int, Say],
-    bound: frozenset[tuple[str, int]],
-    reasons: Sequence[str],
-) -> Coverage:
+def reason_of(path: str, idle: Mapping[str, str]) -> str:
+    """Return what numbers of a kind are for on which no motion needs to depend; "" if unknown."""
+    return next((why for kind, why in idle.items() if re.fullmatch(kind, path)), "")
+
+
+def summarized(found: Sequence[CountedNumber], idle: Mapping[str, str]) -> Coverage:
+    """Return the counts of numbers: each once, by what tests it, or by why nothing does."""
     counts = {"motion": 0, "audit": 0, "frames": 0}
-    unseen: dict[str, list[Literal]] = {}
-    for i, one in enumerate(found):
-        say = said[i]
-        if say is Say.MOTION:
+    unseen: dict[str, list[CountedNumber]] = {}
+    for one in found:
+        if one.say is Say.MOTION:
             counts["motion"] += 1
-        elif _place(one) in bound:
+        elif one.bound:
             counts["audit"] += 1
-        elif say is Say.FRAMES:
+        elif one.say is Say.FRAMES:
             counts["frames"] += 1
         else:
-            why = reasons[i] if say in (Say.NONE, Say.CHOICE) and reasons[i] else say.value
-            unseen.setdefault(why, []).append(one)
+            why = reason_of(one.path, idle) if one.say in (Say.NONE, Say.CHOICE) else ""
+            unseen.setdefault(why or one.say.value, []).append(one)
     return Coverage(
         numbers=len(found),
         motion=counts["motion"],
         audit=counts["audit"],
         frames=counts["frames"],
         unseen=tuple(
-            Unseen(reason=why, count=len(them), examples=_examples(them))
+            Unseen(reason=why, count=len(them), examples=_examples(why, them))
             for why, them in sorted(unseen.items(), key=lambda item: -len(item[1]))
         ),
     )
 
 
-def _examples(them: Sequence[Literal]) -> tuple[str, ...]:
-    """What some are called: element and attribute, a name, or a line."""
-    names = (
-        one.path.rpartition("/")[2] or f"{one.location.file.name}:{one.location.line}"
-        for one in them
-    )
+def _examples(why: str, them: Sequence[CountedNumber]) -> tuple[str, ...]:
+    """What some are called: element and attribute, a name, or a line.
+
+    Each by its address, where what numbers of its kind are for is not the reason.
+    """
+    if them[0].address and why in _NAMED:
+        return tuple(one.address for one in them)
+    names = (one.path.rpartition("/")[2] or one.line for one in them)
     return tuple(dict.fromkeys(names))[:SHOWN]

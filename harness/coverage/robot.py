@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection
 
 import numpy as np
 
 from harness.cases.robot_task import RobotTask
+from harness.coverage.count import CountedNumber, summarized
+from harness.coverage.trials import NUDGE, Say
+from harness.diagnosis.robot_problem import RobotProblem
 from harness.diagnosis.robot_task import problem_of
 from harness.engines.registry import engines
-from harness.records.coverage import Coverage, Unseen
+from harness.files.locations.xml import RawElement
+from harness.records.coverage import Coverage
 from harness.robots.numerals import Numeral
-from harness.robots.read import robot_numbers
+from harness.robots.read import read_robot, robot_numbers
+from reference.multibody.tree import WORLD
 
-SHOWN = 3
-"""Numbers that are named as examples of a reason that is known."""
-
-SHARE = 1e-3
-"""Of its size by which a number is thought to be changed, as in a folder."""
-
-NO_SAY = "no motion depends on them"
+_INERTIAL = re.compile(r".*/(link|body)/inertial[/@].*")
 
 
 def count_robot(task: RobotTask) -> Coverage:
@@ -32,32 +31,56 @@ def count_robot(task: RobotTask) -> Coverage:
         RobotError, ReferenceError: naming the file.
     """
     numbers = robot_numbers(task.file, task.settings)
+    if numbers.unread:
+        return Coverage(note="; ".join(numbers.unread))
     problem = problem_of(task, numbers, own=False)
-    moved = np.max(np.abs(problem.slopes({})), axis=1, initial=0.0)
-    sizes = [one.size for one in problem.hypotheses]
-    felt = moved * SHARE * np.array(sizes) > task.resolution
-    seen = {i for i, one in zip(numbers.saying, felt, strict=True) if one}
-    idle = engines()[task.engine].idle
-    unseen: dict[str, list[Numeral]] = {}
-    for i, numeral in enumerate(numbers.numerals):
-        if i not in seen:
-            unseen.setdefault(_reason(numeral, idle), []).append(numeral)
-    return Coverage(
-        numbers=len(numbers.numerals),
-        motion=len(seen),
-        unseen=tuple(
-            Unseen(reason=why, count=len(them), examples=_examples(why, them))
-            for why, them in sorted(unseen.items(), key=lambda item: -len(item[1]))
-        ),
-    )
+    says = {i: _say(problem, k, task.resolution) for k, i in enumerate(numbers.saying)}
+    choices, fixed = _choices(task), _fixed(task)
+    found = [
+        CountedNumber(
+            path=one.path,
+            address=one.address,
+            line=f"{one.file.name}:{one.line}",
+            say=_otherwise(one, says.get(i, Say.NONE), choices, fixed),
+        )
+        for i, one in enumerate(numbers.numerals)
+    ]
+    return summarized(found, engines()[task.engine].idle)
 
 
-def _reason(one: Numeral, idle: Mapping[str, str]) -> str:
-    return next((why for kind, why in idle.items() if re.fullmatch(kind, one.path)), NO_SAY)
+def _say(problem: RobotProblem, index: int, resolution: float) -> Say:
+    """What a change of a number does; a change that can't be followed is not one without effect."""
+    effect = problem.effect(index)
+    if effect is None or not np.isfinite(effect).all():
+        return Say.REFUSED
+    moved = float(np.max(np.abs(effect), initial=0.0)) * NUDGE * problem.hypotheses[index].size
+    if moved > resolution:
+        return Say.MOTION
+    return Say.FAINT if moved else Say.NONE
 
 
-def _examples(why: str, them: list[Numeral]) -> tuple[str, ...]:
-    """What some are called; all of those of which it could not be said beforehand."""
-    if why == NO_SAY:
-        return tuple(one.address for one in them)
-    return tuple(dict.fromkeys(one.path.rpartition("/")[2] for one in them))[:SHOWN]
+def _otherwise(one: Numeral, say: Say, choices: str, fixed: Collection[str]) -> Say:
+    """Why nothing depends on a number, where its place in the file tells."""
+    if say is Say.NONE and choices and re.fullmatch(choices, one.path):
+        return Say.CHOICE
+    if say is Say.NONE and _INERTIAL.fullmatch(one.path) and _owner(one.element) in fixed:
+        return Say.FIXED
+    return say
+
+
+def _choices(task: RobotTask) -> str:
+    return engines()[task.engine].choices
+
+
+def _owner(element: RawElement) -> str:
+    """The name of the link or body that an element is part of; empty for none."""
+    above: RawElement | None = element
+    while above is not None and above.tag not in ("link", "body"):
+        above = above.parent
+    return "" if above is None else above.attributes.get("name", "")
+
+
+def _fixed(task: RobotTask) -> frozenset[str]:
+    """Names of links that stand still."""
+    robot = read_robot(task.file, floating=bool(task.settings.get("floating")))
+    return frozenset(part.name for part in robot.parts if part.body == WORLD)

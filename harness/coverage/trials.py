@@ -28,10 +28,12 @@ class Say(Enum):
 
     MOTION = "motion"
     FRAMES = "frames"
-    NONE = "nothing depends on them"
-    REFUSED = "no other value is taken"
+    FAINT = "effect below the resolution"
+    NONE = "no effect on motion"
+    FIXED = "links that do not move"
+    REFUSED = "not counted: no other value can be tried"
     CHOICE = "switches and counts"
-    UNTRIED = "not tried, for time"
+    UNTRIED = "not counted: out of time"
 
 
 class Trials:

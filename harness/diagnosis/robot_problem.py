@@ -77,7 +77,7 @@ class RobotProblem:
     _defects: dict[object, Array] = field(default_factory=dict, init=False, repr=False)
     _flows: dict[object, Flow | None] = field(default_factory=dict, init=False, repr=False)
     _last: dict[tuple[int, ...], Flow] = field(default_factory=dict, init=False, repr=False)
-    _rows: dict[int, Array] = field(default_factory=dict, init=False, repr=False)
+    _rows: dict[int, Array | None] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
@@ -106,7 +106,7 @@ class RobotProblem:
         """
         of = range(len(self.suspicions)) if of is None else of
         if all(abs(by) <= NEAR * self.hypotheses[i].size for i, by in faults.items()):
-            return np.stack([self._row(index) for index in of])
+            return np.stack([self._or_none(self.effect(index)) for index in of])
         rows = np.zeros((len(of), self.apart.size))
         flow = self._flow(self._values(faults))
         if flow is None:
@@ -115,11 +115,19 @@ class RobotProblem:
             if self.hypotheses[index].switch:
                 rows[row] = self._switched(flow, faults, index)
             else:
-                rows[row] = self._slope(flow, faults, index)
+                rows[row] = self._or_none(self._slope(flow, faults, index))
         return rows
 
-    def _row(self, index: int) -> Array:
-        """A slope at no fault; of a switch, all that it does."""
+    def _or_none(self, slope: Array | None) -> Array:
+        """A slope; zeros for one that is not known, which no fit names then."""
+        return np.zeros(self.apart.size) if slope is None else slope
+
+    def effect(self, index: int) -> Array | None:
+        """Return a slope at no fault, (N,); of a switch, all that it does.
+
+        None where it is not known: the file makes no such tree with another value on either side,
+        or the equations can't follow it.
+        """
         if index not in self._rows:
             self._rows[index] = (
                 self.defect({}) - self.defect({index: 1.0})
@@ -137,20 +145,24 @@ class RobotProblem:
             by = None
         return np.zeros(self.apart.size) if by is None else self.way * by.ravel()
 
-    def _slope(self, flow: Flow, faults: Faults, index: int) -> Array:
+    def _slope(self, flow: Flow, faults: Faults, index: int) -> Array | None:
         """By a difference; of what has no slope to speak of and bends, by a longer one.
 
         The length of an axis, or a turn out of the plane of all motions, has no effect of the first
         order: the chord then points where its curvature does.
         """
-        near, far = self._chord(flow, faults, index, NUDGE), None
-        if np.max(np.abs(near)) * self.hypotheses[index].size < FLAT:
-            far = self._chord(flow, faults, index, BEND)
+        near = self._chord(flow, faults, index, NUDGE)
+        if near is None or np.max(np.abs(near)) * self.hypotheses[index].size >= FLAT:
+            return near
+        far = self._chord(flow, faults, index, BEND)
         bends = far is not None and np.max(np.abs(far)) > BENT * np.max(np.abs(near))
-        return far if far is not None and bends else near
+        return far if bends else near
 
-    def _chord(self, flow: Flow, faults: Faults, index: int, share: float) -> Array:
-        """Slope by a share of the size; to the other side where there is no tree on the one."""
+    def _chord(self, flow: Flow, faults: Faults, index: int, share: float) -> Array | None:
+        """Slope by a share of the size; to the other side where there is no tree on the one.
+
+        None where there is none on either.
+        """
         size = self.hypotheses[index].size
         for step in (share * size, -share * size):
             tree = self._tree(self._values({**faults, index: faults.get(index, 0.0) + step}))
@@ -160,11 +172,9 @@ class RobotProblem:
                 by = self._ends(tree, flow.variation(tree))
             except ReferenceError:
                 continue
-            if np.max(np.abs(by)) <= NOTHING:
-                break
             slope: Array = self.way * by.ravel() / step
-            return slope
-        return np.zeros(self.apart.size)
+            return np.zeros_like(slope) if np.max(np.abs(by)) <= NOTHING else slope
+        return None
 
     def _defect(self, values: Mapping[int, float]) -> Array:
         found = self.apart.ravel()

@@ -47,14 +47,32 @@ URDF_ALONE = ("floating", "hold_mimics", "trimmed_numbers", "weightless_links")
 
 MJCF_IDLE: Mapping[str, str] = MappingProxyType(
     {
-        r"mujoco/(visual|asset|statistic|keyframe|sensor|contact)/.*|.*/(light|camera)@.*": "looks",
-        r".*/site@.*|.*/(spatial|default|geom)@(width|rgba)|.*/replicate@.*|.*@rgba": "looks",
-        r".*/(joint|spatial|fixed)@range": "limits",
-        r".*/option@(timestep|.*iterations|.*tolerance|impratio|o_.*)": "step and solver",
-        r".*@(solref|solimp|margin)\w*": "how soft limits and equalities are",
+        r".*/keyframe/.*": "keyframes",
+        r".*/sensor/.*": "sensors",
+        r".*/(light|camera)@.*|.*@(rgba|group)|mujoco/(visual|statistic)[/@].*": "visual geometry",
+        r".*/asset/(texture|material|skin)[/@].*|.*/material@.*": "visual geometry",
+        r".*/(spatial|fixed|tendon|default)@width": "visual geometry",
+        r".*/joint@(range|margin|solreflimit|solimplimit)": "joint limits",
+        r".*/(spatial|fixed|tendon)@(range|margin|solreflimit|solimplimit)": "tendon limits",
+        r".*@(frictionloss|solreffriction|solimpfriction)": "dry friction",
+        r".*@(ctrl|force|act|actuatorfrc|inherit|length)range": "actuator limits",
+        r".*/geom@(friction|solref|solimp|solmix|margin|gap|condim|contype|conaffinity|priority)"
+        r"|.*/contact/.*|.*/(pair|exclude)@.*": "contact parameters",
+        r".*/geom@.*|.*/asset/.*|.*/(mesh|hfield)@.*": "collision and visual shapes",
+        r".*/replicate@.*": "replicated elements",
+        r".*/site@(size|fromto)": "sites",
+        r".*/equality@.*|.*/equality/.*@(solref|solimp)": "softness of equalities",
+        r".*/equality/(connect|weld|flex\w*)@.*": "loops",
+        r".*/equality/.*": "equalities",
+        r".*/(muscle|adhesion)@.*": "muscles and adhesion",
+        r".*/plugin[/@].*": "plugins",
+        r".*/option@timestep": "time step",
+        r".*/option@(.*iterations|.*tolerance|impratio|o_.*)": "solver settings",
+        r".*/size@.*": "memory sizes",
+        r".*@user|.*/custom/.*": "user data",
     }
 )
-"""Numbers of an MJCF on which no smooth motion depends there."""
+"""Numbers of an MJCF on which no smooth motion needs to depend, by what they are for."""
 
 _SAMPLE = """<mujoco><option timestep="0.004"/><compiler angle="radian"/><worldbody>
 <body><joint name="q1" type="slide" axis="1 0 0" stiffness="50" damping="1.5"/>

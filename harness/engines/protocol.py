@@ -43,7 +43,10 @@ class FileError(Exception):
 
 
 class EngineError(FileError, RuntimeError):
-    """A model file that an engine can't load or run; the message names file, place and remedy."""
+    """A model file that an engine can't load or run; the message names file, place and remedy.
+
+    Where memory runs out, an adapter raises MemoryError instead: that says nothing about the file.
+    """
 
 
 class UnsupportedError(EngineError):

@@ -152,14 +152,22 @@ def sdf_remarks(
 
 SDF_IDLE: Mapping[str, str] = MappingProxyType(
     {
-        r".*/(visual|material)/.*": "looks",
-        r".*/collision/.*": "shapes that touch nothing",
-        r".*/limit/.*": "limits",
-        r"sdf@version": "the version of the format",
-        r".*/joint/physics/.*": "settings of solvers",
+        r".*/(visual|material|light|scene|gui)/.*": "visual geometry",
+        r".*/collision/(.*/)?surface/.*": "contact parameters",
+        r".*/collision/.*": "collision shapes",
+        r".*/limit/(lower|upper)": "joint limits",
+        r".*/limit/velocity": "velocity limits",
+        r".*/limit/effort": "actuator limits",
+        r".*/limit/.*": "softness of joint limits",
+        r".*/dynamics/friction": "dry friction",
+        r".*/sensor/.*": "sensors",
+        r".*/plugin/.*": "plugins",
+        r"sdf@version": "format version",
+        r".*/physics/(max_step_size|real_time.*)": "time step",
+        r".*/physics/.*": "solver settings",
     }
 )
-"""Numbers of an SDFormat file on which no smooth motion depends."""
+"""Numbers of an SDFormat file on which no smooth motion needs to depend, by what they are for."""
 
 _INERTIA = "<inertia><ixx>0.01</ixx><iyy>0.01</iyy><izz>0.01</izz></inertia>"
 _SAMPLE = f"""<sdf version="1.6"><world name="here"><gravity>0 0 -9.81</gravity>

@@ -147,6 +147,24 @@ def folded(error: object) -> str:
     return " ".join(str(error).split())
 
 
+_NO_MEMORY = ("could not allocate memory", "cannot allocate memory", "out of memory", "bad_alloc")
+"""What engines say where memory ran out, in lower case."""
+
+
+def check_memory(error: Exception) -> None:
+    """Raise MemoryError where an engine's own error means that memory ran out.
+
+    An EngineError is about a file: those who try other numbers take it for an answer, and a
+    shortage of memory is none.
+
+    Raises:
+        MemoryError: with what the engine said.
+    """
+    said = folded(error)
+    if isinstance(error, MemoryError) or any(words in said.lower() for words in _NO_MEMORY):
+        raise MemoryError(said) from error
+
+
 @contextmanager
 def engine_errors(path: Path | str, title: str) -> Iterator[None]:
     """Whatever an engine raises names the file."""
@@ -155,5 +173,6 @@ def engine_errors(path: Path | str, title: str) -> Iterator[None]:
     except EngineError:
         raise
     except Exception as error:
+        check_memory(error)
         told = f"{title} ends in {type(error).__name__}: {folded(error)}"
         raise EngineError(told, file=Path(path)) from error

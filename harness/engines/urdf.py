@@ -275,12 +275,23 @@ def base_name(robot: ET.Element) -> str:
 
 IDLE: Mapping[str, str] = MappingProxyType(
     {
-        r".*/(visual|material)/.*": "looks",
-        r".*/collision/.*": "shapes that touch nothing",
-        r".*/limit@.*": "limits",
+        r".*/(visual|material)/.*": "visual geometry",
+        r".*/collision/.*": "collision shapes",
+        r"robot/link/contact/.*": "contact parameters",
+        r"robot/gazebo/(mu|kp|kd|fdir|maxVel|minDepth)\w*": "contact parameters",
+        r".*/limit@(lower|upper)": "joint limits",
+        r".*/limit@velocity": "velocity limits",
+        r".*/limit@.*": "actuator limits",
+        r".*/safety_controller@.*": "safety limits",
+        r".*/(dynamics|joint_properties)@friction": "dry friction",
+        r"robot/(.*/)?(transmission|actuator)/.*": "transmissions",
+        r".*/sensor/.*": "sensors",
+        r"robot/joint/mimic@.*": "joint couplings",
+        r"robot/gazebo/(?!spring(Stiffness|Reference)).*": "Gazebo extensions",
+        r"robot/(?!link/inertial/|joint/(origin|axis|dynamics)@|gazebo/).*": "elements not read",
     }
 )
-"""Numbers of a URDF on which no smooth motion depends."""
+"""Numbers of a URDF on which no smooth motion needs to depend, by what they are for."""
 
 _SAMPLE = """<robot name="sample">
 <link name="ground"><inertial><mass value="1"/>{inertia}</inertial></link>

@@ -28,6 +28,7 @@ from harness.records.outcome import Outcome
 from harness.robots.copies import copied
 from harness.robots.numerals import SMALL, Numeral
 from harness.robots.read import robot_numbers
+from reference.numeric import Array
 
 SHOWN = 2.0
 """A fault whose effect is larger than what is uncertain by so many times has to be caught."""
@@ -72,15 +73,14 @@ def faults_of(task: RobotTask) -> tuple[TreeFault, ...]:
     known = max(case.verdict.largest_uncertainty or 0.0, task.resolution)
     numbers = robot_numbers(task.file, task.settings)
     problem = problem_of(task, numbers, own=False)
-    effects = np.max(np.abs(problem.slopes({})), axis=1, initial=0.0)
     return tuple(
         TreeFault(
             model=task,
             index=index,
             size=size,
-            first_seen=_first(effect * _size(numbers.numerals[index]), known),
+            first_seen=_first(problem.effect(k), _size(numbers.numerals[index]), known),
         )
-        for index, effect in zip(numbers.saying, effects, strict=True)
+        for k, index in enumerate(numbers.saying)
         for size in SIZES
     )
 
@@ -90,8 +90,14 @@ def _size(one: Numeral) -> float:
     return abs(one.value) if abs(one.value) > SMALL else one.scale
 
 
-def _first(effect: float, known: float) -> float:
-    """Share of a number's size from which on it is seen; inf where it has no say at all."""
+def _first(slope: Array | None, size: float, known: float) -> float:
+    """Share of a number's size from which on it is seen; inf where it has no say at all.
+
+    0 where no slope is known: the engine shows what it does.
+    """
+    if slope is None:
+        return 0.0
+    effect = float(np.max(np.abs(slope), initial=0.0)) * size
     return known / effect if effect > EPSILON else np.inf
 
 

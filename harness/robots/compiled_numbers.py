@@ -26,6 +26,7 @@ class CompiledNumbers:
 
     Attributes:
         numerals: all of them, file after file.
+        unread: why numbers of some of these files are not among them, a sentence each.
     """
 
     def __init__(self, path: Path, engine: Engine, controls: Sequence[float]) -> None:
@@ -33,14 +34,17 @@ class CompiledNumbers:
         self._texts: dict[Path, bytes] = {}
         self._known: dict[tuple[int, float], Tree | None] = {}
         found: list[Numeral] = []
+        unread: list[str] = []
         for part in engine.parts(path):
             try:
                 document = Document(part)
-            except DocumentError:
-                continue  # what no parser of XML reads, though the engine may
+            except DocumentError as error:  # the engine may read it
+                unread.append(str(error))
+                continue
             self._texts[part] = document.data
             found += numerals(document)
         self.numerals: tuple[Numeral, ...] = tuple(found)
+        self.unread = tuple(unread)
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """The tree with other values of some numbers, by their index; None where there is none."""

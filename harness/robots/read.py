@@ -29,6 +29,10 @@ class Numbers(Protocol):
     def saying(self) -> tuple[int, ...]:
         """Indices of those that may say something of the tree."""
 
+    @property
+    def unread(self) -> tuple[str, ...]:
+        """Why numbers of some of its files are not among these, a sentence each."""
+
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """The tree with other values of some, by their index; None where there is none."""
 

@@ -34,7 +34,10 @@ class SdfNumbers:
     Attributes:
         numerals: those that do not belong to another model, in the file's order.
         saying: indices of those that may say something of the tree.
+        unread: none, since a file that is no XML is refused.
     """
+
+    unread: tuple[str, ...] = ()
 
     def __init__(self, path: Path, model: str = "") -> None:
         self._document, self._chosen = Document(path), model

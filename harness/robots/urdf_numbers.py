@@ -39,7 +39,10 @@ class UrdfNumbers:
     Attributes:
         numerals: all of them, in the file's order.
         saying: indices of those that may say something of the tree.
+        unread: none, since a file that is no XML is refused.
     """
+
+    unread: tuple[str, ...] = ()
 
     def __init__(self, path: Path, *, floating: bool, held: Collection[str] = ()) -> None:
         self._document = Document(path)

@@ -28,13 +28,13 @@ from typing import Any
 
 import physics_crosscheck
 from harness.schedule.clock import is_waiting, processor_seconds
+from harness.schedule.environment import workers_defaults
 from harness.schedule.executor import MOMENT, Executor, Pending
 from harness.schedule.failure import Failure
 from harness.schedule.limits import Limits
 from harness.schedule.main_module import without_main
 from harness.schedule.source import line_of_death
 from harness.schedule.stop import SIGNALS
-from harness.schedule.threads import one_thread_each
 from harness.schedule.worker import Station, serve
 
 __all__ = ["Failure", "Limits", "Pending", "Workers"]
@@ -324,7 +324,7 @@ def _as_servers_start() -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that it had to be started again
             resource_tracker.ensure_running()
-    with _safe_path(), one_thread_each(), _signals_held():
+    with _safe_path(), workers_defaults(), _signals_held():
         yield
 
 

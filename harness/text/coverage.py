@@ -54,20 +54,20 @@ def coverage_line(model: Model, *, examples: bool = False) -> str:
 
 
 def numbers_seen(coverage: Coverage, examples: bool) -> str:
-    """Such as: 23 of 31 numbers checked (18 by motion, 4 by audit, 1 by frames), not ..."""
+    """Such as: 23 of 31 numbers tested (18 by motion, 4 by audit, 1 by frames); untested: ..."""
     if coverage.note:
         return f"numbers not counted: {coverage.note}"
     by: Mapping[str, int] = {
         "motion": coverage.motion, "audit": coverage.audit, "frames": coverage.frames,
     }  # fmt: skip
     said = ", ".join(f"{count} by {what}" for what, count in by.items() if count)
-    line = f"{coverage.seen} of {counted(coverage.numbers, 'number')} checked"
+    line = f"{coverage.seen} of {counted(coverage.numbers, 'number')} tested"
     line += f" ({said})" if said else ""
     left = [
         f"{one.count} ({one.reason}{f': {_some(one)}' if examples else ''})"
         for one in coverage.unseen
     ]
-    return line + (f"; not {', '.join(left)}" if left else "")
+    return line + (f"; untested: {', '.join(left)}" if left else "")
 
 
 def _some(unseen: Unseen) -> str:

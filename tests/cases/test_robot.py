@@ -282,10 +282,10 @@ def test_a_cause_and_the_numbers_that_count_are_told(tmp_path: Path) -> None:
     assert model.diagnosis.explained
     assert model.coverage is not None
     assert model.coverage.left_out
-    assert f"{model.coverage.seen} of {model.coverage.numbers} numbers checked" in done.stdout
+    assert f"{model.coverage.seen} of {model.coverage.numbers} numbers tested" in done.stdout
     page = (tmp_path / "out" / "index.html").read_text()
     assert "moments of link[panda_link8]/inertial/inertia" in page
-    assert f"{model.coverage.seen} of {model.coverage.numbers} numbers checked" in page
+    assert f"{model.coverage.seen} of {model.coverage.numbers} numbers tested" in page
 
 
 def test_strict_fails_where_a_file_says_more_than_is_checked(tmp_path: Path) -> None:

@@ -64,9 +64,10 @@ def test_numbers_are_counted_by_what_sees_them(task: AuditTask) -> None:
     assert found.frames == 7
     assert found.seen + sum(one.count for one in found.unseen) == found.numbers
     reasons = {one.reason: one.count for one in found.unseen}
-    assert reasons["looks"] == 4
-    assert reasons["shapes that touch nothing"] == 4
-    assert reasons["step and solver"] == 1
+    assert reasons["visual geometry"] == 4
+    assert reasons["contact parameters"] == 2
+    assert reasons["collision and visual shapes"] == 2
+    assert reasons["time step"] == 1
 
 
 def test_no_number_of_a_whole_family_is_tried_alone(
@@ -90,7 +91,7 @@ def test_what_time_does_not_allow_is_said_to_be_untried(
 ) -> None:
     monkeypatch.setattr(trials, "PATIENCE", -1.0)
     (one, *_) = count_numbers(task).unseen
-    assert one.reason == "not tried, for time"
+    assert one.reason == "not counted: out of time"
 
 
 def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: AuditTask) -> None:
@@ -98,7 +99,7 @@ def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: AuditTask) 
     path.write_text(SIDECAR.replace('"Euler"\n', '"Euler"\ngravity = [0, 0, 0]\nstep = 0.001\n'))
     more = count_numbers(replace(task, sidecar=read_sidecar(path)))
     assert more.numbers == 33
-    assert "the step" in {one.reason for one in more.unseen}
+    assert "time step" in {one.reason for one in more.unseen}
 
 
 def test_every_number_of_each_format_is_listed(tmp_path: Path) -> None:
@@ -131,7 +132,7 @@ COVERAGE = Coverage(
     motion=18,
     audit=4,
     frames=1,
-    unseen=(Unseen(reason="looks", count=8, examples=("geom@rgba", "site@size")),),
+    unseen=(Unseen(reason="visual geometry", count=8, examples=("geom@rgba", "site@size")),),
 )
 
 
@@ -147,10 +148,13 @@ def test_the_line_says_what_had_a_say_and_what_had_not() -> None:
     )  # fmt: skip
     one = model(coverage=COVERAGE, poses=poses, audit=(stop,))
     assert coverage_line(one) == (
-        "23 of 31 numbers checked (18 by motion, 4 by audit, 1 by frames); not 8 (looks); 1 pose"
-        " checked, not tip (not in the sidecar's [frames]); not reached: a is limited to [-3, 3]"
+        "23 of 31 numbers tested (18 by motion, 4 by audit, 1 by frames); untested: 8 (visual"
+        " geometry); 1 pose checked, not tip (not in the sidecar's [frames]); not reached: a"
+        " is limited to [-3, 3]"
     )
-    assert "not 8 (looks: geom@rgba, site@size, ...)" in coverage_line(one, examples=True)
+    assert "untested: 8 (visual geometry: geom@rgba, site@size, ...)" in coverage_line(
+        one, examples=True
+    )
 
 
 def test_models_that_are_alike_share_a_line_and_unchecked_poses_are_said() -> None:

@@ -7,8 +7,12 @@ from pathlib import Path
 import pytest
 
 from harness.cases.robot import prepare_robot
-from harness.coverage.robot import NO_SAY, count_robot
+from harness.coverage.robot import count_robot
+from harness.coverage.trials import Say
 from harness.engines.registry import readers
+from harness.robots.compiled_numbers import CompiledNumbers
+from harness.schedule.limits import Limits
+from harness.schedule.workers import Failure, Workers
 from tests.robots.files import joint, link
 
 PLACE = '<origin xyz="0 0 0.25"/><axis xyz="0 1 0"/>'
@@ -32,11 +36,80 @@ def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
     assert found.numbers == 3 + 1 + 6 + 3 + 3 + 4 + 3 + 1 + 6
     assert found.seen + sum(one.count for one in found.unseen) == found.numbers
     by_reason = {one.reason: one for one in found.unseen}
-    assert by_reason["limits"].count == 4
-    idle = by_reason[NO_SAY].examples
-    assert len(idle) == by_reason[NO_SAY].count
-    # The mass of what stands still, where the joint is, and moments about other axes have no say.
-    assert {"link[base]/inertial/mass@value", "joint[a]/origin@xyz[2]",
-            "link[one]/inertial/inertia@ixx"} <= set(idle)  # fmt: skip
+    counts = {reason: one.count for reason, one in by_reason.items()}
+    assert counts["joint limits"] == 2
+    assert counts["actuator limits"] == counts["velocity limits"] == 1
+    # All ten numbers of what stands still, each by its name.
+    still = by_reason[Say.FIXED.value].examples
+    assert len(still) == counts[Say.FIXED.value] == 10
+    assert "link[base]/inertial/mass@value" in still
+    idle = by_reason[Say.NONE.value].examples
+    assert len(idle) == counts[Say.NONE.value]
+    # Where the joint is, and moments about other axes have no say.
+    assert {"joint[a]/origin@xyz[2]", "link[one]/inertial/inertia@ixx"} <= set(idle)
     assert not {"link[one]/inertial/mass@value", "link[one]/inertial/inertia@iyy",
                 "link[one]/inertial/origin@xyz[2]", "joint[a]/axis@xyz[2]"} & set(idle)  # fmt: skip
+
+
+MJCF = """<mujoco><size memory="400M" nkey="1"/><option timestep="0.001"/>
+<default><geom friction="0.8"/></default>
+<worldbody><camera pos="0 0 3"/>
+<body name="a"><joint name="a" axis="0 1 0" range="-1 1" frictionloss="0.2"/>
+<geom size="0.1" pos="0 0 -0.3" contype="1" mass="1.3"/><site name="s" pos="0 0 -0.6"/>
+<body name="b" pos="0 0 -0.6"><joint name="b" axis="0 1 0" solreflimit="0.02 1"/>
+<geom size="0.1" pos="0 0 -0.3" mass="0.7" rgba="1 0 0 1"/></body></body></worldbody>
+<equality><connect body1="b" anchor="0 0 -0.3" solref="0.01 1"/></equality>
+<actuator><motor joint="a" ctrlrange="-1 1"/></actuator>
+<sensor><jointpos joint="a" noise="0.1"/></sensor>
+<custom><numeric name="n" data="1 2"/></custom>
+<keyframe><key qpos="0.1 0.2"/></keyframe></mujoco>"""
+
+
+def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(MJCF)
+    found = count_robot(prepare_robot(file).task("mujoco", 1e-9))
+    counts = {one.reason: one.count for one in found.unseen}
+    assert counts.pop(Say.NONE.value) == 6  # of axes, places along them, and a site
+    assert counts == {
+        "visual geometry": 3 + 4,
+        "collision and visual shapes": 2,
+        "contact parameters": 2,
+        "joint limits": 2 + 2,
+        "dry friction": 1,
+        "loops": 3,
+        "softness of equalities": 2,
+        "actuator limits": 2,
+        "sensors": 1,
+        "user data": 2,
+        "keyframes": 2,
+        "memory sizes": 1,
+        "time step": 1,
+    }
+
+
+def test_a_shortage_of_memory_is_no_number_without_effect(tmp_path: Path) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(MJCF)
+    task = prepare_robot(file).task("mujoco", 1e-9)
+    limits = Limits(memory=0.2)
+    with Workers(1, limits=limits) as workers:
+        found = workers.outcome(workers.submit(count_robot, task))
+    assert isinstance(found, Failure)
+    assert found.reason == limits.full
+
+
+def test_a_number_that_cannot_be_moved_is_not_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(MJCF)
+    task = prepare_robot(file).task("mujoco", 1e-9)
+    compiled = CompiledNumbers.tree
+    monkeypatch.setattr(
+        CompiledNumbers, "tree", lambda self, values: None if values else compiled(self, {})
+    )
+    found = count_robot(task)
+    assert found.motion == 0
+    reasons = {one.reason: one.count for one in found.unseen}
+    assert set(reasons) == {Say.REFUSED.value, "memory sizes", "contact parameters"}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from harness.engines.compiled import CompiledTree
 from harness.engines.installed import version_of
 from harness.engines.mistake import DefaultLeftOn, LeftOut
+from harness.engines.mjcf_engine import MJCF_IDLE
 from harness.engines.mujoco.equalities import equalities_act
 from harness.engines.mujoco.forward import equality_errors, forward, holds_exactly
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
@@ -78,19 +79,10 @@ class MujocoEngine(Engine):
     unstated = "2 ms and -9.81"
     takes_springs = (".urdf",)
     stated_settings = MappingProxyType({"integrator": "Euler"})
-    idle = MappingProxyType(
-        {
-            **IDLE,
-            r"mujoco/(visual|asset|statistic)/.*|.*/(light|camera)@.*|.*@rgba": "looks",
-            r".*/site@(size|fromto)|.*/(spatial|default)@(width|rgba)|.*/replicate@.*": "looks",
-            r".*/(geom|pair|exclude)@.*": "shapes that touch nothing",
-            r".*/(joint|spatial|fixed)@range": "limits",
-            r".*/option@(timestep|.*iterations|.*tolerance|impratio|o_.*)": "step and solver",
-        }
-    )
+    idle = MappingProxyType({**IDLE, **MJCF_IDLE})
     choices = (
         r".*@(contype|conaffinity|condim|group|priority|.*iterations|count)"
-        r"|.*/(texture|global|quality|hfield)@\w+"
+        r"|.*/(texture|global|quality|hfield|size)@\w+|.*/numeric@size"
     )
     compiles: tuple[str, ...] = (".xml",)
     switches = frozenset({"smooth", "couplings", "held", "actuators", "controls", "activations"})

@@ -10,7 +10,14 @@ from typing import NamedTuple
 
 from harness.engines.protocol import EngineError, ModelSpec
 from harness.engines.remark import PULL, Remark
-from harness.engines.source import NoXmlError, XmlSource, folded, read_source, read_xml
+from harness.engines.source import (
+    NoXmlError,
+    XmlSource,
+    check_memory,
+    folded,
+    read_source,
+    read_xml,
+)
 
 _OVERRIDING = {"step": "timestep", "gravity": "gravity", "integrator": "integrator"}
 """Settings of a sidecar, and what each overrides of an `<option>`."""
@@ -188,7 +195,12 @@ def _same(words: str, given: object) -> bool:
 
 
 def refusal(error: Exception, path: Path, found: Sequence[XmlSource]) -> EngineError:
-    """What MuJoCo says on several lines, on one, and at its line where that is in this file."""
+    """What MuJoCo says on several lines, on one, and at its line where that is in this file.
+
+    Raises:
+        MemoryError: where it says that memory ran out, whatever is in the file.
+    """
+    check_memory(error)
     if wrong := _not_a_number(_words(found)):
         return wrong
     reason = folded(error)

@@ -1,0 +1,109 @@
+"""Workers start with one thread of BLAS and a threshold of malloc, unless a user sets others."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.schedule.environment import DEFAULTS, MAPPED_FROM
+
+BESIDE = Path(__file__).resolve().parents[2]
+
+PROGRAM = """
+import sys
+from physics_crosscheck.main import main
+early = "numpy" in sys.modules
+sys.argv = ["crosscheck", "engines"]
+main()
+from tests.schedule.test_environment import found
+print(early, found(None))
+"""
+
+LIBRARY = """
+from harness.schedule.limits import Limits
+from harness.schedule.workers import Workers
+from tests.schedule.test_environment import found, set_here
+
+with Workers(1, limits=Limits(seconds=60)) as workers:
+    before = set_here()
+    print(workers.outcome(workers.submit(found, None)), set_here() == before)
+"""
+
+
+def set_here() -> list[str]:
+    return [os.environ.get(name, "unset") for name in DEFAULTS]
+
+
+def found(_: object) -> str:
+    """What is set, and how many threads a product starts that is worth some to BLAS."""
+    import numpy as np
+
+    before = len(os.listdir("/proc/self/task"))
+    matrix = np.ones((600, 600))
+    matrix @ matrix
+    return f"{','.join(set_here())} {len(os.listdir('/proc/self/task')) - before}"
+
+
+def last_line(program: str, **given: str) -> str:
+    clean = {name: value for name, value in os.environ.items() if name not in DEFAULTS}
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env={**clean, "PYTHONPATH": str(BESIDE), **given},
+        cwd=BESIDE,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.splitlines()[-1]
+
+
+def test_the_program_has_one_and_says_so_before_numpy_is_imported() -> None:
+    assert last_line(PROGRAM) == "False 1,1,1,1,1048576 0"
+
+
+def test_workers_of_a_library_have_one_and_the_library_is_left_as_it_was() -> None:
+    assert last_line(LIBRARY) == "1,1,1,1,1048576 0 True"
+
+
+@pytest.mark.parametrize(("program", "rest"), [(PROGRAM, "False "), (LIBRARY, "")])
+def test_what_a_user_has_set_stands(program: str, rest: str) -> None:
+    given = {"OPENBLAS_NUM_THREADS": "2", MAPPED_FROM: "300000"}
+    assert last_line(program, **given).startswith(f"{rest}2,1,1,1,300000 ")
+
+
+RESERVED = """
+import re
+from pathlib import Path
+from harness.schedule.limits import Limits
+from harness.schedule.workers import Workers
+from tests.schedule.test_environment import reserved_by_turns
+
+with Workers(1, limits=Limits(seconds=60)) as workers:
+    print(workers.outcome(workers.submit(reserved_by_turns, 100)))
+"""
+
+
+def reserved_by_turns(turns: int) -> int:
+    """MB that are reserved more after models are compiled in turn, each freed before the next."""
+    import mujoco
+
+    def now() -> int:
+        words = Path("/proc/self/status").read_text().split()
+        return int(words[words.index("VmData:") + 1]) // 1000
+
+    text = "<mujoco><worldbody><body><joint/><geom size='1'/></body></worldbody></mujoco>"
+    kept, before = [], now()
+    for _ in range(turns):
+        mujoco.MjSpec.from_string(text).compile()
+        kept.append(bytes(100_000))  # ends up between what is freed
+    return now() - before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="of glibc")
+def test_memory_that_is_given_back_is_not_reserved_again_and_again() -> None:
+    assert int(last_line(RESERVED)) < 200
+    assert int(last_line(RESERVED, **{MAPPED_FROM: str(2**25)})) > 2 * int(last_line(RESERVED))
