@@ -51,7 +51,7 @@ class EnergiesModel(ModelPlan):
     def _audited(self, prepared: Prepared) -> AuditTask:
         from harness.audit.task import audit_task
 
-        return audit_task(prepared, self.sidecar, self.engine)
+        return audit_task(prepared, self.sidecar, self.engine, self.options.resolution)
 
     def _measuring(
         self, case: CaseId, prepared: Prepared, accepted: Snapshot | None

@@ -14,7 +14,10 @@ from reference.system import System
 
 @dataclass(frozen=True, kw_only=True)
 class AuditTask:
-    """What a worker needs to audit one model in one engine; cheaper to send than a `Prepared`."""
+    """What a worker needs to audit one model in one engine; cheaper to send than a `Prepared`.
+
+    `resolution` is that of the run: a change of motions or poses that counts, relative.
+    """
 
     system: System
     equilibria: tuple[Equilibrium, ...]
@@ -24,9 +27,12 @@ class AuditTask:
     fastest: float
     sidecar: Sidecar
     engine: str
+    resolution: float = 1e-9
 
 
-def audit_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> AuditTask:
+def audit_task(
+    prepared: Prepared, sidecar: Sidecar, engine: str, resolution: float = 1e-9
+) -> AuditTask:
     """The part of a folder's physics that an audit needs."""
     motions = prepared.motions.values()
     states = np.concatenate([m.nodes.reshape(-1, m.nodes.shape[-1]) for m in motions])
@@ -42,4 +48,5 @@ def audit_task(prepared: Prepared, sidecar: Sidecar, engine: str) -> AuditTask:
         fastest=max(m.fastest for m in motions),
         sidecar=sidecar,
         engine=engine,
+        resolution=resolution,
     )

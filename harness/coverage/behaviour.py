@@ -13,11 +13,6 @@ from harness.files.frames import SidecarFrames
 from harness.files.sidecar import Sidecar, SidecarError
 from reference.numeric import Array
 
-FAINT = 1e-9
-"""A change of the largest acceleration or distance by less is a rounding: numbers are moved by
-1e-3 of their size."""
-
-
 POSED = 8
 """States at which frames are looked up: extremes of the motions are among the first."""
 
@@ -28,6 +23,7 @@ class Probe:
 
     Attributes:
         h: step, s: of the model as it is, since a number may be the step.
+        resolution: a change that counts, relative.
     """
 
     z: Array
@@ -35,6 +31,7 @@ class Probe:
     h: float
     engine: Engine
     said: SidecarFrames
+    resolution: float
 
     def loaded(self, sidecar: Sidecar) -> Model | None:
         """A model, or None where the engine refuses it."""
@@ -78,17 +75,17 @@ class Behaviour:
         """Origins of the frames, and their rotations."""
         return self.look()
 
-    def moves_as(self, other: Behaviour) -> bool:
-        """Whether the motions are the same."""
+    def moves_as(self, other: Behaviour, resolution: float) -> bool:
+        """Whether the motions are the same, to a share of the largest rate."""
         pairs = ((self.moved, other.moved), (self.pushed, other.pushed))
-        return all(_alike(one, two) for one, two in pairs)
+        return all(_alike(one, two, resolution) for one, two in pairs)
 
-    def poses_as(self, other: Behaviour) -> bool:
-        """Whether the frames are where those of another are."""
+    def poses_as(self, other: Behaviour, resolution: float) -> bool:
+        """Whether the frames are where those of another are, to a share of the largest distance."""
         pairs = zip(self.posed, other.posed, strict=True)
-        return all(one.shape == two.shape and _alike(one, two) for one, two in pairs)
+        return all(one.shape == two.shape and _alike(one, two, resolution) for one, two in pairs)
 
 
-def _alike(one: Array, other: Array) -> bool:
+def _alike(one: Array, other: Array, resolution: float) -> bool:
     size = float(np.max(np.abs(other), initial=0.0))
-    return bool(np.all(np.abs(one - other) <= FAINT * size))
+    return bool(np.all(np.abs(one - other) <= resolution * size))

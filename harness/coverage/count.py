@@ -20,6 +20,7 @@ from harness.files.locations import Literal, LocationError, literals
 from harness.files.sidecar import Sidecar, SidecarError
 from harness.numerics.coordinates import coordinate_map
 from harness.records.coverage import Coverage, Unseen
+from harness.robots.compiled import compiler
 from reference.numeric import Array
 from reference.system import System
 
@@ -51,7 +52,8 @@ def count_numbers(task: AuditTask) -> Coverage:
     model = engine.load(task.sidecar.spec(task.engine))
     coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
     z, w = coordinates.to_engine(_some(task.states))
-    probe = Probe(z, w, model.step, engine, _frames(task.system, task.sidecar))
+    frames = _frames(task.system, task.sidecar)
+    probe = Probe(z, w, model.step, engine, frames, task.resolution)
     found, bound = _numbers(task.sidecar, task.engine), _bound(task.sidecar)
     idle = {**_STEP, **engine.idle}
     reasons = [reason_of(one.path, idle) for one in found]
@@ -100,14 +102,24 @@ def _frames(system: System, sidecar: Sidecar) -> SidecarFrames:
 
 
 def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
-    """Those of the model file, and of the sidecar's settings and springs for this engine."""
+    """Those of the model file and of those it includes, and of the sidecar for this engine.
+
+    Of the sidecar its settings and springs.
+    """
     others = tuple(f"settings.{name}." for name in sidecar.engine_settings if name != engine)
     own = (
         one
         for one in literals(Path(f"{sidecar.model}.toml"))
         if _MODEL.fullmatch(one.path) and not one.path.startswith(others)
     )
-    return (*literals(sidecar.model), *own)
+    return (*(one for file in _parts(sidecar.model) for one in literals(file)), *own)
+
+
+def _parts(model: Path) -> tuple[Path, ...]:
+    """A model file, and those that it includes from its folder."""
+    engine = compiler(model.suffix)
+    found = (model,) if engine is None else engine.parts(model)
+    return tuple(one for one in found if one.is_relative_to(model.parent))
 
 
 def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:

@@ -59,7 +59,8 @@ class Trials:
         self.said: dict[int, Say] = {}
         self._sidecar, self._numbers, self._probe = sidecar, numbers, probe
         self._base, self._folder = base, folder
-        files = (sidecar.model, Path(f"{sidecar.model}.toml"))
+        parts = (one.location.file for one in numbers)
+        files = dict.fromkeys((sidecar.model, Path(f"{sidecar.model}.toml"), *parts))
         self._texts = {file: file.read_bytes() for file in files}
         self._end = time.process_time() + PATIENCE
 
@@ -100,9 +101,9 @@ class Trials:
         if model is None:
             return Say.REFUSED
         done = self._probe.of(model)
-        if not done.moves_as(self._base):
+        if not done.moves_as(self._base, self._probe.resolution):
             return Say.MOTION
-        return Say.NONE if done.poses_as(self._base) else Say.FRAMES
+        return Say.NONE if done.poses_as(self._base, self._probe.resolution) else Say.FRAMES
 
 
 def _moved(literal: Literal, i: int) -> tuple[str, ...]:

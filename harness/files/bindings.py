@@ -188,11 +188,16 @@ def with_literals(sidecar: Sidecar, literals: Mapping[str, float], into: Path) -
 
 
 def with_texts(sidecar: Sidecar, texts: Mapping[Path, bytes], into: Path) -> Sidecar:
-    """Copy a model file and its sidecar into another folder with other texts, by their paths."""
+    """Copy a model file and its sidecar into another folder with other texts, by their paths.
+
+    Files that the model includes stand in its folder, or below it.
+    """
     into.mkdir(parents=True, exist_ok=True)
     _link_neighbours(sidecar, into)
     for file, data in texts.items():
-        _write_copy(into / file.name, data)
+        below = file.relative_to(sidecar.model.parent)
+        _unlink_folders(into, below)
+        _write_copy(into / below, data)
     own = _file(sidecar)
     if texts.get(own) == own.read_bytes():
         return replace(sidecar, model=into / sidecar.model.name)
@@ -304,6 +309,20 @@ def _link_neighbours(sidecar: Sidecar, into: Path) -> None:
             continue
         if not into.resolve().is_relative_to(entry):
             link.symlink_to(entry)
+
+
+def _unlink_folders(into: Path, below: Path) -> None:
+    """Make the folders that lead to a copy the copy's own, with links to what is in each.
+
+    What is written through a link would be the user's.
+    """
+    for folder in (into / parent for parent in reversed(below.parents[:-1])):
+        if folder.is_symlink():
+            real = folder.resolve()
+            folder.unlink()
+            folder.mkdir()
+            for entry in real.iterdir():
+                (folder / entry.name).symlink_to(entry)
 
 
 def _write_whole(path: Path, data: bytes) -> None:

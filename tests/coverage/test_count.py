@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from harness.audit.task import AuditTask
+from harness.cases.robot import prepare_robot
 from harness.coverage import trials
 from harness.coverage.count import count_numbers
+from harness.coverage.robot import count_robot
 from harness.files.locations import literals
 from harness.files.sidecar import read_sidecar
 from harness.records.coverage import Coverage, Unseen
@@ -100,6 +102,33 @@ def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: AuditTask) 
     more = count_numbers(replace(task, sidecar=read_sidecar(path)))
     assert more.numbers == 33
     assert "time step" in {one.reason for one in more.unseen}
+
+
+def test_files_that_a_model_includes_are_counted_with_it_and_left_as_they_are(
+    task: AuditTask,
+) -> None:
+    """The same as where their numbers stand in the model's own file, and of that file alone."""
+    whole = count_numbers(task)
+    path = task.sidecar.model
+    outer, _, rest = MJCF.partition('<body name="rod"')
+    inner, _, end = rest.rpartition("</body>")
+    part = path.parent / "parts" / "rod.xml"
+    part.parent.mkdir()
+    text = f'<mujoco><body name="rod"{inner}</body></mujoco>'
+    part.write_text(text)
+    path.write_text(f'{outer}<include file="parts/rod.xml"/>{end}')
+    sidecar = Path(f"{path}.toml")
+    sidecar.write_text(SIDECAR.replace('"body[rod]', "#"))
+    found = count_numbers(replace(task, sidecar=read_sidecar(sidecar)))
+    assert (found.numbers, found.motion) == (whole.numbers, whole.motion)
+    assert found.frames == whole.frames
+    assert part.read_text() == text
+    alone = count_robot(prepare_robot(path).task("mujoco", 1e-9))
+    assert (alone.numbers, alone.motion) == (found.numbers, found.motion)
+
+
+def test_a_change_below_the_resolution_of_the_run_does_not_count(task: AuditTask) -> None:
+    assert count_numbers(replace(task, resolution=10.0)).motion == 0
 
 
 def test_every_number_of_each_format_is_listed(tmp_path: Path) -> None:
