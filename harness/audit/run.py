@@ -12,6 +12,7 @@ from harness.audit.literals import declared_bindings, literal_findings
 from harness.audit.remarks import where
 from harness.audit.task import AuditTask
 from harness.audit.terms import Compiled
+from harness.cases.robot_record import negative_findings
 from harness.engines.protocol import Model
 from harness.engines.registry import engines
 from harness.engines.remark import Remark
@@ -31,19 +32,21 @@ def run_audit(task: AuditTask) -> Audit:
     """
     declared, lost = declared_bindings(task.system, task.sidecar)
     literals = (*literal_findings(declared), *lost)
-    model = engines()[task.engine].load(task.sidecar.spec(task.engine))
+    engine = engines()[task.engine]
+    model = engine.load(task.sidecar.spec(task.engine))
     coordinates = coordinate_map(task.system, task.sidecar, model.coordinates)
     rounded = max((abs(b.error) for b in declared if b.rounded), default=0.0)
     compiled = [
         _explained(one, rounded) for one in Compiled.of(task, model, coordinates).findings()
     ]
     z, w = coordinates.to_engine(task.states)
-    remarks = tuple(model.remarks(z, w))
+    remarks = (*model.remarks(z, w), *engine.file_remarks(task.sidecar.model))
     compiled = _without_lost_digits(compiled, remarks, task)
     wrong = _wrong(compiled)
     defaults = (_default(remark, wrong, task) for remark in remarks)
     poses, elsewhere = _poses(task, model, coordinates)
-    return Audit(findings=(*literals, *compiled, *elsewhere, *defaults), poses=poses)
+    signs = negative_findings(task.sidecar.model)
+    return Audit(findings=(*literals, *compiled, *elsewhere, *signs, *defaults), poses=poses)
 
 
 def _poses(

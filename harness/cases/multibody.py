@@ -14,7 +14,7 @@ from pathlib import Path
 from harness.cases.followers import Followers
 from harness.cases.prepare import Prepared, derived
 from harness.cases.robot import SCENARIO, STATES, tree_states
-from harness.cases.robot_record import inertia_findings, told, tree_record
+from harness.cases.robot_record import robot_findings, told, tree_record
 from harness.cases.robot_task import RobotTask
 from harness.files.reads import recorded
 from harness.files.sidecar import Sidecar
@@ -134,5 +134,5 @@ def survey_file(sidecar: Sidecar) -> FileSurvey:
         model=str(sidecar.settings.get("model", "")),
     )
     return FileSurvey(
-        findings=inertia_findings(robot), left_out=tuple(told(one) for one in robot.left_out)
+        findings=robot_findings(robot), left_out=tuple(told(one) for one in robot.left_out)
     )

@@ -13,7 +13,7 @@ from harness.cases.case_record import dynamics_record, stepping_record, verdict_
 from harness.cases.dynamics import with_dynamics
 from harness.cases.followers import Followers
 from harness.cases.robot_record import (
-    inertia_findings,
+    robot_findings,
     settings_of,
     sidecar_beside,
     told,
@@ -137,7 +137,7 @@ def prepare_robot(file: Path, *, floating: bool = False, model: str = "") -> Pre
         ),
         settings=settings_of(robot),
         left_out=(*(told(one) for one in robot.left_out), *sidecar_beside(file)),
-        findings=inertia_findings(robot),
+        findings=robot_findings(robot),
     )
 
 

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
 from harness.cases.system_record import quantities
+from harness.engines.protocol import EngineError
+from harness.engines.registry import readers
+from harness.engines.remark import Remark
+from harness.files.locations import line_of
+from harness.files.locations.outline import MARKUP
 from harness.records.base import SourceLine, number
 from harness.records.finding import AuditFinding
 from harness.records.system import Scenario, System
+from harness.robots.compiled import parts_of
+from harness.robots.document import Document, DocumentError
 from harness.robots.inertias import impossible
+from harness.robots.numerals import Numeral, numerals
 from harness.robots.robot import LeftOut, Robot
 from harness.text.status import counted
 from reference.multibody.tree import WORLD
@@ -38,6 +48,80 @@ def inertia_findings(robot: Robot) -> tuple[AuditFinding, ...]:
         )
         for one in impossible(robot)
     )
+
+
+_NEGATIVE = re.compile(r".*[/@](\w*damping|\w*stiffness|springStiffness|spring_stiffness|armature)")
+
+
+def robot_findings(robot: Robot) -> tuple[AuditFinding, ...]:
+    """Return what is wrong with a file by reading it: inertias, signs, engines' remarks."""
+    found = (*inertia_findings(robot), *negative_findings(robot.file), *_remarks(robot.file))
+    return tuple(dict.fromkeys(found))
+
+
+def _remarks(file: Path) -> Iterator[AuditFinding]:
+    """What engines make of a file as they read it."""
+    for engine in readers(file.suffix):
+        with suppress(EngineError):  # its own case reports that it can't read the file
+            for remark in engine.file_remarks(file) if engine.version() is not None else ():
+                yield AuditFinding(
+                    kind="default",
+                    subject=remark.subject or (remark.message,),
+                    message=remark.message,
+                    location=place_of(file, remark),
+                    expected=None,
+                    found=remark.value,
+                    severity="finding" if remark.fault else "note",
+                )
+
+
+def place_of(file: Path, remark: Remark) -> SourceLine:
+    """Return the line that a remark is about, in a file or in one that it includes."""
+    places = ((part, line_of(part, remark.address or "")) for part in parts_of(file))
+    part, line = next(((p, n) for p, n in places if n is not None), (file, None))
+    return SourceLine(file=str(part), line=line)
+
+
+def negative_findings(file: Path) -> Iterator[AuditFinding]:
+    """Yield each negative damping, stiffness and armature of a file, by its line."""
+    for part in _parts(file) if file.suffix in MARKUP else ():
+        try:
+            found = numerals(Document(part))
+        except DocumentError:
+            continue  # reading the file tells of it
+        for one in found:
+            kind = _NEGATIVE.fullmatch(one.path)
+            if kind is None or one.value >= 0 or one.word:
+                continue
+            yield finding_of(one, kind[1])
+
+
+def _parts(file: Path) -> tuple[Path, ...]:
+    try:
+        return parts_of(file)
+    except EngineError:  # reading the file tells of it
+        return ()
+
+
+def finding_of(one: Numeral, what: str) -> AuditFinding:
+    """Return the finding about a negative number; a spring may well push away."""
+    word = next(word for word in _EFFECTS if word in what.lower())
+    return AuditFinding(
+        kind=word,
+        subject=(one.address,),
+        message=f"{one.address} is {one.value:g}: negative {word} {_EFFECTS[word]}",
+        location=SourceLine(file=str(one.file), line=one.line, span=one.span, text=one.text),
+        expected=None,
+        found=one.value,
+        severity="note" if word == "stiffness" else "finding",
+    )
+
+
+_EFFECTS = {
+    "damping": "adds energy to a motion. Write a positive number",
+    "stiffness": "pushes away from the rest position. Check the sign",
+    "armature": "takes inertia from a joint. Write a positive number",
+}
 
 
 def settings_of(robot: Robot) -> Mapping[str, object]:

@@ -20,7 +20,7 @@ from harness.files.locations import Literal, LocationError, literals
 from harness.files.sidecar import Sidecar, SidecarError
 from harness.numerics.coordinates import coordinate_map
 from harness.records.coverage import Coverage, Unseen
-from harness.robots.compiled import compiler
+from harness.robots.compiled import parts_of
 from reference.numeric import Array
 from reference.system import System
 
@@ -112,14 +112,9 @@ def _numbers(sidecar: Sidecar, engine: str) -> tuple[Literal, ...]:
         for one in literals(Path(f"{sidecar.model}.toml"))
         if _MODEL.fullmatch(one.path) and not one.path.startswith(others)
     )
-    return (*(one for file in _parts(sidecar.model) for one in literals(file)), *own)
-
-
-def _parts(model: Path) -> tuple[Path, ...]:
-    """A model file, and those that it includes from its folder."""
-    engine = compiler(model.suffix)
-    found = (model,) if engine is None else engine.parts(model)
-    return tuple(one for one in found if one.is_relative_to(model.parent))
+    folder = sidecar.model.parent
+    parts = [one for one in parts_of(sidecar.model) if one.is_relative_to(folder)]
+    return (*(one for file in parts for one in literals(file)), *own)
 
 
 def _bound(sidecar: Sidecar) -> frozenset[tuple[str, int]]:

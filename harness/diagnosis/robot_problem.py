@@ -98,6 +98,14 @@ class RobotProblem:
             self._defects[key] = self._defect(values)
         return self._defects[key]
 
+    def left_by(self, tree: Tree) -> Array:
+        """Return what is left, (N,), where the engine takes the file for this tree.
+
+        Raises:
+            ReferenceError: where the equations can't follow it.
+        """
+        return self._left(self.flow.at(tree))
+
     def slopes(self, faults: Faults, of: Sequence[int] | None = None) -> Array:
         """How much of the defect a unit of each fault makes, near these faults, (len(of), N).
 
@@ -183,8 +191,11 @@ class RobotProblem:
         flow = self._flow(values)
         if flow is None:
             return np.full_like(found, REFUSED)
+        return self._left(flow)
+
+    def _left(self, flow: Flow) -> Array:
         by = self._ends(flow.tree, flow.apart(self.flow))
-        left: Array = found - self.way * by.ravel()
+        left: Array = self.apart.ravel() - self.way * by.ravel()
         return left
 
     def _ends(self, tree: Tree, by: Array) -> Array:

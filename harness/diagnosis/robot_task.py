@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harness.cases.robot_record import place_of
 from harness.cases.robot_task import RobotTask
 from harness.diagnosis.diagnose import Ranking, diagnose
 from harness.diagnosis.fit import Fit
@@ -15,6 +16,7 @@ from harness.diagnosis.robot_followers import FollowersRun, Following, run_follo
 from harness.diagnosis.robot_problem import RobotProblem
 from harness.diagnosis.robot_suspicions import suspicions
 from harness.diagnosis.task import RECORDED, explanation
+from harness.engines.registry import engines
 from harness.numerics.ladder import EPSILON
 from harness.records.base import number
 from harness.records.cause import Cause
@@ -58,7 +60,7 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
     """
     began = time.perf_counter()
     run = _some_of(task.task)
-    if found := _undone(task.task, run):
+    if found := _undone(task.task, run) or _taken(task, run):
         return Diagnosis(
             explained=True,
             explanations=found,
@@ -68,18 +70,20 @@ def diagnose_robot(task: RobotDiagnosisTask) -> Diagnosis:
     ranking = ranked(task, run)
     return Diagnosis(
         explained=ranking.explained,
-        explanations=tuple(_told(fit, ranking.undone) for fit in ranking.fits[:RECORDED]),
+        explanations=tuple(
+            _told(fit, ranking.undone, task.task) for fit in ranking.fits[:RECORDED]
+        ),
         floor=number(ranking.floor),
         failure="" if ranking.fits else "no number of the file has a say in what differs",
         seconds=time.perf_counter() - began,
     )
 
 
-def _told(fit: Fit, undone: Sequence[str]) -> Explanation:
+def _told(fit: Fit, undone: Sequence[str], check: RobotTask) -> Explanation:
     """A fit, with what the engine does beside it."""
     found = explanation(fit)
     return Explanation(
-        causes=(*found.causes, *map(_own, undone)),
+        causes=(*found.causes, *_own(undone, check)),
         remaining=found.remaining,
         tied_with=found.tied_with,
     )
@@ -102,7 +106,7 @@ def _undone(check: RobotTask, run: FollowersRun) -> tuple[Explanation, ...]:
         for causes, settings in tried:
             left, uncertainty = _apart(_some_of(_under(check, settings), again=False), check)
             if np.all(np.abs(left).ravel() <= uncertainty):
-                told = tuple(map(_own, causes))
+                told = _own(causes, check)
                 found.append(Explanation(causes=told, remaining=float(np.linalg.norm(left)) / size))
         if found:
             return tuple(found)
@@ -125,14 +129,39 @@ def _under(check: RobotTask, settings: Mapping[str, object]) -> RobotTask:
     return replace(check, settings={**check.settings, **settings})
 
 
-def _own(cause: str) -> Cause:
-    """What an engine does on its own."""
-    return Cause(
-        kind="default",
-        subject=(cause,),
-        nominal=number(0.0),
-        estimate=number(1.0),
-        standard_error=number(0.0),
+def _taken(task: RobotDiagnosisTask, run: FollowersRun) -> tuple[Explanation, ...]:
+    """What an engine that compiles the file makes of it, where no setting lets it do otherwise."""
+    check = task.task
+    numbers = robot_numbers(check.file, check.settings)
+    if check.file.suffix not in engines()[check.engine].compiles or not task.own:
+        return ()
+    apart, uncertainty = _apart(run, check)
+    problem = problem_of(check, numbers, apart, own=True)
+    # The equations follow another tree to less digits than the engine's limits have.
+    uncertainty = np.maximum(uncertainty, check.resolution)
+    size = float(np.linalg.norm(apart))
+    found = []
+    for cause, tree in numbers.taken():
+        left = problem.left_by(tree)
+        if np.all(np.abs(left) <= uncertainty):
+            remaining = float(np.linalg.norm(left)) / size
+            found.append(Explanation(causes=_own((cause,), check), remaining=remaining))
+    return tuple(found)
+
+
+def _own(causes: Sequence[str], check: RobotTask) -> tuple[Cause, ...]:
+    """What an engine does on its own, with the lines of the file that it concerns."""
+    remarks = tuple(engines()[check.engine].file_remarks(check.file))
+    return tuple(
+        Cause(
+            kind="default",
+            subject=(cause,),
+            nominal=number(0.0),
+            estimate=number(1.0),
+            standard_error=number(0.0),
+            locations=tuple(place_of(check.file, one) for one in remarks if one.cause == cause),
+        )
+        for cause in causes
     )
 
 

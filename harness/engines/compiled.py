@@ -219,6 +219,7 @@ class CompiledTree:
         states: how many states the actuators have.
         shapes: files of meshes and the like without which the bodies can't be had, by the names
             that the file has for them.
+        taken: what the engine does with pulls on its own: a cause, and the pulls as it takes them.
     """
 
     bodies: tuple[CompiledBody, ...]
@@ -233,3 +234,4 @@ class CompiledTree:
     actuators: tuple[CompiledActuator, ...] = ()
     states: int = 0
     shapes: tuple[str, ...] = ()
+    taken: tuple[tuple[str, tuple[CompiledPull, ...]], ...] = ()

@@ -340,6 +340,14 @@ class Engine(ABC):
         """
         return (path,)
 
+    def file_remarks(self, path: Path) -> Iterable[Remark]:
+        """What the engine makes of a file's numbers as it reads it, without a model's settings.
+
+        Raises:
+            EngineError: naming file and reason.
+        """
+        return ()
+
     def compiled(self, path: Path, texts: Mapping[Path, bytes] | None = None) -> CompiledTree:
         """A file of the formats in `compiles` as the numbers that the engine makes of it.
 

@@ -23,6 +23,7 @@ class Remark:
         beside: another such number, whose line is told in the message.
         value: the number, where it is about one.
         beyond: whether it is about something that no motion reaches.
+        cause: what a diagnosis calls it, as in `Model.remedies` and `CompiledTree.taken`.
         shows_in: kinds of compiled terms that it enters; where one of these differs from the
             equations it is to blame, otherwise it is as it should be.
         undone_by: settings that undo it, where it is a loss of digits that no number of the file
@@ -38,6 +39,7 @@ class Remark:
     shows_in: tuple[str, ...] = ()
     undone_by: Mapping[str, object] = field(default_factory=dict)
     beyond: bool = False
+    cause: str = ""
 
 
 PULL = ("rest", "stiffness")

@@ -25,6 +25,16 @@ def compiler(suffix: str) -> Engine | None:
     return next((engine for engine in able if engine.version() is not None), None)
 
 
+def parts_of(path: Path) -> tuple[Path, ...]:
+    """A file, and those that it includes.
+
+    Raises:
+        EngineError: naming file and reason.
+    """
+    engine = compiler(path.suffix)
+    return (path,) if engine is None else engine.parts(path)
+
+
 def read_compiled_robot(
     path: Path, *, actuated: bool = True, controls: Sequence[float] | None = None
 ) -> Robot:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -60,6 +60,18 @@ class CompiledNumbers:
             return tree_of(self._engine.compiled(self._path, self.texts(values)), self._controls)
         except EngineError:
             return None
+
+    def taken(self) -> Iterator[tuple[str, Tree]]:
+        """What the engine does with pulls on its own: each a cause, with the tree that it makes.
+
+        Raises:
+            EngineError: naming the file.
+        """
+        found = self._engine.compiled(self._path)
+        for cause, pulls in found.taken:
+            tree = tree_of(replace(found, pulls=pulls), self._controls)
+            if tree is not None:
+                yield cause, tree
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
         """The files with other values of some numbers."""

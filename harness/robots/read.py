@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -35,6 +35,9 @@ class Numbers(Protocol):
 
     def tree(self, values: Mapping[int, float]) -> Tree | None:
         """The tree with other values of some, by their index; None where there is none."""
+
+    def taken(self) -> Iterable[tuple[str, Tree]]:
+        """What the engine that compiles the file does on its own: causes, each with its tree."""
 
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
         """The files, by their paths, with other values of some numbers."""

@@ -86,6 +86,10 @@ class UrdfNumbers:
             return None
         return tree
 
+    def taken(self) -> tuple[tuple[str, Tree], ...]:
+        """None: no engine compiles it."""
+        return ()
+
     def texts(self, values: Mapping[int, float]) -> Mapping[Path, bytes]:
         """The file with other values of some numbers."""
         return {self._document.path: with_values(self._document.data, self.numerals, values)}

@@ -409,3 +409,76 @@ def test_where_a_force_grows_with_the_square_of_a_velocity_each_segment_shows_it
     starts = len(task.samples.start)
     pairs = starts if every else starts // 4
     assert found.steps == sum(found.rungs) * (starts + 2 * pairs)
+
+
+REPLACED = """<mujoco><compiler balanceinertia="true" boundmass="0.05" boundinertia="0.02"
+  settotalmass="2.1"/>
+<worldbody><body name="a"><joint stiffness="-2" axis="0 1 0"/>
+<inertial pos="0 0 1" mass="0.01" diaginertia="1 1 5"/>
+<body name="b" pos="0 0 1"><joint damping="-0.1" armature="-0.001" axis="1 0 0"/>
+<inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.012 0.011"/></body></body></worldbody></mujoco>
+"""
+
+SIGNS = """<robot name="r"><mujoco><compiler boundmass="0.5"/></mujoco>
+<link name="base"/><link name="a"><inertial><origin xyz="0 0 1"/><mass value="0.1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>
+<dynamics damping="-0.5"/></joint></robot>
+"""
+
+
+def findings(file: Path, text: str) -> dict[str, tuple[str, int | None]]:
+    file.write_text(text)
+    found = prepare_robot(file).findings
+    return {
+        one.message: (one.severity, one.location.line if one.location else None) for one in found
+    }
+
+
+def test_masses_that_the_compiler_replaces_are_reported_with_both_values_and_line(
+    tmp_path: Path,
+) -> None:
+    found = findings(tmp_path / "r.xml", REPLACED)
+    replaced = {
+        message.removeprefix("<compiler "): (severity, line)
+        for message, (severity, line) in found.items()
+        if message.startswith("<compiler ")
+    }
+    assert replaced == {
+        "settotalmass> replaces the total mass: 1.05 kg in the file, 2.1 kg in MuJoCo": ("note", 2),
+        "boundmass> replaces the mass of 1 body (a: 0.01 in the file, 0.05 in MuJoCo)": ("note", 1),
+        "boundinertia> replaces the inertia of 1 body (b: 0.01 0.012 0.011 in the file,"
+        " 0.02 0.02 0.02 in MuJoCo)": ("note", 1),
+        "balanceinertia> replaces the inertia of 1 body (a: 1 1 5 in the file, 2.33333 2.33333"
+        " 2.33333 in MuJoCo)": ("note", 1),
+    }
+
+
+def test_a_compiler_that_replaces_nothing_is_no_remark(tmp_path: Path) -> None:
+    text = re.sub(r'settotalmass="[^"]*"', "", REPLACED).replace('"0.05"', '"0.001"')
+    text = text.replace('"0.02"', '"0.0002"').replace('"1 1 5"', '"1 1 1"')
+    assert not [one for one in findings(tmp_path / "r.xml", text) if one.startswith("<compiler")]
+
+
+def test_negative_damping_stiffness_and_armature_are_reported_by_line(tmp_path: Path) -> None:
+    found = findings(tmp_path / "r.xml", REPLACED)
+    signs = {place for message, place in found.items() if "negative" in message}
+    assert signs == {("note", 3), ("finding", 5)}
+    assert len([message for message in found if "negative" in message]) == 3
+    assert findings(tmp_path / "r.urdf", SIGNS) == {
+        "joint[j]/dynamics@damping is -0.5: negative damping adds energy to a motion. Write a"
+        " positive number": ("finding", 5),
+        # Other engines read the mass as it is: in MuJoCo the file differs from its equations.
+        "<compiler boundmass> replaces the mass of 1 body (a: 0.1 in the file, 0.5 in MuJoCo)":
+            ("finding", 1),
+    }  # fmt: skip
+
+
+def test_negative_damping_is_stepped_as_mujoco_does(tmp_path: Path) -> None:
+    """Without a positive damper anywhere, Euler's method takes none at the step's end."""
+    file = tmp_path / "r.xml"
+    file.write_text(REPLACED)
+    case = run_robot(prepare_robot(file).task("mujoco", 1e-9))
+    assert case.outcome is Outcome.AGREES
+    assert case.stepping is not None
+    assert case.stepping.outcome is Outcome.AGREES

@@ -314,3 +314,65 @@ def test_a_number_of_which_the_engine_sees_a_part_is_named_with_what_hides_the_r
     assert number.nominal == 5e-7
     assert abs(number.estimate or 0.0) < 1e-9
     assert "frames within 1e-6" in str(hidden)
+
+
+def body(name: str, place: str, rest: str, joint: str = "") -> str:
+    return (
+        f'<body name="{name}" pos="{place}"{rest}><joint name="{name}" axis="0 1 0" {joint}/>\n'
+        '<inertial pos="0.02 0 -0.3" mass="1" diaginertia="0.1 0.11 0.05"/>'
+    )
+
+
+SPLIT = f"""<mujoco><worldbody>
+{body("a", "0 0 0", "")}{body("c", "0 0 -0.5", "")}</body></body>
+{body("b", "0 1 0", "")}</body></worldbody>
+<tendon><fixed name="t" armature="0.2" stiffness="3" springlength="0.1">
+<joint joint="a" coef="1"/><joint joint="b" coef="-0.7"/><joint joint="c" coef="0.4"/></fixed>
+</tendon></mujoco>"""
+
+LIFTED = f"""<mujoco><worldbody>
+{body("a", "0 0 0", ' gravcomp="1"', 'actuatorgravcomp="true"')}
+{body("b", "0 0 -0.5", ' gravcomp="0.5"')}</body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "cause", "line"),
+    [
+        (SPLIT, "armature of a tendon across branches couples no joints", 7),
+        (LIFTED, "actuatorgravcomp without an actuator compensates no gravity", 2),
+    ],
+)
+def test_what_mujoco_leaves_out_of_a_file_is_named_with_its_line(
+    tmp_path: Path, text: str, cause: str, line: int
+) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(text)
+    prepared = prepare_robot(file)
+    task = prepared.task("mujoco", 1e-9)
+    assert run_robot(task).outcome is Outcome.DIFFERS
+    found = diagnose_robot(RobotDiagnosisTask(task=task))
+    assert found.explained
+    (explanation,) = found.explanations
+    (one,) = explanation.causes
+    assert one.subject == (cause,)
+    assert [(str(file), line)] == [(where.file, where.line) for where in one.locations]
+    assert explanation.remaining < 1e-9
+    (remark,) = prepared.findings
+    assert (remark.severity, remark.location) == ("finding", one.locations[0])
+
+
+def test_an_armature_of_a_tendon_along_one_branch_is_as_the_file_says(tmp_path: Path) -> None:
+    file = tmp_path / "r.xml"
+    file.write_text(SPLIT.replace('<joint joint="b" coef="-0.7"/>', ""))
+    prepared = prepare_robot(file)
+    assert run_robot(prepared.task("mujoco", 1e-9)).outcome is Outcome.AGREES
+    assert not prepared.findings
+
+
+def test_gravity_that_an_actuator_compensates_is_as_the_file_says(tmp_path: Path) -> None:
+    file = tmp_path / "r.xml"
+    actuator = '<actuator><motor joint="b"/></actuator></mujoco>'
+    file.write_text(LIFTED.replace("</mujoco>", actuator))
+    prepared = prepare_robot(file)
+    assert run_robot(prepared.task("mujoco", 1e-9)).outcome is Outcome.AGREES
+    assert not prepared.findings

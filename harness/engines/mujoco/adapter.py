@@ -19,7 +19,12 @@ from harness.engines.mujoco.equalities import equalities_act
 from harness.engines.mujoco.forward import equality_errors, forward, holds_exactly
 from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
 from harness.engines.mujoco.poses import Poses
-from harness.engines.mujoco.remarks import model_remarks
+from harness.engines.mujoco.remarks import (
+    UNCOMPENSATED,
+    file_remarks,
+    idle_compensation,
+    model_remarks,
+)
 from harness.engines.mujoco.rule import step_rule
 from harness.engines.mujoco.settings import apply_settings, held_controls, is_on, rounded_frames
 from harness.engines.mujoco.smooth import hold, leave_out, without_joints
@@ -117,6 +122,8 @@ class MujocoEngine(Engine):
             raise refusal(error, spec.path, found) from None
         if is_on(spec, "exact_frames", otherwise=False):
             model.body_sameframe[:] = 0
+        if is_on(spec, "compensated", otherwise=False):
+            model.jnt_actgravcomp[:] = 0
         hold(model, followers_of(spec.settings, f"{spec.path}.toml"))
         if is_on(spec, "smooth", otherwise=False):
             leave_out(model)
@@ -143,6 +150,14 @@ class MujocoEngine(Engine):
     def parts(self, path: Path) -> tuple[Path, ...]:
         """An MJCF and those that it includes."""
         return included(path)
+
+    def file_remarks(self, path: Path) -> Iterator[Remark]:
+        """Masses and inertias that the compiler replaces, and what acts on nothing."""
+        robot = read_urdf(path) if path.suffix == ".urdf" else None
+        if robot is not None and robot.find("mujoco/compiler") is None:
+            return
+        with rewritten(robot, path, changes(ModelSpec(path, settings={"smooth": True}))) as copy:
+            yield from file_remarks(copy, path)
 
     def compiled(self, path: Path, texts: Mapping[Path, bytes] | None = None) -> CompiledTree:
         """An MJCF as MuJoCo compiles it."""
@@ -238,8 +253,10 @@ class MujocoModel(Model):
 
     @property
     def remedies(self) -> dict[str, Mapping[str, object]]:
-        """What stiffens equalities, and has bodies' frames computed."""
+        """What stiffens equalities, compensates gravity, and has bodies' frames computed."""
         found: dict[str, Mapping[str, object]] = {_SOFT: dict(_STIFF)} if self.model.neq else {}
+        if idle_compensation(self.model):
+            found[UNCOMPENSATED] = {"compensated": True}
         return {**found, _SAME: {"exact_frames": True}} if rounded_frames(self.model) else found
 
     @property

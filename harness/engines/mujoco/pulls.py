@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from harness.engines.compiled import CompiledPull, CompiledWay, Numbers
 from harness.engines.mujoco.ways import Combination, of_actuator, of_tendon
+
+UNCOUPLED = "armature of a tendon across branches couples no joints"
+"""What a diagnosis calls it."""
 
 _SPRING, _DAMPER, _ACTUATION = "SPRING", "DAMPER", "ACTUATION"
 
@@ -192,3 +196,58 @@ def _pair(values: Any) -> tuple[float, float]:
 def _triple(values: Any) -> tuple[float, float, float]:
     one, two, three = (float(value) for value in values[:3])
     return one, two, three
+
+
+def split_tendons(m: Any) -> Iterator[tuple[int, tuple[str, str]]]:
+    """Yield fixed tendons with an armature across branches, each with two joints of different ones.
+
+    The mass matrix has no place for what couples joints of which none carries the other:
+    `mj_tendonArmature` leaves that out.
+    """
+    for i in range(m.ntendon):
+        pairs = _pairs(m, i, related=False) if m.tendon_armature[i] else []
+        if pairs:
+            one, other = pairs[0]
+            yield i, (joint_name(m, one), joint_name(m, other))
+
+
+def pulls_taken(m: Any) -> tuple[CompiledPull, ...]:
+    """All pulls, with the armatures of tendons as MuJoCo takes them: uncoupled across branches."""
+    split = dict(split_tendons(m))
+    names = {m.tendon(i).name or f"tendon_{i}": i for i in split}
+    found: list[CompiledPull] = []
+    for pull in pulls(m):
+        i = names.get(pull.name)
+        if i is None or not pull.armature:
+            found.append(pull)
+            continue
+        found.append(replace(pull, armature=0.0))
+        shares, related = dict(pull.joints), _pairs(m, i, related=True)
+        for pair in related:  # which brings the two joints' own inertias along
+            joints = tuple((joint, shares[joint]) for joint in pair)
+            found.append(CompiledPull(name=pull.name, joints=joints, armature=pull.armature))
+        for joint, share in pull.joints:
+            own = pull.armature * (1 - sum(joint in pair for pair in related))
+            alone = ((joint, share),)
+            found.append(CompiledPull(name=pull.name, joints=alone, armature=own))
+    return tuple(found)
+
+
+def _pairs(m: Any, i: int, *, related: bool) -> list[tuple[int, int]]:
+    """Pairs of a fixed tendon's joints of which one carries the other, or of which none does."""
+    way = () if spatial_tendon(m, i) else of_tendon(m, i)
+    joints = [j for j, share in way if share] if isinstance(way, tuple) else []
+    return [
+        (one, other)
+        for k, other in enumerate(joints)
+        for one in joints[:k]
+        if related == (_carries(m, one, other) or _carries(m, other, one))
+    ]
+
+
+def _carries(m: Any, joint: int, other: int) -> bool:
+    """Whether a joint moves another one, or is on the same body."""
+    body, above = int(m.jnt_bodyid[other]), int(m.jnt_bodyid[joint])
+    while body and body != above:
+        body = int(m.body_parentid[body])
+    return body == above

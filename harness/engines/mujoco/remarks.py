@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harness.engines.mujoco.mjcf import doubled_remarks, override_remarks, stated
+from harness.engines.mujoco.mjcf import doubled_remarks, override_remarks, refusal, stated
+from harness.engines.mujoco.pulls import UNCOUPLED, acts, actuators, joint_name, split_tendons
+from harness.engines.mujoco.shapes import without_idle_files
+from harness.engines.mujoco.warnings import Warnings
 from harness.engines.protocol import Array, ModelSpec
 from harness.engines.remark import PULL, Remark, limit_remarks
 from harness.engines.source import XmlSource
@@ -202,4 +205,153 @@ def _contacts(m: Any, z: Array) -> Iterator[Remark]:
             " does",
             address="",
             beyond=True,
+        )
+
+
+UNCOMPENSATED = "actuatorgravcomp without an actuator compensates no gravity"
+"""What a diagnosis calls it."""
+
+LISTED = 3
+"""Bodies that are named in a remark; the others are counted."""
+
+_OFF: Mapping[str, object] = {
+    "settotalmass": -1.0, "boundmass": 0.0, "boundinertia": 0.0, "balanceinertia": False,
+}  # fmt: skip
+"""What replaces masses and inertias, and the value with which it replaces none."""
+
+
+def file_remarks(copy: Path, path: Path) -> Iterator[Remark]:
+    """What MuJoCo's compiler makes of a file's numbers.
+
+    Args:
+        copy: what MuJoCo is to read.
+        path: the file that it stands for.
+
+    Raises:
+        EngineError: naming file and reason.
+    """
+    address = "compiler" if path.suffix == ".xml" else "mujoco/compiler"
+    tree, m = _read(copy, path, ())
+    stated_here = [key for key, off in _OFF.items() if getattr(tree.compiler, key) != off]
+    for key in stated_here:
+        for what in _replaced(key, (tree, m), copy, path):
+            yield Remark(
+                message=f"<compiler {key}> replaces {what}",
+                fault=path.suffix == ".urdf",  # which other engines read without it
+                address=f"{address}@{key}",
+                shows_in=("inertia",),
+            )
+    yield from _idle_compensation(m)
+    for i, pair in split_tendons(m):
+        name = m.tendon(i).name
+        yield Remark(
+            message=f"tendon {name or i + 1} has an armature across branches: MuJoCo leaves out its"
+            f" coupling between {' and '.join(pair)}",
+            fault=True,
+            address=f"tendon/fixed{f'[{name}]' if name else ''}@armature",
+            cause=UNCOUPLED,
+            value=float(m.tendon_armature[i]),
+            shows_in=("inertia",),
+        )
+
+
+def _read(copy: Path, path: Path, off: Sequence[str]) -> tuple[Any, Any]:
+    """A specification and its model, with some attributes of the compiler switched off.
+
+    Raises:
+        EngineError: naming file and reason.
+    """
+    import mujoco
+
+    try:
+        with Warnings().heard():
+            tree = mujoco.MjSpec.from_file(str(copy))
+            without_idle_files(tree)
+            for key in off:
+                setattr(tree.compiler, key, _OFF[key])
+            return tree, tree.compile()
+    except Exception as error:
+        raise refusal(error, path, ()) from None
+
+
+def _replaced(key: str, taken: tuple[Any, Any], copy: Path, path: Path) -> Iterator[str]:
+    """What an attribute of the compiler replaces: the file's number, and MuJoCo's."""
+    tree, m = taken
+    if key == "balanceinertia":
+        _, unscaled = _read(copy, path, ("settotalmass",))
+        yield from _listed("inertia", list(_balanced(tree, unscaled)))
+        return
+    _, own = _read(copy, path, (key,))
+    if key == "settotalmass":
+        before, after = float(np.sum(own.body_mass)), float(np.sum(m.body_mass))
+        if before != after:
+            yield f"the total mass: {before:g} kg in the file, {after:g} kg in MuJoCo"
+        return
+    _, scaled = _read(copy, path, ("settotalmass",))  # which would change each mass once more
+    _, own = _read(copy, path, (key, "settotalmass"))
+    mass = key == "boundmass"
+    before, after = (x.body_mass if mass else x.body_inertia for x in (own, scaled))
+    changed = [
+        (_name(m, i), _numbers(before[i]), _numbers(after[i]))
+        for i in range(1, m.nbody)
+        if np.any(before[i] != after[i])
+    ]
+    yield from _listed("mass" if mass else "inertia", changed)
+
+
+_Change = tuple[str, str, str]
+"""A body, what the file says of it, and what MuJoCo takes."""
+
+
+def _balanced(tree: Any, m: Any) -> Iterator[_Change]:
+    """Bodies whose moments broke the triangle rule, and are their mean now."""
+    for i, body in enumerate(tree.bodies):
+        full = np.array(body.fullinertia)
+        moments = np.array(body.inertia)
+        if np.isfinite(full[0]):
+            xx, yy, zz, xy, xz, yz = full
+            moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        one, two, three = np.sort(moments)
+        if body.explicitinertial and one + two < three:
+            yield _name(m, i), _numbers(moments), _numbers(m.body_inertia[i])
+
+
+def _listed(what: str, changes: list[_Change]) -> Iterator[str]:
+    """Changes in a phrase, the first few by their bodies."""
+    if not changes:
+        return
+    shown = "; ".join(
+        f"{body}: {before} in the file, {after} in MuJoCo"
+        for body, before, after in changes[:LISTED]
+    )
+    more = len(changes) - LISTED
+    count = f"{len(changes)} {'body' if len(changes) == 1 else 'bodies'}"
+    yield f"the {what} of {count} ({shown}{f'; and {more} more' if more > 0 else ''})"
+
+
+def _name(m: Any, i: int) -> str:
+    return str(m.body(i).name) or f"body_{i}"
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(f"{value:g}" for value in np.ravel(values))
+
+
+def idle_compensation(m: Any) -> list[int]:
+    """Joints that leave it to actuators to compensate gravity, in a file in which none acts."""
+    if (actuators(m) and acts(m, "ACTUATION")) or not np.any(m.body_gravcomp):
+        return []
+    return [int(joint) for joint in np.flatnonzero(m.jnt_actgravcomp)]
+
+
+def _idle_compensation(m: Any) -> Iterator[Remark]:
+    for joint in idle_compensation(m):
+        name = m.joint(joint).name
+        yield Remark(
+            message=f"actuatorgravcomp of {joint_name(m, joint)} compensates nothing: MuJoCo"
+            " applies it with the forces of actuators, and no actuator acts",
+            fault=True,
+            address=f"body/joint{f'[{name}]' if name else ''}@actuatorgravcomp",
+            cause=UNCOMPENSATED,
+            shows_in=PULL,
         )

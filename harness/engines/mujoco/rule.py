@@ -59,6 +59,8 @@ def _joint_dampers(m: Any) -> Array | None:
         return np.zeros((m.nv, m.nv))
     if _bent(m):
         return None
+    if not np.any(m.dof_damping > 0):  # negative ones alone are explicit
+        return np.zeros((m.nv, m.nv))
     return np.diag(np.array(m.dof_damping, dtype=float))
 
 

@@ -41,6 +41,7 @@ def apply_settings(tree: Any, spec: ModelSpec) -> None:
         "held",
         "actuators",
         "exact_frames",
+        "compensated",
     ):  # of a rollout; and done
         settings.pop(key, None)
     if "step" in settings:

@@ -18,7 +18,15 @@ from harness.engines.mujoco.actuators import compiled_actuator
 from harness.engines.mujoco.equalities import couplings
 from harness.engines.mujoco.medium import boxed, medium
 from harness.engines.mujoco.mjcf import included, refusal, sources
-from harness.engines.mujoco.pulls import acts, actuators, powers, pulls
+from harness.engines.mujoco.pulls import (
+    UNCOUPLED,
+    acts,
+    actuators,
+    powers,
+    pulls,
+    pulls_taken,
+    split_tendons,
+)
 from harness.engines.mujoco.shapes import files_of_shapes, without_idle_files
 from harness.engines.mujoco.smooth import besides, uncovered
 from harness.engines.mujoco.warnings import Warnings
@@ -57,6 +65,7 @@ def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:
         actuators=tuple(compiled_actuator(m, i) for i in range(actuators(m))),
         states=int(m.na),
         shapes=shapes,
+        taken=((UNCOUPLED, pulls_taken(m)),) if any(split_tendons(m)) else (),
     )
 
 
