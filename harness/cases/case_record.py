@@ -98,6 +98,7 @@ def full_run_record(study: StepStudy, shipped_step: float, integrator: str) -> F
         shipped_step=number(shipped_step),
         integrator=integrator,
         global_error=number(study.global_error),
+        velocity_error=number(study.velocity_error),
         order=number(study.witness.order),
         residual=number(study.witness.residual),
         resolved_until=number(study.witness.until),

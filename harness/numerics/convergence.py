@@ -211,6 +211,12 @@ def largest(run: SampledRun, size: Array) -> float:
     return value if math.isfinite(value) else math.inf
 
 
+def largest_velocity(run: SampledRun, size: Array) -> float:
+    """Largest velocity error of a run, relative to the amplitude; infinite if it is not finite."""
+    value = float(np.max(np.abs(run.error[:, -len(size) :]) / size))
+    return value if math.isfinite(value) else math.inf
+
+
 def _legible(
     runs: Sequence[SampledRun], size: Array, floor: float
 ) -> tuple[SampledRun, SampledRun]:

@@ -16,6 +16,7 @@ from harness.numerics.convergence import (
     Witness,
     first_break_off,
     largest,
+    largest_velocity,
     sensitivity,
     witness,
 )
@@ -26,7 +27,7 @@ from reference.motion import Motion
 from reference.numeric import Array, NumericFunction
 
 TARGETS = (0.01, 0.001, 0.0001)
-"""Global errors, relative to the amplitude, for which a step is told."""
+"""Errors of positions and velocities, relative to their amplitudes, for which a step is given."""
 
 MOST_STEPS = 60_000
 MOST_RUNS = 6
@@ -56,15 +57,18 @@ class StepStudy:
         shipped: run at the shipped step.
         beside: runs at half of it, and at twice or a quarter; or at twice of it and more.
         global_error: largest position error at the shipped step, relative to the amplitude.
+        velocity_error: largest velocity error there, likewise.
         witness: what the runs bear out together.
         decomposition: of the error of the position with the largest; None where it is not small.
-        steps_for: step that would give each of `TARGETS`, seconds; None where the order is unknown.
-        checked: (target, step, measured error) of the one prediction that was run.
+        steps_for: step at which no position and no velocity has more error than each of `TARGETS`,
+            seconds; None where the order is unknown.
+        checked: (target, step, larger measured error of both) of the one prediction that was run.
     """
 
     shipped: FullRun
     beside: tuple[FullRun, ...]
     global_error: float
+    velocity_error: float
     witness: Witness
     decomposition: ErrorDecomposition | None
     steps_for: tuple[float | None, ...]
@@ -89,7 +93,7 @@ def study_step(
         agrees: whether the segments agree: where runs don't bear that out, it is worth another run
             to see whether the motion is to blame.
     """
-    size = amplitude[: len(amplitude) // 2]
+    size, rates = np.split(amplitude, 2)
 
     def run(h: float, every: int = 0) -> FullRun:
         return full_run(model, coordinates, motion, power, h, every)
@@ -112,15 +116,16 @@ def study_step(
             agrees=agrees,
         )
     told = sorted(runs, key=lambda one: -one.h)
-    predicted = tuple(_step_for(target, told, size, motion) for target in TARGETS)
+    predicted = tuple(_step_for(target, told, (size, rates), motion) for target in TARGETS)
     return StepStudy(
         shipped=shipped,
         beside=tuple(runs[1:]),
         global_error=largest(shipped, size),
+        velocity_error=largest_velocity(shipped, rates),
         witness=found,
         decomposition=_decomposed(shipped, motion, size),
         steps_for=predicted,
-        checked=_check(run, predicted, motion.duration, size),
+        checked=_check(run, predicted, motion.duration, (size, rates)),
     )
 
 
@@ -212,12 +217,29 @@ def _decomposed(run: FullRun, motion: Motion, size: Array) -> ErrorDecomposition
     return decompose(run.t, run.states[:, component], motion, component)
 
 
-def _step_for(target: float, runs: list[FullRun], size: Array, motion: Motion) -> float | None:
-    """The step of a target error: on the line through the runs' errors, log over log.
+_Sizes = tuple[Array, Array]
+"""Amplitudes of positions and of velocities, (n,) each."""
+
+
+def _step_for(target: float, runs: list[FullRun], sizes: _Sizes, motion: Motion) -> float | None:
+    """The step of a target error, of positions and velocities both.
+
+    None where that of one of them is unknown.
+    """
+    size, rates = sizes
+    steps = [
+        _on_line(target, [(run.h, largest(run, size)) for run in runs]),
+        _on_line(target, [(run.h, largest_velocity(run, rates)) for run in runs]),
+    ]
+    found = [step for step in steps if step is not None]
+    return _handy(min(found), motion) if len(found) == len(steps) else None
+
+
+def _on_line(target: float, points: list[tuple[float, float]]) -> float | None:
+    """The step of a target error: on the line through (step, error) of runs, log over log.
 
     None while even the finest run's error is not small: the line has no meaning there.
     """
-    points = [(run.h, largest(run, size)) for run in runs]
     if not all(0 < error < math.inf for _, error in points) or points[-1][1] > SMALL:
         return None
     pairs = list(pairwise(points))
@@ -225,7 +247,7 @@ def _step_for(target: float, runs: list[FullRun], size: Array, motion: Motion) -
     slope = math.log(coarse[1] / fine[1]) / math.log(coarse[0] / fine[0])
     if slope < 0.3:
         return None
-    return _handy(fine[0] * (target / fine[1]) ** (1 / slope), motion)
+    return float(fine[0] * (target / fine[1]) ** (1 / slope))
 
 
 def _handy(h: float, motion: Motion) -> float:
@@ -250,11 +272,13 @@ def _check(
     run: Callable[..., FullRun],
     predicted: tuple[float | None, ...],
     duration: float,
-    size: Array,
+    sizes: _Sizes,
 ) -> tuple[float, float, float] | None:
     """Run the finest predicted step that is cheap enough: (target, step, measured error)."""
     for target, h in reversed(list(zip(TARGETS, predicted, strict=True))):
         if h is not None and duration / h <= MOST_STEPS / 3:
             measured = run(h)
-            return (target, h, largest(measured, size)) if measured.finite else None
+            size, rates = sizes
+            error = max(largest(measured, size), largest_velocity(measured, rates))
+            return (target, h, error) if measured.finite else None
     return None

@@ -123,10 +123,10 @@ class ErrorDecomposition(Record, frozen=True, kw_only=True):
 
 
 class TargetStep(Record, frozen=True, kw_only=True):
-    """The step that would give a global error.
+    """The step at which neither positions nor velocities have more error.
 
     Attributes:
-        target: relative to the amplitude.
+        target: relative to the amplitudes.
         step: seconds; None where none can be told.
     """
 
@@ -138,7 +138,7 @@ class CheckedStep(Record, frozen=True, kw_only=True):
     """The one of these predictions that was run.
 
     Attributes:
-        target, measured: global error that was predicted, and what came out.
+        target, measured: error that was predicted, and the larger one of both that came out.
         step: seconds.
     """
 
@@ -154,11 +154,12 @@ class FullRun(Record, frozen=True, kw_only=True):
         shipped_step: step that the file, or its sidecar, ships with, seconds.
         integrator: name of the time-stepping method.
         global_error: largest position error at the shipped step, relative to the amplitude.
+        velocity_error: largest velocity error there, likewise; None in records of before.
         order: observed order of it.
         residual: what is left of it as the step falls, by extrapolation.
         resolved_until: end of the stretch on which order and residual were read, seconds.
         decomposition: None where the error is not small.
-        steps_for: steps that would give 1 %, 0.1 % and 0.01 %.
+        steps_for: steps that would give 1 %, 0.1 % and 0.01 % of positions and velocities both.
         checked_step: None where none was run.
         energy_error: imbalance of the energy at the shipped step, relative to what is exchanged.
         constraint_drift: largest, in the engine's units.
@@ -167,6 +168,7 @@ class FullRun(Record, frozen=True, kw_only=True):
     shipped_step: Number
     integrator: str
     global_error: Number
+    velocity_error: Number = None
     order: Number
     residual: Number
     resolved_until: Number = None

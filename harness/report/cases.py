@@ -275,6 +275,8 @@ def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:
         ("step", quantity(full_run.shipped_step, "s")),
         ("global error", percent(full_run.global_error)),
     ]
+    if full_run.velocity_error is not None:
+        rows.append(("global error of velocities", percent(full_run.velocity_error)))
     parts = full_run.decomposition
     if parts is not None:
         rows += [

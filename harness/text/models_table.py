@@ -27,6 +27,8 @@ COLUMNS = (
 )  # fmt: skip
 """From what is wanted most to what is wanted least, but for the first."""
 
+ERROR = COLUMNS.index("global error")
+
 LEAST = 3
 """Columns that stand in any table: outcome, discrepancy and uncertainty."""
 
@@ -57,6 +59,8 @@ def print_models(console: Console, cases: Iterable[Case]) -> None:
         _print_below(console, rows, shown, cells)
     else:
         _print_beside(console, rows, shown)
+    if shown > ERROR and any("/" in row[ERROR] for _, row in rows):
+        console.print("global error: of positions / of velocities", style="dim")
     if shown == len(COLUMNS) and any(cells[-1].endswith("*") for _, cells in rows):
         console.print("* one of the motions is too sensitive for a step to be told", style="dim")
 
@@ -106,7 +110,10 @@ def _row(model: ModelId, cases: Sequence[Case]) -> Row:
         outcome,
         _most([discrepancy], "{:.1e}"),
         _most([uncertainty], "{:.1e}"),
-        _most((run.global_error for run in runs), "{:.2%}"),
+        _both(
+            _most((run.global_error for run in runs), "{:.2%}"),
+            _most((run.velocity_error for run in runs), "{:.2%}"),
+        ),
         _most((run.shipped_step for run in runs), "{:g} s"),
         _range(known(run.order for run in runs)),
         f"{min(tenth):.2g} s" + "*" * (len(tenth) < len(steps)) if tenth else "-",
@@ -140,6 +147,11 @@ def known(values: Iterable[Number]) -> list[float]:
 def _most(values: Iterable[Number], form: str) -> str:
     found = known(values)
     return form.format(max(found)) if found else "-"
+
+
+def _both(positions: str, velocities: str) -> str:
+    """The errors of both; of results of before, those of positions."""
+    return positions if velocities == "-" else f"{positions} / {velocities}"
 
 
 def _range(values: Sequence[float]) -> str:

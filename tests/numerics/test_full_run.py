@@ -95,6 +95,32 @@ def test_a_step_told_for_an_error_gives_that_error(bench: MakeBench) -> None:
     assert list(found.steps_for) == sorted(steps, reverse=True)
 
 
+class Late(SymplecticEuler):
+    """Its positions are as good as ever; its velocities are off by several times as much."""
+
+    def rollout(
+        self, q: Array, v: Array, h: float, n: int, force: Force, every: int
+    ) -> tuple[Array, Array]:
+        z, w = super().rollout(q, v, h, n, force, every)
+        return z, w + 30 * h
+
+
+def test_a_step_told_for_an_error_holds_for_velocities_too(bench: MakeBench) -> None:
+    made, plain = bench(Late(step=0.002)), bench(SymplecticEuler(step=0.002))
+    found = study(made)
+    assert found.global_error == study(plain).global_error
+    assert found.velocity_error > 3 * found.global_error
+    rates = made.motion.amplitude[1:]
+    for target, h in zip(step_study.TARGETS, found.steps_for, strict=True):
+        assert h is not None
+        run = full_run(made.model, made.coordinates, made.motion, made.equations.numeric_power, h)
+        error = np.max(np.abs(run.error[:, 1:]) / rates)
+        assert 0.5 * target < error <= 1.05 * target
+    assert found.checked is not None
+    target, _, measured = found.checked
+    assert 0.5 * target < measured <= 1.05 * target
+
+
 def test_steps_told_reach_the_breaks_of_the_input(bench: MakeBench) -> None:
     found = study(bench(drive=6 * Heaviside(t - Rational(13, 10))))
     for h in found.steps_for:

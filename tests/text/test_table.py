@@ -166,6 +166,15 @@ def test_many_cases_and_changes_are_cut_and_counted() -> None:
     assert "  and 1 more, in results.json" in text
 
 
+def test_the_error_of_velocities_follows_that_of_positions() -> None:
+    both = printed(results(case(full_run=full_run(velocity_error=0.0113))))
+    assert " 0.50% / 1.13% " in both
+    assert "global error: of positions / of velocities" in both
+    before = printed(results(case()))
+    assert " 0.50% " in before
+    assert "of velocities" not in before
+
+
 def test_a_step_that_can_not_be_told_has_a_star() -> None:
     without = full_run(steps_for=(TargetStep(target=0.001, step=None),))
     text = printed(results(case(), case(scenario="wild", full_run=without)))
