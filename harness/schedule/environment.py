@@ -4,10 +4,10 @@ Matrices are small here, and there is a worker a core. BLAS starts a thread for 
 imported, and they spin between calls: that took a tenth of a run's processor time, and a third of
 an unchanged gate's. dask.distributed sets the first three of these for its workers.
 
-MuJoCo allocates 12 MB with each model that it compiles. glibc raises the size from which it maps
-memory as larger blocks are freed, puts such blocks on its heap then, and reserves 12 MB more each
-time: 24 GB for the 1299 models of one count, of which 0.4 GB are used. With a size that stays, 0.4
-GB are reserved.
+An engine may allocate 12 MB with each model that it compiles. glibc raises the size from which it
+maps memory as larger blocks are freed, puts such blocks on its heap then, and reserves 12 MB more
+each time: 24 GB for the 1299 models of one count, of which 0.4 GB are used. With a size that stays,
+0.4 GB are reserved.
 """
 
 from __future__ import annotations
