@@ -74,7 +74,15 @@ def written(root: ET.Element, path: Path) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as folder:
         file = Path(folder) / path.name
         file.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
-        yield file
+        try:
+            yield file
+        except Exception as error:
+            # What an engine says is about the user's file: the copy is gone when it is read.
+            error.args = tuple(
+                one.replace(str(file), str(path)) if isinstance(one, str) else one
+                for one in error.args
+            )
+            raise
 
 
 def read_xml(text: str, path: Path) -> XmlSource:

@@ -14,6 +14,7 @@ from harness.diagnosis.hypotheses.trial import scratch
 from harness.diagnosis.task import DiagnosisTask, trial_model
 from harness.engines.protocol import EngineError
 from harness.files.bindings import bindings
+from harness.files.brief import original_paths
 from harness.mutation.faults import FAULTS, SIZES
 from harness.mutation.mistakes import Mistake
 from harness.mutation.survey import Survey
@@ -62,7 +63,8 @@ def mutated(task: MutationTask) -> Mutation:
         try:
             row = _judged(task, replace(task.model, sidecar=sidecar))
         except (EngineError, BlownUpError) as error:
-            row = refused(task, str(error))
+            folder = task.model.sidecar.model.parent
+            row = refused(task, original_paths(str(error), copies, folder))
     return msgspec.structs.replace(row, seconds=time.process_time() - began)
 
 

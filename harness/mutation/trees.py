@@ -17,6 +17,7 @@ from harness.cases.robot_task import RobotTask
 from harness.diagnosis.hypotheses.trial import scratch
 from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked, some_of
 from harness.engines.protocol import EngineError
+from harness.files.brief import original_paths
 from harness.mutation.faults import SIZES
 from harness.mutation.survey import MutationError
 from harness.numerics.ladder import EPSILON
@@ -115,6 +116,8 @@ def mutated_tree(fault: TreeFault) -> Mutation:
                 row = _judged(fault, one, value, replace(fault.model, file=copy))
             except (EngineError, BlownUpError) as error:
                 row = _row(fault, one.address, FaultVerdict.REFUSED, str(error))
+            said = original_paths(row.message, copy.parent, fault.model.file.parent)
+            row = msgspec.structs.replace(row, message=said)
     return msgspec.structs.replace(row, seconds=time.process_time() - began)
 
 

@@ -11,6 +11,7 @@ import time
 from functools import lru_cache
 from pathlib import Path
 
+from harness.files.brief import original_paths
 from harness.records.outcome import Outcome
 from harness.records.sweep import SweepRow
 from harness.sweep.known import Known, blank
@@ -64,12 +65,15 @@ def run_block(block: Block) -> tuple[SweepRow, ...]:
 def _row(source: Source, block: Block, case: Planned) -> SweepRow:
     began = time.process_time()
     known = Known(blank(block, case, ""))
-    try:
-        with tempfile.TemporaryDirectory(prefix="drawn-") as place:
+    with tempfile.TemporaryDirectory(prefix="drawn-") as place:
+        try:
             source.run(case, block.resolution, Path(place), known)
-    except Exception as error:
-        known.tell(outcome=Outcome.FAILED, reason=_said(error))
+        except Exception as error:
+            known.tell(outcome=Outcome.FAILED, reason=_said(error))
     known.tell(seconds=time.process_time() - began)
+    named = Path(block.folder)
+    folder = named.parent if named.is_file() else named
+    known.tell(reason=original_paths(known.row.reason, Path(place), folder))
     return known.row
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from harness.engines.protocol import EngineError, ModelSpec
 from harness.engines.registry import engines
+from harness.engines.source import written
 from harness.engines.urdf import read_urdf
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -222,3 +224,11 @@ def test_a_gear_of_nothing_is_refused(tmp_path: Path) -> None:
     follower = joint("k", "g", "b").replace("</joint>", '<mimic joint="j" multiplier="0"/></joint>')
     with pytest.raises(EngineError, match="multiplier 0"):
         told("pybullet", GOOD.replace(*beside(f'<link name="b">{BODY}</link>{follower}')), tmp_path)
+
+
+def test_what_is_said_of_a_rewritten_copy_names_the_users_file(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    root = ElementTree.Element("robot")
+    with pytest.raises(RuntimeError) as told, written(root, path) as copy:
+        raise RuntimeError(f"{copy}:3: no mass")
+    assert str(told.value) == f"{path}:3: no mass"

@@ -173,3 +173,14 @@ def test_what_can_not_be_swept_ends_with_2(
     assert f"{robot}:1: it has no <link>" in capsys.readouterr().err
     assert main(["sweep", str(tmp_path / "none.urdf")]) == 2
     assert "there is no such file" in capsys.readouterr().err
+
+
+def test_what_an_engine_says_of_a_drawn_copy_names_the_users_file(
+    urdf: Path, workers: Workers
+) -> None:
+    wrong = "link[fore]/inertial/inertia@ixx=100:200"  # above the sum of the other two moments
+    rows = run_block(only_block(whole(urdf, workers, wrong, engines=("mujoco",))))
+    for row in rows:
+        assert row.outcome is Outcome.FAILED
+        assert row.reason.startswith(f"{urdf}: MuJoCo can't load it")
+        assert "drawn-" not in row.reason
