@@ -170,7 +170,7 @@ def test_runs_that_touch_a_wall_are_left_out_and_told(tmp_path: Path) -> None:
     )
     found = agrees(compared(touching, touching, as_shipped=True))
     assert 0 < found.recorded.lost < len(found.recorded.runs.z)
-    assert "runs are left out" in found.notes[-1]
+    assert "runs left out" in found.notes[-1]
     # Well within the contact the motion is smooth again: the wall is a difference.
     shipped = compared(touching, path, as_shipped=True)
     assert shipped.judgement.outcome is Outcome.DIFFERS

@@ -5,9 +5,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from harness.records.comparison import Comparison
 from harness.records.outcome import Outcome
 from harness.records.read import decoded
+from harness.schedule.workers import Workers
 from tests import commands
 from tests.compare.arm import MJCF
 from tests.compare.asking import changed, model, written
@@ -127,3 +130,23 @@ def test_a_motor_that_holds_a_joint_is_told_with_the_sidecar_that_leaves_it_on(
     assert "under a force nothing moves in B, where 1 of the joints can in A" in done.stdout
     where = r"^pendulum_with_motors\.urdf\.toml +sidecar:settings\.motors: nothing -> True"
     assert re.search(where, done.stdout, re.MULTILINE)
+
+
+def test_files_that_are_refused_are_failures_told_before_a_worker_is_started(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def started(*_: object) -> None:
+        raise AssertionError("a worker process was started")
+
+    monkeypatch.setattr(Workers, "submit", started)
+    for name, text in {
+        "a.urdf": "<!DOCTYPE r [<!ENTITY a 'b'>]><robot/>", "b.urdf": "hello", "c.xml": "",
+    }.items():  # fmt: skip
+        (tmp_path / name).write_text(text)
+    for one, other, told in (
+        ("a.urdf", "b.urdf", "a.urdf:1: refused: it declares entities or a DTD"),
+        ("b.urdf", "a.urdf", "b.urdf:1: no XML at column 1: syntax error"),
+        ("c.xml", "a.urdf", "c.xml:1: no XML: the file is empty"),
+    ):
+        done = commands.crosscheck("compare", one, other, cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (3, f"crosscheck: {told}\n")

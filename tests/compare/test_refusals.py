@@ -108,7 +108,10 @@ def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch: pytest.MonkeyPa
     from harness.engines.pymunk import PymunkEngine
 
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
-    with pytest.raises(NotInstalledError, match="pymunk would run it and is not installed"):
+    with pytest.raises(
+        NotInstalledError,
+        match="no engine that reads it is installed: pymunk: not installed; pip install",
+    ):
         candidate("A", model("simple_pendulum", "space.py"), None)
 
 
