@@ -24,7 +24,7 @@ known to 3e-11 of that. Half closed, the Robotiq 2F-85 moves at 3e-3, and they a
 NO_INPUT = np.zeros((1, 0))
 
 MAX_ACCELERATION = 4e9
-"""rad/s^2 or m/s^2: MuJoCo takes 1e10 for a run that has blown up (`mjMAXVAL`)."""
+"""rad/s^2 or m/s^2: an engine takes 1e10 for a run that has blown up."""
 
 
 @dataclass(frozen=True, kw_only=True)

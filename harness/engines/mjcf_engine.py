@@ -216,8 +216,8 @@ class MjcfModel(TreeModel):
         yield from (Remark(message=f"{self.title}: {one}") for one in self.reservations)
         yield from (Remark(message=f"{self.title}: {one}") for one in self._merged())
         for element, what in unread(self.declared.source):
-            place = self.declared.source.places[element]
-            yield Remark(message=f"{place}: {self.title} does not read {what}")
+            file, line = self.declared.source.places[element]
+            yield Remark(message=f"{file}:{line}: {self.title} does not read {what}")
         for cause, key in self.lost.items():
             address = f"sidecar:settings.{key}"
             yield Remark(message=f"{cause}, by a setting", fault=True, address=address)

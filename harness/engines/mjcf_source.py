@@ -39,7 +39,8 @@ class MjcfSource:
 
     def unsupported(self, element: ET.Element, sentence: str) -> UnsupportedError:
         """Return an error about an element that is right, and that an adapter does not take."""
-        return UnsupportedError(f"{self.places.get(element, self.path)}: {sentence}")
+        file, line = self.places.get(element, (self.path, None))
+        return UnsupportedError(sentence, file=file, line=line)
 
     def stating(self, tag: str, attribute: str) -> ET.Element | None:
         """Return the last `<option>`, `<compiler>` or the like with an attribute: it counts."""

@@ -381,7 +381,7 @@ class Case(Record, frozen=True, kw_only=True):
             resolution: that was asked of the run.
         """
         v, dynamics = self.verdict, self.forward_dynamics
-        if self.outcome in (Outcome.ABSENT, Outcome.FAILED):
+        if not self.outcome.is_run:
             return ""
         if v is None:
             return f"{self.outcome} without the numbers of a verdict"

@@ -20,7 +20,7 @@ def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
     """
     parts, made = [], 0
     for name, text in texts:
-        data = text.encode()
+        data = text.encode(errors="surrogatepass")
         here = [
             (where.span, edit.new, where.file)
             for edit in edits
@@ -32,7 +32,9 @@ def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:
         for (start, end), new, _ in sorted(here, reverse=True):
             changed = changed[:start] + new.encode() + changed[end:]
         if changed != data:
-            parts.append(_diff(here[0][2], _lines(text), _lines(changed.decode())))
+            parts.append(
+                _diff(here[0][2], _lines(text), _lines(changed.decode(errors="surrogatepass")))
+            )
     certain = made == sum(len(edit.locations) for edit in edits)
     return "".join(parts) if certain else ""
 

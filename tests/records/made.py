@@ -45,7 +45,7 @@ def case(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Case:
         "system": "disc", "model": "mujoco.xml", "scenario": "free", "engine": "mujoco",
         "folder": "models/disc", "outcome": outcome, "seconds": 0.1,
     }  # fmt: skip
-    if outcome not in (Outcome.ABSENT, Outcome.FAILED):
+    if outcome.is_run:
         known |= {"verdict": verdict(), "full_run": full_run()}
     return Case(**known | fields)
 

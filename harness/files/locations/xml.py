@@ -243,9 +243,8 @@ def read_elements(source: Source) -> list[RawElement]:
     try:
         parser.Parse(source.data, True)
     except expat.ExpatError as error:
-        raise LocationError(
-            _problem(source.data, error), file=source.file, line=error.lineno
-        ) from None
+        line, problem = _problem(source.data, error)
+        raise LocationError(problem, file=source.file, line=line) from None
     return elements
 
 
@@ -265,19 +264,20 @@ def no_xml(file: Path, *, strict: bool) -> str:
         expat.ParserCreate().Parse(data, True)
     except expat.ExpatError as error:
         if strict or b"\0" in data or not _ELEMENT.search(data):
-            return f"{file}:{error.lineno}: {_problem(data, error)}"
+            line, problem = _problem(data, error)
+            return f"{file}:{line}: {problem}"
     except OSError:
         pass
     return ""
 
 
-def _problem(data: bytes, error: expat.ExpatError) -> str:
-    """Return what is wrong with what was parsed: the column from 1, and the parser's reason."""
+def _problem(data: bytes, error: expat.ExpatError) -> tuple[int, str]:
+    """Return the line of what was parsed, and what is wrong: the column and the reason."""
     if not data.strip():
-        return "no XML: the file is empty"
+        return 1, "no XML: the file is empty"
     if b"\0" in data:
-        return f"no XML at column {error.offset + 1}: the file is binary"
-    return f"no XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
+        return error.lineno, f"no XML at column {error.offset + 1}: the file is binary"
+    return error.lineno, f"no XML at column {error.offset + 1}: {expat.ErrorString(error.code)}"
 
 
 def _walk(
