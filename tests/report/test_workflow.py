@@ -15,7 +15,7 @@ import pytest
 from harness.cli.main import main
 from harness.records.outcome import Outcome
 from harness.records.write import encoded
-from tests.records.made import case, results
+from tests.records.made import case, results, verdict
 
 ROOT = Path(__file__).parents[2]
 OWN = ("Run everything", "Badge", "What moved since the last run")
@@ -54,7 +54,9 @@ def place(tmp_path: Path) -> Path:
     """
     (tmp_path / "bin").mkdir()
     kept = tmp_path / "kept.json"
-    kept.write_text(encoded(results(case(Outcome.DIFFERS, reason="x is off"), case(engine="x"))))
+    off = verdict(discrepancy=1e-3, largest_discrepancy=1e-3)
+    differing = case(Outcome.DIFFERS, reason="x is off", verdict=off)
+    kept.write_text(encoded(results(differing, case(engine="x"))))
     command = tmp_path / "bin" / "crosscheck"
     command.write_text(f"""#!/bin/sh
 if [ "$1" = run ]; then
