@@ -252,7 +252,7 @@ def test_an_engine_that_is_not_installed_is_absent(tmp_path: Path) -> None:
     for scenario in ("free", "driven"):
         case = found["space.py", "pymunk", scenario]
         assert case.outcome == "ABSENT"
-        assert case.reason == "pymunk is not installed"
+        assert case.reason.startswith("pymunk is not installed; pip install ")
         assert found["good.known", "known", scenario].outcome == "AGREES"
     assert results.versions["pymunk"] is None
 
