@@ -47,6 +47,9 @@ PAIRS: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
 }
 """Name -> two files, or names of robots, and options."""
 
+PLACE = "checkout.txt"
+"""Where the checkout of a store was: its records have paths."""
+
 VOLATILE = re.compile(r"(^|_)(created|seconds|versions|version|date|mtime)$")
 """Keys whose values differ between two runs of one state."""
 
@@ -114,6 +117,7 @@ def keep_records(store: Path, parts: Sequence[str]) -> int:
             failures += 1
             print(ran.stderr[-2000:], file=sys.stderr)
     file.write_text(json.dumps(codes, indent=1, sort_keys=True))
+    (store / PLACE).write_text(str(ROOT))
     return failures
 
 
@@ -142,10 +146,13 @@ def read_store(store: Path, renamed: Mapping[str, str]) -> dict[str, Leaf]:
     """
     if not (store / "exit_codes.json").is_file():
         sys.exit(f"{store} is no store: `python -m campaigns.records store {store}` makes one")
+    place = (store / PLACE).read_text() if (store / PLACE).is_file() else ""
     found: dict[str, Leaf] = {}
     for file in sorted([*store.rglob("*.json"), *store.rglob("*.jsonl")]):
         name = file.relative_to(store).as_posix()
         text = file.read_text().replace(str(store), "STORE")
+        if place:
+            text = text.replace(place, "CHECKOUT")
         texts = text.splitlines() if file.suffix == ".jsonl" else [text]
         records = [json.loads(one) for one in texts if one.strip()]
         if file.suffix == ".jsonl":  # rows come as workers end

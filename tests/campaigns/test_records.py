@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from campaigns.records import commands, diff_lines, main, read_store
+from campaigns.records import PLACE, commands, diff_lines, main, read_store
 
 
 def store(folder: Path, record: dict[str, Any], rows: list[dict[str, Any]] | None = None) -> Path:
-    (folder / "run").mkdir(parents=True)
+    (folder / "run").mkdir(parents=True, exist_ok=True)
     (folder / "exit_codes.json").write_text("{}")
     (folder / "run/results.json").write_text(json.dumps(record))
     (folder / "run/rows.jsonl").write_text("\n".join(json.dumps(row) for row in rows or []))
@@ -33,9 +33,12 @@ def test_a_last_digit_that_moved_shows(tmp_path: Path) -> None:
     assert "(2.2e-16 relative)" in line
 
 
-def test_times_and_the_place_of_the_store_do_not_show(tmp_path: Path) -> None:
-    old = {"created": "then", "seconds": 1.0, "out": str(tmp_path / "a/run")}
-    new = {"created": "now", "seconds": 2.0, "out": str(tmp_path / "b/run")}
+def test_times_and_the_places_of_store_and_checkout_do_not_show(tmp_path: Path) -> None:
+    old = {"created": "then", "seconds": 1.0, "out": str(tmp_path / "a/run"), "at": "/old/m.xml"}
+    new = {"created": "now", "seconds": 2.0, "out": str(tmp_path / "b/run"), "at": "/new/m.xml"}
+    for name, place in (("a", "/old"), ("b", "/new")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / PLACE).write_text(place)
     assert lines_of(tmp_path, old, new) == []
 
 
