@@ -17,7 +17,7 @@ BLOWN_UP = 1e6
 def with_full_runs(
     verdict: Verdict, study: StepStudy, motion: Motion, claimed: int
 ) -> tuple[Outcome, str, str]:
-    """The outcome of a case, the sentence that is said of it and its kind, as a case has it.
+    """Return the outcome of a case, its reason and the kind of the reason.
 
     Both are empty for plain agreement.
     """

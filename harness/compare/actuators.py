@@ -116,7 +116,7 @@ def _state(compiled: CompiledTree, index: int) -> float:
     owner = next((one for one in compiled.actuators if index in one.states), None)
     ranges = {} if owner is None else dict(owner.ranges)
     low, high = ranges.get("state range") or ranges.get("control range") or (0.0, 1.0)
-    return low + (high - low) * ((index + 1) * SPREAD + 0.5) % 1.0
+    return low + (high - low) * (((index + 1) * SPREAD + 0.5) % 1.0)
 
 
 def actuator_properties(

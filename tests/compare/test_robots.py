@@ -2,10 +2,13 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from harness.compare.actuators import _state
 from harness.compare.candidate import candidate
 from harness.compare.compare import Findings
 from harness.compare.excitation import Recorded
@@ -15,6 +18,7 @@ from harness.compare.match import match
 from harness.compare.prepared import prepare
 from harness.compare.runs import Runs
 from harness.compare.trials import Trial
+from harness.engines.compiled import CompiledTree
 from harness.numerics.ladder import Limit
 from harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
@@ -513,3 +517,13 @@ def test_the_largest_difference_is_named_and_those_within_uncertainty_are_not() 
     assert judge(recorded, Followed(near, near.value, 1), pair, 1e-9).certain.tolist() == [
         True, False,
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.0, 0.4), (-100.0, 100.0), (2.0, 2.1)])
+def test_a_state_of_an_actuator_begins_within_its_range(low: float, high: float) -> None:
+    ranges = (("state range", (low, high)),)
+    owner = SimpleNamespace(states=tuple(range(8)), ranges=ranges)
+    compiled = SimpleNamespace(actuators=(owner,))
+    starts = [_state(cast(CompiledTree, compiled), index) for index in range(8)]
+    assert all(low <= start <= high for start in starts)
+    assert max(starts) - min(starts) > 0.5 * (high - low)
