@@ -10,13 +10,13 @@ import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from harness.schedule.environment import claim_defaults
+from physics_crosscheck.harness.schedule.environment import claim_defaults
 
 if TYPE_CHECKING:
-    from harness.records.case import Case, FullRun, Verdict
+    from physics_crosscheck.harness.records.case import Case, FullRun, Verdict
 
 # Here too where the package is not installed.
-pytest_plugins = ["pytest_crosscheck"]
+pytest_plugins = ["physics_crosscheck.pytest_plugin"]
 
 # Before anything imports numpy: there is a worker of pytest's a core.
 claim_defaults()

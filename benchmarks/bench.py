@@ -35,16 +35,16 @@ from benchmarks.bench_engines import costs_of_engines
 from benchmarks.bench_robots import robots
 from benchmarks.bench_segments import certification, overhead
 from benchmarks.lasting import keep, this_version
-from harness.compare.candidate import candidate
-from harness.compare.compare import CompareOptions, compare
-from harness.compare.executor import at_once
-from harness.files.folders import system_folders
-from harness.records.case import Case
-from harness.records.model import Model
-from harness.records.results import Results
-from harness.records.system import System
-from harness.report import write_report
-from harness.run import Options, run
+from physics_crosscheck.harness.compare.candidate import candidate
+from physics_crosscheck.harness.compare.compare import CompareOptions, compare
+from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.files.folders import system_folders
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.run import Options, run
 from tests.report.chromium import CHROMIUM, running
 
 REPEATS = 5

@@ -15,11 +15,11 @@ from rich.table import Table
 from scipy.integrate import solve_ivp
 
 from benchmarks.bench_segments import sidecar_of
-from harness.cases.case import load
-from harness.cases.prepare import prepare
-from harness.files.folders import builtin
-from harness.numerics.batch import Batch
-from harness.numerics.segments import extrapolate
+from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.segments import extrapolate
 
 TARGETS = (1e-6, 1e-9)
 MASS, DAMPING, STIFFNESS, START = 1.3, 0.9, 47.0, (0.25, -0.4)

@@ -14,8 +14,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from harness.files.folders import builtin
-from harness.records.read import read_results
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.records.read import read_results
 
 TIMES = 3
 
@@ -26,7 +26,17 @@ def timed(root: Path) -> tuple[float, int, int]:
     folders = [str(path.parent) for path in sorted(root.glob("models/*/system.py"))]
     began = time.perf_counter()
     subprocess.run(
-        [sys.executable, "-m", "harness", "run", *folders, "--cache", "cache", "--out", "out"],
+        [
+            sys.executable,
+            "-m",
+            "physics_crosscheck",
+            "run",
+            *folders,
+            "--cache",
+            "cache",
+            "--out",
+            "out",
+        ],
         cwd=root,
         env=environment,
         capture_output=True,

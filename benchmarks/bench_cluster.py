@@ -16,16 +16,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from harness.cases.prepare import Prepared, prepare
-from harness.collected import Collected
-from harness.files.folders import builtin
-from harness.options import Options
-from harness.plan import Plan
-from harness.schedule import parcel
-from harness.schedule.chosen import executor
-from harness.schedule.clock import processor_seconds
-from harness.schedule.executor import Executor
-from harness.schedule.jobs import Job, Task, work
+from physics_crosscheck.harness.cases.prepare import Prepared, prepare
+from physics_crosscheck.harness.collected import Collected
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.options import Options
+from physics_crosscheck.harness.plan import Plan
+from physics_crosscheck.harness.schedule import parcel
+from physics_crosscheck.harness.schedule.chosen import executor
+from physics_crosscheck.harness.schedule.clock import processor_seconds
+from physics_crosscheck.harness.schedule.executor import Executor
+from physics_crosscheck.harness.schedule.jobs import Job, Task, work
 from tests.schedule.clusters import Loopback, below
 
 FOLDER = builtin() / "drum_pendulum"

@@ -18,13 +18,13 @@ import pybullet_data
 from rich.console import Console
 from rich.table import Table
 
-from harness.cases.robot import prepare_robot
-from harness.cases.robot_task import load_robot
-from harness.engines.protocol import Model
-from harness.engines.registry import engines
-from harness.files.folders import builtin
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.cases.robot import prepare_robot
+from physics_crosscheck.harness.cases.robot_task import load_robot
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
 
 STEPS, STATES, REPEATS = 2000, 400, 7
 ARM = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"

@@ -14,7 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from harness.files.folders import builtin
+from physics_crosscheck.harness.files.folders import builtin
 
 LIMIT = 5.0
 
@@ -23,7 +23,7 @@ def timed(root: Path, *arguments: str) -> tuple[float, str]:
     environment = {**os.environ, "PYTHONPATH": str(builtin().parent), "CI": "1"}
     began = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-m", "harness", "gate", *arguments],
+        [sys.executable, "-m", "physics_crosscheck", "gate", *arguments],
         cwd=root,
         env=environment,
         capture_output=True,

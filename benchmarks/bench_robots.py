@@ -21,9 +21,9 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from harness.cases.robot import prepare_robot, run_robot
-from harness.engines.registry import readers
-from harness.scaffold.from_model import from_model
+from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.scaffold.from_model import from_model
 
 ROBOTS = (
     ("pybullet_data", "kuka_iiwa/model.urdf", False),

@@ -14,20 +14,20 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from harness.cases.case import load
-from harness.cases.prepare import prepare
-from harness.engines.protocol import Array
-from harness.engines.registry import engines
-from harness.files.folders import builtin, system_folders
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
-from harness.numerics.batch import Batch
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.full_run import FullRun, full_run
-from harness.numerics.ladder import weights
-from harness.numerics.rounding import with_companions
-from harness.numerics.segments import Extrapolated, extrapolate
-from reference.motion import Motion
+from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import builtin, system_folders
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.full_run import FullRun, full_run
+from physics_crosscheck.harness.numerics.ladder import weights
+from physics_crosscheck.harness.numerics.rounding import with_companions
+from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
+from physics_crosscheck.reference.motion import Motion
 
 REPEATS = 5
 Rollout = tuple[float, int, list[list[float]], list[list[float]], Array | None]

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
-from harness.numerics.version import VERSION
+from physics_crosscheck.harness.numerics.version import VERSION
 
 FILE = Path(__file__).with_name("ratios.json")
 

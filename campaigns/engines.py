@@ -10,10 +10,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.records.case import Case
-from harness.records.outcome import Outcome
-from harness.records.read import read_results
-from harness.report.cases import digits_of
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.report.cases import digits_of
 
 
 def cell(cases: Sequence[Case]) -> str:

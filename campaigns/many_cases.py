@@ -17,10 +17,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from harness.records.outcome import Outcome
-from harness.records.sweep import SweepRow
-from harness.sweep.store import done, read_plan, read_rows
-from harness.text.sweep import row_lines
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.harness.sweep.store import done, read_plan, read_rows
+from physics_crosscheck.harness.text.sweep import row_lines
 
 VARY = (
     "M=1.2:4.8:log", "m=0.4:1.6:log", "l=0.3:1.2", "k=30:130:log", "g=9.6:10",
@@ -46,7 +46,7 @@ def defaults() -> tuple[str, ...]:
 
 
 def command(options: argparse.Namespace) -> list[str]:
-    words = [sys.executable, "-m", "harness", "sweep", *(options.systems or defaults())]
+    words = [sys.executable, "-m", "physics_crosscheck", "sweep", *(options.systems or defaults())]
     for text in options.vary or VARY:
         words += ["--vary", text]
     for name in options.engine or ENGINES:
@@ -161,7 +161,7 @@ def main() -> None:
 def again(rows: list[SweepRow]) -> None:
     """Some rows by their own commands: each prints the verdict that its row has."""
     for row in rows[:: max(len(rows) // AGAIN, 1)][:AGAIN]:
-        words = [sys.executable, "-m", "harness", *shlex.split(row.command)[1:]]
+        words = [sys.executable, "-m", "physics_crosscheck", *shlex.split(row.command)[1:]]
         told = subprocess.run(words, capture_output=True, text=True, check=False).stdout
         same = "\n".join(row_lines(row)) in told
         print(f"#{row.index} {row.name}: {'the same again' if same else told}")

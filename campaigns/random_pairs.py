@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from campaigns.random_draws import pairings
-from harness.cases.prepare import Prepared, prepare
-from harness.diagnosis.hypotheses.trial import scratch
-from harness.diagnosis.task import diagnosis_task, ranked
-from harness.engines.protocol import EngineError
-from harness.files.bindings import bindings, with_literals
-from harness.files.sidecar import Sidecar
-from harness.mutation.survey import survey
-from harness.records.cause import CauseId
+from physics_crosscheck.harness.cases.prepare import Prepared, prepare
+from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
+from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.files.bindings import bindings, with_literals
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.mutation.survey import survey
+from physics_crosscheck.harness.records.cause import CauseId
 
 SMALL, LARGE = 1e-4, 1e-2
 VISIBLE = 1e-8

@@ -108,7 +108,8 @@ def keep_records(store: Path, parts: Sequence[str]) -> int:
     for name, words in commands(store, parts):
         (store / name).parent.mkdir(parents=True, exist_ok=True)
         ran = subprocess.run(
-            [sys.executable, "-m", "harness", *words], cwd=ROOT, capture_output=True, text=True,
+            [sys.executable, "-m", "physics_crosscheck", *words],
+            cwd=ROOT, capture_output=True, text=True,
             check=False,
         )  # fmt: skip
         codes[name] = ran.returncode

@@ -19,9 +19,9 @@ from rich.console import Console
 from rich.terminal_theme import DEFAULT_TERMINAL_THEME, DIMMED_MONOKAI
 from rich.text import Text
 
-from harness.records.read import read_results
-from harness.text.next_steps import next_steps
-from harness.text.table import print_results
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.text.next_steps import next_steps
+from physics_crosscheck.harness.text.table import print_results
 
 _FACES = re.compile(r"@font-face \{\{.*?\}\}", re.DOTALL)
 

@@ -17,27 +17,27 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from harness.baseline.place import DEFAULT
-from harness.files.folders import check_engines, system_folders
-from harness.notebook import cases as shown
-from harness.notebook.optional import frame
-from harness.options import (
+from physics_crosscheck.harness.baseline.place import DEFAULT
+from physics_crosscheck.harness.files.folders import check_engines, system_folders
+from physics_crosscheck.harness.notebook import cases as shown
+from physics_crosscheck.harness.notebook.optional import frame
+from physics_crosscheck.harness.options import (
     check_limits,
     check_names,
     check_number,
     check_resolution,
     check_text,
 )
-from harness.records import results
-from harness.records.case import Case
-from harness.run import Options, run
-from harness.schedule.limits import MEMORY, SECONDS
-from harness.schedule.main_module import without_main
-from harness.text.causes import BEGIN_WITH_AUDIT
-from harness.text.failure import diagnosis_lines, failure_message
-from harness.text.findings import audit_lines
-from harness.text.status import status_of
-from harness.text.table import summary
+from physics_crosscheck.harness.records import results
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.harness.schedule.limits import MEMORY, SECONDS
+from physics_crosscheck.harness.schedule.main_module import without_main
+from physics_crosscheck.harness.text.causes import BEGIN_WITH_AUDIT
+from physics_crosscheck.harness.text.failure import diagnosis_lines, failure_message
+from physics_crosscheck.harness.text.findings import audit_lines
+from physics_crosscheck.harness.text.status import status_of
+from physics_crosscheck.harness.text.table import summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

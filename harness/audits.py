@@ -12,26 +12,26 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.cases.not_run import hurdle
-from harness.collected import Collected
-from harness.engines.registry import engines as registered
-from harness.files.choice import Choice
-from harness.files.model_files import UnreadModel, chosen_engines, model_files
-from harness.files.sidecar import Sidecar
-from harness.options import Options, Selection
-from harness.plan_bodies import BodiesModel
-from harness.plan_energies import EnergiesModel
-from harness.plan_folder import FolderWork
-from harness.records.case import ModelId
-from harness.records.finding import AuditFinding
-from harness.records.outcome import Outcome
-from harness.schedule.chosen import executor
-from harness.schedule.failure import Failure
-from harness.schedule.jobs import Job, work
-from harness.schedule.limits import Limits
+from physics_crosscheck.harness.cases.not_run import hurdle
+from physics_crosscheck.harness.collected import Collected
+from physics_crosscheck.harness.engines.registry import engines as registered
+from physics_crosscheck.harness.files.choice import Choice
+from physics_crosscheck.harness.files.model_files import UnreadModel, chosen_engines, model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.options import Options, Selection
+from physics_crosscheck.harness.plan_bodies import BodiesModel
+from physics_crosscheck.harness.plan_energies import EnergiesModel
+from physics_crosscheck.harness.plan_folder import FolderWork
+from physics_crosscheck.harness.records.case import ModelId
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.schedule.chosen import executor
+from physics_crosscheck.harness.schedule.failure import Failure
+from physics_crosscheck.harness.schedule.jobs import Job, work
+from physics_crosscheck.harness.schedule.limits import Limits
 
 if TYPE_CHECKING:
-    from harness.cached import Cache
+    from physics_crosscheck.harness.cached import Cache
 
 ALONE = Selection(models=None)
 """No derivation is shown, nothing is diagnosed."""

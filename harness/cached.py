@@ -24,24 +24,24 @@ from typing import Any
 
 import msgspec
 
-import physics_crosscheck
-from harness.baseline.fingerprint import folder_files
-from harness.baseline.inputs import versions
-from harness.engines.registry import engines
-from harness.files.parts import part_digests
-from harness.files.reads import recorded
-from harness.files.states import UNREADABLE, digest_of, states_now
-from harness.numerics.version import VERSION
-from harness.records.base import Record
-from harness.records.baseline import Measurement, Snapshot
-from harness.records.case import Case, ModelKey
-from harness.records.coverage import Coverage
-from harness.records.finding import AuditFinding, Diagnosis
-from harness.records.model import EngineLinearization
-from harness.records.survey import Audit, FileSurvey
-from harness.records.system import System
-from harness.records.write import write_whole
-from harness.schedule.jobs import Task
+from physics_crosscheck.harness.baseline.fingerprint import folder_files
+from physics_crosscheck.harness.baseline.inputs import versions
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.parts import part_digests
+from physics_crosscheck.harness.files.reads import recorded
+from physics_crosscheck.harness.files.states import UNREADABLE, digest_of, states_now
+from physics_crosscheck.harness.numerics.version import VERSION
+from physics_crosscheck.harness.paths import SOURCES, is_own
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
+from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.model import EngineLinearization
+from physics_crosscheck.harness.records.survey import Audit, FileSurvey
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.schedule.jobs import Task
 
 LIBRARIES = ("numpy", "scipy", "sympy", "mpmath")
 """What digits come from, beside the engines and this package."""
@@ -248,7 +248,7 @@ def _surroundings() -> str:
         sys.platform,
         *(f"{name} {importlib.metadata.version(name)}" for name in LIBRARIES),
         *(f"{name} {version}" for name, version in versions().items() if version is not None),
-        *(_source(physics_crosscheck.BESIDE / name) for name in ("harness", "reference")),
+        *map(_source, SOURCES),
     ]
     return digest_of(msgspec.json.encode(known))
 
@@ -257,8 +257,7 @@ def _surroundings() -> str:
 def _adapter(name: str) -> str:
     """Hash of the source that an engine's adapter is in; that of our own is in all."""
     file = _engine_file(name)
-    ours = physics_crosscheck.BESIDE / "harness"
-    return "" if file is None or file.is_relative_to(ours) else _source(file.parent)
+    return "" if file is None or is_own(str(file)) else _source(file.parent)
 
 
 def _engine_file(name: str) -> Path | None:

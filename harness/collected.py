@@ -9,17 +9,17 @@ from typing import Any, TypedDict, Unpack
 
 from msgspec.structs import replace
 
-from harness.records.baseline import Measurement
-from harness.records.case import Case, CaseId, ModelKey
-from harness.records.coverage import Coverage
-from harness.records.finding import AuditFinding, Diagnosis
-from harness.records.journal import Journal, Work
-from harness.records.model import EngineLinearization, Model
-from harness.records.poses import Poses
-from harness.records.system import System
-from harness.schedule.jobs import Job
-from harness.schedule.stop import Stop
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.records.baseline import Measurement
+from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.journal import Journal, Work
+from physics_crosscheck.harness.records.model import EngineLinearization, Model
+from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.schedule.jobs import Job
+from physics_crosscheck.harness.schedule.stop import Stop
+from physics_crosscheck.harness.schedule.workers import Failure
 
 Jobs = Iterable[Job[Any]]
 

@@ -9,17 +9,17 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.files.brief import brief
-from harness.files.choice import Choice
-from harness.records.baseline import Snapshot
-from harness.records.case import CaseId, ModelKey
-from harness.schedule.limits import LEAST_MEMORY, LEAST_SECONDS, MOST, Limits
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.choice import Choice
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import CaseId, ModelKey
+from physics_crosscheck.harness.schedule.limits import LEAST_MEMORY, LEAST_SECONDS, MOST, Limits
 
 RESOLVED = (1e-13, 1e-2)
 """Resolutions that double precision can serve."""
 
 if TYPE_CHECKING:  # a cache asks the equations, and sympy takes a second
-    from harness.cached import Cache
+    from physics_crosscheck.harness.cached import Cache
 
 
 def check_text(value: object, name: str, *, path: bool = False) -> None:

@@ -10,19 +10,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from harness.cases.not_run import failed_case
-from harness.collected import Collected, stand_in
-from harness.engines.registry import engines
-from harness.files.model_files import UnreadModel, chosen_engines, model_files
-from harness.files.sidecar import Sidecar
-from harness.options import Options
-from harness.plan_bodies import BodiesModel
-from harness.plan_energies import EnergiesModel
-from harness.plan_folder import FolderWork
-from harness.records.baseline import Snapshot
-from harness.records.case import CaseId
-from harness.schedule.jobs import Job
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.cases.not_run import failed_case
+from physics_crosscheck.harness.collected import Collected, stand_in
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.model_files import UnreadModel, chosen_engines, model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.options import Options
+from physics_crosscheck.harness.plan_bodies import BodiesModel
+from physics_crosscheck.harness.plan_energies import EnergiesModel
+from physics_crosscheck.harness.plan_folder import FolderWork
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.schedule.jobs import Job
+from physics_crosscheck.harness.schedule.workers import Failure
 
 
 class Plan:

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
-from harness.cases.not_run import failed_case, not_of_a_tree
-from harness.collected import Jobs
-from harness.plan_model import ModelPlan
-from harness.records.baseline import Snapshot
-from harness.records.case import Case, CaseId
-from harness.records.coverage import Coverage
-from harness.records.outcome import Outcome
-from harness.records.survey import FileSurvey
-from harness.schedule.jobs import Job, Task
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.cases.not_run import failed_case, not_of_a_tree
+from physics_crosscheck.harness.collected import Jobs
+from physics_crosscheck.harness.plan_model import ModelPlan
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.survey import FileSurvey
+from physics_crosscheck.harness.schedule.jobs import Job, Task
+from physics_crosscheck.harness.schedule.workers import Failure
 
 if TYPE_CHECKING:
-    from harness.cases.multibody import PreparedTree
-    from harness.cases.robot_task import RobotTask
+    from physics_crosscheck.harness.cases.multibody import PreparedTree
+    from physics_crosscheck.harness.cases.robot_task import RobotTask
 
 
 class BodiesModel(ModelPlan):
@@ -46,7 +46,7 @@ class BodiesModel(ModelPlan):
         return prepared.task(self.sidecar, self.engine, self.options.resolution)
 
     def _measuring(self, prepared: PreparedTree, accepted: Snapshot | None) -> Task[Any, Any]:
-        from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
+        from physics_crosscheck.harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 
         task = MeasureTreeTask(
             task=self._task(prepared),
@@ -66,7 +66,7 @@ class BodiesModel(ModelPlan):
             return done(failed_case(case, self.folder, failure))
 
         def make(prepared: PreparedTree) -> Task[Any, Any]:
-            from harness.cases.robot import run_robot
+            from physics_crosscheck.harness.cases.robot import run_robot
 
             return Task(run_robot, self._task(prepared))
 
@@ -83,7 +83,10 @@ class BodiesModel(ModelPlan):
         """The numbers of a file that are not those of the declared bodies."""
 
         def make(prepared: PreparedTree) -> Task[Any, Any]:
-            from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+            from physics_crosscheck.harness.diagnosis.robot_task import (
+                RobotDiagnosisTask,
+                diagnose_robot,
+            )
 
             task = RobotDiagnosisTask(task=self._task(prepared), own=False)
             return Task(diagnose_robot, task)
@@ -101,7 +104,7 @@ class BodiesModel(ModelPlan):
             return done(Coverage(note=failure.reason))
 
         def make(prepared: PreparedTree) -> Task[Any, Any]:
-            from harness.coverage.robot import count_robot
+            from physics_crosscheck.harness.coverage.robot import count_robot
 
             return Task(count_robot, self._task(prepared))
 
@@ -119,7 +122,7 @@ class BodiesModel(ModelPlan):
             return ()
 
         def make(_: PreparedTree) -> Task[Any, Any]:
-            from harness.cases.multibody import survey_file
+            from physics_crosscheck.harness.cases.multibody import survey_file
 
             return Task(survey_file, self.sidecar)
 

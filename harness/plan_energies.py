@@ -9,22 +9,22 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from harness.cases.not_run import failed_case
-from harness.collected import Jobs
-from harness.plan_model import ModelPlan
-from harness.records.baseline import Snapshot
-from harness.records.case import Case, CaseId
-from harness.records.coverage import Coverage
-from harness.records.model import EngineLinearization
-from harness.records.outcome import Outcome
-from harness.records.survey import Audit
-from harness.schedule.jobs import Job, Task
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.cases.not_run import failed_case
+from physics_crosscheck.harness.collected import Jobs
+from physics_crosscheck.harness.plan_model import ModelPlan
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.model import EngineLinearization
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.survey import Audit
+from physics_crosscheck.harness.schedule.jobs import Job, Task
+from physics_crosscheck.harness.schedule.workers import Failure
 
 if TYPE_CHECKING:
-    from harness.audit.task import AuditTask
-    from harness.cases.case import CaseTask
-    from harness.cases.prepare import Prepared
+    from physics_crosscheck.harness.audit.task import AuditTask
+    from physics_crosscheck.harness.cases.case import CaseTask
+    from physics_crosscheck.harness.cases.prepare import Prepared
 
 
 class EnergiesModel(ModelPlan):
@@ -42,21 +42,21 @@ class EnergiesModel(ModelPlan):
         yield from self._audit()
 
     def _task(self, prepared: Prepared, case: CaseId) -> CaseTask:
-        from harness.cases.case import case_task
+        from physics_crosscheck.harness.cases.case import case_task
 
         return case_task(
             prepared, self.sidecar, self.engine, case.scenario, self.options.resolution
         )
 
     def _audited(self, prepared: Prepared) -> AuditTask:
-        from harness.audit.task import audit_task
+        from physics_crosscheck.harness.audit.task import audit_task
 
         return audit_task(prepared, self.sidecar, self.engine, self.options.resolution)
 
     def _measuring(
         self, case: CaseId, prepared: Prepared, accepted: Snapshot | None
     ) -> Task[Any, Any]:
-        from harness.baseline.measure import measure, measure_task
+        from physics_crosscheck.harness.baseline.measure import measure, measure_task
 
         return Task(measure, measure_task(self._task(prepared, case), prepared, accepted))
 
@@ -69,7 +69,7 @@ class EnergiesModel(ModelPlan):
             return done(failed_case(case, self.folder, failure))
 
         def make(prepared: Prepared) -> Task[Any, Any]:
-            from harness.cases.case import run_case
+            from physics_crosscheck.harness.cases.case import run_case
 
             return Task(run_case, self._task(prepared, case))
 
@@ -90,7 +90,7 @@ class EnergiesModel(ModelPlan):
             return
 
         def make(prepared: Prepared) -> Task[Any, Any]:
-            from harness.diagnosis.task import diagnose_model, diagnosis_task
+            from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
 
             return Task(diagnose_model, diagnosis_task(prepared, self.sidecar, self.engine))
 
@@ -106,7 +106,7 @@ class EnergiesModel(ModelPlan):
             return ()
 
         def make(prepared: Prepared) -> Task[Any, Any]:
-            from harness.cases.case import linearization_task, run_linearizations
+            from physics_crosscheck.harness.cases.case import linearization_task, run_linearizations
 
             resolution = self.options.resolution
             task = linearization_task(prepared, self.sidecar, self.engine, resolution)
@@ -124,7 +124,7 @@ class EnergiesModel(ModelPlan):
             return ()
 
         def make(prepared: Prepared) -> Task[Any, Any]:
-            from harness.audit.run import run_audit
+            from physics_crosscheck.harness.audit.run import run_audit
 
             return Task(run_audit, self._audited(prepared))
 
@@ -141,7 +141,7 @@ class EnergiesModel(ModelPlan):
             return done(Coverage(note=failure.reason))
 
         def make(prepared: Prepared) -> Task[Any, Any]:
-            from harness.coverage.count import count_numbers
+            from physics_crosscheck.harness.coverage.count import count_numbers
 
             return Task(count_numbers, self._audited(prepared))
 

@@ -7,18 +7,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.baseline.inputs import inputs, with_reads_of_system
-from harness.cached import FolderFacts, models_inputs, piece_of_folder
-from harness.collected import Collected, stand_in
-from harness.options import Options
-from harness.plan_work import PlaceWork
-from harness.records.baseline import Snapshot
-from harness.records.case import CaseId, ModelKey
-from harness.schedule.jobs import Task
+from physics_crosscheck.harness.baseline.inputs import inputs, with_reads_of_system
+from physics_crosscheck.harness.cached import FolderFacts, models_inputs, piece_of_folder
+from physics_crosscheck.harness.collected import Collected, stand_in
+from physics_crosscheck.harness.options import Options
+from physics_crosscheck.harness.plan_work import PlaceWork
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import CaseId, ModelKey
+from physics_crosscheck.harness.schedule.jobs import Task
 
 if TYPE_CHECKING:
-    from harness.cases.multibody import PreparedTree
-    from harness.cases.prepare import Prepared
+    from physics_crosscheck.harness.cases.multibody import PreparedTree
+    from physics_crosscheck.harness.cases.prepare import Prepared
 
 
 class FolderWork(PlaceWork[FolderFacts]):
@@ -65,12 +65,12 @@ class FolderWork(PlaceWork[FolderFacts]):
         return known
 
     def _preparing(self) -> Task[Any, Any]:
-        from harness.cases.multibody import prepare_folder
+        from physics_crosscheck.harness.cases.multibody import prepare_folder
 
         return Task(partial(prepare_folder, described=self.options.described), self.place)
 
     def _facts_of(self, prepared: Prepared | PreparedTree) -> FolderFacts:
-        from harness.cases.multibody import PreparedTree
+        from physics_crosscheck.harness.cases.multibody import PreparedTree
 
         return FolderFacts(
             record=prepared.record,

@@ -7,17 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from harness.cases.not_run import barred_case, hurdle
-from harness.collected import Jobs
-from harness.engines.protocol import Engine
-from harness.files.reading import read_regular
-from harness.files.sidecar import Sidecar
-from harness.plan_folder import FolderWork
-from harness.records.case import CaseId
-from harness.records.finding import Diagnosis
-from harness.records.model import Model
-from harness.schedule.jobs import Job
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.cases.not_run import barred_case, hurdle
+from physics_crosscheck.harness.collected import Jobs
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.files.reading import read_regular
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.plan_folder import FolderWork
+from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.schedule.jobs import Job
+from physics_crosscheck.harness.schedule.workers import Failure
 
 
 class ModelPlan(ABC):

@@ -13,27 +13,27 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import structs
 
-from harness.cached import RobotFacts, piece_of_robot, robot_inputs
-from harness.cases.not_run import absent, barred_case, failed_case
-from harness.collected import Collected, Jobs
-from harness.engines.protocol import Engine
-from harness.engines.registry import readers, runners
-from harness.files.locations.xml import no_xml
-from harness.options import Options
-from harness.plan_model import text_of
-from harness.plan_work import PlaceWork
-from harness.records.baseline import Snapshot
-from harness.records.case import Case, CaseId, ModelKey
-from harness.records.coverage import Coverage
-from harness.records.finding import Diagnosis
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.schedule.jobs import Job, Task
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.cached import RobotFacts, piece_of_robot, robot_inputs
+from physics_crosscheck.harness.cases.not_run import absent, barred_case, failed_case
+from physics_crosscheck.harness.collected import Collected, Jobs
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import readers, runners
+from physics_crosscheck.harness.files.locations.xml import no_xml
+from physics_crosscheck.harness.options import Options
+from physics_crosscheck.harness.plan_model import text_of
+from physics_crosscheck.harness.plan_work import PlaceWork
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.schedule.jobs import Job, Task
+from physics_crosscheck.harness.schedule.workers import Failure
 
 if TYPE_CHECKING:
-    from harness.cases.robot import PreparedRobot
-    from harness.cases.robot_task import RobotTask
+    from physics_crosscheck.harness.cases.robot import PreparedRobot
+    from physics_crosscheck.harness.cases.robot_task import RobotTask
 
 
 MJCF = ".xml"
@@ -68,7 +68,7 @@ class RobotWork(PlaceWork[RobotFacts]):
         return {}
 
     def _preparing(self) -> Task[Any, Any]:
-        from harness.cases.robot import prepare_robot
+        from physics_crosscheck.harness.cases.robot import prepare_robot
 
         options = self.options
         prepare = partial(prepare_robot, floating=options.floating, model=options.model)
@@ -156,7 +156,7 @@ class RobotPlan:
             return ()
 
         def make(prepared: PreparedRobot) -> Task[Any, Any]:
-            from harness.cases.robot import run_robot
+            from physics_crosscheck.harness.cases.robot import run_robot
 
             return Task(run_robot, self._task(prepared, case.engine))
 
@@ -165,7 +165,7 @@ class RobotPlan:
     def _measuring(
         self, case: CaseId, prepared: PreparedRobot, accepted: Snapshot | None
     ) -> Task[Any, Any]:
-        from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
+        from physics_crosscheck.harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 
         task = MeasureTreeTask(
             task=self._task(prepared, case.engine),
@@ -184,7 +184,10 @@ class RobotPlan:
             return done(Diagnosis(failure=failure.reason))
 
         def make(prepared: PreparedRobot) -> Task[Any, Any]:
-            from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+            from physics_crosscheck.harness.diagnosis.robot_task import (
+                RobotDiagnosisTask,
+                diagnose_robot,
+            )
 
             return Task(diagnose_robot, RobotDiagnosisTask(task=self._task(prepared, key[-1])))
 
@@ -203,7 +206,7 @@ class RobotPlan:
             return done(Coverage(note=failure.reason))
 
         def make(prepared: PreparedRobot) -> Task[Any, Any]:
-            from harness.coverage.robot import count_robot
+            from physics_crosscheck.harness.coverage.robot import count_robot
 
             return Task(count_robot, self._task(prepared, keys[0][-1]))
 

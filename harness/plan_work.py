@@ -11,16 +11,16 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args
 
-from harness.cached import Piece, Reading, Told, with_snapshot
-from harness.cases.not_run import failed_case
-from harness.collected import Collected, Jobs
-from harness.files.states import merged
-from harness.options import Options
-from harness.records.baseline import Snapshot
-from harness.records.case import Case, CaseId, ModelKey
-from harness.records.journal import Kind, Work
-from harness.schedule.jobs import Job, Task
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.cached import Piece, Reading, Told, with_snapshot
+from physics_crosscheck.harness.cases.not_run import failed_case
+from physics_crosscheck.harness.collected import Collected, Jobs
+from physics_crosscheck.harness.files.states import merged
+from physics_crosscheck.harness.options import Options
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
+from physics_crosscheck.harness.records.journal import Kind, Work
+from physics_crosscheck.harness.schedule.jobs import Job, Task
+from physics_crosscheck.harness.schedule.workers import Failure
 
 KEPT_BY_JOURNALS = frozenset(get_args(Kind))
 

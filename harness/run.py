@@ -17,21 +17,21 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from harness.baseline.audits import mark_models
-from harness.baseline.inputs import versions
-from harness.baseline.known import Accepted, accepted, changes_since, mark_known
-from harness.collected import Collected, Interruption, Progress
-from harness.files.luggage import luggage
-from harness.options import Options, Selection
-from harness.plan import Plan
-from harness.plan_robots import RobotPlan
-from harness.records.baseline import Measurement
-from harness.records.case import Case, CaseId
-from harness.records.results import BaselineChanges, Results
-from harness.schedule.chosen import executor
-from harness.schedule.failure import Failure
-from harness.schedule.jobs import work
-from harness.schedule.stop import Stop
+from physics_crosscheck.harness.baseline.audits import mark_models
+from physics_crosscheck.harness.baseline.inputs import versions
+from physics_crosscheck.harness.baseline.known import Accepted, accepted, changes_since, mark_known
+from physics_crosscheck.harness.collected import Collected, Interruption, Progress
+from physics_crosscheck.harness.files.luggage import luggage
+from physics_crosscheck.harness.options import Options, Selection
+from physics_crosscheck.harness.plan import Plan
+from physics_crosscheck.harness.plan_robots import RobotPlan
+from physics_crosscheck.harness.records.baseline import Measurement
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.schedule.chosen import executor
+from physics_crosscheck.harness.schedule.failure import Failure
+from physics_crosscheck.harness.schedule.jobs import work
+from physics_crosscheck.harness.schedule.stop import Stop
 
 __all__ = ["Interruption", "Options", "Progress", "Run", "Selection", "run"]
 

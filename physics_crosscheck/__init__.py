@@ -3,73 +3,24 @@
 This is the one name to import from: in a `system.py`, in tests, in notebooks.
 
     from physics_crosscheck import Constant, Coordinate, Scenario, System
-    from physics_crosscheck import check, compare, reference, simulate
+    from physics_crosscheck import check, compare, simulate, solve
 
 `physics_crosscheck.records` has the types of what comes out, `physics_crosscheck.engine` what an
 adapter of another engine is made of.
-
-Importing this module binds the names `harness` and `reference`, in this process, to the packages
-that lie beside it, whatever the working folder, PYTHONPATH or pytest put before them: others use
-these names too. They are imported when something of theirs is asked for.
 """
 
 from __future__ import annotations
 
 import importlib
-import importlib.machinery
-import sys
-from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
-from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
-OWN = ("harness", "reference")
-BESIDE = Path(__file__).resolve().parents[1]
-
-
-class _Own(MetaPathFinder):
-    """Finds this distribution's packages where they are."""
-
-    def find_spec(
-        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
-    ) -> importlib.machinery.ModuleSpec | None:
-        if name not in OWN:
-            return None
-        return importlib.machinery.PathFinder.find_spec(name, [str(BESIDE)])
-
-
-def claim() -> None:
-    """Bind the names; what a worker process does first.
-
-    Raises:
-        ImportError: where a package of one of these names, not ours, is imported already.
-    """
-    for name in OWN:
-        loaded = sys.modules.get(name)
-        if loaded is not None and not _ours(getattr(loaded, "__file__", None), name):
-            raise ImportError(
-                f"a package {name!r} that is not physics-crosscheck's is imported already, from"
-                f" {getattr(loaded, '__file__', None) or 'somewhere'}; a process can have one of"
-                " that name: run `crosscheck` in one of its own"
-            )
-    if not any(isinstance(finder, _Own) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _Own())
-
-
-def _ours(file: str | None, name: str) -> bool:
-    return file is not None and Path(file).resolve().parent == BESIDE / name
-
-
-claim()
-
 if TYPE_CHECKING:
-    from harness.api import Results, check
-    from harness.compare.candidate import CompareError
-    from harness.notebook.ask import reference, simulate
-    from harness.notebook.comparison import Comparison, compare
-    from harness.notebook.trajectory import MotionError, Trajectory
-    from reference import (
+    from physics_crosscheck.harness.api import Results, check
+    from physics_crosscheck.harness.compare.candidate import CompareError
+    from physics_crosscheck.harness.notebook.ask import simulate, solve
+    from physics_crosscheck.harness.notebook.comparison import Comparison, compare
+    from physics_crosscheck.harness.notebook.trajectory import MotionError, Trajectory
+    from physics_crosscheck.reference import (
         Angle,
         Body,
         Constant,
@@ -96,21 +47,21 @@ if TYPE_CHECKING:
         System,
         t,
     )
-    from reference.kinematics import Frame, ground, rotation
+    from physics_crosscheck.reference.kinematics import Frame, ground, rotation
 
 _FROM = {
-    "harness.api": ("Results", "check"),
-    "harness.compare.candidate": ("CompareError",),
-    "harness.notebook.ask": ("reference", "simulate"),
-    "harness.notebook.comparison": ("Comparison", "compare"),
-    "harness.notebook.trajectory": ("MotionError", "Trajectory"),
-    "reference": (
+    "physics_crosscheck.harness.api": ("Results", "check"),
+    "physics_crosscheck.harness.compare.candidate": ("CompareError",),
+    "physics_crosscheck.harness.notebook.ask": ("simulate", "solve"),
+    "physics_crosscheck.harness.notebook.comparison": ("Comparison", "compare"),
+    "physics_crosscheck.harness.notebook.trajectory": ("MotionError", "Trajectory"),
+    "physics_crosscheck.reference": (
         "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
         "Equilibrium", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
         "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "RigidBody",
         "Scenario", "Site", "System", "t",
     ),
-    "reference.kinematics": ("Frame", "ground", "rotation"),
+    "physics_crosscheck.reference.kinematics": ("Frame", "ground", "rotation"),
 }  # fmt: skip
 
 __all__ = [
@@ -118,7 +69,7 @@ __all__ = [
     "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
     "Link", "Medium", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
     "Pull", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
-    "check", "compare", "ground", "reference", "rotation", "simulate", "t",
+    "check", "compare", "ground", "rotation", "simulate", "solve", "t",
 ]  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 import sys
 
-from physics_crosscheck.main import main
+from physics_crosscheck.harness.cli.main import program
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(program())

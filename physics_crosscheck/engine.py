@@ -1,9 +1,9 @@
 """What an adapter of an engine is made of; `docs/engines.md` tells how to write one."""
 
-from harness.engines.compiled import CompiledTree
-from harness.engines.conformance import Check, conform, conform_samples
-from harness.engines.mistake import DefaultLeftOn, LeftOut
-from harness.engines.protocol import (
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.conformance import Check, conform, conform_samples
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
+from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
     EngineError,
@@ -14,7 +14,7 @@ from harness.engines.protocol import (
     Spring,
     StateForce,
 )
-from harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.remark import Remark
 
 __all__ = [
     "Array", "Check", "CompiledTree", "DefaultLeftOn", "Engine", "EngineError", "Force", "LeftOut",

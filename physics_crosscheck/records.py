@@ -1,16 +1,16 @@
 """The types of what comes out: results, cases, models, systems, findings, and how to read them."""
 
-from harness.records.base import Record, SourceLine
-from harness.records.case import Case, CaseId, FullRun, ModelId, Series, Verdict
-from harness.records.cause import Cause, CauseId
-from harness.records.comparison import Comparison
-from harness.records.finding import AuditFinding, Diagnosis, Explanation
-from harness.records.model import EngineLinearization, Model
-from harness.records.mutation import Mutation, Mutations
-from harness.records.outcome import Outcome
-from harness.records.read import ResultsError, read_results
-from harness.records.results import Results
-from harness.records.system import System
+from physics_crosscheck.harness.records.base import Record, SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseId, FullRun, ModelId, Series, Verdict
+from physics_crosscheck.harness.records.cause import Cause, CauseId
+from physics_crosscheck.harness.records.comparison import Comparison
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis, Explanation
+from physics_crosscheck.harness.records.model import EngineLinearization, Model
+from physics_crosscheck.harness.records.mutation import Mutation, Mutations
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import ResultsError, read_results
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.system import System
 
 __all__ = [
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",

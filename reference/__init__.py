@@ -1,6 +1,6 @@
 """Reference equations: declared, derived, linearized and solved; no engine is known here."""
 
-from reference.declaration import (
+from physics_crosscheck.reference.declaration import (
     Constant,
     Coordinate,
     DeclarationError,
@@ -12,13 +12,13 @@ from reference.declaration import (
     Scenario,
     t,
 )
-from reference.pose import Pose
-from reference.sketch import Angle, Body, Link
-from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Site
-from reference.multibody.tree import Medium
-from reference.multibody.ways import Cord, FrameForce, JointForce
-from reference.system import System
-from reference.trees import MultibodySystem
+from physics_crosscheck.reference.pose import Pose
+from physics_crosscheck.reference.sketch import Angle, Body, Link
+from physics_crosscheck.reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Site
+from physics_crosscheck.reference.multibody.tree import Medium
+from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.trees import MultibodySystem
 
 __all__ = [
     "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",

@@ -12,9 +12,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from reference.collocation import Field, ReferenceError
-from reference.numeric import Array
-from reference.trees import TreeEquations
+from physics_crosscheck.reference.collocation import Field, ReferenceError
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.trees import TreeEquations
 
 SHARE = 4
 """Of so many states that are drawn, one at least passes no bend."""

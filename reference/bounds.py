@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference.closed_form import Segments
-from reference.collocation import Field
-from reference.declaration import t
-from reference.equations import EquationsOfMotion
-from reference.integrate import field_of
-from reference.motion import Span, chebyshev_nodes
-from reference.numeric import Array
-from reference.roundoff import UNIT, running_error
-from reference.signal import Piece
+from physics_crosscheck.reference.closed_form import Segments
+from physics_crosscheck.reference.collocation import Field
+from physics_crosscheck.reference.declaration import t
+from physics_crosscheck.reference.equations import EquationsOfMotion
+from physics_crosscheck.reference.integrate import field_of
+from physics_crosscheck.reference.motion import Span, chebyshev_nodes
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.roundoff import UNIT, running_error
+from physics_crosscheck.reference.signal import Piece
 
 LOOKED_AT = slice(None, None, 5)
 """Nodes of a segment at which rounding is looked at: its start, its middle and its end."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import mpmath as mp
 import numpy as np
 
-from reference.linearize import Linearization
-from reference.motion import NODES, Span, chebyshev_nodes
-from reference.numeric import Array
-from reference.signal import DIGITS, Generator, Piece
+from physics_crosscheck.reference.linearize import Linearization
+from physics_crosscheck.reference.motion import NODES, Span, chebyshev_nodes
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.signal import DIGITS, Generator, Piece
 
 
 @dataclass(frozen=True, kw_only=True)

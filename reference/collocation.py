@@ -11,9 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from reference.declaration import LocatedError
-from reference.motion import chebyshev_nodes
-from reference.numeric import Array
+from physics_crosscheck.reference.declaration import LocatedError
+from physics_crosscheck.reference.motion import chebyshev_nodes
+from physics_crosscheck.reference.numeric import Array
 
 STAGES = 8
 

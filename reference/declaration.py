@@ -16,8 +16,8 @@ from typing import Any
 
 import sympy as sp
 
-from reference.pose import Pose
-from reference.sketch import Shape
+from physics_crosscheck.reference.pose import Pose
+from physics_crosscheck.reference.sketch import Shape
 
 t = sp.Symbol("t", real=True)
 """Time, in seconds: the variable of inputs and of explicitly time-dependent energies."""

@@ -12,12 +12,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 import sympy as sp
 
-from reference.declaration import Declaration, t
-from reference.equations import EquationsOfMotion
-from reference.numeric import Array, NumericFunction, compile_function
-from reference.roundoff import Known, running_error
-from reference.simplify import LONG, solved, tidy
-from reference.system import System
+from physics_crosscheck.reference.declaration import Declaration, t
+from physics_crosscheck.reference.equations import EquationsOfMotion
+from physics_crosscheck.reference.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.roundoff import Known, running_error
+from physics_crosscheck.reference.simplify import LONG, solved, tidy
+from physics_crosscheck.reference.system import System
 
 LONG_FORCE = 1000
 """Operations in the forces beyond which their derivatives as formulas take long to make."""

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from reference.declaration import Declaration
-from reference.numeric import Array
+from physics_crosscheck.reference.declaration import Declaration
+from physics_crosscheck.reference.numeric import Array
 
 
 class VectorFunction(Protocol):

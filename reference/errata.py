@@ -13,10 +13,10 @@ from typing import TypeAlias
 
 import sympy as sp
 
-from reference.declaration import Coordinate, DeclarationError, PublishedEquation
-from reference.derive import Equations
-from reference.linearize import Linearization, taylor
-from reference.notation import Reading, names_what_is_derived, readings
+from physics_crosscheck.reference.declaration import Coordinate, DeclarationError, PublishedEquation
+from physics_crosscheck.reference.derive import Equations
+from physics_crosscheck.reference.linearize import Linearization, taylor
+from physics_crosscheck.reference.notation import Reading, names_what_is_derived, readings
 
 AGREES = "agrees"
 UP_TO_SIGNS = "agrees up to signs"

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reference.numeric import Array
+from physics_crosscheck.reference.numeric import Array
 
 INDEPENDENT = 1e-9
 """Of the largest singular value of the slopes, its columns of length one: less is that of numbers

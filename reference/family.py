@@ -16,23 +16,29 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from reference.bounds import each, rounded_away, transitions
-from reference.collocation import CONVERGED, collocate
-from reference.declaration import Declaration, Scenario, about, t
-from reference.derive import Equations, known, slopes_by
-from reference.equations import EquationsOfMotion
-from reference.integrate import (
+from physics_crosscheck.reference.bounds import each, rounded_away, transitions
+from physics_crosscheck.reference.collocation import CONVERGED, collocate
+from physics_crosscheck.reference.declaration import Declaration, Scenario, about, t
+from physics_crosscheck.reference.derive import Equations, known, slopes_by
+from physics_crosscheck.reference.equations import EquationsOfMotion
+from physics_crosscheck.reference.integrate import (
     ReferenceError,
     by_runge_kutta,
     field_of,
     held_together,
     trajectory,
 )
-from reference.motion import Motion, Span
-from reference.numeric import Array, NumericFunction, compile_function
-from reference.roundoff import running_error
-from reference.signal import Piece, numeric_inputs, pieces
-from reference.solve import check_duration, check_motion, fastest_rate, start_of, tile
+from physics_crosscheck.reference.motion import Motion, Span
+from physics_crosscheck.reference.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.roundoff import running_error
+from physics_crosscheck.reference.signal import Piece, numeric_inputs, pieces
+from physics_crosscheck.reference.solve import (
+    check_duration,
+    check_motion,
+    fastest_rate,
+    start_of,
+    tile,
+)
 
 SHOTS = 8
 """Newton iterations at most; two are the rule."""

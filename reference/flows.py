@@ -13,12 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
-from reference.collocation import ReferenceError, gauss
-from reference.multibody.algebra import Scalars
-from reference.multibody.charted import Charted
-from reference.multibody.inertial import bodies_apart
-from reference.multibody.tree import Tree
-from reference.numeric import Array
+from physics_crosscheck.reference.collocation import ReferenceError, gauss
+from physics_crosscheck.reference.multibody.algebra import Scalars
+from physics_crosscheck.reference.multibody.charted import Charted
+from physics_crosscheck.reference.multibody.inertial import bodies_apart
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.numeric import Array
 
 STAGES = 4
 """Order 8: over a twentieth of the fastest period its error is 1e-14 of the movement."""

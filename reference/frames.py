@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import sympy as sp
 
-from reference.declaration import Declaration, DeclarationError
-from reference.numeric import NumericFunction, compile_function
-from reference.pose import WORLD, Pose
-from reference.units import LENGTH, ONE, Dimension, UnitError, dimension_of
-from reference.validation import dimensions
+from physics_crosscheck.reference.declaration import Declaration, DeclarationError
+from physics_crosscheck.reference.numeric import NumericFunction, compile_function
+from physics_crosscheck.reference.pose import WORLD, Pose
+from physics_crosscheck.reference.units import LENGTH, ONE, Dimension, UnitError, dimension_of
+from physics_crosscheck.reference.validation import dimensions
 
 ENTRIES = 12
 """Numbers of a frame: three of its position, nine of its rotation."""

@@ -12,14 +12,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import sympy as sp
 
-from reference.closed_form import Segments
-from reference.collocation import STAGES, Field, collocate
-from reference.collocation import ReferenceError as ReferenceError
-from reference.derive import Equations
-from reference.equations import EquationsOfMotion
-from reference.motion import Span
-from reference.numeric import Array
-from reference.signal import Piece
+from physics_crosscheck.reference.closed_form import Segments
+from physics_crosscheck.reference.collocation import STAGES, Field, collocate
+from physics_crosscheck.reference.collocation import ReferenceError as ReferenceError
+from physics_crosscheck.reference.derive import Equations
+from physics_crosscheck.reference.equations import EquationsOfMotion
+from physics_crosscheck.reference.motion import Span
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.signal import Piece
 
 AGREEMENT = 1e-12
 """Largest distance of the two integrations over a segment, relative to the motion's size."""
@@ -202,7 +202,7 @@ def _taylor_series(
     """Each segment by heyoka's adaptive Taylor series, at the precision of a double."""
     import heyoka as hy
 
-    from reference.declaration import t
+    from physics_crosscheck.reference.declaration import t
 
     system = equations.system
     inputs = dict(zip(system.u, piece.expressions, strict=True))

@@ -13,8 +13,8 @@ from typing import Any
 
 import sympy as sp
 
-from reference.declaration import Coordinate
-from reference.pose import Pose
+from physics_crosscheck.reference.declaration import Coordinate
+from physics_crosscheck.reference.pose import Pose
 
 Triple = Sequence[Any]
 """Three numbers or expressions: a place, an axis, moments."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference.derive import Equations
-from reference.integrate import trajectory
-from reference.linearize import Linearization
-from reference.modes import modes
-from reference.numeric import Array
-from reference.signal import Piece
+from physics_crosscheck.reference.derive import Equations
+from physics_crosscheck.reference.integrate import trajectory
+from physics_crosscheck.reference.linearize import Linearization
+from physics_crosscheck.reference.modes import modes
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.signal import Piece
 
 AMPLITUDES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 2.5)
 

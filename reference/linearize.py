@@ -12,11 +12,11 @@ import mpmath as mp
 import numpy as np
 import sympy as sp
 
-from reference.declaration import DeclarationError, Equilibrium, about, t
-from reference.derive import Equations
-from reference.numeric import Array
-from reference.real import shown
-from reference.simplify import LONG, tidy
+from physics_crosscheck.reference.declaration import DeclarationError, Equilibrium, about, t
+from physics_crosscheck.reference.derive import Equations
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.real import shown
+from physics_crosscheck.reference.simplify import LONG, tidy
 
 DIGITS = 60
 """Working precision of the linear algebra: a defective eigenvalue keeps half of it."""

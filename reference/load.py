@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from reference.declaration import DeclarationError, LocatedError
-from reference.multibody.tree import TreeError
-from reference.system import System
-from reference.trees import MultibodySystem
+from physics_crosscheck.reference.declaration import DeclarationError, LocatedError
+from physics_crosscheck.reference.multibody.tree import TreeError
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.trees import MultibodySystem
 
 
 def load_system(folder: Path) -> System:

@@ -9,10 +9,10 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from reference.linearize import DIGITS, Linearization, to_array
-from reference.numeric import Array
-from reference.simplify import LONG
-from reference.system import System
+from physics_crosscheck.reference.linearize import DIGITS, Linearization, to_array
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.simplify import LONG
+from physics_crosscheck.reference.system import System
 
 s = sp.Symbol("s")
 """The Laplace variable of transfer functions."""

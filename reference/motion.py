@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from reference.numeric import Array
-from reference.signal import Inputs
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.signal import Inputs
 
 NODES = 11
 """Chebyshev-Lobatto points a segment: degree 10 over a twentieth of the fastest period."""

@@ -14,9 +14,15 @@ from typing import TypeAlias
 import sympy as sp
 from sympy.parsing.sympy_parser import parse_expr
 
-from reference.declaration import Coordinate, DeclarationError, PublishedEquation, about, t
-from reference.simplify import tidy
-from reference.system import System
+from physics_crosscheck.reference.declaration import (
+    Coordinate,
+    DeclarationError,
+    PublishedEquation,
+    about,
+    t,
+)
+from physics_crosscheck.reference.simplify import tidy
+from physics_crosscheck.reference.system import System
 
 Names: TypeAlias = dict[str, sp.Expr | Callable[..., sp.Expr]]
 """What each word of a text stands for."""

@@ -14,8 +14,8 @@ import mpmath as mp
 import numpy as np
 import sympy as sp
 
-from reference.declaration import DeclarationError, t
-from reference.numeric import Array, compile_function
+from physics_crosscheck.reference.declaration import DeclarationError, t
+from physics_crosscheck.reference.numeric import Array, compile_function
 
 FUNCTIONS = (
     sp.exp, sp.log, sp.sin, sp.cos, sp.tan, sp.cot, sp.sec, sp.csc, sp.asin, sp.acos, sp.atan,

@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from reference.flows import Flow
-from reference.integrate import ReferenceError
-from reference.multibody.tree import Tree
-from reference.numeric import Array
-from reference.samples import Samples, rate_of, rounding_of, solved
-from reference.trees import TreeEquations, TreeSystem
+from physics_crosscheck.reference.flows import Flow
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.samples import Samples, rate_of, rounding_of, solved
+from physics_crosscheck.reference.trees import TreeEquations, TreeSystem
 
 QUICKER = 1.5
 """Up to this ratio of their rates one length suits both trees. Quicker ones get shorter segments,

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 import sympy as sp
 
-from reference.numeric import Array
+from physics_crosscheck.reference.numeric import Array
 
 UNIT = float(np.finfo(float).eps) / 2
 """Largest relative error of a sum, a product, a quotient or a root."""

@@ -13,12 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference.bends import unbent
-from reference.collocation import Field, ReferenceError, collocate
-from reference.excitation import telling
-from reference.integrate import by_runge_kutta
-from reference.numeric import Array
-from reference.trees import TreeEquations
+from physics_crosscheck.reference.bends import unbent
+from physics_crosscheck.reference.collocation import Field, ReferenceError, collocate
+from physics_crosscheck.reference.excitation import telling
+from physics_crosscheck.reference.integrate import by_runge_kutta
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.trees import TreeEquations
 
 SEGMENTS_A_PERIOD = 30
 """Of the fastest motion at any of the states: an engine's steps leave the seventh power of it."""

@@ -17,9 +17,9 @@ import numpy as np
 import sympy as sp
 from sympy.core.relational import Relational
 
-from reference.declaration import Declaration, DeclarationError, Scenario, t
-from reference.numeric import Array, NumericFunction, compile_function
-from reference.real import check_over_time
+from physics_crosscheck.reference.declaration import Declaration, DeclarationError, Scenario, t
+from physics_crosscheck.reference.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.real import check_over_time
 
 DIGITS = 40
 """Precision of the closed form, wherever it is asked for: a double's 16, and 24 to lose."""

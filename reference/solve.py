@@ -7,16 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 import sympy as sp
 
-from reference.bounds import bounds
-from reference.closed_form import solve_closed_form
-from reference.declaration import Declaration, DeclarationError, Equilibrium, Scenario, about
-from reference.derive import Equations
-from reference.equations import EquationsOfMotion
-from reference.integrate import ReferenceError, solve_numerically, trajectory
-from reference.linearize import linearize
-from reference.motion import Motion, Span
-from reference.numeric import Array
-from reference.signal import Piece, numeric_inputs, pieces
+from physics_crosscheck.reference.bounds import bounds
+from physics_crosscheck.reference.closed_form import solve_closed_form
+from physics_crosscheck.reference.declaration import (
+    Declaration,
+    DeclarationError,
+    Equilibrium,
+    Scenario,
+    about,
+)
+from physics_crosscheck.reference.derive import Equations
+from physics_crosscheck.reference.equations import EquationsOfMotion
+from physics_crosscheck.reference.integrate import ReferenceError, solve_numerically, trajectory
+from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.reference.motion import Motion, Span
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.signal import Piece, numeric_inputs, pieces
 
 SEGMENTS_A_PERIOD = 20
 SEGMENTS_AT_LEAST = 200

@@ -14,11 +14,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from reference.declaration import t
-from reference.derive import Equations
-from reference.multibody.stepping import SteppedTree
-from reference.multibody.tree import Tree
-from reference.numeric import Array
+from physics_crosscheck.reference.declaration import t
+from physics_crosscheck.reference.derive import Equations
+from physics_crosscheck.reference.multibody.stepping import SteppedTree
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.numeric import Array
 
 Scheme = Literal["semi-implicit Euler", "Runge-Kutta 4"]
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from reference.declaration import Declaration, Scenario
-from reference.frames import check_frames
-from reference.validation import check
+from physics_crosscheck.reference.declaration import Declaration, Scenario
+from physics_crosscheck.reference.frames import check_frames
+from physics_crosscheck.reference.validation import check
 
 
 @dataclass(frozen=True)

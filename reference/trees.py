@@ -8,16 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from reference.declaration import Coordinate, Declaration, DeclarationError
-from reference.equations import EquationsOfMotion
-from reference.multibody.algebra import DOUBLES, LONG_DOUBLES, Scalars
-from reference.multibody.assemble import Assembled, assembled
-from reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
-from reference.multibody.chart import coordinate_names
-from reference.multibody.charted import Charted
-from reference.multibody.coupled import Coupled
-from reference.multibody.tree import Medium, Tree, TreeError
-from reference.numeric import Array
+from physics_crosscheck.reference.declaration import Coordinate, Declaration, DeclarationError
+from physics_crosscheck.reference.equations import EquationsOfMotion
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, LONG_DOUBLES, Scalars
+from physics_crosscheck.reference.multibody.assemble import Assembled, assembled
+from physics_crosscheck.reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
+from physics_crosscheck.reference.multibody.chart import coordinate_names
+from physics_crosscheck.reference.multibody.charted import Charted
+from physics_crosscheck.reference.multibody.coupled import Coupled
+from physics_crosscheck.reference.multibody.tree import Medium, Tree, TreeError
+from physics_crosscheck.reference.numeric import Array
 
 AT_ONCE = 2000
 """States that one recursion takes: more of them no longer save time, and ask for memory."""

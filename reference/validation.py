@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import sympy as sp
 
-from reference.declaration import (
+from physics_crosscheck.reference.declaration import (
     CLAIMS,
     Constant,
     Coordinate,
@@ -21,9 +21,23 @@ from reference.declaration import (
     about,
     t,
 )
-from reference.real import SWITCHES, check_plain, check_real, expression_of, number_of
-from reference.sketch import BODIES, LINKS, Angle, Body, Link, expressions
-from reference.units import ENERGY, POWER, TIME, Dimension, UnitError, dimension_of, parse_unit
+from physics_crosscheck.reference.real import (
+    SWITCHES,
+    check_plain,
+    check_real,
+    expression_of,
+    number_of,
+)
+from physics_crosscheck.reference.sketch import BODIES, LINKS, Angle, Body, Link, expressions
+from physics_crosscheck.reference.units import (
+    ENERGY,
+    POWER,
+    TIME,
+    Dimension,
+    UnitError,
+    dimension_of,
+    parse_unit,
+)
 
 Item = TypeVar("Item", Coordinate, Input)
 

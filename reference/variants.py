@@ -14,11 +14,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 import sympy as sp
 
-from reference.collocation import collocate
-from reference.declaration import Coordinate, t
-from reference.derive import Equations
-from reference.numeric import Array, NumericFunction, compile_function
-from reference.simplify import solved
+from physics_crosscheck.reference.collocation import collocate
+from physics_crosscheck.reference.declaration import Coordinate, t
+from physics_crosscheck.reference.derive import Equations
+from physics_crosscheck.reference.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.simplify import solved
 
 Kind = Literal[
     "constant", "inertia", "damping", "quadratic damping", "friction", "spring", "offset force"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from harness.cases.prepare import Prepared, prepare
-from harness.files.folders import builtin
+from physics_crosscheck.harness.cases.prepare import Prepared, prepare
+from physics_crosscheck.harness.files.folders import builtin
 
 
 @cache

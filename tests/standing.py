@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.registry import engines
 
 
 def standing_only(folder: Path) -> None:

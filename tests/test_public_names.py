@@ -18,7 +18,7 @@ TOP = {
     "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
     "Link", "Medium", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
     "Pull", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
-    "check", "compare", "ground", "reference", "rotation", "simulate", "t",
+    "check", "compare", "ground", "rotation", "simulate", "solve", "t",
 }  # fmt: skip
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",
@@ -51,7 +51,7 @@ def test_the_packages_say_that_they_are_typed() -> None:
 
 
 def test_importing_the_public_name_imports_nothing_heavy() -> None:
-    heavy = "{'sympy', 'numpy', 'msgspec', 'mujoco', 'pybullet', 'pymunk', 'harness', 'reference'}"
+    heavy = "{'sympy', 'numpy', 'msgspec', 'mujoco', 'pybullet', 'pymunk'}"
     code = f"import sys, physics_crosscheck; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
@@ -61,7 +61,7 @@ def test_importing_the_public_name_imports_nothing_heavy() -> None:
 
 def test_tables_and_plots_are_not_imported_before_they_are_asked_for() -> None:
     code = (
-        "import sys; from physics_crosscheck import check, compare, reference, simulate;"
+        "import sys; from physics_crosscheck import check, compare, simulate, solve;"
         " print(sorted({'pandas', 'polars', 'matplotlib', 'IPython'} & set(sys.modules)))"
     )
     done = subprocess.run(

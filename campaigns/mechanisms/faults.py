@@ -13,7 +13,7 @@ from campaigns.mechanisms.mechanism import MJCF, Mechanism, Path, literals, with
 from campaigns.mechanisms.results import Fate, Planted
 from campaigns.mechanisms.trial import Judged, Posed, Settings, examine, loaded, undone
 from campaigns.mechanisms.truth import ends
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import Outcome
 
 SIZES = (1e-6, 1e-8)
 

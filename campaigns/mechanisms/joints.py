@@ -9,11 +9,19 @@ import sympy as sp
 
 from campaigns.mechanisms.mechanism import Drive
 from campaigns.mechanisms.written import joint_name
-from harness.files.sidecar import Sidecar
-from harness.numerics.coordinates import CoordinateMap, coordinate_map
-from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System
-from reference.declaration import t
-from reference.signal import Inputs, Piece, numeric_inputs
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.reference import (
+    Constant,
+    Coordinate,
+    Equilibrium,
+    Input,
+    Output,
+    Scenario,
+    System,
+)
+from physics_crosscheck.reference.declaration import t
+from physics_crosscheck.reference.signal import Inputs, Piece, numeric_inputs
 
 
 def inputs(drives: tuple[Drive, ...], duration: float) -> Inputs:

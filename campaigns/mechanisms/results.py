@@ -8,7 +8,7 @@ from enum import StrEnum
 import msgspec
 import numpy as np
 
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class Fate(StrEnum):

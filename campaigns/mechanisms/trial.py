@@ -18,13 +18,13 @@ from campaigns.mechanisms.joints import identity, inputs
 from campaigns.mechanisms.mechanism import Mechanism
 from campaigns.mechanisms.truth import Ends, TruthError, ends
 from campaigns.mechanisms.written import joint_name, sidecar
-from harness.cases.verdict import Verdict, component_scale, judge
-from harness.engines.protocol import Array, Engine, Model
-from harness.engines.registry import engines
-from harness.numerics.batch import Batch, movement
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.segments import Extrapolated, extrapolate
-from reference.motion import Motion, Span
+from physics_crosscheck.harness.cases.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.numerics.batch import Batch, movement
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
+from physics_crosscheck.reference.motion import Motion, Span
 
 SEGMENTS_A_PERIOD = 20
 """As `reference.solve` cuts its motions."""

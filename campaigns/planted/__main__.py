@@ -19,7 +19,7 @@ from pathlib import Path
 from campaigns.planted.compared import compared
 from campaigns.planted.fates import Fate, Ground, Planted, plant, table
 from campaigns.planted.record import Record
-from harness.engines.registry import readers
+from physics_crosscheck.harness.engines.registry import readers
 
 SHARES = (1e-6, 1e-2)
 

@@ -11,12 +11,12 @@ from campaigns.planted.fates import (
     Planted,
     planted,
 )
-from harness.compare.candidate import CompareError, candidate
-from harness.compare.compare import CompareOptions, Findings, compare
-from harness.compare.execute import FailureError
-from harness.compare.executor import at_once
-from harness.records.outcome import Outcome
-from harness.robots.numerals import Numeral
+from physics_crosscheck.harness.compare.candidate import CompareError, candidate
+from physics_crosscheck.harness.compare.compare import CompareOptions, Findings, compare
+from physics_crosscheck.harness.compare.execute import FailureError
+from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.robots.numerals import Numeral
 
 MOST = 0.99
 """Share of the discrepancy that the difference which is named must explain where it is resolved."""

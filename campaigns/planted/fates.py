@@ -13,18 +13,18 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.cases.robot import PreparedRobot, judge_robot, prepare_robot
-from harness.cases.robot_task import RobotTask
-from harness.diagnosis.fit import Fit
-from harness.diagnosis.robot_problem import RobotProblem
-from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked
-from harness.engines.protocol import EngineError
-from harness.records.outcome import Outcome
-from harness.robots.copies import copied
-from harness.robots.numerals import SMALL, Numeral
-from harness.robots.read import Numbers, robot_numbers
-from reference.flows import Flow
-from reference.integrate import ReferenceError
+from physics_crosscheck.harness.cases.robot import PreparedRobot, judge_robot, prepare_robot
+from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.diagnosis.fit import Fit
+from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
+from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.robots.copies import copied
+from physics_crosscheck.harness.robots.numerals import SMALL, Numeral
+from physics_crosscheck.harness.robots.read import Numbers, robot_numbers
+from physics_crosscheck.reference.flows import Flow
+from physics_crosscheck.reference.integrate import ReferenceError
 
 RESOLUTION = 1e-9
 

@@ -9,8 +9,8 @@ from typing import Literal
 
 import msgspec
 
-from harness.records.base import Count, Number, Record
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.base import Count, Number, Record
+from physics_crosscheck.harness.records.outcome import Outcome
 
 STILL = "it has no joint that moves"
 """What the harness says of a file in which nothing moves."""

@@ -9,7 +9,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from campaigns.real_models.entry import REFUSED, STILL, Came, Entry
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import Outcome
 
 FORMATS = ("MJCF", "URDF")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from harness.files.locations import Location
-from harness.records.base import SourceLine, number
-from harness.records.finding import AuditFinding
+from physics_crosscheck.harness.files.locations import Location
+from physics_crosscheck.harness.records.base import SourceLine, number
+from physics_crosscheck.harness.records.finding import AuditFinding
 
 
 def finding(

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from harness.audit.finding import finding, source_line
-from harness.files.bindings import Binding, bindings
-from harness.files.locations import LocationError
-from harness.files.sidecar import Sidecar, SidecarError
-from harness.records.finding import AuditFinding
-from reference.system import System
+from physics_crosscheck.harness.audit.finding import finding, source_line
+from physics_crosscheck.harness.files.bindings import Binding, bindings
+from physics_crosscheck.harness.files.locations import LocationError
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.reference.system import System
 
 MOST_LOST = 10
 """Bindings that can't be read and are told one by one."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.engines.remark import Remark
-from harness.files.bindings import SIDECAR
-from harness.files.locations import line_of
-from harness.files.sidecar import Sidecar
-from harness.records.base import SourceLine
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.files.bindings import SIDECAR
+from physics_crosscheck.harness.files.locations import line_of
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.records.base import SourceLine
 
 
 def where(remark: Remark, sidecar: Sidecar, engine: str) -> SourceLine | None:

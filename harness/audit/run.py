@@ -7,21 +7,21 @@ from dataclasses import replace
 
 import msgspec
 
-from harness.audit.finding import finding
-from harness.audit.literals import declared_bindings, literal_findings
-from harness.audit.remarks import where
-from harness.audit.task import AuditTask
-from harness.audit.terms import Compiled
-from harness.cases.robot_record import negative_findings
-from harness.engines.protocol import Model
-from harness.engines.registry import engines
-from harness.engines.remark import Remark
-from harness.files.sidecar import SidecarError
-from harness.numerics.coordinates import CoordinateMap, coordinate_map
-from harness.poses.check import check_poses
-from harness.records.finding import BEYOND, AuditFinding
-from harness.records.poses import Poses
-from harness.records.survey import Audit
+from physics_crosscheck.harness.audit.finding import finding
+from physics_crosscheck.harness.audit.literals import declared_bindings, literal_findings
+from physics_crosscheck.harness.audit.remarks import where
+from physics_crosscheck.harness.audit.task import AuditTask
+from physics_crosscheck.harness.audit.terms import Compiled
+from physics_crosscheck.harness.cases.robot_record import negative_findings
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.harness.poses.check import check_poses
+from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
+from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.survey import Audit
 
 
 def run_audit(task: AuditTask) -> Audit:

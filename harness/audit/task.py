@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.cases.prepare import Equilibrium, Prepared
-from harness.files.sidecar import Sidecar
-from reference.numeric import Array
-from reference.system import System
+from physics_crosscheck.harness.cases.prepare import Equilibrium, Prepared
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.system import System
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 import sympy as sp
 
-from harness.audit.finding import finding
-from harness.audit.task import AuditTask
-from harness.cases.prepare import Equilibrium
-from harness.engines.protocol import Model
-from harness.numerics.accelerations import RESOLVED, Accelerations, Estimate
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.stops import stopped
-from harness.records.finding import AuditFinding
-from reference.derive import derive
-from reference.numeric import Array, NumericFunction
+from physics_crosscheck.harness.audit.finding import finding
+from physics_crosscheck.harness.audit.task import AuditTask
+from physics_crosscheck.harness.cases.prepare import Equilibrium
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.accelerations import RESOLVED, Accelerations, Estimate
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.stops import stopped
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.numeric import Array, NumericFunction
 
 SEED = 20260101
 DRAWS = 24

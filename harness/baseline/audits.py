@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
-from harness.baseline.file import SystemBaseline
-from harness.records.baseline import AcceptedAudit, AcceptedFinding
-from harness.records.case import ModelId
-from harness.records.finding import SAME, AuditFinding, is_near
-from harness.records.model import Model
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.records.baseline import AcceptedAudit, AcceptedFinding
+from physics_crosscheck.harness.records.case import ModelId
+from physics_crosscheck.harness.records.finding import SAME, AuditFinding, is_near
+from physics_crosscheck.harness.records.model import Model
 
 
 def unaccepted(model: Model, audit: AcceptedAudit | None) -> tuple[AuditFinding, ...]:

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from harness.baseline.costs import constants_moved, cost_part, other_method
-from harness.baseline.fingerprint import changed_names
-from harness.baseline.movement import (
+from physics_crosscheck.harness.baseline.costs import constants_moved, cost_part, other_method
+from physics_crosscheck.harness.baseline.fingerprint import changed_names
+from physics_crosscheck.harness.baseline.movement import (
     Movement,
     Sized,
     discrepancy_moved,
@@ -21,9 +21,9 @@ from harness.baseline.movement import (
     of_equations,
     of_model,
 )
-from harness.baseline.part import Part
-from harness.records.baseline import AcceptedCase, Measurement, Snapshot
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.baseline.part import Part
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement, Snapshot
+from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class Status(StrEnum):

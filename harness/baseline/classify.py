@@ -6,16 +6,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from harness.baseline.changes import Status, compare
-from harness.baseline.entry import entry_of
-from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles, as_now, dependencies, with_reads
-from harness.records.baseline import AcceptedCase, Measurement
-from harness.records.case import Case, CaseId
-from harness.records.finding import AuditFinding
+from physics_crosscheck.harness.baseline.changes import Status, compare
+from physics_crosscheck.harness.baseline.entry import entry_of
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import (
+    FolderFiles,
+    as_now,
+    dependencies,
+    with_reads,
+)
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.finding import AuditFinding
 
 if TYPE_CHECKING:  # it brings the pool of workers, which an unchanged gate does without
-    from harness.schedule.workers import Failure
+    from physics_crosscheck.harness.schedule.workers import Failure
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from harness.baseline.part import Part
-from harness.records.base import Number
-from harness.records.baseline import AcceptedCase, Identified
+from physics_crosscheck.harness.baseline.part import Part
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Identified
 
 GLOBAL = 0.01
 """Relative change of a global error that is told. A global error e is a leading term, known to a

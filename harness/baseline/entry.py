@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import msgspec
 
-from harness.baseline.fingerprint import Dependencies
-from harness.baseline.seal import snapshot_key
-from harness.records.base import Number
-from harness.records.baseline import AcceptedCase, Measurement
-from harness.records.case import Case, CaseId
+from physics_crosscheck.harness.baseline.fingerprint import Dependencies
+from physics_crosscheck.harness.baseline.seal import snapshot_key
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
+from physics_crosscheck.harness.records.case import Case, CaseId
 
 
 def entry_of(case_id: CaseId, case: Case, measured: Measurement, now: Dependencies) -> AcceptedCase:

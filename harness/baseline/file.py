@@ -13,9 +13,9 @@ from typing import TypeVar
 
 import msgspec
 
-from harness.baseline.seal import S, canonical, sealed, snapshot_key
-from harness.records.base import Record
-from harness.records.baseline import (
+from physics_crosscheck.harness.baseline.seal import S, canonical, sealed, snapshot_key
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.baseline import (
     FORMAT,
     AcceptedAudit,
     AcceptedCase,
@@ -23,8 +23,8 @@ from harness.records.baseline import (
     Declared,
     Snapshot,
 )
-from harness.records.case import CaseId, ModelId
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.case import CaseId, ModelId
+from physics_crosscheck.harness.records.outcome import Outcome
 
 T = TypeVar("T")
 A = TypeVar("A", AcceptedCase, AcceptedAudit)

@@ -10,11 +10,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.engines.registry import model_formats
-from harness.files.parts import included, named_files
-from harness.files.sidecar import SidecarError, left_to_others, read_sidecar
-from harness.files.states import digest, digest_of, is_content, states_now, without_content
-from harness.numerics.version import VERSION
+from physics_crosscheck.harness.engines.registry import model_formats
+from physics_crosscheck.harness.files.parts import included, named_files
+from physics_crosscheck.harness.files.sidecar import SidecarError, left_to_others, read_sidecar
+from physics_crosscheck.harness.files.states import (
+    digest,
+    digest_of,
+    is_content,
+    states_now,
+    without_content,
+)
+from physics_crosscheck.harness.numerics.version import VERSION
 
 BESIDE = "(beside)"
 """Stands for the files of a folder that no model file names: a `space.py` may open any of them."""

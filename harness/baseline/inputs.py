@@ -11,14 +11,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from harness.baseline.fingerprint import (
+from physics_crosscheck.harness.baseline.fingerprint import (
     Dependencies,
     dependencies,
     folder_files,
 )
-from harness.engines.registry import engines
-from harness.files.states import UNREADABLE, digest_of
-from harness.records.case import ModelKey
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.states import UNREADABLE, digest_of
+from physics_crosscheck.harness.records.case import ModelKey
 
 
 def inputs(folder: Path, resolution: float, apart: Path | None) -> dict[ModelKey, str]:

@@ -14,19 +14,19 @@ from typing import Literal
 
 import msgspec
 
-from harness.baseline.changes import Status, why_not_known
-from harness.baseline.classify import Change, classify, unaccepted
-from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles, folder_files
-from harness.baseline.stale import match, stale
-from harness.baseline.store import read_baseline
-from harness.engines.registry import absent_extras, engines
-from harness.records.baseline import AcceptedCase, Measurement, Snapshot
-from harness.records.case import Case, CaseId
-from harness.records.outcome import Outcome
-from harness.records.results import BaselineChange, BaselineChanges
-from harness.schedule.workers import Failure
-from harness.text.status import counted
+from physics_crosscheck.harness.baseline.changes import Status, why_not_known
+from physics_crosscheck.harness.baseline.classify import Change, classify, unaccepted
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_files
+from physics_crosscheck.harness.baseline.stale import match, stale
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.engines.registry import absent_extras, engines
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement, Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges
+from physics_crosscheck.harness.schedule.workers import Failure
+from physics_crosscheck.harness.text.status import counted
 
 Measured = Mapping[tuple[str, CaseId], Measurement | Failure]
 """What was measured, or why it was not, by folder and case."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from harness.baseline.movement import of_equations
-from harness.baseline.snapshot import (
+from physics_crosscheck.harness.baseline.movement import of_equations
+from physics_crosscheck.harness.baseline.snapshot import (
     PickedSegments,
     ends,
     inputs_of,
@@ -21,19 +21,24 @@ from harness.baseline.snapshot import (
     segments_of,
     snapshot_of,
 )
-from harness.cases.case import CaseTask, load
-from harness.cases.prepare import Prepared
-from harness.diagnosis.diagnose import NAMED
-from harness.files.reads import recorded
-from harness.files.sidecar import Sidecar
-from harness.files.states import merged
-from harness.records.base import rows
-from harness.records.baseline import Identified, Measurement, OnAccepted, Snapshot
-from reference.integrate import ReferenceError
-from reference.motion import Motion
-from reference.numeric import Array
-from reference.system import System
-from reference.variants import Variants
+from physics_crosscheck.harness.cases.case import CaseTask, load
+from physics_crosscheck.harness.cases.prepare import Prepared
+from physics_crosscheck.harness.diagnosis.diagnose import NAMED
+from physics_crosscheck.harness.files.reads import recorded
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.files.states import merged
+from physics_crosscheck.harness.records.base import rows
+from physics_crosscheck.harness.records.baseline import (
+    Identified,
+    Measurement,
+    OnAccepted,
+    Snapshot,
+)
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.variants import Variants
 
 TIED = 1e-6
 """A constant that may change by this share of a unit change without moving any segment by more than

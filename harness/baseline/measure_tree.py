@@ -12,17 +12,17 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from harness.baseline.measure import comparable, is_accepted
-from harness.baseline.snapshot import PICKED, ends, segments_of
-from harness.cases.robot_task import RobotTask, load_robot, order_of
-from harness.cases.verdict import filled
-from harness.files.reads import recorded
-from harness.files.states import merged
-from harness.records.base import rows
-from harness.records.baseline import Measurement, OnAccepted, Snapshot
-from reference.numeric import Array
-from reference.samples import ends_of
-from reference.trees import TreeEquations, TreeSystem
+from physics_crosscheck.harness.baseline.measure import comparable, is_accepted
+from physics_crosscheck.harness.baseline.snapshot import PICKED, ends, segments_of
+from physics_crosscheck.harness.cases.robot_task import RobotTask, load_robot, order_of
+from physics_crosscheck.harness.cases.verdict import filled
+from physics_crosscheck.harness.files.reads import recorded
+from physics_crosscheck.harness.files.states import merged
+from physics_crosscheck.harness.records.base import rows
+from physics_crosscheck.harness.records.baseline import Measurement, OnAccepted, Snapshot
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.samples import ends_of
+from physics_crosscheck.reference.trees import TreeEquations, TreeSystem
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from harness.records.base import Number, Numbers, Rows
-from harness.records.baseline import AcceptedCase, OnAccepted, Snapshot
-from harness.records.case import starts_at
+from physics_crosscheck.harness.records.base import Number, Numbers, Rows
+from physics_crosscheck.harness.records.baseline import AcceptedCase, OnAccepted, Snapshot
+from physics_crosscheck.harness.records.case import starts_at
 
 EQUATIONS = 1e-11
 """Relative movement of a segment's end, by the equations, that is none: ten times what the two

@@ -7,8 +7,13 @@ from typing import TypeVar
 
 import msgspec
 
-from harness.records.base import Record
-from harness.records.baseline import AcceptedAudit, AcceptedCase, Declared, Snapshot
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.baseline import (
+    AcceptedAudit,
+    AcceptedCase,
+    Declared,
+    Snapshot,
+)
 
 S = TypeVar("S", AcceptedCase, AcceptedAudit, Declared)
 

@@ -13,14 +13,14 @@ from functools import lru_cache
 import numpy as np
 import sympy as sp
 
-from harness.engines.protocol import Model
-from harness.numerics.batch import Batch, Rows, spread
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.segments import extrapolate
-from harness.records.baseline import Snapshot
-from reference.motion import Motion
-from reference.numeric import Array
-from reference.system import System
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.batch import Batch, Rows, spread
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.system import System
 
 PICKED = 16
 """Segments a snapshot: even over the motion, at least two of each span between breaks."""

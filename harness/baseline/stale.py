@@ -6,18 +6,18 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import (
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import (
     Dependencies,
     FolderFiles,
     ModelFiles,
     as_now,
     dependencies,
 )
-from harness.files.folders import builtin
-from harness.files.states import UNREADABLE
-from harness.records.baseline import AcceptedCase
-from harness.records.case import CaseId
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.states import UNREADABLE
+from physics_crosscheck.harness.records.baseline import AcceptedCase
+from physics_crosscheck.harness.records.case import CaseId
 
 
 def location(folder: Path, baseline: Path) -> str:

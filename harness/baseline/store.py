@@ -13,9 +13,15 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from harness.baseline.file import FileError, SystemBaseline, file_text, read_file, read_folder
-from harness.files.reading import MOST_MODEL, read_regular
-from harness.files.states import digest_of
+from physics_crosscheck.harness.baseline.file import (
+    FileError,
+    SystemBaseline,
+    file_text,
+    read_file,
+    read_folder,
+)
+from physics_crosscheck.harness.files.reading import MOST_MODEL, read_regular
+from physics_crosscheck.harness.files.states import digest_of
 
 T = TypeVar("T")
 

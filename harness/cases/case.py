@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.cases.case_record import (
+from physics_crosscheck.harness.cases.case_record import (
     dynamics_record,
     full_run_record,
     linearization_record,
@@ -16,33 +16,37 @@ from harness.cases.case_record import (
     stepping_record,
     verdict_record,
 )
-from harness.cases.dynamics import with_dynamics
-from harness.cases.prepare import Equilibrium, Prepared
-from harness.cases.verdict import judged
-from harness.cases.witness import with_full_runs
-from harness.engines.protocol import Model
-from harness.engines.registry import engines
-from harness.files.locations import line_of
-from harness.files.sidecar import Sidecar
-from harness.numerics.batch import Batch, over
-from harness.numerics.coordinates import CoordinateMap, coordinate_map
-from harness.numerics.discrete import LARGEST, linearize_step
-from harness.numerics.evenly import evenly
-from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
-from harness.numerics.full_run import why_no_run
-from harness.numerics.linearization import linearize_engine
-from harness.numerics.segments import BlownUpError, extrapolate
-from harness.numerics.step_study import study_step
-from harness.numerics.stepping import step_engine
-from harness.numerics.stops import stopped
-from harness.records.base import SourceLine
-from harness.records.case import Case, CaseId, Stepping
-from harness.records.model import EngineLinearization
-from harness.records.outcome import FLOOR, Outcome
-from reference.motion import Motion
-from reference.numeric import Array, NumericFunction
-from reference.stepping import SteppedEquations
-from reference.system import System
+from physics_crosscheck.harness.cases.dynamics import with_dynamics
+from physics_crosscheck.harness.cases.prepare import Equilibrium, Prepared
+from physics_crosscheck.harness.cases.verdict import judged
+from physics_crosscheck.harness.cases.witness import with_full_runs
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.locations import line_of
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.batch import Batch, over
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.harness.numerics.discrete import LARGEST, linearize_step
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.forward_dynamics import (
+    ForwardDynamics,
+    forward_dynamics,
+    mixed,
+)
+from physics_crosscheck.harness.numerics.full_run import why_no_run
+from physics_crosscheck.harness.numerics.linearization import linearize_engine
+from physics_crosscheck.harness.numerics.segments import BlownUpError, extrapolate
+from physics_crosscheck.harness.numerics.step_study import study_step
+from physics_crosscheck.harness.numerics.stepping import step_engine
+from physics_crosscheck.harness.numerics.stops import stopped
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseId, Stepping
+from physics_crosscheck.harness.records.model import EngineLinearization
+from physics_crosscheck.harness.records.outcome import FLOOR, Outcome
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array, NumericFunction
+from physics_crosscheck.reference.stepping import SteppedEquations
+from physics_crosscheck.reference.system import System
 
 STEPPED = 100
 """States of a motion at most from which one step is taken."""

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.cases.dynamics import component
-from harness.cases.verdict import Verdict as Judgement
-from harness.numerics.discrete import DiscreteLinearization as FoundStep
-from harness.numerics.evenly import evenly
-from harness.numerics.forward_dynamics import ForwardDynamics as FoundDynamics
-from harness.numerics.linearization import EngineLinearization as Found
-from harness.numerics.segments import Extrapolated
-from harness.numerics.step_study import TARGETS, StepStudy
-from harness.numerics.stepping import Stepping as FoundStepping
-from harness.records.base import Number, Numbers, Rows, number, numbers, rows
-from harness.records.case import (
+from physics_crosscheck.harness.cases.dynamics import component
+from physics_crosscheck.harness.cases.verdict import Verdict as Judgement
+from physics_crosscheck.harness.numerics.discrete import DiscreteLinearization as FoundStep
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.forward_dynamics import ForwardDynamics as FoundDynamics
+from physics_crosscheck.harness.numerics.linearization import EngineLinearization as Found
+from physics_crosscheck.harness.numerics.segments import Extrapolated
+from physics_crosscheck.harness.numerics.step_study import TARGETS, StepStudy
+from physics_crosscheck.harness.numerics.stepping import Stepping as FoundStepping
+from physics_crosscheck.harness.records.base import Number, Numbers, Rows, number, numbers, rows
+from physics_crosscheck.harness.records.case import (
     CheckedStep,
     Convergence,
     EnergySeries,
@@ -28,9 +28,13 @@ from harness.records.case import (
     TargetStep,
     Verdict,
 )
-from harness.records.model import DiscreteLinearization, EngineLinearization, EnginePole
-from reference.motion import Motion
-from reference.numeric import Array
+from physics_crosscheck.harness.records.model import (
+    DiscreteLinearization,
+    EngineLinearization,
+    EnginePole,
+)
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
 
 SERIES = 240
 """Samples of a series in results.json: as many as a plot of ordinary width can show."""

@@ -7,9 +7,9 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.cases.robot import SCENARIO
-from reference.load import load_declaration
-from reference.trees import MultibodySystem
+from physics_crosscheck.harness.cases.robot import SCENARIO
+from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.trees import MultibodySystem
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import sympy as sp
 
-from harness.cases.system_record import (
+from physics_crosscheck.harness.cases.system_record import (
     constants,
     errata_records,
     linearity_records,
@@ -16,13 +16,24 @@ from harness.cases.system_record import (
     pole_records,
     quantities,
 )
-from harness.text.equations import DerivedEquilibrium, DerivedSystem, Matrix, Transfer
-from harness.text.typeset import Terms, deviation
-from reference.derive import Equations, derive
-from reference.linearize import Linearization, classify, linearize, taylor, to_array
-from reference.modes import damped_shapes, s, transfer_functions
-from reference.simplify import LONG
-from reference.system import System
+from physics_crosscheck.harness.text.equations import (
+    DerivedEquilibrium,
+    DerivedSystem,
+    Matrix,
+    Transfer,
+)
+from physics_crosscheck.harness.text.typeset import Terms, deviation
+from physics_crosscheck.reference.derive import Equations, derive
+from physics_crosscheck.reference.linearize import (
+    Linearization,
+    classify,
+    linearize,
+    taylor,
+    to_array,
+)
+from physics_crosscheck.reference.modes import damped_shapes, s, transfer_functions
+from physics_crosscheck.reference.simplify import LONG
+from physics_crosscheck.reference.system import System
 
 ORDER = 3
 """Order of the Taylor series: the first in which an odd force such as the sine bends."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from harness.cases.verdict import Verdict
-from harness.numerics.forward_dynamics import EQUALITIES, ForwardDynamics
-from harness.records.outcome import Outcome
-from harness.text.status import counted
+from physics_crosscheck.harness.cases.verdict import Verdict
+from physics_crosscheck.harness.numerics.forward_dynamics import EQUALITIES, ForwardDynamics
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.status import counted
 
 
 def with_dynamics(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from harness.numerics.coordinates import CoordinateMap, linear
-from reference.multibody.chart import coordinate_names
-from reference.multibody.coupled import Coupled
-from reference.multibody.tree import Tree
-from reference.numeric import Array
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, linear
+from physics_crosscheck.reference.multibody.chart import coordinate_names
+from physics_crosscheck.reference.multibody.coupled import Coupled
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.numeric import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.cases.declared import Declared, declared
-from harness.files.model_files import UnreadModel, chosen_engines, model_files
-from harness.records.case import CaseId
-from harness.schedule.jobs import Job, Task, work
-from harness.schedule.workers import Failure, Workers
+from physics_crosscheck.harness.cases.declared import Declared, declared
+from physics_crosscheck.harness.files.model_files import UnreadModel, chosen_engines, model_files
+from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.schedule.jobs import Job, Task, work
+from physics_crosscheck.harness.schedule.workers import Failure, Workers
 
 
 @dataclass(frozen=True)

@@ -11,22 +11,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.cases.followers import Followers
-from harness.cases.prepare import Prepared, derived
-from harness.cases.robot import SCENARIO, STATES, tree_states
-from harness.cases.robot_record import robot_findings, told, tree_record
-from harness.cases.robot_task import RobotTask
-from harness.files.reads import recorded
-from harness.files.sidecar import Sidecar
-from harness.records.case import CaseId
-from harness.records.survey import FileSurvey
-from harness.records.system import System as SystemRecord
-from harness.robots.read import read_robot
-from reference.integrate import ReferenceError
-from reference.load import load_declaration
-from reference.samples import Samples
-from reference.system import System
-from reference.trees import MultibodySystem
+from physics_crosscheck.harness.cases.followers import Followers
+from physics_crosscheck.harness.cases.prepare import Prepared, derived
+from physics_crosscheck.harness.cases.robot import SCENARIO, STATES, tree_states
+from physics_crosscheck.harness.cases.robot_record import robot_findings, told, tree_record
+from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.files.reads import recorded
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.records.survey import FileSurvey
+from physics_crosscheck.harness.records.system import System as SystemRecord
+from physics_crosscheck.harness.robots.read import read_robot
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.samples import Samples
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.trees import MultibodySystem
 
 
 @dataclass(frozen=True, kw_only=True)

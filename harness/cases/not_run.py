@@ -8,12 +8,12 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from harness.engines.protocol import Engine
-from harness.engines.registry import installs
-from harness.files.sidecar import Sidecar
-from harness.records.case import Case, CaseId
-from harness.records.outcome import Outcome
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import installs
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.schedule.workers import Failure
 
 
 @dataclass(frozen=True)

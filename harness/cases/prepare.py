@@ -10,19 +10,19 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from harness.cases.system_record import system_record
-from harness.cases.verdict import component_scale, filled
-from harness.files.reads import recorded
-from harness.records import system as records
-from reference.derive import derive
-from reference.linearize import linearize
-from reference.load import load_system, told_with_file
-from reference.motion import Motion
-from reference.numeric import Array, NumericFunction
-from reference.solve import solve
-from reference.stepping import SteppedEquations, stepped_equations
-from reference.system import System
-from reference.variants import Variants, variants
+from physics_crosscheck.harness.cases.system_record import system_record
+from physics_crosscheck.harness.cases.verdict import component_scale, filled
+from physics_crosscheck.harness.files.reads import recorded
+from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.reference.load import load_system, told_with_file
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array, NumericFunction
+from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.stepping import SteppedEquations, stepped_equations
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.variants import Variants, variants
 
 
 @dataclass(frozen=True)

@@ -9,39 +9,47 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.cases.case_record import dynamics_record, stepping_record, verdict_record
-from harness.cases.dynamics import with_dynamics
-from harness.cases.followers import Followers
-from harness.cases.robot_record import (
+from physics_crosscheck.harness.cases.case_record import (
+    dynamics_record,
+    stepping_record,
+    verdict_record,
+)
+from physics_crosscheck.harness.cases.dynamics import with_dynamics
+from physics_crosscheck.harness.cases.followers import Followers
+from physics_crosscheck.harness.cases.robot_record import (
     robot_findings,
     settings_of,
     sidecar_beside,
     told,
     tree_record,
 )
-from harness.cases.robot_task import RefusedError, RobotTask, load_robot, placed
-from harness.cases.verdict import Verdict, filled, judged
-from harness.engines.protocol import Model
-from harness.engines.registry import engines
-from harness.numerics.batch import Batch, held
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.forward_dynamics import ForwardDynamics, forward_dynamics, mixed
-from harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
-from harness.numerics.stepping import step_engine
-from harness.records.case import Case, Stepping
-from harness.records.finding import AuditFinding
-from harness.records.outcome import Outcome
-from harness.records.system import System
-from harness.robots.read import read_robot
-from harness.robots.robot import home_of
-from harness.robots.system import RobotError, robot_system
-from harness.schedule.failure import Failure, failure_of
-from reference.integrate import ReferenceError
-from reference.multibody.coupled import Coupled
-from reference.numeric import Array
-from reference.samples import Samples, samples
-from reference.stepping import SteppedBodies
-from reference.trees import TreeEquations, TreeSystem
+from physics_crosscheck.harness.cases.robot_task import RefusedError, RobotTask, load_robot, placed
+from physics_crosscheck.harness.cases.verdict import Verdict, filled, judged
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.numerics.batch import Batch, held
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.forward_dynamics import (
+    ForwardDynamics,
+    forward_dynamics,
+    mixed,
+)
+from physics_crosscheck.harness.numerics.segments import BlownUpError, Extrapolated, extrapolate
+from physics_crosscheck.harness.numerics.stepping import step_engine
+from physics_crosscheck.harness.records.case import Case, Stepping
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.robots.read import read_robot
+from physics_crosscheck.harness.robots.robot import home_of
+from physics_crosscheck.harness.robots.system import RobotError, robot_system
+from physics_crosscheck.harness.schedule.failure import Failure, failure_of
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.multibody.coupled import Coupled
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.samples import Samples, samples
+from physics_crosscheck.reference.stepping import SteppedBodies
+from physics_crosscheck.reference.trees import TreeEquations, TreeSystem
 
 SCENARIO = "states"
 """What stands for the scenario of a file that declares none."""

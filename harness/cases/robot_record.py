@@ -8,24 +8,24 @@ from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 
-from harness.cases.system_record import quantities
-from harness.engines.protocol import EngineError
-from harness.engines.registry import readers
-from harness.engines.remark import Remark
-from harness.files.locations import line_of
-from harness.files.locations.outline import MARKUP
-from harness.records.base import SourceLine, number
-from harness.records.finding import AuditFinding
-from harness.records.system import Scenario, System
-from harness.robots.compiled import parts_of
-from harness.robots.document import Document, DocumentError
-from harness.robots.inertias import impossible
-from harness.robots.numerals import Numeral, numerals
-from harness.robots.robot import LeftOut, Robot
-from harness.text.status import counted
-from reference.multibody.tree import WORLD
-from reference.samples import Samples
-from reference.trees import TreeSystem
+from physics_crosscheck.harness.cases.system_record import quantities
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.files.locations import line_of
+from physics_crosscheck.harness.files.locations.outline import MARKUP
+from physics_crosscheck.harness.records.base import SourceLine, number
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.system import Scenario, System
+from physics_crosscheck.harness.robots.compiled import parts_of
+from physics_crosscheck.harness.robots.document import Document, DocumentError
+from physics_crosscheck.harness.robots.inertias import impossible
+from physics_crosscheck.harness.robots.numerals import Numeral, numerals
+from physics_crosscheck.harness.robots.robot import LeftOut, Robot
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.reference.multibody.tree import WORLD
+from physics_crosscheck.reference.samples import Samples
+from physics_crosscheck.reference.trees import TreeSystem
 
 ALONE: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
 """Settings of every engine: what the equations leave out is left out there too."""

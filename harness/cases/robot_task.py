@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.cases.followers import Followers
-from harness.engines.protocol import EngineError, Model, ModelSpec, Spring
-from harness.engines.registry import engines
-from harness.numerics.coordinates import CoordinateMap, identity
-from reference.multibody.tree import Tree
-from reference.samples import Samples
+from physics_crosscheck.harness.cases.followers import Followers
+from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec, Spring
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.samples import Samples
 
 
 class RefusedError(EngineError):

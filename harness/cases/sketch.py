@@ -10,10 +10,10 @@ from typing import Literal, TypeAlias, cast
 
 import sympy as sp
 
-from harness.records import system as records
-from harness.records.base import numbers
-from reference.sketch import Angle, Body, Link, Shape, expressions
-from reference.system import System
+from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.harness.records.base import numbers
+from physics_crosscheck.reference.sketch import Angle, Body, Link, Shape, expressions
+from physics_crosscheck.reference.system import System
 
 Kind: TypeAlias = Literal[
     "spring", "damper", "rod", "line", "wall", "measure", "block", "disc", "spiral"

@@ -8,19 +8,19 @@ from typing import Literal, cast
 
 import sympy as sp
 
-from harness.cases.sketch import sketch_record
-from harness.records import system as records
-from harness.records.base import number, numbers, rows
-from harness.text.typeset import Latex, Terms, latex_name
-from reference.declaration import Coordinate, Input
-from reference.derive import Equations
-from reference.errata import Erratum, errata
-from reference.linearity import linearity
-from reference.linearize import Linearization, classify
-from reference.modes import modes, poles, s, transfer_functions
-from reference.motion import Motion
-from reference.simplify import LONG
-from reference.system import System
+from physics_crosscheck.harness.cases.sketch import sketch_record
+from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.harness.records.base import number, numbers, rows
+from physics_crosscheck.harness.text.typeset import Latex, Terms, latex_name
+from physics_crosscheck.reference.declaration import Coordinate, Input
+from physics_crosscheck.reference.derive import Equations
+from physics_crosscheck.reference.errata import Erratum, errata
+from physics_crosscheck.reference.linearity import linearity
+from physics_crosscheck.reference.linearize import Linearization, classify
+from physics_crosscheck.reference.modes import modes, poles, s, transfer_functions
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.simplify import LONG
+from physics_crosscheck.reference.system import System
 
 
 def system_record(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import sympy as sp
 
-from harness.cases.system_record import quantities
-from harness.robots.robot import home_of
-from harness.text.equations import DerivedTree, Matrix, ShownBody, ShownJoint
-from reference.multibody.bodies import Joint, RigidBody, powers
-from reference.multibody.coupled import Coupled
-from reference.multibody.formulas import Formulas, formulas
-from reference.trees import MultibodySystem, TreeEquations
+from physics_crosscheck.harness.cases.system_record import quantities
+from physics_crosscheck.harness.robots.robot import home_of
+from physics_crosscheck.harness.text.equations import DerivedTree, Matrix, ShownBody, ShownJoint
+from physics_crosscheck.reference.multibody.bodies import Joint, RigidBody, powers
+from physics_crosscheck.reference.multibody.coupled import Coupled
+from physics_crosscheck.reference.multibody.formulas import Formulas, formulas
+from physics_crosscheck.reference.trees import MultibodySystem, TreeEquations
 
 ROUNDING = 1e-11
 """Of a mass matrix with a diagonal of ones: smaller entries are what angles with a file's digits

@@ -12,15 +12,15 @@ from typing import Protocol
 
 import numpy as np
 
-from harness.numerics import judgement
-from harness.numerics.judgement import Judgement, Obstacle, obstacle
-from harness.numerics.ladder import EPSILON, Limit
-from harness.numerics.residual import Residual
-from harness.numerics.segments import Extrapolated
-from harness.records.case import starts_at
-from harness.records.outcome import FLOOR, ROUNDED, Outcome
-from reference.motion import Motion
-from reference.numeric import Array
+from physics_crosscheck.harness.numerics import judgement
+from physics_crosscheck.harness.numerics.judgement import Judgement, Obstacle, obstacle
+from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.numerics.residual import Residual
+from physics_crosscheck.harness.numerics.segments import Extrapolated
+from physics_crosscheck.harness.records.case import starts_at
+from physics_crosscheck.harness.records.outcome import FLOOR, ROUNDED, Outcome
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
 
 
 @dataclass(frozen=True, kw_only=True)

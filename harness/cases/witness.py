@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.cases.verdict import Verdict
-from harness.numerics.full_run import SampledRun, follows
-from harness.numerics.step_study import StepStudy
-from harness.records.outcome import Outcome
-from reference.motion import Motion
+from physics_crosscheck.harness.cases.verdict import Verdict
+from physics_crosscheck.harness.numerics.full_run import SampledRun, follows
+from physics_crosscheck.harness.numerics.step_study import StepStudy
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.motion import Motion
 
 BLOWN_UP = 1e6
 """Global errors beyond so many amplitudes are an instability that ran out of time, not accuracy."""

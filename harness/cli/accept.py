@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 
-from harness.cli.exit_codes import AGREE, FAIL, USAGE
-from harness.cli.gate import LateProgress, meant
-from harness.files.folders import check_engines, check_no_robots
-from harness.gate.accept import AcceptError, accept
-from harness.gate.gate import gate
-from harness.text.github import in_ci
+from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL, USAGE
+from physics_crosscheck.harness.cli.gate import LateProgress, meant
+from physics_crosscheck.harness.files.folders import check_engines, check_no_robots
+from physics_crosscheck.harness.gate.accept import AcceptError, accept
+from physics_crosscheck.harness.gate.gate import gate
+from physics_crosscheck.harness.text.github import in_ci
 
 
 def main(options: argparse.Namespace) -> int:

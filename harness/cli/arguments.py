@@ -6,9 +6,9 @@ import argparse
 import os
 from pathlib import Path
 
-from harness.baseline.place import DEFAULT
-from harness.cli.completion import completed_by, engine_names, systems_and_files
-from harness.schedule.limits import MEMORY, SECONDS, Limits
+from physics_crosscheck.harness.baseline.place import DEFAULT
+from physics_crosscheck.harness.cli.completion import completed_by, engine_names, systems_and_files
+from physics_crosscheck.harness.schedule.limits import MEMORY, SECONDS, Limits
 
 SCHEDULER = "CROSSCHECK_SCHEDULER"
 """The environment variable with the address of a scheduler."""
@@ -122,7 +122,7 @@ def chosen_model(command: argparse.ArgumentParser) -> None:
 def environments(command: argparse.ArgumentParser) -> None:
     """Add --environments DIR."""
     # Imported here: most commands make none.
-    from harness.versions import place as kept
+    from physics_crosscheck.harness.versions import place as kept
 
     place = kept.cache()
     if place.is_relative_to(Path.home()):  # as a help text shows it
@@ -191,7 +191,7 @@ def positive(text: str) -> int:
 def resolution(text: str) -> float:
     """A resolution that double precision can serve."""
     # Imported here: help alone needs no records.
-    from harness.options import resolvable
+    from physics_crosscheck.harness.options import resolvable
 
     value = float(text)
     if not resolvable(value):

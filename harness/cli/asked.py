@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.files.choice import Choice, NamedModel, chosen_models, matching
-from harness.files.folders import FolderError, NamedFolders, named_folders
-from harness.records.read import read_results
-from harness.robots.named import robot_files
+from physics_crosscheck.harness.files.choice import Choice, NamedModel, chosen_models, matching
+from physics_crosscheck.harness.files.folders import FolderError, NamedFolders, named_folders
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.robots.named import robot_files
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from harness.audits import audits
-from harness.cached import Cache
-from harness.cli import arguments
-from harness.cli.asked import Asked, meant_by
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL
-from harness.cli.missing import tell_missing, with_missing
-from harness.files.folders import FolderError, NamedFolders, check_engines
-from harness.records.results import nothing_tested
-from harness.text.findings import audit_lines
-from harness.text.visible import visible
+from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.cached import Cache
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.asked import Asked, meant_by
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.cli.missing import tell_missing, with_missing
+from physics_crosscheck.harness.files.folders import FolderError, NamedFolders, check_engines
+from physics_crosscheck.harness.records.results import nothing_tested
+from physics_crosscheck.harness.text.findings import audit_lines
+from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:

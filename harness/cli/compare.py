@@ -6,25 +6,25 @@ import argparse
 import datetime
 import sys
 
-from harness.cli import arguments
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
-from harness.compare.candidate import (
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.compare.candidate import (
     CompareError,
     NotInstalledError,
     UnreadableModelError,
     candidate,
 )
-from harness.compare.compare import CompareOptions, compare
-from harness.compare.execute import FailureError
-from harness.compare.executor import in_workers
-from harness.compare.match import declared
-from harness.compare.record import comparison_record, failed_record
-from harness.files.sidecar import SidecarError
-from harness.records.outcome import Outcome
-from harness.records.write import encoded, write_whole
-from harness.schedule.workers import Workers
-from harness.text.comparison import print_comparison
-from harness.text.terminal import terminal
+from physics_crosscheck.harness.compare.compare import CompareOptions, compare
+from physics_crosscheck.harness.compare.execute import FailureError
+from physics_crosscheck.harness.compare.executor import in_workers
+from physics_crosscheck.harness.compare.match import declared
+from physics_crosscheck.harness.compare.record import comparison_record, failed_record
+from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.schedule.workers import Workers
+from physics_crosscheck.harness.text.comparison import print_comparison
+from physics_crosscheck.harness.text.terminal import terminal
 
 JOBS = 1
 """Worker processes: to start a second one takes longer than to ask both models in turn."""

@@ -51,7 +51,7 @@ def completed_by(action: argparse.Action, completer: Completer) -> None:
 
 def engine_names(**_: object) -> Iterable[str]:
     """Names of engines."""
-    from harness.engines.registry import engines
+    from physics_crosscheck.harness.engines.registry import engines
 
     return sorted(engines())
 
@@ -60,7 +60,7 @@ def systems_and_files(prefix: str, **_: object) -> Iterable[str]:
     """Names of built-in systems, and files."""
     from argcomplete.completers import FilesCompleter
 
-    from harness.files.folders import system_folders
+    from physics_crosscheck.harness.files.folders import system_folders
 
     systems = [folder.name for folder in system_folders([])]
     return [*systems, *FilesCompleter()(prefix)]

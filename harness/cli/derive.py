@@ -7,16 +7,16 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-from harness.cases.derivation import derivation
-from harness.cases.tree_derivation import tree_derivation
-from harness.cli import arguments
-from harness.cli.exit_codes import AGREE, FAIL
-from harness.cli.missing import tell_missing, with_missing
-from harness.files.folders import named_folders
-from harness.schedule.workers import Failure, Workers
-from harness.text.equations import describe
-from reference.load import load_declaration, told_with_file
-from reference.trees import MultibodySystem
+from physics_crosscheck.harness.cases.derivation import derivation
+from physics_crosscheck.harness.cases.tree_derivation import tree_derivation
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL
+from physics_crosscheck.harness.cli.missing import tell_missing, with_missing
+from physics_crosscheck.harness.files.folders import named_folders
+from physics_crosscheck.harness.schedule.workers import Failure, Workers
+from physics_crosscheck.harness.text.equations import describe
+from physics_crosscheck.reference.load import load_declaration, told_with_file
+from physics_crosscheck.reference.trees import MultibodySystem
 
 Form = Literal["latex", "text"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from harness.cli.exit_codes import AGREE, DIFFER, USAGE
-from harness.engines.protocol import Engine
-from harness.engines.registry import engines, missing
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, USAGE
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import engines, missing
 
 
 def main(options: argparse.Namespace) -> int:
@@ -34,7 +34,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _conformance(engine: Engine) -> int:
-    from harness.engines.conformance import conform_samples
+    from physics_crosscheck.harness.engines.conformance import conform_samples
 
     found = conform_samples(engine)
     for file, checks in found.items():

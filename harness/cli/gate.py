@@ -9,19 +9,19 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from harness.baseline.changes import Status
-from harness.cli import arguments
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL
-from harness.files.folders import check_engines, system_folders
-from harness.gate.gate import accepted_folders, gate
-from harness.gate.notes import notes
-from harness.gate.options import GateOptions
-from harness.gate.result import GateResult
-from harness.gate.text import gate_lines, summary
-from harness.records.case import Case
-from harness.records.write import encoded, write_whole
-from harness.text.github import commands, print_commands, write_summary
-from harness.text.visible import visible
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.files.folders import check_engines, system_folders
+from physics_crosscheck.harness.gate.gate import accepted_folders, gate
+from physics_crosscheck.harness.gate.notes import notes
+from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.text import gate_lines, summary
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.text.github import commands, print_commands, write_summary
+from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
@@ -85,7 +85,7 @@ class LateProgress(ExitStack):
     def __call__(self, done: int, total: int, case: Case | None) -> None:
         """Tell that a case is done."""
         if self._shown is None:
-            from harness.text.progress import Progress
+            from physics_crosscheck.harness.text.progress import Progress
 
             self._shown = self.enter_context(Progress())
         self._shown(done, total, case)

@@ -6,10 +6,16 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.files.folders import FolderError
-from harness.records.history import FOLDER, Past, append_history, past_of, read_history
-from harness.records.results import Results
-from harness.report import is_own_page
+from physics_crosscheck.harness.files.folders import FolderError
+from physics_crosscheck.harness.records.history import (
+    FOLDER,
+    Past,
+    append_history,
+    past_of,
+    read_history,
+)
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.report import is_own_page
 
 PATIENCE = 10.0
 """Seconds after which git is not waited for."""

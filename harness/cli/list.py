@@ -6,12 +6,12 @@ import argparse
 import json
 import sys
 
-from harness.cases.listed import listed
-from harness.cli.exit_codes import AGREE, USAGE
-from harness.files.choice import Choice, chosen_models, matching
-from harness.files.folders import check_engines, named_folders
-from harness.text.status import counted
-from harness.text.visible import visible
+from physics_crosscheck.harness.cases.listed import listed
+from physics_crosscheck.harness.cli.exit_codes import AGREE, USAGE
+from physics_crosscheck.harness.files.choice import Choice, chosen_models, matching
+from physics_crosscheck.harness.files.folders import check_engines, named_folders
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:

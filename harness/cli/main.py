@@ -14,11 +14,11 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from harness.cli.completion import COMPLETING, complete, words_before
-from harness.cli.exit_codes import FAIL, SIGNALLED, USAGE
-from harness.cli.streams import claim_streams, unprinted
-from harness.schedule.environment import claim_defaults
-from harness.schedule.stop import Stopped, raising
+from physics_crosscheck.harness.cli.completion import COMPLETING, complete, words_before
+from physics_crosscheck.harness.cli.exit_codes import FAIL, SIGNALLED, USAGE
+from physics_crosscheck.harness.cli.streams import claim_streams, unprinted
+from physics_crosscheck.harness.schedule.environment import claim_defaults
+from physics_crosscheck.harness.schedule.stop import Stopped, raising
 
 COMMANDS = {
     "run": "run every model of the folders against their equations",
@@ -86,7 +86,7 @@ def _guarded(options: argparse.Namespace) -> int:
     asked = getattr(options, "format", "") == "github"
     if not asked and os.environ.get("GITHUB_ACTIONS", "").lower() != "true":
         return _run(options)
-    from harness.text.github import plain_logs
+    from physics_crosscheck.harness.text.github import plain_logs
 
     with plain_logs():
         return _run(options)
@@ -94,10 +94,10 @@ def _guarded(options: argparse.Namespace) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     # Imported here: help alone needs no records, and they cost more than all the rest of it.
-    from harness.baseline.store import BaselineError
-    from harness.files.folders import FolderError
-    from harness.records.read import ResultsError
-    from harness.schedule.executor import ClusterError
+    from physics_crosscheck.harness.baseline.store import BaselineError
+    from physics_crosscheck.harness.files.folders import FolderError
+    from physics_crosscheck.harness.records.read import ResultsError
+    from physics_crosscheck.harness.schedule.executor import ClusterError
 
     try:
         code: int = _module(options.command).main(options)
@@ -132,14 +132,14 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         command = commands.add_parser(name, help=says, epilog=EXIT_CODES)
         # Only the command that is meant: what its arguments may be takes a while to import too.
         if name in given[:1]:
-            importlib.import_module(f"harness.cli.parsers.{name}").add(command)
+            importlib.import_module(f"physics_crosscheck.harness.cli.parsers.{name}").add(command)
             _with_settings(command, name)
     return parser
 
 
 def _with_settings(command: argparse.ArgumentParser, name: str) -> None:
     """A project's own defaults."""
-    from harness.cli.settings import SettingsError, apply
+    from physics_crosscheck.harness.cli.settings import SettingsError, apply
 
     try:
         apply(command, name)
@@ -148,7 +148,7 @@ def _with_settings(command: argparse.ArgumentParser, name: str) -> None:
 
 
 def _module(name: str) -> Any:
-    return importlib.import_module(f"harness.cli.{name}")
+    return importlib.import_module(f"physics_crosscheck.harness.cli.{name}")
 
 
 if __name__ == "__main__":

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from harness.cli.exit_codes import USAGE
-from harness.files.folders import NamedFolders
-from harness.text.visible import visible
+from physics_crosscheck.harness.cli.exit_codes import USAGE
+from physics_crosscheck.harness.files.folders import NamedFolders
+from physics_crosscheck.harness.text.visible import visible
 
 
 def tell_missing(named: NamedFolders) -> None:

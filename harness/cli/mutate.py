@@ -5,17 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 
-from harness.cli import arguments
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL
-from harness.engines.registry import engines
-from harness.files.folders import check_engines, system_folders
-from harness.mutation.mutate import mutate
-from harness.mutation.survey import MutationError
-from harness.mutation.text import mutation_lines, summary
-from harness.records.mutation import FaultKind, FaultVerdict, Mutations
-from harness.records.results import nothing_tested
-from harness.records.write import encoded, write_whole
-from harness.text.progress import Counter
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import check_engines, system_folders
+from physics_crosscheck.harness.mutation.mutate import mutate
+from physics_crosscheck.harness.mutation.survey import MutationError
+from physics_crosscheck.harness.mutation.text import mutation_lines, summary
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutations
+from physics_crosscheck.harness.records.results import nothing_tested
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.text.progress import Counter
 
 
 def main(options: argparse.Namespace) -> int:

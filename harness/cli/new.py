@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from harness.cli.exit_codes import AGREE, FAIL, USAGE
-from harness.scaffold.folder import NewError, check_name, example, write_folder
-from harness.text.visible import visible
+from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL, USAGE
+from physics_crosscheck.harness.scaffold.folder import NewError, check_name, example, write_folder
+from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
@@ -24,7 +24,7 @@ def main(options: argparse.Namespace) -> int:
             write_folder(target, example(target.name))
         else:
             # Only now: reading a model needs sympy and engines.
-            from harness.scaffold.from_model import from_model
+            from physics_crosscheck.harness.scaffold.from_model import from_model
 
             written = from_model(
                 options.model, target, floating=options.floating, chosen=options.chosen_model

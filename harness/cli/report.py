@@ -5,16 +5,16 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from harness.cli.exit_codes import AGREE, DIFFER
-from harness.cli.keeping import check_page
-from harness.files.folders import FolderError
-from harness.records.history import read_history
-from harness.records.read import read_results
-from harness.report import write_report
-from harness.report.badge import write_badge
-from harness.report.two_runs import write_two_runs
-from harness.text.terminal import terminal
-from harness.text.two_runs import print_two_runs, two_runs
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER
+from physics_crosscheck.harness.cli.keeping import check_page
+from physics_crosscheck.harness.files.folders import FolderError
+from physics_crosscheck.harness.records.history import read_history
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.report.badge import write_badge
+from physics_crosscheck.harness.report.two_runs import write_two_runs
+from physics_crosscheck.harness.text.terminal import terminal
+from physics_crosscheck.harness.text.two_runs import print_two_runs, two_runs
 
 DEFAULT = Path("reports/results.json")
 

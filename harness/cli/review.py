@@ -5,17 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 
-from harness.baseline.changes import Status
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
-from harness.cli.gate import LateProgress, meant
-from harness.files.folders import check_engines
-from harness.gate.accept import AcceptError, accept_each
-from harness.gate.gate import gate
-from harness.gate.result import GateResult
-from harness.gate.review import Decisions, Review
-from harness.gate.text import change_lines
-from harness.text.github import in_ci
-from harness.text.visible import visible
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.cli.gate import LateProgress, meant
+from physics_crosscheck.harness.files.folders import check_engines
+from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
+from physics_crosscheck.harness.gate.gate import gate
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.review import Decisions, Review
+from physics_crosscheck.harness.gate.text import change_lines
+from physics_crosscheck.harness.text.github import in_ci
+from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:

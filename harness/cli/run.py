@@ -9,30 +9,35 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from harness.cached import Cache
-from harness.cli import arguments
-from harness.cli.asked import Asked, asked_for
-from harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
-from harness.cli.keeping import check_page, keep_history
-from harness.cli.missing import tell_missing, with_missing
-from harness.cli.watch import Ran, watch
-from harness.files.folders import FolderError, check_engines
-from harness.files.model_files import absent_lines
-from harness.records.journal import Journal, journal
-from harness.records.results import Results
-from harness.records.write import encoded, write_whole
-from harness.report import write_report
-from harness.run import Interruption, Options, run
-from harness.schedule.stop import asking
-from harness.text.coverage import left_out, refused
-from harness.text.github import commands, harmless_json, print_commands, run_notes
-from harness.text.next_steps import next_steps
-from harness.text.progress import Progress
-from harness.text.sarif import sarif
-from harness.text.status import counted
-from harness.text.table import print_results
-from harness.text.terminal import terminal
-from harness.text.visible import visible
+from physics_crosscheck.harness.cached import Cache
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.asked import Asked, asked_for
+from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
+from physics_crosscheck.harness.cli.keeping import check_page, keep_history
+from physics_crosscheck.harness.cli.missing import tell_missing, with_missing
+from physics_crosscheck.harness.cli.watch import Ran, watch
+from physics_crosscheck.harness.files.folders import FolderError, check_engines
+from physics_crosscheck.harness.files.model_files import absent_lines
+from physics_crosscheck.harness.records.journal import Journal, journal
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.run import Interruption, Options, run
+from physics_crosscheck.harness.schedule.stop import asking
+from physics_crosscheck.harness.text.coverage import left_out, refused
+from physics_crosscheck.harness.text.github import (
+    commands,
+    harmless_json,
+    print_commands,
+    run_notes,
+)
+from physics_crosscheck.harness.text.next_steps import next_steps
+from physics_crosscheck.harness.text.progress import Progress
+from physics_crosscheck.harness.text.sarif import sarif
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.table import print_results
+from physics_crosscheck.harness.text.terminal import terminal
+from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from harness.cli import arguments
+from physics_crosscheck.harness.cli import arguments
 
 FILE = "pyproject.toml"
 TABLE = "[tool.crosscheck]"
@@ -66,8 +66,8 @@ class _SettingsFile:
     def error(self, key: str, message: str) -> SettingsError:
         """Build the error about a setting, with its line where that is known."""
         # Imported here: help needs no parser of files.
-        from harness.files.locations.location import LocationError, Source
-        from harness.files.locations.toml import toml_offset
+        from physics_crosscheck.harness.files.locations.location import LocationError, Source
+        from physics_crosscheck.harness.files.locations.toml import toml_offset
 
         source = Source(self.path, self.text.encode())
         try:

@@ -6,24 +6,24 @@ import argparse
 import sys
 from pathlib import Path
 
-from harness.cli import arguments
-from harness.cli.asked import meant_by
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
-from harness.cli.keeping import check_page
-from harness.files.folders import FolderError, check_engines
-from harness.records.outcome import Outcome
-from harness.records.write import encoded, write_whole
-from harness.report.sweep import write_sweep
-from harness.schedule.stop import Stop, asking
-from harness.sweep.draws import Design
-from harness.sweep.factors import SweepError, factors
-from harness.sweep.plan import SweepOptions
-from harness.sweep.run import Wanted, alone, crew, planned, sweep
-from harness.sweep.store import RowsError, plan_of, read_rows
-from harness.sweep.summary import summary
-from harness.text.progress import Counter
-from harness.text.sweep import print_sweep, row_lines
-from harness.text.terminal import terminal
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.asked import meant_by
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
+from physics_crosscheck.harness.cli.keeping import check_page
+from physics_crosscheck.harness.files.folders import FolderError, check_engines
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.report.sweep import write_sweep
+from physics_crosscheck.harness.schedule.stop import Stop, asking
+from physics_crosscheck.harness.sweep.draws import Design
+from physics_crosscheck.harness.sweep.factors import SweepError, factors
+from physics_crosscheck.harness.sweep.plan import SweepOptions
+from physics_crosscheck.harness.sweep.run import Wanted, alone, crew, planned, sweep
+from physics_crosscheck.harness.sweep.store import RowsError, plan_of, read_rows
+from physics_crosscheck.harness.sweep.summary import summary
+from physics_crosscheck.harness.text.progress import Counter
+from physics_crosscheck.harness.text.sweep import print_sweep, row_lines
+from physics_crosscheck.harness.text.terminal import terminal
 
 JOBS = 2
 
@@ -39,7 +39,7 @@ def main(options: argparse.Namespace) -> int:
             return _summary(options.summary)
         if options.versions:
             # Imported here: one version alone needs no environments, and nothing that fills them.
-            from harness.cli.sweep_versions import under_versions
+            from physics_crosscheck.harness.cli.sweep_versions import under_versions
 
             return under_versions(options, _command(options))
         return _sweep(options)

@@ -8,20 +8,20 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from harness.cli import arguments
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL
-from harness.files.folders import FolderError
-from harness.sweep.store import read_plan, read_rows
-from harness.sweep.versions import MOVED, Moved, moved
-from harness.text.status import counted
-from harness.text.sweep import row_lines
-from harness.versions.asked import asked_versions
-from harness.versions.environments import EnvironmentError_
-from harness.versions.launch import launch
-from harness.versions.run import interpreter_of
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.files.folders import FolderError
+from physics_crosscheck.harness.sweep.store import read_plan, read_rows
+from physics_crosscheck.harness.sweep.versions import MOVED, Moved, moved
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.sweep import row_lines
+from physics_crosscheck.harness.versions.asked import asked_versions
+from physics_crosscheck.harness.versions.environments import EnvironmentError_
+from physics_crosscheck.harness.versions.launch import launch
+from physics_crosscheck.harness.versions.run import interpreter_of
 
 _CHILD = """
-from harness.cli.main import program
+from physics_crosscheck.harness.cli.main import program
 sys.argv[1:] = rest
 sys.exit(program())
 """

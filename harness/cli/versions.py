@@ -5,19 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 
-from harness.cli import arguments
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL
-from harness.cli.keeping import check_page
-from harness.files.folders import FolderError, system_folders
-from harness.records.versions import Versions
-from harness.records.write import encoded, write_whole
-from harness.report.versions import write_versions
-from harness.robots.named import robot_files
-from harness.text.terminal import terminal
-from harness.text.versions import print_versions
-from harness.versions.asked import AskedModels, asked_models, asked_versions
-from harness.versions.environments import EnvironmentError_
-from harness.versions.run import VersionOptions, run_versions
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL
+from physics_crosscheck.harness.cli.keeping import check_page
+from physics_crosscheck.harness.files.folders import FolderError, system_folders
+from physics_crosscheck.harness.records.versions import Versions
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.report.versions import write_versions
+from physics_crosscheck.harness.robots.named import robot_files
+from physics_crosscheck.harness.text.terminal import terminal
+from physics_crosscheck.harness.text.versions import print_versions
+from physics_crosscheck.harness.versions.asked import AskedModels, asked_models, asked_versions
+from physics_crosscheck.harness.versions.environments import EnvironmentError_
+from physics_crosscheck.harness.versions.run import VersionOptions, run_versions
 
 
 def main(options: argparse.Namespace) -> int:

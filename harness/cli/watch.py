@@ -14,16 +14,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.baseline.fingerprint import BESIDE, folder_files
-from harness.cli.asked import Asked
-from harness.files.choice import NamedModel
-from harness.files.folders import FolderError, NamedFolders
-from harness.files.parts import named_files
-from harness.files.states import UNREADABLE, states_now
-from harness.records.merged import merged
-from harness.records.results import Results
-from harness.text.status import counted
-from harness.text.visible import visible
+from physics_crosscheck.harness.baseline.fingerprint import BESIDE, folder_files
+from physics_crosscheck.harness.cli.asked import Asked
+from physics_crosscheck.harness.files.choice import NamedModel
+from physics_crosscheck.harness.files.folders import FolderError, NamedFolders
+from physics_crosscheck.harness.files.parts import named_files
+from physics_crosscheck.harness.files.states import UNREADABLE, states_now
+from physics_crosscheck.harness.records.merged import merged
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.visible import visible
 
 POLL = 0.25
 """Seconds between two looks at the files; looking at a hundred takes a millisecond."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.compare.property import Property, told
-from harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
-from harness.robots.compiled_tree import SPREAD, held_controls
+from physics_crosscheck.harness.compare.property import Property, told
+from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree, Numbers
+from physics_crosscheck.harness.robots.compiled_tree import SPREAD, held_controls
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.placed import Placed
-from reference.multibody.algebra import DOUBLES, about_axis
-from reference.multibody.lump import HERE, Place
-from reference.numeric import Array
+from physics_crosscheck.harness.compare.placed import Placed
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, about_axis
+from physics_crosscheck.reference.multibody.lump import HERE, Place
+from physics_crosscheck.reference.numeric import Array
 
 SAME = 1e-9
 """Angles in radians, and lengths in sizes of the mechanism, that differ by less are the same."""

@@ -9,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.compare.candidate import Candidate
-from harness.compare.diff import Edit, edits
-from harness.compare.excitation import Recorded
-from harness.compare.execute import Execute, FailureError, ask
-from harness.compare.judge import Followed
-from harness.compare.match import Match
-from harness.compare.runs import Runs
-from harness.compare.trials import Trial, TrialTask, attribute_difference, tried
-from harness.engines.protocol import Array
-from harness.engines.registry import engines
-from harness.files.locations import LocationError
-from harness.files.locations.outline import MARKUP, outline
-from harness.numerics.evenly import evenly
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.compare.candidate import Candidate
+from physics_crosscheck.harness.compare.diff import Edit, edits
+from physics_crosscheck.harness.compare.excitation import Recorded
+from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
+from physics_crosscheck.harness.compare.judge import Followed
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.trials import Trial, TrialTask, attribute_difference, tried
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.locations import LocationError
+from physics_crosscheck.harness.files.locations.outline import MARKUP, outline
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.schedule.workers import Failure
 
 MOST_TRIED = 24
 """Differences of the files that are tried one by one, the largest first; beyond, they are only

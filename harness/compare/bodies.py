@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.compare.alignment import SAME, Aligned
-from harness.compare.property import Property, shown, told
-from harness.compare.side import Side
-from harness.engines.protocol import Array
-from harness.records.base import SourceLine
-from harness.robots.robot import Part
+from physics_crosscheck.harness.compare.alignment import SAME, Aligned
+from physics_crosscheck.harness.compare.property import Property, shown, told
+from physics_crosscheck.harness.compare.side import Side
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.robots.robot import Part
 
 ROUNDING = 1e-13
 """Of m r^2, in a tensor that was brought from one frame to another."""

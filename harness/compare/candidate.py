@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engines.compiled import CompiledActuator, CompiledTree
-from harness.engines.protocol import Array, Engine, Model
-from harness.engines.registry import engines, missing, readers
-from harness.files.folders import FORMATS
-from harness.files.locations.xml import no_xml
-from harness.files.model_files import check_springs
-from harness.files.parts import PartError, check_parts
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.robots.compiled import compiler, read_compiled_robot
-from harness.robots.named import xacro_remedy
-from harness.robots.read import read_robot
-from harness.robots.robot import LeftOut, Robot
-from harness.robots.system import names_of
+from physics_crosscheck.harness.engines.compiled import CompiledActuator, CompiledTree
+from physics_crosscheck.harness.engines.protocol import Array, Engine, Model
+from physics_crosscheck.harness.engines.registry import engines, missing, readers
+from physics_crosscheck.harness.files.folders import FORMATS
+from physics_crosscheck.harness.files.locations.xml import no_xml
+from physics_crosscheck.harness.files.model_files import check_springs
+from physics_crosscheck.harness.files.parts import PartError, check_parts
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.robots.compiled import compiler, read_compiled_robot
+from physics_crosscheck.harness.robots.named import xacro_remedy
+from physics_crosscheck.harness.robots.read import read_robot
+from physics_crosscheck.harness.robots.robot import LeftOut, Robot
+from physics_crosscheck.harness.robots.system import names_of
 
 
 class CompareError(ValueError):

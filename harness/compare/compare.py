@@ -16,29 +16,29 @@ from functools import partial
 
 import numpy as np
 
-from harness.compare.attribution import attributed, untested
-from harness.compare.candidate import Candidate, Facts
-from harness.compare.excitation import Recorded, SourceTask, record
-from harness.compare.execute import Execute, FailureError, ask
-from harness.compare.explained import Explained, explained
-from harness.compare.judge import Followed, Judgement, TargetTask, follow, judge
-from harness.compare.match import Match
-from harness.compare.mechanics import MechanicsTask, mechanics
-from harness.compare.prepared import Prepared, prepare
-from harness.compare.property import Property
-from harness.compare.ranges import start_range, told
-from harness.compare.runs import Runs
-from harness.compare.said import Said, said
-from harness.compare.slack import taut_starts
-from harness.compare.terms import Frame, Term, terms
-from harness.compare.trials import Trial
-from harness.engines.protocol import Array
-from harness.numerics.evenly import evenly
-from harness.records.outcome import Outcome
-from harness.robots.inertias import impossible
-from harness.schedule.workers import Failure
-from harness.text.status import counted
-from reference.multibody.tree import WORLD
+from physics_crosscheck.harness.compare.attribution import attributed, untested
+from physics_crosscheck.harness.compare.candidate import Candidate, Facts
+from physics_crosscheck.harness.compare.excitation import Recorded, SourceTask, record
+from physics_crosscheck.harness.compare.execute import Execute, FailureError, ask
+from physics_crosscheck.harness.compare.explained import Explained, explained
+from physics_crosscheck.harness.compare.judge import Followed, Judgement, TargetTask, follow, judge
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.mechanics import MechanicsTask, mechanics
+from physics_crosscheck.harness.compare.prepared import Prepared, prepare
+from physics_crosscheck.harness.compare.property import Property
+from physics_crosscheck.harness.compare.ranges import start_range, told
+from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.said import Said, said
+from physics_crosscheck.harness.compare.slack import taut_starts
+from physics_crosscheck.harness.compare.terms import Frame, Term, terms
+from physics_crosscheck.harness.compare.trials import Trial
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.robots.inertias import impossible
+from physics_crosscheck.harness.schedule.workers import Failure
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.reference.multibody.tree import WORLD
 
 TURNED = 1e-4
 """From so large a discrepancy on, joints that turn the other way are looked for."""

@@ -9,11 +9,11 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
-from harness.compare.candidate import Candidate
-from harness.files.locations import Location, LocationError, find
-from harness.files.locations.outline import MARKUP, Element, Value, outline
-from harness.files.splice import spliced
-from harness.records.base import SourceLine
+from physics_crosscheck.harness.compare.candidate import Candidate
+from physics_crosscheck.harness.files.locations import Location, LocationError, find
+from physics_crosscheck.harness.files.locations.outline import MARKUP, Element, Value, outline
+from physics_crosscheck.harness.files.splice import spliced
+from physics_crosscheck.harness.records.base import SourceLine
 
 
 @dataclass(frozen=True, kw_only=True)

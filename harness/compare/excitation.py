@@ -13,13 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.compare.candidate import Candidate, CompareError
-from harness.compare.match import Match
-from harness.compare.runs import Runs, ends
-from harness.compare.scales import HELD, CharacteristicScales, characteristic_scales
-from harness.engines.protocol import Array, Model
-from harness.numerics.batch import movement
-from harness.numerics.ladder import Limit
+from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.runs import Runs, ends
+from physics_crosscheck.harness.compare.scales import (
+    HELD,
+    CharacteristicScales,
+    characteristic_scales,
+)
+from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.numerics.batch import movement
+from physics_crosscheck.harness.numerics.ladder import Limit
 
 SEED = 20260101
 DRAWN = 20

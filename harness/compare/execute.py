@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar
 
-from harness.compare.candidate import Candidate, CompareError
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
+from physics_crosscheck.harness.schedule.workers import Failure
 
 T = TypeVar("T")
 V = TypeVar("V")

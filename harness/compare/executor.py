@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Generic
 
-from harness.compare.candidate import CompareError
-from harness.compare.execute import Execute, T, V
-from harness.schedule.workers import Failure, Workers
+from physics_crosscheck.harness.compare.candidate import CompareError
+from physics_crosscheck.harness.compare.execute import Execute, T, V
+from physics_crosscheck.harness.schedule.workers import Failure, Workers
 
 
 def in_workers(workers: Workers) -> Execute:

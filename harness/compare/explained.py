@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.compare.excitation import Recorded
-from harness.compare.judge import Followed
-from harness.compare.match import Match
-from harness.compare.runs import Runs
-from harness.compare.side import Side
-from harness.engines.protocol import Array
-from harness.numerics.evenly import evenly
-from reference.collocation import ReferenceError, collocate
-from reference.multibody.algebra import DOUBLES
-from reference.multibody.charted import Charted
+from physics_crosscheck.harness.compare.excitation import Recorded
+from physics_crosscheck.harness.compare.judge import Followed
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.side import Side
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.reference.collocation import ReferenceError, collocate
+from physics_crosscheck.reference.multibody.algebra import DOUBLES
+from physics_crosscheck.reference.multibody.charted import Charted
 
 SOME = 24
 """Runs over which equations are solved."""

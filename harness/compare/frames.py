@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.alignment import SAME
-from harness.compare.candidate import Candidate, Facts
-from harness.compare.property import Property, told
-from harness.engines.protocol import Array
+from physics_crosscheck.harness.compare.alignment import SAME
+from physics_crosscheck.harness.compare.candidate import Candidate, Facts
+from physics_crosscheck.harness.compare.property import Property, told
+from physics_crosscheck.harness.engines.protocol import Array
 
 KNOWN = 1e-9
 """Engines tell a frame so well, relative to the size of the mechanism."""

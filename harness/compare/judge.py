@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.compare.candidate import Candidate
-from harness.compare.excitation import Recorded, unwrapped
-from harness.compare.match import Match
-from harness.compare.runs import Runs, ends
-from harness.engines.protocol import Array
-from harness.numerics import judgement
-from harness.numerics.judgement import Obstacle, obstacle
-from harness.numerics.ladder import EPSILON, Limit
-from harness.records.outcome import Outcome
-from harness.text.status import counted
+from physics_crosscheck.harness.compare.candidate import Candidate
+from physics_crosscheck.harness.compare.excitation import Recorded, unwrapped
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.runs import Runs, ends
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.numerics import judgement
+from physics_crosscheck.harness.numerics.judgement import Obstacle, obstacle
+from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.status import counted
 
 ALIKE = 1e-6
 """Differences by so much, relative, are one: of legs that are copies of each other."""

@@ -10,13 +10,18 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
-from harness.compare.candidate import CompareError
-from harness.compare.partners import Partners
-from harness.compare.partners import partners as found_partners
-from harness.files.expressions import parse
-from harness.files.reading import MOST_SIDECAR, TomlError, read_regular, toml_document
-from harness.files.sidecar import SidecarError
-from reference.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.harness.compare.candidate import CompareError
+from physics_crosscheck.harness.compare.partners import Partners
+from physics_crosscheck.harness.compare.partners import partners as found_partners
+from physics_crosscheck.harness.files.expressions import parse
+from physics_crosscheck.harness.files.reading import (
+    MOST_SIDECAR,
+    TomlError,
+    read_regular,
+    toml_document,
+)
+from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.reference.numeric import Array, NumericFunction, compile_function
 
 
 @dataclass(frozen=True, kw_only=True)

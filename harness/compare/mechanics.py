@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.candidate import Candidate
-from harness.compare.match import Match
-from harness.compare.scales import free_directions, inverse_mass
-from harness.engines.protocol import Array, EngineError, Model
-from harness.numerics.accelerations import Accelerations, Estimate
-from harness.numerics.coordinates import identity
+from physics_crosscheck.harness.compare.candidate import Candidate
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.scales import free_directions, inverse_mass
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model
+from physics_crosscheck.harness.numerics.accelerations import Accelerations, Estimate
+from physics_crosscheck.harness.numerics.coordinates import identity
 
 SPEEDS = (0.3, 0.6)
 """Speeds at which forces that resist are measured, in units of the size of the motions by rate."""

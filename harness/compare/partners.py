@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.placed import Placed
+from physics_crosscheck.harness.compare.placed import Placed
 
 NEAR = 0.05
 """Axes so near each other, in radians and in sizes of the mechanism, may be one joint's."""

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.robots.robot import Robot
-from harness.robots.system import names_of
-from reference.multibody.algebra import DOUBLES, about_axis
-from reference.multibody.chart import Chart, coordinate_names
-from reference.multibody.lump import Lump, Place
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import WORLD, Immersed, Kind, Link, Pull, Tree
-from reference.multibody.ways import JointForce, Mark
-from reference.numeric import Array
+from physics_crosscheck.harness.robots.robot import Robot
+from physics_crosscheck.harness.robots.system import names_of
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, about_axis
+from physics_crosscheck.reference.multibody.chart import Chart, coordinate_names
+from physics_crosscheck.reference.multibody.lump import Lump, Place
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import WORLD, Immersed, Kind, Link, Pull, Tree
+from physics_crosscheck.reference.multibody.ways import JointForce, Mark
+from physics_crosscheck.reference.numeric import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.compare.actuators import held_alike, pair_actuators
-from harness.compare.candidate import FOLLOWERS, Candidate, CompareError, Facts, facts, smooth
-from harness.compare.execute import Execute, ask
-from harness.compare.match import Match, match, spoken_for
-from harness.compare.partners import Partners, partners
-from harness.compare.placed import Placed, placed, positions, tree_of
-from harness.engines.registry import engines
-from harness.robots.robot import LeftOut
-from harness.robots.system import names_of
-from reference.multibody.tree import WORLD
+from physics_crosscheck.harness.compare.actuators import held_alike, pair_actuators
+from physics_crosscheck.harness.compare.candidate import (
+    FOLLOWERS,
+    Candidate,
+    CompareError,
+    Facts,
+    facts,
+    smooth,
+)
+from physics_crosscheck.harness.compare.execute import Execute, ask
+from physics_crosscheck.harness.compare.match import Match, match, spoken_for
+from physics_crosscheck.harness.compare.partners import Partners, partners
+from physics_crosscheck.harness.compare.placed import Placed, placed, positions, tree_of
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.robots.robot import LeftOut
+from physics_crosscheck.harness.robots.system import names_of
+from physics_crosscheck.reference.multibody.tree import WORLD
 
 Maps = tuple[Mapping[str, str], Mapping[str, str]]
 

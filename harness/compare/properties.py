@@ -11,17 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.actuators import actuator_properties
-from harness.compare.alignment import SAME, Aligned, aligned, paired_links
-from harness.compare.bodies import body_properties
-from harness.compare.candidate import FOLLOWERS
-from harness.compare.partners import joints_of
-from harness.compare.placed import Placed
-from harness.compare.property import Property, shown, told
-from harness.compare.side import Pair, Side
-from harness.compare.terms import apart
-from harness.engines.protocol import Array
-from harness.robots.robot import LeftOut
+from physics_crosscheck.harness.compare.actuators import actuator_properties
+from physics_crosscheck.harness.compare.alignment import SAME, Aligned, aligned, paired_links
+from physics_crosscheck.harness.compare.bodies import body_properties
+from physics_crosscheck.harness.compare.candidate import FOLLOWERS
+from physics_crosscheck.harness.compare.partners import joints_of
+from physics_crosscheck.harness.compare.placed import Placed
+from physics_crosscheck.harness.compare.property import Property, shown, told
+from physics_crosscheck.harness.compare.side import Pair, Side
+from physics_crosscheck.harness.compare.terms import apart
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.robots.robot import LeftOut
 
 
 @dataclass(frozen=True, kw_only=True)

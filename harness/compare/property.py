@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from harness.compare.terms import apart, percent
-from harness.records.base import SourceLine
+from physics_crosscheck.harness.compare.terms import apart, percent
+from physics_crosscheck.harness.records.base import SourceLine
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.compare.candidate import Facts
-from harness.compare.match import Match
-from harness.compare.placed import tree_of
-from harness.compare.side import pairs_of
-from harness.engines.protocol import Array
-from reference.multibody.chart import coordinate_names
+from physics_crosscheck.harness.compare.candidate import Facts
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.placed import tree_of
+from physics_crosscheck.harness.compare.side import pairs_of
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.reference.multibody.chart import coordinate_names
 
 FAR = np.pi
 """Limits further from home than this stand for none, as in `reference.samples`: rad or m."""

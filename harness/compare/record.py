@@ -6,15 +6,15 @@ import datetime
 
 import numpy as np
 
-from harness.compare.candidate import Candidate, Facts
-from harness.compare.compare import CompareOptions, Findings
-from harness.compare.judge import Judgement
-from harness.compare.property import Property
-from harness.compare.terms import Term
-from harness.compare.trials import Trial
-from harness.engines.registry import engines
-from harness.records.base import number, numbers
-from harness.records.comparison import (
+from physics_crosscheck.harness.compare.candidate import Candidate, Facts
+from physics_crosscheck.harness.compare.compare import CompareOptions, Findings
+from physics_crosscheck.harness.compare.judge import Judgement
+from physics_crosscheck.harness.compare.property import Property
+from physics_crosscheck.harness.compare.terms import Term
+from physics_crosscheck.harness.compare.trials import Trial
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.records.base import number, numbers
+from physics_crosscheck.harness.records.comparison import (
     Compared,
     ComparedModel,
     ComparedProperty,
@@ -24,8 +24,8 @@ from harness.records.comparison import (
     FileDifference,
     FileEdit,
 )
-from harness.records.outcome import Outcome
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.schedule.workers import Failure
 
 
 def comparison_record(found: Findings, created: datetime.datetime) -> Comparison:

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.compare.match import Match
-from harness.engines.protocol import Array, Model
-from harness.numerics.batch import Batch, held, movement
-from harness.numerics.coordinates import CoordinateMap, identity
-from harness.numerics.ladder import RUNGS, observed_order
-from harness.numerics.segments import Extrapolated, extrapolate, limits_alone
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.numerics.batch import Batch, held, movement
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, identity
+from physics_crosscheck.harness.numerics.ladder import RUNGS, observed_order
+from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate, limits_alone
 
 QUICK = RUNGS[:8]
 

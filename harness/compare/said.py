@@ -7,14 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.compare.candidate import Facts
-from harness.compare.execute import Execute, ask
-from harness.compare.frames import FramesTask, frame_properties, frames, shared_frames
-from harness.compare.prepared import Prepared
-from harness.compare.properties import properties
-from harness.compare.property import Property
-from harness.compare.side import Pair, Side, pairs_of, side
-from harness.engines.protocol import Array
+from physics_crosscheck.harness.compare.candidate import Facts
+from physics_crosscheck.harness.compare.execute import Execute, ask
+from physics_crosscheck.harness.compare.frames import (
+    FramesTask,
+    frame_properties,
+    frames,
+    shared_frames,
+)
+from physics_crosscheck.harness.compare.prepared import Prepared
+from physics_crosscheck.harness.compare.properties import properties
+from physics_crosscheck.harness.compare.property import Property
+from physics_crosscheck.harness.compare.side import Pair, Side, pairs_of, side
+from physics_crosscheck.harness.engines.protocol import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.candidate import CompareError
-from harness.engines.protocol import Array, Model
-from harness.numerics.accelerations import Accelerations, Estimate
-from harness.numerics.coordinates import identity
+from physics_crosscheck.harness.compare.candidate import CompareError
+from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.numerics.accelerations import Accelerations, Estimate
+from physics_crosscheck.harness.numerics.coordinates import identity
 
 HELD = 1e-6
 """Directions in which a push moves less than this share of the easiest are held."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.candidate import Facts
-from harness.compare.match import Match
-from harness.compare.side import pairs_of
-from harness.engines.protocol import Array
+from physics_crosscheck.harness.compare.candidate import Facts
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.side import pairs_of
+from physics_crosscheck.harness.engines.protocol import Array
 
 BEYOND = 0.5
 """Share of the way from an end of the play to as far as joints go."""

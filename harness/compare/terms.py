@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.compare.mechanics import SPEEDS, Mechanics
-from harness.engines.protocol import Array
-from harness.numerics.accelerations import Estimate
+from physics_crosscheck.harness.compare.mechanics import SPEEDS, Mechanics
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.numerics.accelerations import Estimate
 
 EPSILON = float(np.finfo(float).eps)
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.compare.candidate import Candidate, CompareError
-from harness.compare.diff import Edit, applied
-from harness.compare.excitation import unwrapped
-from harness.compare.match import Match
-from harness.compare.runs import Runs, quick
-from harness.engines.protocol import Array, EngineError, Model, Spring
+from physics_crosscheck.harness.compare.candidate import Candidate, CompareError
+from physics_crosscheck.harness.compare.diff import Edit, applied
+from physics_crosscheck.harness.compare.excitation import unwrapped
+from physics_crosscheck.harness.compare.match import Match
+from physics_crosscheck.harness.compare.runs import Runs, quick
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, Spring
 
 
 @dataclass(frozen=True, kw_only=True)

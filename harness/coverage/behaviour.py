@@ -8,10 +8,10 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from harness.engines.protocol import Engine, EngineError, Model
-from harness.files.frames import SidecarFrames
-from harness.files.sidecar import Sidecar, SidecarError
-from reference.numeric import Array
+from physics_crosscheck.harness.engines.protocol import Engine, EngineError, Model
+from physics_crosscheck.harness.files.frames import SidecarFrames
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.reference.numeric import Array
 
 POSED = 8
 """States at which frames are looked up: extremes of the motions are among the first."""

@@ -10,19 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.audit.task import AuditTask
-from harness.coverage.behaviour import Probe
-from harness.coverage.trials import Say, Trials
-from harness.engines.registry import engines
-from harness.files.bindings import locate
-from harness.files.frames import SidecarFrames, sidecar_frames
-from harness.files.locations import Literal, LocationError, literals
-from harness.files.sidecar import Sidecar, SidecarError
-from harness.numerics.coordinates import coordinate_map
-from harness.records.coverage import Coverage, Unseen
-from harness.robots.compiled import parts_of
-from reference.numeric import Array
-from reference.system import System
+from physics_crosscheck.harness.audit.task import AuditTask
+from physics_crosscheck.harness.coverage.behaviour import Probe
+from physics_crosscheck.harness.coverage.trials import Say, Trials
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.bindings import locate
+from physics_crosscheck.harness.files.frames import SidecarFrames, sidecar_frames
+from physics_crosscheck.harness.files.locations import Literal, LocationError, literals
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.numerics.coordinates import coordinate_map
+from physics_crosscheck.harness.records.coverage import Coverage, Unseen
+from physics_crosscheck.harness.robots.compiled import parts_of
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.system import System
 
 STATES = 24
 """States at which a model is asked, beside each component's extremes."""

@@ -7,17 +7,17 @@ from collections.abc import Collection
 
 import numpy as np
 
-from harness.cases.robot_task import RobotTask
-from harness.coverage.count import CountedNumber, summarized
-from harness.coverage.trials import NUDGE, Say
-from harness.diagnosis.robot_problem import RobotProblem
-from harness.diagnosis.robot_task import problem_of
-from harness.engines.registry import engines
-from harness.files.locations.xml import RawElement
-from harness.records.coverage import Coverage
-from harness.robots.numerals import Numeral
-from harness.robots.read import read_robot, robot_numbers
-from reference.multibody.tree import WORLD
+from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.coverage.count import CountedNumber, summarized
+from physics_crosscheck.harness.coverage.trials import NUDGE, Say
+from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
+from physics_crosscheck.harness.diagnosis.robot_task import problem_of
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.robots.numerals import Numeral
+from physics_crosscheck.harness.robots.read import read_robot, robot_numbers
+from physics_crosscheck.reference.multibody.tree import WORLD
 
 _INERTIAL = re.compile(r".*/(link|body)/inertial[/@].*")
 

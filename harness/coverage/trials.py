@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 
-from harness.coverage.behaviour import Behaviour, Probe
-from harness.files.bindings import with_texts
-from harness.files.locations import Literal
-from harness.files.sidecar import Sidecar, SidecarError
-from harness.files.splice import reworded
+from physics_crosscheck.harness.coverage.behaviour import Behaviour, Probe
+from physics_crosscheck.harness.files.bindings import with_texts
+from physics_crosscheck.harness.files.locations import Literal
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.files.splice import reworded
 
 NUDGE = 1e-3
 """Share of its size by which a number is moved, or this where it is zero."""

@@ -10,20 +10,20 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from harness.diagnosis.diagnose import Ranking
-from harness.diagnosis.fit import Fit
-from harness.diagnosis.hypotheses import TrialModel
-from harness.diagnosis.samples import Sample
-from harness.engines.protocol import Model
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.evenly import evenly
-from harness.numerics.full_run import follow
-from harness.records.base import Numbers, Rows, number, numbers
-from harness.records.cause import Cause
-from harness.records.finding import CorrectedMotion, CorrectedScenario
-from reference.motion import Motion
-from reference.numeric import Array
-from reference.variants import Variants
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking
+from physics_crosscheck.harness.diagnosis.fit import Fit
+from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel
+from physics_crosscheck.harness.diagnosis.samples import Sample
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.full_run import follow
+from physics_crosscheck.harness.records.base import Numbers, Rows, number, numbers
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.variants import Variants
 
 SAMPLES = 240
 TOLERANCE = 1e-10

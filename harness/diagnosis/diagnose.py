@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.diagnosis.fit import (
+from physics_crosscheck.harness.diagnosis.fit import (
     Fit,
     Hypothesis,
     Problem,
@@ -22,8 +22,8 @@ from harness.diagnosis.fit import (
     left_linear,
     refine_each,
 )
-from harness.diagnosis.pairs import ALIKE, pairs
-from reference.numeric import Array
+from physics_crosscheck.harness.diagnosis.pairs import ALIKE, pairs
+from physics_crosscheck.reference.numeric import Array
 
 NAMED = 3e-3
 """A cause is named when it leaves at most this share of the discrepancy, or the uncertainty."""

@@ -8,9 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-from harness.records.base import SourceLine
-from harness.records.cause import CauseId
-from reference.numeric import Array
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.reference.numeric import Array
 
 ITERATIONS = 8
 

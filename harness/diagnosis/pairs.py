@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.diagnosis.fit import (
+from physics_crosscheck.harness.diagnosis.fit import (
     Fit,
     Hypothesis,
     Resolved,
@@ -17,8 +17,8 @@ from harness.diagnosis.fit import (
     left_linear,
     refine_each,
 )
-from harness.records.cause import CauseId
-from reference.numeric import Array
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.reference.numeric import Array
 
 ALIKE = 1e-6
 """1 - |cosine| of two sensitivities below which no data of these scenarios tell them apart."""

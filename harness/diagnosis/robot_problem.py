@@ -11,15 +11,15 @@ from functools import cached_property
 
 import numpy as np
 
-from harness.diagnosis.fit import Hypothesis
-from harness.diagnosis.hypotheses.trial import REFUSED
-from harness.diagnosis.robot_followers import Following
-from harness.robots.numerals import NUDGE
-from harness.robots.read import Numbers
-from reference.flows import Flow
-from reference.integrate import ReferenceError
-from reference.multibody.tree import Tree
-from reference.numeric import Array
+from physics_crosscheck.harness.diagnosis.fit import Hypothesis
+from physics_crosscheck.harness.diagnosis.hypotheses.trial import REFUSED
+from physics_crosscheck.harness.diagnosis.robot_followers import Following
+from physics_crosscheck.harness.robots.numerals import NUDGE
+from physics_crosscheck.harness.robots.read import Numbers
+from physics_crosscheck.reference.flows import Flow
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.numeric import Array
 
 NOTHING = 1e-13
 """A change of the ends by less, relative to their movement, is that of rounding."""

@@ -8,24 +8,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.cases.robot_record import place_of
-from harness.cases.robot_task import RobotTask
-from harness.diagnosis.diagnose import Ranking, diagnose
-from harness.diagnosis.fit import Fit
-from harness.diagnosis.robot_followers import FollowersRun, Following, run_followers, scaled
-from harness.diagnosis.robot_problem import RobotProblem
-from harness.diagnosis.robot_suspicions import suspicions
-from harness.diagnosis.task import RECORDED, explanation
-from harness.engines.registry import engines
-from harness.numerics.ladder import EPSILON
-from harness.records.base import number
-from harness.records.cause import Cause
-from harness.records.finding import Diagnosis, Explanation
-from harness.robots.read import Numbers, robot_numbers
-from harness.robots.system import RobotError
-from reference.flows import Flow
-from reference.numeric import Array
-from reference.samples import Samples
+from physics_crosscheck.harness.cases.robot_record import place_of
+from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.fit import Fit
+from physics_crosscheck.harness.diagnosis.robot_followers import (
+    FollowersRun,
+    Following,
+    run_followers,
+    scaled,
+)
+from physics_crosscheck.harness.diagnosis.robot_problem import RobotProblem
+from physics_crosscheck.harness.diagnosis.robot_suspicions import suspicions
+from physics_crosscheck.harness.diagnosis.task import RECORDED, explanation
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.robots.read import Numbers, robot_numbers
+from physics_crosscheck.harness.robots.system import RobotError
+from physics_crosscheck.reference.flows import Flow
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.samples import Samples
 
 STATES = 24
 """Segments that a diagnosis stands on: each number has a say in nearly all of them."""

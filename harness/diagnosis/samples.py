@@ -8,15 +8,15 @@ from itertools import groupby
 
 import numpy as np
 
-from harness.engines.protocol import Model
-from harness.numerics.batch import Batch, over, spread
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import EPSILON, RUNGS
-from harness.numerics.segments import extrapolate, limits_alone
-from reference.motion import Motion
-from reference.numeric import Array
-from reference.signal import Inputs
-from reference.variants import Variants
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.batch import Batch, over, spread
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
+from physics_crosscheck.harness.numerics.segments import extrapolate, limits_alone
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.signal import Inputs
+from physics_crosscheck.reference.variants import Variants
 
 SEGMENTS_PICKED = 16
 """Segments a scenario: enough to tell some forty causes apart, few enough to move each literal."""

@@ -9,24 +9,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.cases.case import load
-from harness.cases.prepare import Prepared
-from harness.diagnosis.corrected import causes, correct_motion
-from harness.diagnosis.diagnose import Ranking, diagnose
-from harness.diagnosis.fit import Fit
-from harness.diagnosis.hypotheses import TrialModel, everything
-from harness.diagnosis.hypotheses.trial import scratch
-from harness.diagnosis.samples import engine_ends, freedoms, reference_ends, sample_segments
-from harness.engines.registry import engines
-from harness.files.sidecar import Sidecar
-from harness.numerics.ladder import EPSILON
-from harness.records.base import number
-from harness.records.cause import CauseId
-from harness.records.finding import Diagnosis, Explanation
-from reference.motion import Motion
-from reference.numeric import Array
-from reference.system import System
-from reference.variants import Variants
+from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.cases.prepare import Prepared
+from physics_crosscheck.harness.diagnosis.corrected import causes, correct_motion
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.fit import Fit
+from physics_crosscheck.harness.diagnosis.hypotheses import TrialModel, everything
+from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
+from physics_crosscheck.harness.diagnosis.samples import (
+    engine_ends,
+    freedoms,
+    reference_ends,
+    sample_segments,
+)
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.variants import Variants
 
 RECORDED = 8
 """Explanations recorded: the ranking's tail says nothing."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.protocol import Array
 
 AXES = ("x", "y", "z")
 

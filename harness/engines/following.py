@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.engines.protocol import Array, EngineError
-from harness.engines.urdf import Mimic
+from physics_crosscheck.harness.engines.protocol import Array, EngineError
+from physics_crosscheck.harness.engines.urdf import Mimic
 
 
 def leading(mimics: Sequence[Mimic], names: Sequence[str], place: object) -> Array:

@@ -12,19 +12,23 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.attitude import cross, matrix, turned
-from harness.engines.captured import STDERR, STDOUT, captured
-from harness.engines.following import held_accelerations, leading
-from harness.engines.installed import quietly
-from harness.engines.protocol import Array, EngineError, Model, ModelSpec
-from harness.engines.remark import Remark
-from harness.engines.runge_kutta import each_alone, to_state
-from harness.engines.source import folded
-from harness.engines.stepped_here import ADDED_HERE, SteppedHere, dampers_not_added
-from harness.engines.tree_model import FREE
-from harness.engines.urdf import UrdfReader
-from harness.engines.urdf_copy import with_masses, without_shapes
-from harness.engines.urdf_engine import UrdfEngine, UrdfModel
+from physics_crosscheck.harness.engines.attitude import cross, matrix, turned
+from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, captured
+from physics_crosscheck.harness.engines.following import held_accelerations, leading
+from physics_crosscheck.harness.engines.installed import quietly
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.runge_kutta import each_alone, to_state
+from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.stepped_here import (
+    ADDED_HERE,
+    SteppedHere,
+    dampers_not_added,
+)
+from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.urdf import UrdfReader
+from physics_crosscheck.harness.engines.urdf_copy import with_masses, without_shapes
+from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
 
 MIMICS = "iDynTree's leaving out of <mimic>"
 MASSLESS = "iDynTree's taking of links without mass for frames"

@@ -4,9 +4,8 @@ It is whole: a file format, a model with what `Model` asks of every one, an adap
 protocol has a default, and is declared where an engine has more to say: `home` and `reach` where
 its coordinates don't start at 0, `gravity` where it has some, `remedies` and `usual_mistakes` where
 it does things unless told, `remarks` where a file doesn't mean what it seems to. An adapter becomes
-known by an entry point of its distribution, in the group `crosscheck.engines`; this one is known
-only where a distribution says `known = "harness.engines.known_answer:KnownEngine"`, as that of the
-tests does.
+known by an entry point of its distribution, in the group `crosscheck.engines`. The tests declare
+this one: `known = "physics_crosscheck.harness.engines.known_answer:KnownEngine"`.
 
 A `.known` file is TOML: names, M, C, K and the weights W of M a = F - C v - K q - W sin q, the
 step, the method and the order it claims, whether it computes in 32 `bits` instead of 64, and under
@@ -26,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.protocol import (
+from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
     EngineError,
@@ -36,7 +35,7 @@ from harness.engines.protocol import (
     Sample,
     StateForce,
 )
-from harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.step_rule import StepRule
 
 _SAMPLE = """
 names = ["x", "theta"]

@@ -13,12 +13,12 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
-from harness.engines.compiled import CompiledBody, Numbers
-from harness.engines.mjcf_declared import DeclaredMjcf
-from harness.engines.mjcf_defaults import Defaults, body_names, shaped
-from harness.engines.mjcf_inertias import is_aligned
-from harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
-from harness.engines.source import finite_numbers
+from physics_crosscheck.harness.engines.compiled import CompiledBody, Numbers
+from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
+from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, body_names, shaped
+from physics_crosscheck.harness.engines.mjcf_inertias import is_aligned
+from physics_crosscheck.harness.engines.mjcf_joints import FREE, JOINTS, MjcfJoint
+from physics_crosscheck.harness.engines.source import finite_numbers
 
 POSE = ("pos", "quat", "axisangle", "euler", "xyaxes", "zaxis")
 

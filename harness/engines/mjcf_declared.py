@@ -6,16 +6,27 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
-from harness.engines.compiled import CompiledBody
-from harness.engines.mjcf_defaults import Defaults, numbers_of
-from harness.engines.mjcf_inertias import Lift, compiled_bodies, left_to_compiler, lifts_of
-from harness.engines.mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
-from harness.engines.mjcf_pulls import Actuated, Pulls
-from harness.engines.mjcf_refused import refuse
-from harness.engines.mjcf_source import MjcfSource, read_source_mjcf
-from harness.engines.protocol import Engine, EngineError, ModelSpec, Spring, held_joints
-from harness.engines.urdf import Mimic
-from harness.engines.urdf_copy import followers_of
+from physics_crosscheck.harness.engines.compiled import CompiledBody
+from physics_crosscheck.harness.engines.mjcf_defaults import Defaults, numbers_of
+from physics_crosscheck.harness.engines.mjcf_inertias import (
+    Lift,
+    compiled_bodies,
+    left_to_compiler,
+    lifts_of,
+)
+from physics_crosscheck.harness.engines.mjcf_joints import FREE, HINGE, SLIDE, MjcfJoint, joints_of
+from physics_crosscheck.harness.engines.mjcf_pulls import Actuated, Pulls
+from physics_crosscheck.harness.engines.mjcf_refused import refuse
+from physics_crosscheck.harness.engines.mjcf_source import MjcfSource, read_source_mjcf
+from physics_crosscheck.harness.engines.protocol import (
+    Engine,
+    EngineError,
+    ModelSpec,
+    Spring,
+    held_joints,
+)
+from physics_crosscheck.harness.engines.urdf import Mimic
+from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
 
 @dataclass(frozen=True, kw_only=True)

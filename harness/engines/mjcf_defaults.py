@@ -5,8 +5,8 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 
-from harness.engines.mjcf_source import MjcfSource
-from harness.engines.source import finite_numbers
+from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
+from physics_crosscheck.harness.engines.source import finite_numbers
 
 MAIN = "main"
 

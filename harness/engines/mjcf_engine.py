@@ -7,11 +7,11 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.mjcf_declared import declared_mjcf
-from harness.engines.mjcf_defaults import body_names
-from harness.engines.mjcf_refused import unread
-from harness.engines.mjcf_source import option_remarks
-from harness.engines.protocol import (
+from physics_crosscheck.harness.engines.mjcf_declared import declared_mjcf
+from physics_crosscheck.harness.engines.mjcf_defaults import body_names
+from physics_crosscheck.harness.engines.mjcf_refused import unread
+from physics_crosscheck.harness.engines.mjcf_source import option_remarks
+from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
     EngineError,
@@ -20,8 +20,8 @@ from harness.engines.protocol import (
     Spring,
     within,
 )
-from harness.engines.remark import Remark, limit_remarks
-from harness.engines.tree_model import FREE, TreeModel, Weight
+from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
+from physics_crosscheck.harness.engines.tree_model import FREE, TreeModel, Weight
 
 ADDED: Mapping[str, bool] = MappingProxyType({
     # Whether what the engine leaves out of an MJCF is added: springs of joints, springs and dampers

@@ -6,8 +6,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.engines.compiled import CompiledBody, Numbers
-from harness.engines.mjcf_defaults import (
+from physics_crosscheck.harness.engines.compiled import CompiledBody, Numbers
+from physics_crosscheck.harness.engines.mjcf_defaults import (
     Attributes,
     Defaults,
     bodies_of,
@@ -15,9 +15,9 @@ from harness.engines.mjcf_defaults import (
     numbers_of,
     shaped,
 )
-from harness.engines.mjcf_joints import FREE, MjcfJoint
-from harness.engines.mjcf_source import MjcfSource
-from harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.mjcf_joints import FREE, MjcfJoint
+from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
+from physics_crosscheck.harness.engines.protocol import Engine
 
 SHAPES = ("sphere", "capsule", "cylinder", "box", "ellipsoid")
 """Of which a mass follows from numbers of the file alone."""

@@ -7,8 +7,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from harness.engines.mjcf_defaults import Attributes, Defaults, bodies_of, number_of, numbers_of
-from harness.engines.mjcf_source import MjcfSource
+from physics_crosscheck.harness.engines.mjcf_defaults import (
+    Attributes,
+    Defaults,
+    bodies_of,
+    number_of,
+    numbers_of,
+)
+from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
 
 FREE, BALL, SLIDE, HINGE = "free", "ball", "slide", "hinge"
 

@@ -6,10 +6,16 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.engines.mjcf_defaults import MOTORS, Attributes, Defaults, number_of, numbers_of
-from harness.engines.mjcf_joints import HINGE, SLIDE, MjcfJoint
-from harness.engines.mjcf_source import MjcfSource
-from harness.engines.protocol import Spring
+from physics_crosscheck.harness.engines.mjcf_defaults import (
+    MOTORS,
+    Attributes,
+    Defaults,
+    number_of,
+    numbers_of,
+)
+from physics_crosscheck.harness.engines.mjcf_joints import HINGE, SLIDE, MjcfJoint
+from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
+from physics_crosscheck.harness.engines.protocol import Spring
 
 AUTOMATIC = -1.0
 """As MuJoCo compares it: other lengths below zero are lengths."""

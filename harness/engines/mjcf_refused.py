@@ -5,10 +5,15 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 
-from harness.engines.mjcf_defaults import bodies_of, number_of, numbers_of, shaped
-from harness.engines.mjcf_inertias import GEOMS_ALONE, Reason
-from harness.engines.mjcf_joints import BALL, FREE, HINGE, SLIDE, MjcfJoint
-from harness.engines.mjcf_source import MjcfSource
+from physics_crosscheck.harness.engines.mjcf_defaults import (
+    bodies_of,
+    number_of,
+    numbers_of,
+    shaped,
+)
+from physics_crosscheck.harness.engines.mjcf_inertias import GEOMS_ALONE, Reason
+from physics_crosscheck.harness.engines.mjcf_joints import BALL, FREE, HINGE, SLIDE, MjcfJoint
+from physics_crosscheck.harness.engines.mjcf_source import MjcfSource
 
 MEDIUM = ("density", "viscosity", "wind")
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
-from harness.engines.remark import Remark
-from harness.engines.source import finite_numbers, read_source, read_xml
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import finite_numbers, read_source, read_xml
 
 OPTIONS: Mapping[str, tuple[str, object]] = {
     "step": ("timestep", 0.002),

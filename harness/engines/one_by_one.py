@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 
 
 class Stepper(ABC):

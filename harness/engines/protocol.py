@@ -19,10 +19,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.compiled import CompiledTree
-from harness.engines.mistake import DefaultLeftOn, LeftOut
-from harness.engines.remark import Remark
-from harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.step_rule import StepRule
 
 Array = NDArray[np.float64]
 

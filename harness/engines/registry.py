@@ -7,17 +7,17 @@ import warnings
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 
-from harness.engines.dart import DartEngine
-from harness.engines.drake import DrakeEngine
-from harness.engines.idyntree import IdyntreeEngine
-from harness.engines.installed import python_path
-from harness.engines.mujoco import MjxEngine, MujocoEngine
-from harness.engines.newton import NewtonEngine
-from harness.engines.pinocchio import PinocchioEngine
-from harness.engines.protocol import Engine
-from harness.engines.pybullet import PybulletEngine
-from harness.engines.pymunk import PymunkEngine
-from harness.engines.sapien import SapienEngine
+from physics_crosscheck.harness.engines.dart import DartEngine
+from physics_crosscheck.harness.engines.drake import DrakeEngine
+from physics_crosscheck.harness.engines.idyntree import IdyntreeEngine
+from physics_crosscheck.harness.engines.installed import python_path
+from physics_crosscheck.harness.engines.mujoco import MjxEngine, MujocoEngine
+from physics_crosscheck.harness.engines.newton import NewtonEngine
+from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.pybullet import PybulletEngine
+from physics_crosscheck.harness.engines.pymunk import PymunkEngine
+from physics_crosscheck.harness.engines.sapien import SapienEngine
 
 BUILT_IN = (
     *(MujocoEngine, PybulletEngine, PymunkEngine),

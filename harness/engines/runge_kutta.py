@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.attitude import (
+from physics_crosscheck.harness.engines.attitude import (
     angular_velocity,
     coordinates,
     cross,
@@ -24,7 +24,7 @@ from harness.engines.attitude import (
     quaternion,
     rate,
 )
-from harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
 
 Accelerations = Callable[[Array, Array, Array], Array]
 """dm/dt, (B, n), of positions x, velocities m and forces of B states; of a free root x begins with

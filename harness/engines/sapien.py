@@ -15,19 +15,25 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.attitude import angular_velocity, coordinates, matrix, quaternion, rate
-from harness.engines.installed import quietly
-from harness.engines.mistake import DefaultLeftOn
-from harness.engines.one_by_one import Stepper
-from harness.engines.protocol import Array, Model, ModelSpec
-from harness.engines.remark import Remark
-from harness.engines.springs import SpringForces
-from harness.engines.step_rule import StepRule
-from harness.engines.tree_model import FREE
-from harness.engines.urdf import UrdfReader, refuse_negative_masses
-from harness.engines.urdf_copy import Change, rewritten, without_looks
-from harness.engines.urdf_engine import UrdfEngine, UrdfModel
-from harness.engines.urdf_sidecar import ROBOTS
+from physics_crosscheck.harness.engines.attitude import (
+    angular_velocity,
+    coordinates,
+    matrix,
+    quaternion,
+    rate,
+)
+from physics_crosscheck.harness.engines.installed import quietly
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
+from physics_crosscheck.harness.engines.one_by_one import Stepper
+from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_masses
+from physics_crosscheck.harness.engines.urdf_copy import Change, rewritten, without_looks
+from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
+from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 
 OWN: Mapping[str, tuple[float | bool, str]] = MappingProxyType({
     "link_damping": (0.05, "SAPIEN's damping of links"),

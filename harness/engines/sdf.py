@@ -9,11 +9,16 @@ from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
-from harness.engines.protocol import Array, EngineError, Sample
-from harness.engines.remark import Remark, limit_remarks
-from harness.engines.sdf_check import WORLD, SdfJoint, checked
-from harness.engines.source import XmlSource, finite_numbers, read_source, read_xml
-from harness.engines.urdf import Mimic, UrdfReader
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
+from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
+from physics_crosscheck.harness.engines.sdf_check import WORLD, SdfJoint, checked
+from physics_crosscheck.harness.engines.source import (
+    XmlSource,
+    finite_numbers,
+    read_source,
+    read_xml,
+)
+from physics_crosscheck.harness.engines.urdf import Mimic, UrdfReader
 
 ENDLESS = 1e16
 """A bound that is none: the format's own, rad or m."""

@@ -10,8 +10,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.engines.sdf_shapes import is_automatic
-from harness.engines.source import XmlSource, finite_numbers
+from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
+from physics_crosscheck.harness.engines.source import XmlSource, finite_numbers
 
 WORLD = "world"
 """What joints may hang from and no file declares."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Sequence
 
-from harness.engines.sdf import SdfFile
-from harness.engines.sdf_check import OPAQUE, has_automatic
-from harness.engines.urdf_copy import Change, changed
+from physics_crosscheck.harness.engines.sdf import SdfFile
+from physics_crosscheck.harness.engines.sdf_check import OPAQUE, has_automatic
+from physics_crosscheck.harness.engines.urdf_copy import Change, changed
 
 VERSION = "1.6"
 """The last version before frames, which older parsers read."""

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
-from harness.engines.remark import Remark
-from harness.engines.sdf import Bounds, SdfFile, number, read_sdf, sdf_remarks
-from harness.engines.sdf_check import has_automatic
-from harness.engines.sdf_copy import (
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec, held_joints
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.sdf import Bounds, SdfFile, number, read_sdf, sdf_remarks
+from physics_crosscheck.harness.engines.sdf_check import has_automatic
+from physics_crosscheck.harness.engines.sdf_copy import (
     sdf_mimics_of,
     sdf_text,
     sdf_with_held,
     sdf_without_shapes,
 )
-from harness.engines.urdf import UrdfReader
-from harness.engines.urdf_copy import Change, followers_of
-from harness.engines.urdf_sidecar import DeclaredUrdf
+from physics_crosscheck.harness.engines.urdf import UrdfReader
+from physics_crosscheck.harness.engines.urdf_copy import Change, followers_of
+from physics_crosscheck.harness.engines.urdf_sidecar import DeclaredUrdf
 
 MODEL = "model"
 """The setting that chooses one of several models of an SDFormat file."""

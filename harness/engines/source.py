@@ -14,8 +14,8 @@ from xml.parsers import expat
 
 import defusedxml.ElementTree
 
-from harness.engines.mending import UTF_16, mended
-from harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.mending import UTF_16, mended
+from physics_crosscheck.harness.engines.protocol import EngineError
 
 LARGEST = 64_000_000
 """Bytes of a model file: what is larger is none."""

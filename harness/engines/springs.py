@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.engines.protocol import Array, EngineError, Spring
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Spring
 
 
 class SpringForces:

@@ -7,14 +7,19 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.mistake import DefaultLeftOn
-from harness.engines.protocol import Array, UnsupportedError
-from harness.engines.remark import Remark
-from harness.engines.runge_kutta import Accelerations, Alone, RungeKutta, to_state
-from harness.engines.springs import SpringForces
-from harness.engines.step_rule import StepRule
-from harness.engines.tree_model import TreeModel
-from harness.engines.urdf_sidecar import ROBOTS
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
+from physics_crosscheck.harness.engines.protocol import Array, UnsupportedError
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.runge_kutta import (
+    Accelerations,
+    Alone,
+    RungeKutta,
+    to_state,
+)
+from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.tree_model import TreeModel
+from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 
 ADDED_HERE: Mapping[str, bool] = MappingProxyType({
     **ROBOTS,

@@ -7,13 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.engines.attitude import place_names, rotation_names
-from harness.engines.one_by_one import Stepper, rollout
-from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Spring
-from harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
-from harness.engines.source import engine_errors
-from harness.engines.springs import SpringForces
-from harness.engines.urdf import Mimic
+from physics_crosscheck.harness.engines.attitude import place_names, rotation_names
+from physics_crosscheck.harness.engines.one_by_one import Stepper, rollout
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    Force,
+    Model,
+    ModelSpec,
+    Spring,
+)
+from physics_crosscheck.harness.engines.runge_kutta import Accelerations, RungeKutta, to_state
+from physics_crosscheck.harness.engines.source import engine_errors
+from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.urdf import Mimic
 
 FREE = 6
 """Coordinates of a root that floats; they come first."""

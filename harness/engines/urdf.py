@@ -9,10 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from harness.engines.protocol import Array, EngineError, Sample
-from harness.engines.remark import Remark, limit_remarks
-from harness.engines.source import XmlSource, finite_numbers, read_source, read_xml
-from harness.engines.urdf_check import check_urdf
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Sample
+from physics_crosscheck.harness.engines.remark import Remark, limit_remarks
+from physics_crosscheck.harness.engines.source import (
+    XmlSource,
+    finite_numbers,
+    read_source,
+    read_xml,
+)
+from physics_crosscheck.harness.engines.urdf_check import check_urdf
 
 SETTINGS: Mapping[str, object] = MappingProxyType({"step": 0.002, "gravity": [0.0, 0.0, -9.81]})
 """What a URDF without a sidecar runs with: it can say neither."""

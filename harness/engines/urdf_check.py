@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
-from harness.engines.source import XmlSource, finite_numbers
+from physics_crosscheck.harness.engines.source import XmlSource, finite_numbers
 
 _COUNTS = {
     **dict.fromkeys((("origin", "xyz"), ("origin", "rpy"), ("axis", "xyz")), 3),

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 
-from harness.engines.protocol import EngineError
-from harness.engines.source import XmlSource, written
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.source import XmlSource, written
 
 Change = Callable[[ET.Element], None]
 """Of a `<robot>`, in place."""

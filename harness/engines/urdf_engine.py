@@ -8,16 +8,28 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.installed import version_of
-from harness.engines.mjcf_source import with_options
-from harness.engines.protocol import Array, Engine, EngineError, Model, ModelSpec, Sample, within
-from harness.engines.remark import Remark
-from harness.engines.sdf_sidecar import MODEL, declared_sdf, stated
-from harness.engines.source import engine_errors
-from harness.engines.tree_model import TreeModel
-from harness.engines.urdf import IDLE, SETTINGS, UrdfReader, sample_urdf
-from harness.engines.urdf_copy import Change
-from harness.engines.urdf_sidecar import DeclaredUrdf, check_settings, declared_urdf
+from physics_crosscheck.harness.engines.installed import version_of
+from physics_crosscheck.harness.engines.mjcf_source import with_options
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    Engine,
+    EngineError,
+    Model,
+    ModelSpec,
+    Sample,
+    within,
+)
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.sdf_sidecar import MODEL, declared_sdf, stated
+from physics_crosscheck.harness.engines.source import engine_errors
+from physics_crosscheck.harness.engines.tree_model import TreeModel
+from physics_crosscheck.harness.engines.urdf import IDLE, SETTINGS, UrdfReader, sample_urdf
+from physics_crosscheck.harness.engines.urdf_copy import Change
+from physics_crosscheck.harness.engines.urdf_sidecar import (
+    DeclaredUrdf,
+    check_settings,
+    declared_urdf,
+)
 
 SDF = ".sdf"
 MJCF = ".xml"

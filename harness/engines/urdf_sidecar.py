@@ -8,10 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from harness.engines.protocol import Array, EngineError, ModelSpec, Spring, held_joints
-from harness.engines.remark import Remark
-from harness.engines.source import XmlSource
-from harness.engines.urdf import (
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    ModelSpec,
+    Spring,
+    held_joints,
+)
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import XmlSource
+from physics_crosscheck.harness.engines.urdf import (
     Mimic,
     UrdfReader,
     base_name,
@@ -21,7 +27,7 @@ from harness.engines.urdf import (
     root_link,
     urdf_remarks,
 )
-from harness.engines.urdf_copy import (
+from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     changed,
     followers_of,

@@ -18,13 +18,13 @@ from pathlib import Path
 
 import sympy as sp
 
-from harness.files.brief import brief
-from harness.files.expressions import parse
-from harness.files.locations import Location, LocationError, find, find_in
-from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
-from harness.files.splice import spliced
-from reference.declaration import DeclarationError
-from reference.system import System
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.expressions import parse
+from physics_crosscheck.harness.files.locations import Location, LocationError, find, find_in
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from physics_crosscheck.harness.files.splice import spliced
+from physics_crosscheck.reference.declaration import DeclarationError
+from physics_crosscheck.reference.system import System
 
 SIDECAR = "sidecar:"
 """What an address begins with that leads into the sidecar itself."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from harness.files.folders import FolderError, builtin
-from harness.records.case import CaseId
+from physics_crosscheck.harness.files.folders import FolderError, builtin
+from physics_crosscheck.harness.records.case import CaseId
 
 _NAME = re.compile(
     r"(?P<model>.+?\.[A-Za-z0-9]+)(?:/(?P<scenario>[^/\[\]]+?))?(?:\s*\[(?P<engine>[^\]]+)\])?"

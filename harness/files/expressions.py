@@ -15,8 +15,8 @@ from decimal import Decimal
 
 import sympy as sp
 
-from harness.files.brief import brief
-from harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.sidecar import SidecarError
 
 _FUNCTIONS: dict[str, Callable[..., sp.Expr]] = {
     name: getattr(sp, name)

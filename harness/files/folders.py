@@ -6,10 +6,10 @@ import os
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
-from harness.text.visible import odd_name, visible
+from physics_crosscheck.harness.paths import HARNESS, IMPORT_ROOT
+from physics_crosscheck.harness.text.visible import odd_name, visible
 
 FORMATS = (".urdf", ".sdf", ".xml")
 """Endings of the files that are read as robots."""
@@ -30,9 +30,8 @@ def template() -> Path:
 
 
 def _data(name: str) -> Path:
-    package = Path(str(resources.files("harness")))
-    installed = package / name
-    return installed if installed.is_dir() else package.parent / name
+    installed = HARNESS / name
+    return installed if installed.is_dir() else IMPORT_ROOT / name
 
 
 @dataclass(frozen=True)
@@ -149,7 +148,7 @@ def check_engines(names: Sequence[str]) -> None:
         FolderError: naming those that are known.
     """
     # Imported here: the adapters bring numpy, which no help text needs.
-    from harness.engines.registry import absent_extras, engines
+    from physics_crosscheck.harness.engines.registry import absent_extras, engines
 
     for name in names:
         if name not in (known := engines()):

@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 import sympy as sp
 
-from harness.files.brief import brief
-from harness.files.expressions import parse
-from harness.files.locations import line_of
-from harness.files.sidecar import Sidecar, SidecarError
-from reference.numeric import Array
-from reference.pose import WORLD
-from reference.system import System
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.expressions import parse
+from physics_crosscheck.harness.files.locations import line_of
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.pose import WORLD
+from physics_crosscheck.reference.system import System
 
 _RIGHT = 1e-12
 """How far from orthonormal axes may be that are told by numbers."""

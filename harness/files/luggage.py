@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from harness.files.parts import named_files
+from physics_crosscheck.harness.files.parts import named_files
 
 
 def luggage(places: Iterable[Path]) -> Iterator[Path]:

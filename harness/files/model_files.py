@@ -8,13 +8,23 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.engines.protocol import Engine
-from harness.engines.registry import absent_extras, engines, model_formats, standing
-from harness.files.locations import line_of
-from harness.files.parts import included
-from harness.files.sidecar import Sidecar, SidecarError, left_to_others, read_sidecar
-from harness.text.status import counted
-from harness.text.visible import odd_name, visible
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import (
+    absent_extras,
+    engines,
+    model_formats,
+    standing,
+)
+from physics_crosscheck.harness.files.locations import line_of
+from physics_crosscheck.harness.files.parts import included
+from physics_crosscheck.harness.files.sidecar import (
+    Sidecar,
+    SidecarError,
+    left_to_others,
+    read_sidecar,
+)
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.visible import odd_name, visible
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,11 +9,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.engines.registry import readers
-from harness.files.locations.location import LocationError, Source
-from harness.files.locations.xml import check_harmless, read_elements
-from harness.files.reading import MOST_MODEL, no_plain_file, read_regular
-from harness.files.states import digest
+from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.files.locations.location import LocationError, Source
+from physics_crosscheck.harness.files.locations.xml import check_harmless, read_elements
+from physics_crosscheck.harness.files.reading import MOST_MODEL, no_plain_file, read_regular
+from physics_crosscheck.harness.files.states import digest
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _PARTS = ("include", "model")

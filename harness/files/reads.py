@@ -29,12 +29,11 @@ from pathlib import Path
 from types import FrameType, ModuleType
 from typing import Any
 
-import physics_crosscheck
-from harness.files import states
-from harness.files.states import ABSENT, UNREADABLE, Way
-from harness.schedule.source import package_folders
+from physics_crosscheck.harness.files import states
+from physics_crosscheck.harness.files.states import ABSENT, UNREADABLE, Way
+from physics_crosscheck.harness.paths import PACKAGE, SOURCES, is_own
+from physics_crosscheck.harness.schedule.source import package_folders
 
-_OWN = ("harness", "reference", "physics_crosscheck")
 _SYSTEM = ("/proc", "/dev", "/sys", "/etc", "/usr/share")
 
 
@@ -174,7 +173,7 @@ def _roots() -> tuple[str, ...]:
     known = sysconfig.get_paths()
     roots = {known[name] for name in ("stdlib", "platstdlib", "purelib", "platlib", "scripts")}
     roots |= {*site.getsitepackages(), site.getusersitepackages(), *package_folders(), *_SYSTEM}
-    roots |= {str(physics_crosscheck.BESIDE / name) for name in _OWN}
+    roots |= {str(folder) for folder in (PACKAGE, *SOURCES)}
     # A virtual environment has its packages here and its standard library elsewhere.
     roots |= {str(Path(os.__file__).parent)}
     version = f"python{sys.version_info[0]}{sys.version_info[1]}.zip"  # where Python may be zipped
@@ -189,7 +188,7 @@ def _roots() -> tuple[str, ...]:
 def _whose(file: str) -> str:
     """Return whose a source file is: `code`, as of a folder, `ours`, or else `installed`."""
     here = os.path.abspath(file)
-    if here.startswith(tuple(str(physics_crosscheck.BESIDE / name) + os.sep for name in _OWN)):
+    if is_own(here):
         return "ours"
     return "installed" if file.startswith("<") or _installed(here) else "code"
 

@@ -16,11 +16,11 @@ from pathlib import Path
 import mpmath as mp
 import sympy as sp
 
-from harness.files.bindings import Binding, bindings, with_texts
-from harness.files.expressions import parse
-from harness.files.sidecar import Sidecar, SidecarError
-from harness.files.splice import reworded
-from reference.system import System
+from physics_crosscheck.harness.files.bindings import Binding, bindings, with_texts
+from physics_crosscheck.harness.files.expressions import parse
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.files.splice import reworded
+from physics_crosscheck.reference.system import System
 
 DIGITS = 40
 """With which expressions are evaluated, before they are rounded to doubles."""

@@ -9,11 +9,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from harness.engines.protocol import ModelSpec, Spring
-from harness.engines.registry import absent_extras
-from harness.files.brief import brief
-from harness.files.parts import PartError, check_parts
-from harness.files.reading import MOST_SIDECAR, TomlError, read_regular, toml_document
+from physics_crosscheck.harness.engines.protocol import ModelSpec, Spring
+from physics_crosscheck.harness.engines.registry import absent_extras
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.parts import PartError, check_parts
+from physics_crosscheck.harness.files.reading import (
+    MOST_SIDECAR,
+    TomlError,
+    read_regular,
+    toml_document,
+)
 
 _KNOWN = {"engines", "settings", "coordinates", "readback", "spring", "bindings", "frames"}
 
@@ -204,7 +209,7 @@ class Entry:
 
     def __str__(self) -> str:
         # Imported here: the addresses' grammars are needed for a message alone.
-        from harness.files.locations import line_of
+        from physics_crosscheck.harness.files.locations import line_of
 
         line = line_of(self.file, f"{self.table}.{json.dumps(self.key, ensure_ascii=False)}")
         where = self.file if line is None else f"{self.file}:{line}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from harness.files.locations import Location
+from physics_crosscheck.harness.files.locations import Location
 
 
 def spliced(data: bytes, changes: Iterable[tuple[int, int, bytes]]) -> bytes:

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from importlib.machinery import BYTECODE_SUFFIXES, EXTENSION_SUFFIXES, SOURCE_SUFFIXES
 from pathlib import Path
 
-from harness.files.reading import read_regular
+from physics_crosscheck.harness.files.reading import read_regular
 
 ABSENT = "absent"
 UNREADABLE = "can't be read"

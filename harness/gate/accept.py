@@ -9,21 +9,21 @@ from pathlib import Path
 
 import msgspec
 
-from harness.baseline.audits import accepted_audit
-from harness.baseline.changes import Status
-from harness.baseline.classify import Change
-from harness.baseline.entry import summarized
-from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles
-from harness.baseline.stale import location
-from harness.baseline.store import write_baseline
-from harness.files.folders import FolderError
-from harness.files.states import digest_of
-from harness.gate.result import GateResult
-from harness.records.baseline import AcceptedCase, Declared
-from harness.records.case import CaseId
-from harness.records.outcome import Outcome
-from harness.records.results import Results
+from physics_crosscheck.harness.baseline.audits import accepted_audit
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.classify import Change
+from physics_crosscheck.harness.baseline.entry import summarized
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
+from physics_crosscheck.harness.baseline.stale import location
+from physics_crosscheck.harness.baseline.store import write_baseline
+from physics_crosscheck.harness.files.folders import FolderError
+from physics_crosscheck.harness.files.states import digest_of
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Declared
+from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
 
 _UNMOVED = (Status.SAME, Status.WITHIN, Status.KNOWN)
 

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.baseline.classify import Change
-from harness.baseline.fingerprint import BESIDE, FolderFiles, changed_names
-from harness.baseline.store import accepted_text
-from harness.files.locations import Location, LocationError, find_in
-from harness.files.sidecar import SidecarError, read_sidecar
-from harness.files.states import ABSENT
+from physics_crosscheck.harness.baseline.classify import Change
+from physics_crosscheck.harness.baseline.fingerprint import BESIDE, FolderFiles, changed_names
+from physics_crosscheck.harness.baseline.store import accepted_text
+from physics_crosscheck.harness.files.locations import Location, LocationError, find_in
+from physics_crosscheck.harness.files.sidecar import SidecarError, read_sidecar
+from physics_crosscheck.harness.files.states import ABSENT
 
 MOST_LINES = 12
 """Changed lines told of a file: beyond, a diff serves better."""

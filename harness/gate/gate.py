@@ -13,23 +13,29 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.baseline.changes import Status
-from harness.baseline.classify import Change, classify
-from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles, folder_files
-from harness.baseline.store import named_folders
-from harness.files.folders import builtin
-from harness.gate.audits import with_audits
-from harness.gate.file_diffs import file_diffs
-from harness.gate.options import GateOptions
-from harness.gate.result import GateResult
-from harness.gate.survey import Survey, by_name, is_expected, survey, was_left_alone
-from harness.records.baseline import AcceptedCase, Snapshot
-from harness.records.case import Case, CaseId
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.classify import Change, classify
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_files
+from physics_crosscheck.harness.baseline.store import named_folders
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.gate.audits import with_audits
+from physics_crosscheck.harness.gate.file_diffs import file_diffs
+from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.survey import (
+    Survey,
+    by_name,
+    is_expected,
+    survey,
+    was_left_alone,
+)
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.outcome import Outcome
 
 if TYPE_CHECKING:
-    from harness.run import Run
+    from physics_crosscheck.harness.run import Run
 
 Progress = Callable[[int, int, Case | None], None]
 """Called with (cases done, cases known, the case just done or None)."""
@@ -85,7 +91,7 @@ def accepted_folders(baseline: Path) -> list[Path]:
 
 def _run(found: Survey, options: GateOptions, progress: Progress) -> Run:
     # Imported here: they bring sympy, which costs most of a second.
-    from harness.run import Options, Selection, run
+    from physics_crosscheck.harness.run import Options, Selection, run
 
     selection = Selection(
         models=found.chosen,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.baseline.changes import Status
-from harness.baseline.classify import Change
-from harness.gate.file_diffs import ChangedLine
-from harness.gate.result import GateResult
-from harness.gate.text import sentences
-from harness.records.outcome import Outcome
-from harness.text.github import Annotation, case_note
-from harness.text.status import counted
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.classify import Change
+from physics_crosscheck.harness.gate.file_diffs import ChangedLine
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.text import sentences
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.github import Annotation, case_note
+from physics_crosscheck.harness.text.status import counted
 
 _QUIET = (Status.SAME, Status.WITHIN, Status.KNOWN)
 """Cases that nobody needs to look at."""

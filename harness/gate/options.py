@@ -6,8 +6,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.engines.registry import absent_extras
-from harness.schedule.limits import Limits
+from physics_crosscheck.harness.engines.registry import absent_extras
+from physics_crosscheck.harness.schedule.limits import Limits
 
 
 @dataclass(frozen=True, kw_only=True)

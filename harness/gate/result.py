@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from harness.baseline.changes import Status
-from harness.baseline.classify import Change
-from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles
-from harness.gate.file_diffs import FileDiff
-from harness.records.base import number
-from harness.records.baseline import Gate, GateChange, GateFile, GateLine
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.classify import Change
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
+from physics_crosscheck.harness.gate.file_diffs import FileDiff
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.baseline import Gate, GateChange, GateFile, GateLine
 
 if TYPE_CHECKING:  # an unchanged gate does without them
-    from harness.records.case import Case
-    from harness.records.model import Model
-    from harness.records.results import Results
+    from physics_crosscheck.harness.records.case import Case
+    from physics_crosscheck.harness.records.model import Model
+    from physics_crosscheck.harness.records.results import Results
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from harness.baseline.changes import Status
-from harness.baseline.classify import Change
-from harness.gate.result import GateResult
-from harness.gate.text import change_lines, diff_lines
-from harness.records.case import CaseId
-from harness.text.status import counted
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.classify import Change
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.text import change_lines, diff_lines
+from physics_crosscheck.harness.records.case import CaseId
+from physics_crosscheck.harness.text.status import counted
 
 ASKED = (Status.CHANGED, Status.GONE, Status.NEW, Status.IMPROVED)
 """Of what a person is asked each by each."""

@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles, folder_files
-from harness.baseline.stale import location, match, stale
-from harness.baseline.store import read_baseline
-from harness.engines.registry import engines
-from harness.files.folders import FolderError
-from harness.gate.options import GateOptions
-from harness.records.case import CaseId
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_files
+from physics_crosscheck.harness.baseline.stale import location, match, stale
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import FolderError
+from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.records.case import CaseId
 
 if TYPE_CHECKING:  # an unchanged gate does without them
-    from harness.records.results import Results
+    from physics_crosscheck.harness.records.results import Results
 
 ModelInEngine = tuple[str, str, str]
 """(folder, model file, engine)."""

@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from harness.baseline.changes import Status
-from harness.baseline.classify import Change
-from harness.gate.file_diffs import FileDiff
-from harness.gate.result import GateResult
-from harness.text.causes import cause_sentences
-from harness.text.status import counted
-from harness.text.visible import visible_lines
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.classify import Change
+from physics_crosscheck.harness.gate.file_diffs import FileDiff
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.text.causes import cause_sentences
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.visible import visible_lines
 
 QUIET = (Status.SAME,)
 """Cases of which a log says nothing but their number."""

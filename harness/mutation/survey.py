@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.diagnosis.task import DiagnosisTask, trial_model
-from harness.files.bindings import bindings
-from harness.mutation.faults import literal_faults
-from harness.mutation.mistakes import Mistake, Subject, known_mistakes
-from reference.numeric import Array
+from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, trial_model
+from physics_crosscheck.harness.files.bindings import bindings
+from physics_crosscheck.harness.mutation.faults import literal_faults
+from physics_crosscheck.harness.mutation.mistakes import Mistake, Subject, known_mistakes
+from physics_crosscheck.reference.numeric import Array
 
 
 class MutationError(ValueError):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from harness.mutation.faults import FAULTS, SIZES
-from harness.records.case import ModelId
-from harness.records.mutation import FaultKind, FaultVerdict, Mutation
-from harness.text.status import counted
+from physics_crosscheck.harness.mutation.faults import FAULTS, SIZES
+from physics_crosscheck.harness.records.case import ModelId
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
+from physics_crosscheck.harness.text.status import counted
 
 MARKS = {
     FaultVerdict.NAMED: "named",

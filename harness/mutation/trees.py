@@ -12,24 +12,29 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from harness.cases.robot import run_robot
-from harness.cases.robot_task import RobotTask
-from harness.diagnosis.hypotheses.trial import scratch
-from harness.diagnosis.robot_task import RobotDiagnosisTask, problem_of, ranked, some_of
-from harness.engines.protocol import EngineError
-from harness.files.brief import original_paths
-from harness.mutation.faults import SIZES
-from harness.mutation.survey import MutationError
-from harness.numerics.ladder import EPSILON
-from harness.numerics.segments import BlownUpError
-from harness.records.base import number
-from harness.records.cause import CauseId
-from harness.records.mutation import FaultKind, FaultVerdict, Mutation
-from harness.records.outcome import Outcome
-from harness.robots.copies import copied
-from harness.robots.numerals import SMALL, Numeral
-from harness.robots.read import robot_numbers
-from reference.numeric import Array
+from physics_crosscheck.harness.cases.robot import run_robot
+from physics_crosscheck.harness.cases.robot_task import RobotTask
+from physics_crosscheck.harness.diagnosis.hypotheses.trial import scratch
+from physics_crosscheck.harness.diagnosis.robot_task import (
+    RobotDiagnosisTask,
+    problem_of,
+    ranked,
+    some_of,
+)
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.files.brief import original_paths
+from physics_crosscheck.harness.mutation.faults import SIZES
+from physics_crosscheck.harness.mutation.survey import MutationError
+from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.harness.numerics.segments import BlownUpError
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict, Mutation
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.robots.copies import copied
+from physics_crosscheck.harness.robots.numerals import SMALL, Numeral
+from physics_crosscheck.harness.robots.read import robot_numbers
+from physics_crosscheck.reference.numeric import Array
 
 SHOWN = 2.0
 """A fault whose effect is larger than what is uncertain by so many times has to be caught."""

@@ -10,18 +10,30 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.files.brief import brief
-from harness.files.parts import part_digests
-from harness.files.states import states_now
-from harness.notebook import motions
-from harness.notebook.columns import Columns
-from harness.notebook.motions import Asked, Simulated, Solved, is_number, start_from
-from harness.notebook.subject import Name, Subject, engine_for, model_named, system_named
-from harness.notebook.trajectory import MotionError, Trajectory
-from harness.schedule.limits import Limits
-from harness.schedule.main_module import without_main
-from harness.schedule.workers import Failure, Workers
-from reference.numeric import Array
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.parts import part_digests
+from physics_crosscheck.harness.files.states import states_now
+from physics_crosscheck.harness.notebook import motions
+from physics_crosscheck.harness.notebook.columns import Columns
+from physics_crosscheck.harness.notebook.motions import (
+    Asked,
+    Simulated,
+    Solved,
+    is_number,
+    start_from,
+)
+from physics_crosscheck.harness.notebook.subject import (
+    Name,
+    Subject,
+    engine_for,
+    model_named,
+    system_named,
+)
+from physics_crosscheck.harness.notebook.trajectory import MotionError, Trajectory
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.main_module import without_main
+from physics_crosscheck.harness.schedule.workers import Failure, Workers
+from physics_crosscheck.reference.numeric import Array
 
 SAMPLES = 1000
 """Intervals at whose ends a reference motion is told, where no times are asked for."""
@@ -73,7 +85,7 @@ def simulate(
     return _done(motions.simulate, task, subject)
 
 
-def reference(
+def solve(
     system: Name,
     scenario: str | Mapping[str, float],
     times: ArrayLike | None = None,

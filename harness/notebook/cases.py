@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from harness.notebook.markup import badge, block, line, paper, shown, table
-from harness.notebook.optional import new_axes
-from harness.notebook.trajectory import MotionError, Trajectory, units_of_rates
-from harness.records.base import Number, Rows
-from harness.records.case import Case
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.text.table import summary
-from harness.text.troubles import print_troubles
+from physics_crosscheck.harness.notebook.markup import badge, block, line, paper, shown, table
+from physics_crosscheck.harness.notebook.optional import new_axes
+from physics_crosscheck.harness.notebook.trajectory import MotionError, Trajectory, units_of_rates
+from physics_crosscheck.harness.records.base import Number, Rows
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.table import summary
+from physics_crosscheck.harness.text.troubles import print_troubles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 import sympy as sp
 
-from harness.notebook.trajectory import units_of_rates
-from reference.declaration import Declaration, t
-from reference.multibody.algebra import DOUBLES, LONG_DOUBLES
-from reference.multibody.charted import Charted
-from reference.numeric import Array, compile_function
-from reference.roundoff import running_error
-from reference.system import System
-from reference.trees import MARGIN, TreeEquations, TreeSystem
+from physics_crosscheck.harness.notebook.trajectory import units_of_rates
+from physics_crosscheck.reference.declaration import Declaration, t
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, LONG_DOUBLES
+from physics_crosscheck.reference.multibody.charted import Charted
+from physics_crosscheck.reference.numeric import Array, compile_function
+from physics_crosscheck.reference.roundoff import running_error
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.trees import MARGIN, TreeEquations, TreeSystem
 
 ENERGY = "energy"
 

@@ -14,26 +14,26 @@ from typing import Any
 
 import msgspec
 
-from harness.compare.candidate import CompareError, candidate
-from harness.compare.compare import CompareOptions
-from harness.compare.compare import compare as compared
-from harness.compare.execute import FailureError
-from harness.compare.executor import in_workers
-from harness.compare.record import comparison_record, failed_record
-from harness.files.brief import brief
-from harness.files.choice import named_model
-from harness.notebook.markup import badge, block, line, paper, shown, table
-from harness.notebook.motions import is_number
-from harness.notebook.optional import frame
-from harness.notebook.subject import Name
-from harness.options import check_limits, check_resolution, check_text
-from harness.records import comparison
-from harness.records.base import Number, SourceLine
-from harness.schedule.limits import MEMORY, SECONDS
-from harness.schedule.main_module import without_main
-from harness.schedule.workers import Workers
-from harness.text.comparison import print_comparison
-from harness.text.places import shown_path
+from physics_crosscheck.harness.compare.candidate import CompareError, candidate
+from physics_crosscheck.harness.compare.compare import CompareOptions
+from physics_crosscheck.harness.compare.compare import compare as compared
+from physics_crosscheck.harness.compare.execute import FailureError
+from physics_crosscheck.harness.compare.executor import in_workers
+from physics_crosscheck.harness.compare.record import comparison_record, failed_record
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.choice import named_model
+from physics_crosscheck.harness.notebook.markup import badge, block, line, paper, shown, table
+from physics_crosscheck.harness.notebook.motions import is_number
+from physics_crosscheck.harness.notebook.optional import frame
+from physics_crosscheck.harness.notebook.subject import Name
+from physics_crosscheck.harness.options import check_limits, check_resolution, check_text
+from physics_crosscheck.harness.records import comparison
+from physics_crosscheck.harness.records.base import Number, SourceLine
+from physics_crosscheck.harness.schedule.limits import MEMORY, SECONDS
+from physics_crosscheck.harness.schedule.main_module import without_main
+from physics_crosscheck.harness.schedule.workers import Workers
+from physics_crosscheck.harness.text.comparison import print_comparison
+from physics_crosscheck.harness.text.places import shown_path
 
 _OPTION = re.compile(r"--([a-z][a-z-]*)")
 

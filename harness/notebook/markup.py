@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from harness.records.outcome import Outcome
-from reference.numeric import Array
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.numeric import Array
 
 Indices = NDArray[np.intp]
 

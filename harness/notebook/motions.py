@@ -8,31 +8,31 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 
-from harness.cases.case import load
-from harness.cases.followers import Followers
-from harness.cases.not_run import not_of_a_tree
-from harness.cases.robot_record import settings_of
-from harness.cases.robot_task import joints_of
-from harness.engines.protocol import Model, ModelSpec
-from harness.engines.registry import engines
-from harness.files.parts import part_digests
-from harness.files.reads import recorded
-from harness.notebook.columns import Columns
-from harness.notebook.subject import Subject, sidecar_of
-from harness.notebook.trajectory import MotionError, Trajectory
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.full_run import simulated, why_no_run
-from harness.robots.read import read_robot
-from harness.robots.robot import Robot
-from harness.robots.system import robot_system
-from reference.declaration import Scenario
-from reference.derive import derive
-from reference.load import load_declaration, told_with_file
-from reference.motion import Motion
-from reference.signal import numeric_inputs, pieces
-from reference.solve import solve, start_of
-from reference.system import System
-from reference.trees import MultibodySystem, TreeEquations, TreeSystem
+from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.cases.followers import Followers
+from physics_crosscheck.harness.cases.not_run import not_of_a_tree
+from physics_crosscheck.harness.cases.robot_record import settings_of
+from physics_crosscheck.harness.cases.robot_task import joints_of
+from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.parts import part_digests
+from physics_crosscheck.harness.files.reads import recorded
+from physics_crosscheck.harness.notebook.columns import Columns
+from physics_crosscheck.harness.notebook.subject import Subject, sidecar_of
+from physics_crosscheck.harness.notebook.trajectory import MotionError, Trajectory
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.full_run import simulated, why_no_run
+from physics_crosscheck.harness.robots.read import read_robot
+from physics_crosscheck.harness.robots.robot import Robot
+from physics_crosscheck.harness.robots.system import robot_system
+from physics_crosscheck.reference.declaration import Scenario
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.load import load_declaration, told_with_file
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.signal import numeric_inputs, pieces
+from physics_crosscheck.reference.solve import solve, start_of
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.trees import MultibodySystem, TreeEquations, TreeSystem
 
 Start = tuple[tuple[str, float], ...]
 """Coordinates and rates, each with its value; what is not named is zero."""

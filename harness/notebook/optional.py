@@ -7,7 +7,7 @@ import importlib.util
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from reference.numeric import Array
+from physics_crosscheck.reference.numeric import Array
 
 INSTALL = "pip install 'physics-crosscheck[notebook]'"
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from harness.engines.registry import engines, missing, runners
-from harness.files.choice import named_model
-from harness.files.folders import FORMATS, check_engines, system_folders
-from harness.files.model_files import check_springs, model_files
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.notebook.trajectory import MotionError
-from harness.options import check_text
-from harness.robots.named import robot_files
+from physics_crosscheck.harness.engines.registry import engines, missing, runners
+from physics_crosscheck.harness.files.choice import named_model
+from physics_crosscheck.harness.files.folders import FORMATS, check_engines, system_folders
+from physics_crosscheck.harness.files.model_files import check_springs, model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.notebook.trajectory import MotionError
+from physics_crosscheck.harness.options import check_text
+from physics_crosscheck.harness.robots.named import robot_files
 
 Name = str | PathLike[str]
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.notebook.markup import Indices, block, curve, line, shown, table
-from harness.notebook.optional import frame, new_axes
-from harness.text.status import counted
-from reference.numeric import Array
+from physics_crosscheck.harness.notebook.markup import Indices, block, curve, line, shown, table
+from physics_crosscheck.harness.notebook.optional import frame, new_axes
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.reference.numeric import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,7 +92,7 @@ class Trajectory:
         place = self._index(name)
         if self.uncertainty is None:
             raise ValueError(
-                f"no error bound is known of {self.origin}; hold it against reference(...)"
+                f"no error bound is known of {self.origin}; hold it against solve(...)"
             )
         return self.uncertainty[:, place]
 
@@ -255,7 +255,7 @@ class Trajectory:
         if len(here) < FEWEST:
             raise MotionError(
                 f"they share {counted(len(here), 'time')}; ask for the same ones, as in"
-                " reference(system, scenario, times=simulated.t)"
+                " solve(system, scenario, times=simulated.t)"
             )
         return here, nearest[here]
 

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.protocol import Model
-from harness.numerics.batch import floored
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import RUNGS, weights
-from harness.numerics.rounding import with_companions
-from harness.numerics.segments import BlownUpError, Observable, climb
-from reference.numeric import Array
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.batch import floored
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.ladder import RUNGS, weights
+from physics_crosscheck.harness.numerics.rounding import with_companions
+from physics_crosscheck.harness.numerics.segments import BlownUpError, Observable, climb
+from physics_crosscheck.reference.numeric import Array
 
 STEPS = range(4, 9)
 """Steps whose velocity changes are compared: a layer damped out step by step is over by then. The

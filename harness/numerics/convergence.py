@@ -16,15 +16,15 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.protocol import Model
-from harness.numerics.batch import Batch
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.full_run import SampledRun, follow
-from harness.numerics.ladder import EPSILON, weights
-from harness.numerics.rounding import NEAR, without_companions
-from harness.numerics.segments import run_rung
-from reference.motion import Motion
-from reference.numeric import Array
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.full_run import SampledRun, follow
+from physics_crosscheck.harness.numerics.ladder import EPSILON, weights
+from physics_crosscheck.harness.numerics.rounding import NEAR, without_companions
+from physics_crosscheck.harness.numerics.segments import run_rung
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
 
 SMALL = 0.05
 """Errors up to this share of the amplitude count as small: the expansion in h still leads there."""

@@ -14,11 +14,11 @@ from functools import lru_cache
 import numpy as np
 import sympy as sp
 
-from harness.engines.protocol import Force, StateForce
-from harness.files.expressions import parse
-from harness.files.sidecar import Sidecar, SidecarError
-from reference.numeric import Array, NumericFunction, compile_function
-from reference.system import System
+from physics_crosscheck.harness.engines.protocol import Force, StateForce
+from physics_crosscheck.harness.files.expressions import parse
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.reference.numeric import Array, NumericFunction, compile_function
+from physics_crosscheck.reference.system import System
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.engines.protocol import Model
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.differences import moved, slopes
-from harness.numerics.stepping import MARGIN, ROUNDED, Steps, steps_alike
-from reference.numeric import Array
-from reference.stepping import Stepped
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.differences import moved, slopes
+from physics_crosscheck.harness.numerics.stepping import MARGIN, ROUNDED, Steps, steps_alike
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.stepping import Stepped
 
 LARGEST = 0.02
 """Perturbations, as a share of the motions' sizes."""

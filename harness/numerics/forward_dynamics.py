@@ -18,14 +18,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.protocol import Array, Model
-from harness.numerics.batch import floored
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.evenly import evenly
-from harness.numerics.judgement import Judgement, judge
-from harness.numerics.rounding import with_companions
-from harness.numerics.stepping import MARGIN, ROUNDED, is_linear
-from reference.stepping import Stepped
+from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.numerics.batch import floored
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.judgement import Judgement, judge
+from physics_crosscheck.harness.numerics.rounding import with_companions
+from physics_crosscheck.harness.numerics.stepping import MARGIN, ROUNDED, is_linear
+from physics_crosscheck.reference.stepping import Stepped
 
 TURNS = 5
 """How often velocities and inputs go round among the positions: five times the states."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from harness.engines.protocol import Model
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.energy import EnergyBalance, energy_balance
-from harness.numerics.ladder import EPSILON
-from reference.motion import Motion
-from reference.numeric import Array, NumericFunction
-from reference.signal import Inputs
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.energy import EnergyBalance, energy_balance
+from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array, NumericFunction
+from physics_crosscheck.reference.signal import Inputs
 
 SAMPLES = 1000
 """Of a run at least, where it has so many steps; at most twice as many."""

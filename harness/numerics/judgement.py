@@ -15,9 +15,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.numerics.ladder import EPSILON, Limit
-from harness.records.outcome import ROUNDED, Outcome, differs
-from reference.numeric import Array
+from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, differs
+from physics_crosscheck.reference.numeric import Array
 
 
 class Obstacle(Enum):

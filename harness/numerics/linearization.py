@@ -12,15 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.protocol import Model
-from harness.numerics.accelerations import Estimate
-from harness.numerics.batch import Batch, held
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.differences import moved, slopes
-from harness.numerics.discrete import LARGEST
-from harness.numerics.ladder import EPSILON, RUNGS
-from harness.numerics.segments import extrapolate
-from reference.numeric import Array
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.accelerations import Estimate
+from physics_crosscheck.harness.numerics.batch import Batch, held
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.differences import moved, slopes
+from physics_crosscheck.harness.numerics.discrete import LARGEST
+from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
+from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.reference.numeric import Array
 
 RUNGS_USED = RUNGS[:8]
 

@@ -24,8 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.numerics.ladder import EPSILON
-from reference.numeric import Array
+from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.reference.numeric import Array
 
 PAIRS = 24
 """Starts with companions, at most: they cost a quarter more steps where there are 200 segments."""

@@ -13,10 +13,10 @@ from functools import partial
 
 import numpy as np
 
-from harness.engines.protocol import Model
-from harness.numerics.batch import Batch, movement
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.ladder import (
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.batch import Batch, movement
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.ladder import (
     EPSILON,
     FIRST_JUDGED,
     RUNGS,
@@ -26,9 +26,14 @@ from harness.numerics.ladder import (
     suffices,
     weights,
 )
-from harness.numerics.residual import Residual, residual_of
-from harness.numerics.rounding import Starts, unheld, with_companions, without_companions
-from reference.numeric import Array
+from physics_crosscheck.harness.numerics.residual import Residual, residual_of
+from physics_crosscheck.harness.numerics.rounding import (
+    Starts,
+    unheld,
+    with_companions,
+    without_companions,
+)
+from physics_crosscheck.reference.numeric import Array
 
 
 class BlownUpError(RuntimeError):

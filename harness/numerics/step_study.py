@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from harness.engines.protocol import Model
-from harness.numerics.convergence import (
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.convergence import (
     SMALL,
     Witness,
     first_break_off,
@@ -20,11 +20,17 @@ from harness.numerics.convergence import (
     sensitivity,
     witness,
 )
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.decomposition import ErrorDecomposition, decompose
-from harness.numerics.full_run import FullRun, SampledRun, beginning, follows, full_run
-from reference.motion import Motion
-from reference.numeric import Array, NumericFunction
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.decomposition import ErrorDecomposition, decompose
+from physics_crosscheck.harness.numerics.full_run import (
+    FullRun,
+    SampledRun,
+    beginning,
+    follows,
+    full_run,
+)
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array, NumericFunction
 
 TARGETS = (0.01, 0.001, 0.0001)
 """Errors of positions and velocities, relative to their amplitudes, for which a step is given."""

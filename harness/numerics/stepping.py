@@ -13,15 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.protocol import Array, Model
-from harness.engines.step_rule import StepRule
-from harness.numerics.batch import movement
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.evenly import evenly
-from harness.numerics.judgement import Judgement, judge
-from harness.numerics.ladder import EPSILON
-from harness.numerics.rounding import Starts, unheld, with_companions, without_companions
-from reference.stepping import Stepped, next_states
+from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.numerics.batch import movement
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.evenly import evenly
+from physics_crosscheck.harness.numerics.judgement import Judgement, judge
+from physics_crosscheck.harness.numerics.ladder import EPSILON
+from physics_crosscheck.harness.numerics.rounding import (
+    Starts,
+    unheld,
+    with_companions,
+    without_companions,
+)
+from physics_crosscheck.reference.stepping import Stepped, next_states
 
 LATER, LONG = 10, 1000
 """Steps after which the difference is told once more."""

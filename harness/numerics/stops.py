@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.engines.protocol import Model
-from harness.numerics.coordinates import CoordinateMap
-from reference.numeric import Array
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.reference.numeric import Array
 
 
 def stopped(

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.engines.protocol import Model
-from harness.files.frames import sidecar_frames
-from harness.files.sidecar import Sidecar
-from harness.numerics.coordinates import CoordinateMap
-from harness.poses.kind import Miss, kind_of
-from harness.poses.placed import Frames
-from harness.records.base import number
-from harness.records.poses import FramePose, Poses
-from reference.numeric import Array
-from reference.system import System
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.files.frames import sidecar_frames
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.poses.kind import Miss, kind_of
+from physics_crosscheck.harness.poses.placed import Frames
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.poses import FramePose, Poses
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.system import System
 
 SEED = 20260115
 DRAWS = 64

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.poses.placed import Placed
-from reference.numeric import Array
+from physics_crosscheck.harness.poses.placed import Placed
+from physics_crosscheck.reference.numeric import Array
 
 SHARE = 1e-3
 """Share of a miss that a kind may leave, where roundings allow less."""

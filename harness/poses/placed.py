@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.engines.protocol import Model
-from harness.files.brief import brief, cut
-from harness.files.frames import FrameTarget, SidecarFrames
-from harness.files.sidecar import SidecarError
-from harness.numerics.coordinates import CoordinateMap
-from reference.frames import ENTRIES, frame_function
-from reference.numeric import Array, NumericFunction
-from reference.system import System
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.files.brief import brief, cut
+from physics_crosscheck.harness.files.frames import FrameTarget, SidecarFrames
+from physics_crosscheck.harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.reference.frames import ENTRIES, frame_function
+from physics_crosscheck.reference.numeric import Array, NumericFunction
+from physics_crosscheck.reference.system import System
 
 STEPS = 16.0
 """Roundings of one body's frame, placed in its parent's: a product of quaternions, turned into a

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from harness.gate.accept import AcceptError, accept_each
-from harness.gate.gate import gate
-from harness.gate.options import GateOptions
-from harness.pytest_plugin.terms import Terms
-from harness.text.github import in_ci
+from physics_crosscheck.harness.gate.accept import AcceptError, accept_each
+from physics_crosscheck.harness.gate.gate import gate
+from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.pytest_plugin.terms import Terms
+from physics_crosscheck.harness.text.github import in_ci
 
 
 class Accepting:

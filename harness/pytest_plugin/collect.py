@@ -14,19 +14,24 @@ from typing import Any
 
 import pytest
 
-from harness.cases.not_run import barred_case, failed_case
-from harness.files.model_files import UnreadModel, model_files
-from harness.files.sidecar import Sidecar
-from harness.pytest_plugin.keys import RUNNER
-from harness.records.base import SourceLine
-from harness.records.case import Case, CaseId
-from harness.records.finding import Diagnosis
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.schedule.workers import Failure
-from harness.text.failure import diagnosis_lines, failure_message, figures, in_brief
-from harness.text.status import Decision, TestStatus, status_of
-from harness.text.table import largest
+from physics_crosscheck.harness.cases.not_run import barred_case, failed_case
+from physics_crosscheck.harness.files.model_files import UnreadModel, model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.pytest_plugin.keys import RUNNER
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.schedule.workers import Failure
+from physics_crosscheck.harness.text.failure import (
+    diagnosis_lines,
+    failure_message,
+    figures,
+    in_brief,
+)
+from physics_crosscheck.harness.text.status import Decision, TestStatus, status_of
+from physics_crosscheck.harness.text.table import largest
 
 WORDS = {"and", "or", "not", "True", "False", "None"}
 """What -m reads as something else than a marker's name."""

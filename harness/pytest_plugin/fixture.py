@@ -7,8 +7,8 @@ from os import PathLike
 
 import pytest
 
-from harness.api import Results, check
-from harness.pytest_plugin.terms import terms
+from physics_crosscheck.harness.api import Results, check
+from physics_crosscheck.harness.pytest_plugin.terms import terms
 
 
 class Checker:

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from harness.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
 
 RUNNER = pytest.StashKey[CaseRunner]()

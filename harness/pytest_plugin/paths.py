@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.folders import FolderError, system_folders
+from physics_crosscheck.harness.files.folders import FolderError, system_folders
 
 DECLARATION = "system.py"
 

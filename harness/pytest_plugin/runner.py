@@ -9,32 +9,32 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from harness.audit.run import run_audit
-from harness.audit.task import audit_task
-from harness.baseline.audits import mark_models
-from harness.baseline.known import Accepted, accepted, mark_known
-from harness.baseline.measure import measure, measure_task
-from harness.baseline.measure_tree import MeasureTreeTask, measure_tree
-from harness.baseline.store import read_baseline
-from harness.cases.case import case_task, run_case
-from harness.cases.declared import Declared, declared
-from harness.cases.multibody import PreparedTree, prepare_folder, survey_file
-from harness.cases.not_run import Hurdle, failed_case, hurdle, not_of_a_tree
-from harness.cases.prepare import Prepared
-from harness.cases.robot import run_robot
-from harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
-from harness.diagnosis.task import diagnose_model, diagnosis_task
-from harness.engines.registry import engines
-from harness.files.sidecar import Sidecar
-from harness.records.baseline import Measurement, Snapshot
-from harness.records.case import Case, CaseId
-from harness.records.finding import Diagnosis
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.records.poses import Poses
-from harness.records.survey import Audit
-from harness.schedule.main_module import without_main
-from harness.schedule.workers import Failure, Limits, Workers
+from physics_crosscheck.harness.audit.run import run_audit
+from physics_crosscheck.harness.audit.task import audit_task
+from physics_crosscheck.harness.baseline.audits import mark_models
+from physics_crosscheck.harness.baseline.known import Accepted, accepted, mark_known
+from physics_crosscheck.harness.baseline.measure import measure, measure_task
+from physics_crosscheck.harness.baseline.measure_tree import MeasureTreeTask, measure_tree
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.cases.case import case_task, run_case
+from physics_crosscheck.harness.cases.declared import Declared, declared
+from physics_crosscheck.harness.cases.multibody import PreparedTree, prepare_folder, survey_file
+from physics_crosscheck.harness.cases.not_run import Hurdle, failed_case, hurdle, not_of_a_tree
+from physics_crosscheck.harness.cases.prepare import Prepared
+from physics_crosscheck.harness.cases.robot import run_robot
+from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
+from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.survey import Audit
+from physics_crosscheck.harness.schedule.main_module import without_main
+from physics_crosscheck.harness.schedule.workers import Failure, Limits, Workers
 
 Argument = TypeVar("Argument")
 Value = TypeVar("Value")

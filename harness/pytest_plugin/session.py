@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from harness.baseline.store import BaselineError
-from harness.files.model_files import absent_lines
-from harness.pytest_plugin.accepting import Accepting
-from harness.pytest_plugin.collect import SystemFile
-from harness.pytest_plugin.keys import RUNNER
-from harness.pytest_plugin.paths import DECLARATION, meant, to_collect
-from harness.pytest_plugin.runner import CaseRunner
-from harness.pytest_plugin.summary import summarize, untested
-from harness.pytest_plugin.terms import terms
+from physics_crosscheck.harness.baseline.store import BaselineError
+from physics_crosscheck.harness.files.model_files import absent_lines
+from physics_crosscheck.harness.pytest_plugin.accepting import Accepting
+from physics_crosscheck.harness.pytest_plugin.collect import SystemFile
+from physics_crosscheck.harness.pytest_plugin.keys import RUNNER
+from physics_crosscheck.harness.pytest_plugin.paths import DECLARATION, meant, to_collect
+from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.pytest_plugin.summary import summarize, untested
+from physics_crosscheck.harness.pytest_plugin.terms import terms
 
 ABOUT = (
     "crosscheck(system, model, engine, scenario): a case or an audit of --crosscheck; select with"

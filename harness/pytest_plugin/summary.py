@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from harness.records.outcome import Outcome
-from harness.text.status import counted
-from harness.text.table import agreement
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.table import agreement
 
 
 def summarize(reporter: pytest.TerminalReporter) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli import arguments
-from harness.schedule.limits import Limits
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.schedule.limits import Limits
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import msgspec
 
-from harness.records.base import Number, Numbers, Record, Rows
-from harness.records.case import CaseId, ModelId
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows
+from physics_crosscheck.harness.records.case import CaseId, ModelId
+from physics_crosscheck.harness.records.outcome import Outcome
 
 FORMAT = 2
 """Of the baseline's files."""

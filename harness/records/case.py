@@ -6,7 +6,7 @@ import math
 
 import msgspec
 
-from harness.records.base import (
+from physics_crosscheck.harness.records.base import (
     Count,
     Number,
     Numbers,
@@ -15,7 +15,7 @@ from harness.records.base import (
     SourceLine,
     one_length,
 )
-from harness.records.outcome import ROUNDED, Outcome, contradiction
+from physics_crosscheck.harness.records.outcome import ROUNDED, Outcome, contradiction
 
 ModelKey = tuple[str, str, str]
 """Folder, model file and engine: two folders may hold systems of the same name."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from harness.records.base import Number, Record, SourceLine
+from physics_crosscheck.harness.records.base import Number, Record, SourceLine
 
 CauseKind = Literal[
     "literal", "literals", "unbound literal", "taken", "dropped", "gravity", "default", "axis",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from harness.records.base import Number, Numbers, Record, SourceLine
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.base import Number, Numbers, Record, SourceLine
+from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class ComparedModel(Record, frozen=True, kw_only=True):

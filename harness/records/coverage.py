@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harness.records.base import Count, Record
+from physics_crosscheck.harness.records.base import Count, Record
 
 
 class Unseen(Record, frozen=True, kw_only=True):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from msgspec import inspect as types
 
-from harness.records.base import Record
+from physics_crosscheck.harness.records.base import Record
 
 _HEAD = """# Files that are written
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from harness.records.base import Number, Numbers, Record, Rows, SourceLine
-from harness.records.cause import Cause, CauseId
+from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows, SourceLine
+from physics_crosscheck.harness.records.cause import Cause, CauseId
 
 BEYOND = "reach"
 """Kind of a note on a stop or an obstacle that no motion reaches: what it does is not checked."""

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import msgspec
 
-from harness.records.base import Number, Record
-from harness.records.case import Case, CaseId
-from harness.records.outcome import Outcome
-from harness.records.results import Results
+from physics_crosscheck.harness.records.base import Number, Record
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
 
 FOLDER = "history"
 NAME = "cases.jsonl"

@@ -16,13 +16,13 @@ from typing import Any, Literal
 
 import msgspec
 
-from harness.records.base import Record
-from harness.records.case import Case
-from harness.records.coverage import Coverage
-from harness.records.finding import Diagnosis
-from harness.records.hold import hold
-from harness.records.model import EngineLinearization
-from harness.records.read import ResultsError
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.hold import hold
+from physics_crosscheck.harness.records.model import EngineLinearization
+from physics_crosscheck.harness.records.read import ResultsError
 
 NAME = "results.partial.jsonl"
 

@@ -7,9 +7,9 @@ from typing import TypeVar
 
 from msgspec.structs import replace
 
-from harness.records.case import Case
-from harness.records.model import Model
-from harness.records.results import BaselineChange, BaselineChanges, Results
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
 
 T = TypeVar("T", Case, Model)
 

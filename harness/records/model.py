@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from harness.records.base import Number, Numbers, Record, Rows, one_length
-from harness.records.case import ModelId, ModelKey
-from harness.records.coverage import Coverage
-from harness.records.finding import AuditFinding, Diagnosis
-from harness.records.poses import Poses
+from physics_crosscheck.harness.records.base import Number, Numbers, Record, Rows, one_length
+from physics_crosscheck.harness.records.case import ModelId, ModelKey
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.poses import Poses
 
 
 class EnginePole(Record, frozen=True, kw_only=True):

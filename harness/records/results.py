@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Literal
 
-from harness.records.base import Record
-from harness.records.case import Case, CaseId
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.records.system import System
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.system import System
 
 SCHEMA: Literal[2] = 2
 

@@ -1,6 +1,7 @@
 """JSON Schemas of the records that are written, and their page, made from the records themselves.
 
-`python -m harness.records.schema docs/schema` writes all; a test says that they are current.
+`python -m physics_crosscheck.harness.records.schema docs/schema` writes all; a test fails where
+they are not current.
 """
 
 from __future__ import annotations
@@ -12,14 +13,14 @@ from typing import Any
 
 import msgspec
 
-from harness.records.base import Record
-from harness.records.baseline import BaselineFile, Gate
-from harness.records.comparison import Comparison
-from harness.records.fields import File, page
-from harness.records.mutation import Mutations
-from harness.records.results import Results
-from harness.records.versions import Versions
-from harness.records.write import write_whole
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.baseline import BaselineFile, Gate
+from physics_crosscheck.harness.records.comparison import Comparison
+from physics_crosscheck.harness.records.fields import File, page
+from physics_crosscheck.harness.records.mutation import Mutations
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.versions import Versions
+from physics_crosscheck.harness.records.write import write_whole
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from harness.records.base import Record
-from harness.records.finding import AuditFinding
-from harness.records.poses import Poses
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.poses import Poses
 
 
 class Audit(Record, frozen=True, kw_only=True):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from harness.records.base import Number, Record
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.base import Number, Record
+from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class SweepRow(Record, frozen=True, kw_only=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from harness.records.base import Count, Number, Numbers, Record, Rows
+from physics_crosscheck.harness.records.base import Count, Number, Numbers, Record, Rows
 
 SketchTree = float | list[Any]
 """A number, `["q", i]` for the i-th position, or an operation (+ * ^ sin cos tan) with operands."""

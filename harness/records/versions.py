@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Literal
 
-from harness.records.base import Number, Record
-from harness.records.baseline import Measurement, Snapshot
-from harness.records.case import Case, CaseId, ModelId
-from harness.records.model import Model
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.base import Number, Record
+from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
+from physics_crosscheck.harness.records.case import Case, CaseId, ModelId
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
 
 CaseChange = Literal[
     "not compared", "fails", "loads", "verdict", "limit", "equations", "discrepancy",

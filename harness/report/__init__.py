@@ -18,10 +18,10 @@ import jinja2
 from bokeh.resources import Resources
 from markupsafe import Markup, escape
 
-from harness.records.history import Past
-from harness.records.results import Results
-from harness.records.write import write_whole
-from harness.report.parts import (
+from physics_crosscheck.harness.records.history import Past
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.report.parts import (
     WHOLE,
     Part,
     divided,
@@ -30,8 +30,8 @@ from harness.report.parts import (
     part_of_group,
     write_parts,
 )
-from harness.report.view import Report, report
-from harness.text.next_steps import DEFAULT_OUT
+from physics_crosscheck.harness.report.view import Report, report
+from physics_crosscheck.harness.text.next_steps import DEFAULT_OUT
 
 SCRIPTS = (
     "packs",

@@ -7,10 +7,10 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from harness.records.history import digits_known
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.records.write import write_whole
+from physics_crosscheck.harness.records.history import digits_known
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.write import write_whole
 
 LABEL = "crosscheck"
 

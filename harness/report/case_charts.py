@@ -7,10 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from harness.records.outcome import FLOOR
-from harness.report.packs import Array, Chart, Curve
-from harness.report.runs import Run, coarse_to_fine, ends, largest, single, values
-from harness.report.text import percent, quantity, sci, shown
+from physics_crosscheck.harness.records.outcome import FLOOR
+from physics_crosscheck.harness.report.packs import Array, Chart, Curve
+from physics_crosscheck.harness.report.runs import (
+    Run,
+    coarse_to_fine,
+    ends,
+    largest,
+    single,
+    values,
+)
+from physics_crosscheck.harness.report.text import percent, quantity, sci, shown
 
 OVERLAID = 9
 """Other runs in one plot at most: more can't be told apart."""

@@ -5,10 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from harness.records.case import Case, ForwardDynamics, FullRun, Stepping, Verdict
-from harness.records.outcome import Outcome
-from harness.records.system import Scenario
-from harness.report.text import NOTHING, agreeing_digits, percent, quantity, sci, shown
+from physics_crosscheck.harness.records.case import (
+    Case,
+    ForwardDynamics,
+    FullRun,
+    Stepping,
+    Verdict,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.system import Scenario
+from physics_crosscheck.harness.report.text import (
+    NOTHING,
+    agreeing_digits,
+    percent,
+    quantity,
+    sci,
+    shown,
+)
 
 SYMBOLS = {
     Outcome.AGREES: "✓",

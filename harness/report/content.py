@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.records.case import Case, ModelKey
-from harness.records.history import Past
-from harness.records.model import Model
-from harness.records.results import Results
-from harness.report.case_charts import OVERLAID, case_charts
-from harness.report.model_charts import corrected, hypotheses, reaches, responses
-from harness.report.packs import Chart, Column, Pack
-from harness.report.past_charts import by_case, case_history, run_history
-from harness.report.runs import Run, largest, runs
+from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.history import Past
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.report.case_charts import OVERLAID, case_charts
+from physics_crosscheck.harness.report.model_charts import corrected, hypotheses, reaches, responses
+from physics_crosscheck.harness.report.packs import Chart, Column, Pack
+from physics_crosscheck.harness.report.past_charts import by_case, case_history, run_history
+from physics_crosscheck.harness.report.runs import Run, largest, runs
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from harness.records.base import SourceLine
-from harness.records.cause import Cause
-from harness.records.finding import Explanation
-from harness.records.model import Model
-from harness.report.text import percent, sci, shown
-from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import Explanation
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.report.text import percent, sci, shown
+from physics_crosscheck.harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
 
 
 @dataclass(frozen=True, kw_only=True)

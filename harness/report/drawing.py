@@ -9,8 +9,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from harness.records.system import Shape, Sketch, SketchTree
-from harness.report.text import shown
+from physics_crosscheck.harness.records.system import Shape, Sketch, SketchTree
+from physics_crosscheck.harness.report.text import shown
 
 ANNOTATIONS = ("measure", "angle")
 """What explains the sketch and does not move with it."""

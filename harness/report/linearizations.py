@@ -8,10 +8,22 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from harness.records.model import DiscreteLinearization, EngineLinearization, EnginePole, Model
-from harness.records.system import Linearization, Mode, Pole, Quantity, System, TransferFunction
-from harness.report.maths import mathml
-from harness.report.text import NOTHING, complex_number, sci, shown
+from physics_crosscheck.harness.records.model import (
+    DiscreteLinearization,
+    EngineLinearization,
+    EnginePole,
+    Model,
+)
+from physics_crosscheck.harness.records.system import (
+    Linearization,
+    Mode,
+    Pole,
+    Quantity,
+    System,
+    TransferFunction,
+)
+from physics_crosscheck.harness.report.maths import mathml
+from physics_crosscheck.harness.report.text import NOTHING, complex_number, sci, shown
 
 RIGID = 1e-6
 """Poles below this share of the largest are those of a rigid mode, which is a double root: rounding

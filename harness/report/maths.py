@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 from latex2mathml.converter import convert_to_element
 from markupsafe import Markup
 
-from harness.report.text import shown
+from physics_crosscheck.harness.report.text import shown
 
 _GROUPS = frozenset(["mrow", "mtd"])
 _OPERANDS = frozenset(

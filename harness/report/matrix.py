@@ -6,10 +6,16 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.records.case import Case
-from harness.records.model import Model
-from harness.report.cases import SENSITIVE, SYMBOLS, CaseView, digits_of, severity
-from harness.report.text import NOTHING, percent, shown
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.report.cases import (
+    SENSITIVE,
+    SYMBOLS,
+    CaseView,
+    digits_of,
+    severity,
+)
+from physics_crosscheck.harness.report.text import NOTHING, percent, shown
 
 Pair = tuple[Case, CaseView]
 

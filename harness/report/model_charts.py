@@ -6,16 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from harness.records.base import Rows
-from harness.records.case import Series
-from harness.records.cause import Cause
-from harness.records.finding import CorrectedMotion, CorrectedScenario, Diagnosis
-from harness.records.model import EngineLinearization, Model
-from harness.records.system import System
-from harness.report.diagnoses import named
-from harness.report.packs import Array, Chart, Column, Curve, Pack
-from harness.report.runs import Run, ends, largest, single, values
-from harness.report.text import percent, quantity, sci, shown
+from physics_crosscheck.harness.records.base import Rows
+from physics_crosscheck.harness.records.case import Series
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import CorrectedMotion, CorrectedScenario, Diagnosis
+from physics_crosscheck.harness.records.model import EngineLinearization, Model
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.report.diagnoses import named
+from physics_crosscheck.harness.report.packs import Array, Chart, Column, Curve, Pack
+from physics_crosscheck.harness.report.runs import Run, ends, largest, single, values
+from physics_crosscheck.harness.report.text import percent, quantity, sci, shown
 
 PAIRS = 6
 """Pairs of output and input in one plot at most."""

@@ -6,19 +6,19 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from harness.records.case import Case, ModelKey
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.records.results import BaselineChanges, Results
-from harness.report.cases import SYMBOLS, CaseView
-from harness.report.diagnoses import DiagnosisView
-from harness.report.matrix import Pair
-from harness.report.patches import lines_of, unified
-from harness.report.text import shown
-from harness.text.next_steps import Change as Wanted
-from harness.text.next_steps import changes_of, stated_changes
-from harness.text.status import counted
-from harness.text.troubles import (
+from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.report.cases import SYMBOLS, CaseView
+from physics_crosscheck.harness.report.diagnoses import DiagnosisView
+from physics_crosscheck.harness.report.matrix import Pair
+from physics_crosscheck.harness.report.patches import lines_of, unified
+from physics_crosscheck.harness.report.text import shown
+from physics_crosscheck.harness.text.next_steps import Change as Wanted
+from physics_crosscheck.harness.text.next_steps import changes_of, stated_changes
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.troubles import (
     audited_alike,
     explained_alike,
     named_models,

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import msgspec
 
-from harness.report.cases import CaseView
-from harness.report.packs import compressed
-from harness.report.view import Beside, Group, ModelGroup
+from physics_crosscheck.harness.report.cases import CaseView
+from physics_crosscheck.harness.report.packs import compressed
+from physics_crosscheck.harness.report.view import Beside, Group, ModelGroup
 
 WHOLE = 500
 """Cases up to which a page is one file: 15 MB, which can be sent to somebody."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 
-from harness.records.base import Number
-from harness.records.case import Case, CaseId
-from harness.records.history import Past
-from harness.report.cases import is_sensitive
-from harness.report.packs import Chart, Curve, Pack
-from harness.report.text import percent, shown
-from harness.text.models_table import known
-from harness.text.status import counted
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.history import Past
+from physics_crosscheck.harness.report.cases import is_sensitive
+from physics_crosscheck.harness.report.packs import Chart, Curve, Pack
+from physics_crosscheck.harness.report.text import percent, shown
+from physics_crosscheck.harness.text.models_table import known
+from physics_crosscheck.harness.text.status import counted
 
 HISTORY = "Over time"
 

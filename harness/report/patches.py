@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 
-from harness.text.next_steps import Change
-from harness.text.places import is_spelled
+from physics_crosscheck.harness.text.next_steps import Change
+from physics_crosscheck.harness.text.places import is_spelled
 
 
 def unified(edits: Sequence[Change], texts: Iterable[tuple[str, str]]) -> str:

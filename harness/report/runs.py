@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.records.base import Numbers
-from harness.records.case import Case, FullRun, Series, StepErrors, Verdict
-from harness.report.packs import Array, Column, Pack
-from harness.report.text import quantity, shown
+from physics_crosscheck.harness.records.base import Numbers
+from physics_crosscheck.harness.records.case import Case, FullRun, Series, StepErrors, Verdict
+from physics_crosscheck.harness.report.packs import Array, Column, Pack
+from physics_crosscheck.harness.report.text import quantity, shown
 
 
 @dataclass(frozen=True, kw_only=True)

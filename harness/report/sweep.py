@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.records.outcome import Outcome
-from harness.records.sweep import SweepRow, SweepSummary
-from harness.records.write import write_whole
-from harness.report import template
-from harness.report.scatter import (
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow, SweepSummary
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.report import template
+from physics_crosscheck.harness.report.scatter import (
     BOTTOM,
     HEIGHT,
     LEFT,
@@ -25,9 +25,9 @@ from harness.report.scatter import (
     mark,
     scatter,
 )
-from harness.report.text import NOTHING, percent, quantity, sci, shown
-from harness.text.status import counted
-from harness.text.sweep import cost_line
+from physics_crosscheck.harness.report.text import NOTHING, percent, quantity, sci, shown
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.sweep import cost_line
 
 FRAME = {"width": WIDTH, "height": HEIGHT, "left": LEFT, "right": WIDTH - RIGHT}
 FRAME |= {"top": TOP, "bottom": HEIGHT - BOTTOM}

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from harness.records.model import Model
-from harness.records.system import Derivation, Erratum, Scenario, System
-from harness.report.drawing import Drawing, drawing
-from harness.report.linearizations import LinearView, linear_views
-from harness.report.maths import mathml
-from harness.report.text import NOTHING, quantity, sci, shown
-from harness.text.coverage import coverage_line
-from harness.text.primes import primed
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.system import Derivation, Erratum, Scenario, System
+from physics_crosscheck.harness.report.drawing import Drawing, drawing
+from physics_crosscheck.harness.report.linearizations import LinearView, linear_views
+from physics_crosscheck.harness.report.maths import mathml
+from physics_crosscheck.harness.report.text import NOTHING, quantity, sci, shown
+from physics_crosscheck.harness.text.coverage import coverage_line
+from physics_crosscheck.harness.text.primes import primed
 
 VERDICTS = {"agrees": "✓", "agrees up to signs": "±", "differs": "≠"}
 

@@ -6,13 +6,13 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.records.outcome import Outcome
-from harness.records.write import write_whole
-from harness.report import template
-from harness.report.cases import SYMBOLS
-from harness.report.text import percent, shown, slug
-from harness.text.status import counted
-from harness.text.two_runs import Movement, TwoRuns, digits_change, headline
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.report import template
+from physics_crosscheck.harness.report.cases import SYMBOLS
+from physics_crosscheck.harness.report.text import percent, shown, slug
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.two_runs import Movement, TwoRuns, digits_change, headline
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.records.versions import Upgrade, VersionCase, Versions
-from harness.records.write import write_whole
-from harness.report import template
-from harness.report.text import percent, sci, shown
-from harness.text.versions import advice, counts
+from physics_crosscheck.harness.records.versions import Upgrade, VersionCase, Versions
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.report import template
+from physics_crosscheck.harness.report.text import percent, sci, shown
+from physics_crosscheck.harness.text.versions import advice, counts
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,17 +7,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.records.case import Case, ModelKey
-from harness.records.history import Past
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.records.system import System
-from harness.report.cases import SYMBOLS, CaseView, case_view, severity
-from harness.report.content import Content
-from harness.report.diagnoses import DiagnosisView, diagnosis_view
-from harness.report.matrix import Matrix, Pair, matrix
-from harness.report.overview import (
+from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.history import Past
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.system import System
+from physics_crosscheck.harness.report.cases import SYMBOLS, CaseView, case_view, severity
+from physics_crosscheck.harness.report.content import Content
+from physics_crosscheck.harness.report.diagnoses import DiagnosisView, diagnosis_view
+from physics_crosscheck.harness.report.matrix import Matrix, Pair, matrix
+from physics_crosscheck.harness.report.overview import (
     Change,
     Standing,
     Trouble,
@@ -26,11 +26,11 @@ from harness.report.overview import (
     standing_out,
     verdict,
 )
-from harness.report.systems import SystemView, system_view
-from harness.report.text import quantity, shown, slug
-from harness.text.next_steps import DEFAULT_OUT, run_again
-from harness.text.status import counted
-from harness.text.table import summary
+from physics_crosscheck.harness.report.systems import SystemView, system_view
+from physics_crosscheck.harness.report.text import quantity, shown, slug
+from physics_crosscheck.harness.text.next_steps import DEFAULT_OUT, run_again
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.table import summary
 
 
 @dataclass(frozen=True, kw_only=True)

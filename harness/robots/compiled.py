@@ -10,13 +10,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from harness.engines.compiled import CompiledTree
-from harness.engines.protocol import Engine, EngineError
-from harness.engines.registry import readers
-from harness.files.brief import brief
-from harness.robots.compiled_tree import KINDS, compiled_robot, compiled_tree
-from harness.robots.robot import LeftOut, Obstacle, Robot, refused
-from reference.multibody.tree import Tree, TreeError
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.protocol import Engine, EngineError
+from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.robots.compiled_tree import KINDS, compiled_robot, compiled_tree
+from physics_crosscheck.harness.robots.robot import LeftOut, Obstacle, Robot, refused
+from physics_crosscheck.reference.multibody.tree import Tree, TreeError
 
 
 def compiler(suffix: str) -> Engine | None:

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engines.protocol import Engine, EngineError
-from harness.robots.compiled import tree_of
-from harness.robots.document import Document, DocumentError
-from harness.robots.numerals import NUDGE, Numeral, numerals, with_values
-from reference.multibody.tree import Tree
+from physics_crosscheck.harness.engines.protocol import Engine, EngineError
+from physics_crosscheck.harness.robots.compiled import tree_of
+from physics_crosscheck.harness.robots.document import Document, DocumentError
+from physics_crosscheck.harness.robots.numerals import NUDGE, Numeral, numerals, with_values
+from physics_crosscheck.reference.multibody.tree import Tree
 
 
 class CompiledNumbers:

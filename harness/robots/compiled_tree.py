@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from harness.engines.compiled import (
+from physics_crosscheck.harness.engines.compiled import (
     CompiledBody,
     CompiledJoint,
     CompiledMark,
@@ -14,9 +14,9 @@ from harness.engines.compiled import (
     CompiledTree,
     CompiledWay,
 )
-from harness.robots.robot import LeftOut, Part, Robot, Told, home_of
-from reference.multibody.assemble import Assembled, assembled
-from reference.multibody.bodies import (
+from physics_crosscheck.harness.robots.robot import LeftOut, Part, Robot, Told, home_of
+from physics_crosscheck.reference.multibody.assemble import Assembled, assembled
+from physics_crosscheck.reference.multibody.bodies import (
     ZERO,
     Coupling,
     Joint,
@@ -27,8 +27,8 @@ from reference.multibody.bodies import (
     Site,
     Triple,
 )
-from reference.multibody.tree import Kind, Medium, Tree
-from reference.multibody.ways import Cord, FrameForce, JointForce
+from physics_crosscheck.reference.multibody.tree import Kind, Medium, Tree
+from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce
 
 KINDS: Mapping[str, Kind] = {
     "hinge": "hinge", "slide": "slide", "ball": "ball", "free": "free"

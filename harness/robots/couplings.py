@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from harness.files.brief import brief
-from harness.robots.document import Document
-from harness.robots.urdf_parts import UrdfJoint
-from reference.multibody.bodies import Coupling
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.robots.document import Document
+from physics_crosscheck.harness.robots.urdf_parts import UrdfJoint
+from physics_crosscheck.reference.multibody.bodies import Coupling
 
 
 class Mimic(NamedTuple):

@@ -9,12 +9,12 @@ from codecs import BOM_UTF8
 from functools import cached_property
 from pathlib import Path
 
-from harness.engines.mending import mended
-from harness.files.brief import brief
-from harness.files.locations.location import LocationError, RefusedError, Source
-from harness.files.locations.xml import RawElement, read_elements
-from harness.files.reading import MOST_MODEL, read_regular
-from harness.robots.robot import Obstacle
+from physics_crosscheck.harness.engines.mending import mended
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.location import LocationError, RefusedError, Source
+from physics_crosscheck.harness.files.locations.xml import RawElement, read_elements
+from physics_crosscheck.harness.files.reading import MOST_MODEL, read_regular
+from physics_crosscheck.harness.robots.robot import Obstacle
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ENDLESS = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from harness.files.brief import brief
-from harness.files.locations.xml import RawElement
-from harness.robots.document import Document
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.document import Document
 
 
 def hang(

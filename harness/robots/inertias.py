@@ -9,12 +9,12 @@ from typing import Literal
 
 import numpy as np
 
-from harness.files.brief import brief
-from harness.robots.robot import Part, Robot
-from reference.multibody.algebra import turned
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import WORLD, Tree
-from reference.numeric import Array
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.robots.robot import Part, Robot
+from physics_crosscheck.reference.multibody.algebra import turned
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import WORLD, Tree
+from physics_crosscheck.reference.numeric import Array
 
 MARGIN = 1e-9
 """By how much of the largest moment a tensor may miss a rule: for the digits of a file."""

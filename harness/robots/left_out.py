@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from harness.robots.robot import LeftOut
+from physics_crosscheck.harness.robots.robot import LeftOut
 
 HELD = "joints that move nothing that has inertia, held still"
 

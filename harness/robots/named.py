@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.files.folders import FORMATS
-from harness.text.visible import odd_name, visible
+from physics_crosscheck.harness.files.folders import FORMATS
+from physics_crosscheck.harness.text.visible import odd_name, visible
 
 _TOLD = f"{', '.join(FORMATS[:-1])} and {FORMATS[-1]}"
 

@@ -12,10 +12,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.files.locations.location import Source
-from harness.files.locations.xml import ATTRIBUTE, TAG, RawElement, attribute_span
-from harness.files.splice import spliced
-from harness.robots.document import NUMBER, Document
+from physics_crosscheck.harness.files.locations.location import Source
+from physics_crosscheck.harness.files.locations.xml import (
+    ATTRIBUTE,
+    TAG,
+    RawElement,
+    attribute_span,
+)
+from physics_crosscheck.harness.files.splice import spliced
+from physics_crosscheck.harness.robots.document import NUMBER, Document
 
 _WORD = re.compile(r"[^\s,]+")
 _IDENTITIES = ("name", "class", "file")

@@ -6,16 +6,16 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Protocol
 
-from harness.robots.compiled import compiler, read_compiled_robot
-from harness.robots.compiled_numbers import CompiledNumbers
-from harness.robots.numerals import Numeral
-from harness.robots.robot import Robot
-from harness.robots.sdf import read_sdf_robot
-from harness.robots.sdf_numbers import SdfNumbers
-from harness.robots.system import RobotError
-from harness.robots.urdf import read_urdf_robot
-from harness.robots.urdf_numbers import UrdfNumbers
-from reference.multibody.tree import Tree
+from physics_crosscheck.harness.robots.compiled import compiler, read_compiled_robot
+from physics_crosscheck.harness.robots.compiled_numbers import CompiledNumbers
+from physics_crosscheck.harness.robots.numerals import Numeral
+from physics_crosscheck.harness.robots.robot import Robot
+from physics_crosscheck.harness.robots.sdf import read_sdf_robot
+from physics_crosscheck.harness.robots.sdf_numbers import SdfNumbers
+from physics_crosscheck.harness.robots.system import RobotError
+from physics_crosscheck.harness.robots.urdf import read_urdf_robot
+from physics_crosscheck.harness.robots.urdf_numbers import UrdfNumbers
+from physics_crosscheck.reference.multibody.tree import Tree
 
 
 class Numbers(Protocol):

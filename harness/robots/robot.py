@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
-from reference.multibody.tree import WORLD, Medium, Tree
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
+from physics_crosscheck.reference.multibody.tree import WORLD, Medium, Tree
+from physics_crosscheck.reference.numeric import Array
 
 
 @dataclass(frozen=True, kw_only=True)

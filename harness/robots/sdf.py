@@ -7,18 +7,24 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.files.brief import brief
-from harness.files.locations.xml import RawElement
-from harness.robots.document import Document, DocumentError
-from harness.robots.hanging import hang, hinder_loops
-from harness.robots.robot import Robot, refused
-from harness.robots.sdf_frames import WORLD, Frames
-from harness.robots.sdf_left_out import is_static, sdf_left_out
-from harness.robots.sdf_parts import SdfJoint, SdfLink, bodies_of, read_joints, read_links
-from harness.robots.sdf_parts import read_mimics as read_sdf_mimics
-from harness.robots.settle import elements_of, part_of, robot_of, settled
-from harness.robots.urdf import GRAVITY
-from reference.multibody.bodies import RigidBody, Triple
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.document import Document, DocumentError
+from physics_crosscheck.harness.robots.hanging import hang, hinder_loops
+from physics_crosscheck.harness.robots.robot import Robot, refused
+from physics_crosscheck.harness.robots.sdf_frames import WORLD, Frames
+from physics_crosscheck.harness.robots.sdf_left_out import is_static, sdf_left_out
+from physics_crosscheck.harness.robots.sdf_parts import (
+    SdfJoint,
+    SdfLink,
+    bodies_of,
+    read_joints,
+    read_links,
+)
+from physics_crosscheck.harness.robots.sdf_parts import read_mimics as read_sdf_mimics
+from physics_crosscheck.harness.robots.settle import elements_of, part_of, robot_of, settled
+from physics_crosscheck.harness.robots.urdf import GRAVITY
+from physics_crosscheck.reference.multibody.bodies import RigidBody, Triple
 
 _UNCOVERED: Mapping[str, str] = {
     "include": "write what it includes into the file (gz sdf -p FILE)",

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.files.brief import brief
-from harness.files.locations.xml import RawElement
-from harness.robots.document import Document
-from reference.multibody.algebra import from_quaternion, from_rpy
-from reference.multibody.lump import HERE, Place
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.document import Document
+from physics_crosscheck.reference.multibody.algebra import from_quaternion, from_rpy
+from physics_crosscheck.reference.multibody.lump import HERE, Place
 
 MODEL, WORLD = "__model__", "world"
 NAMED = ("link", "joint", "frame")

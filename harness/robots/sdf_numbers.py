@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-from harness.engines.sdf_shapes import is_automatic
-from harness.files.locations.xml import RawElement
-from harness.robots.document import Document
-from harness.robots.numerals import Numeral, numerals, put, with_values
-from harness.robots.sdf import chosen_model, read_document
-from reference.multibody.tree import Tree
+from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.document import Document
+from physics_crosscheck.harness.robots.numerals import Numeral, numerals, put, with_values
+from physics_crosscheck.harness.robots.sdf import chosen_model, read_document
+from physics_crosscheck.reference.multibody.tree import Tree
 
 _SAYING = re.compile(
     r"sdf/(world/)?(gravity|model/(pose|link/(pose|inertial/.*)|frame/pose"

@@ -8,16 +8,23 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.sdf_shapes import is_automatic
-from harness.files.brief import brief
-from harness.files.locations.xml import RawElement
-from harness.robots.couplings import Mimic, acyclic
-from harness.robots.document import Document
-from harness.robots.sdf_frames import MODEL, WORLD, Frames, child_of, inverse, read_pose
-from harness.robots.sdf_shapes import automatic_lump
-from reference.multibody.bodies import Joint, Quaternion, RigidBody, Triple
-from reference.multibody.tree import Kind
-from reference.numeric import Array
+from physics_crosscheck.harness.engines.sdf_shapes import is_automatic
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.couplings import Mimic, acyclic
+from physics_crosscheck.harness.robots.document import Document
+from physics_crosscheck.harness.robots.sdf_frames import (
+    MODEL,
+    WORLD,
+    Frames,
+    child_of,
+    inverse,
+    read_pose,
+)
+from physics_crosscheck.harness.robots.sdf_shapes import automatic_lump
+from physics_crosscheck.reference.multibody.bodies import Joint, Quaternion, RigidBody, Triple
+from physics_crosscheck.reference.multibody.tree import Kind
+from physics_crosscheck.reference.numeric import Array
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "fixed": None}

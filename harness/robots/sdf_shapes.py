@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.engines.sdf_shapes import SIZES, WATER, solid
-from harness.files.brief import brief
-from harness.files.locations.xml import RawElement
-from harness.robots.document import Document
-from harness.robots.sdf_frames import Frames, inverse, read_pose
-from reference.multibody.lump import NOTHING, Lump
+from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.document import Document
+from physics_crosscheck.harness.robots.sdf_frames import Frames, inverse, read_pose
+from physics_crosscheck.reference.multibody.lump import NOTHING, Lump
 
 
 def automatic_lump(

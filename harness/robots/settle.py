@@ -8,16 +8,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
-from harness.files.brief import brief
-from harness.files.locations.xml import RawElement
-from harness.robots.couplings import Mimic, couplings
-from harness.robots.document import Document
-from harness.robots.inertias import resting
-from harness.robots.left_out import HELD
-from harness.robots.robot import LeftOut, Part, Robot, Told, home_of
-from reference.multibody.assemble import Assembled, assembled
-from reference.multibody.bodies import Coupling, RigidBody, Triple
-from reference.multibody.tree import Tree
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.couplings import Mimic, couplings
+from physics_crosscheck.harness.robots.document import Document
+from physics_crosscheck.harness.robots.inertias import resting
+from physics_crosscheck.harness.robots.left_out import HELD
+from physics_crosscheck.harness.robots.robot import LeftOut, Part, Robot, Told, home_of
+from physics_crosscheck.reference.multibody.assemble import Assembled, assembled
+from physics_crosscheck.reference.multibody.bodies import Coupling, RigidBody, Triple
+from physics_crosscheck.reference.multibody.tree import Tree
 
 Elements = Mapping[str, RawElement]
 """By the names of links or joints."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from harness.robots.robot import Obstacle, Robot
-from harness.text.status import counted
-from reference.multibody.chart import coordinate_names
-from reference.multibody.tree import Tree
-from reference.trees import TreeSystem, tree_system
+from physics_crosscheck.harness.robots.robot import Obstacle, Robot
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.reference.multibody.chart import coordinate_names
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.trees import TreeSystem, tree_system
 
 
 class RobotError(ValueError):

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.robots.couplings import read_mimics
-from harness.robots.document import EXPAND, Document, DocumentError
-from harness.robots.robot import LeftOut, Robot, refused
-from harness.robots.settle import elements_of, part_of, robot_of, settled
-from harness.robots.urdf_left_out import urdf_left_out
-from harness.robots.urdf_parts import read_joints, read_links, read_springs
-from harness.robots.urdf_root import IMPLICIT, root_of
-from harness.robots.urdf_tree import held_still, planned
-from harness.text.status import counted
-from reference.multibody.bodies import RigidBody, Triple
+from physics_crosscheck.harness.robots.couplings import read_mimics
+from physics_crosscheck.harness.robots.document import EXPAND, Document, DocumentError
+from physics_crosscheck.harness.robots.robot import LeftOut, Robot, refused
+from physics_crosscheck.harness.robots.settle import elements_of, part_of, robot_of, settled
+from physics_crosscheck.harness.robots.urdf_left_out import urdf_left_out
+from physics_crosscheck.harness.robots.urdf_parts import read_joints, read_links, read_springs
+from physics_crosscheck.harness.robots.urdf_root import IMPLICIT, root_of
+from physics_crosscheck.harness.robots.urdf_tree import held_still, planned
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.reference.multibody.bodies import RigidBody, Triple
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s^2: a URDF says none."""

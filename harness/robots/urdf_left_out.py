@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
 
-from harness.files.locations.xml import RawElement
-from harness.robots.document import Document, read_numbers
-from harness.robots.left_out import FREE_MIMIC, Told, tallied
-from harness.robots.robot import LeftOut
-from harness.robots.urdf_parts import UrdfJoint
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.document import Document, read_numbers
+from physics_crosscheck.harness.robots.left_out import FREE_MIMIC, Told, tallied
+from physics_crosscheck.harness.robots.robot import LeftOut
+from physics_crosscheck.harness.robots.urdf_parts import UrdfJoint
 
 _LOOKS = ("visual", "material")
 _READ: Mapping[str, Collection[str]] = MappingProxyType(

@@ -10,16 +10,22 @@ from collections.abc import Collection, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 
-from harness.files.locations.xml import RawElement
-from harness.robots.couplings import couplings, read_mimics
-from harness.robots.document import Document
-from harness.robots.numerals import Numeral, numerals, put, with_values
-from harness.robots.urdf import GRAVITY
-from harness.robots.urdf_parts import read_joint, read_joints, read_link, read_links, read_springs
-from harness.robots.urdf_root import IMPLICIT, root_of
-from harness.robots.urdf_tree import held_still, planned
-from reference.multibody.assemble import assembled
-from reference.multibody.tree import Tree
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.couplings import couplings, read_mimics
+from physics_crosscheck.harness.robots.document import Document
+from physics_crosscheck.harness.robots.numerals import Numeral, numerals, put, with_values
+from physics_crosscheck.harness.robots.urdf import GRAVITY
+from physics_crosscheck.harness.robots.urdf_parts import (
+    read_joint,
+    read_joints,
+    read_link,
+    read_links,
+    read_springs,
+)
+from physics_crosscheck.harness.robots.urdf_root import IMPLICIT, root_of
+from physics_crosscheck.harness.robots.urdf_tree import held_still, planned
+from physics_crosscheck.reference.multibody.assemble import assembled
+from physics_crosscheck.reference.multibody.tree import Tree
 
 _SAYING = re.compile(
     r"robot/(link/inertial/.*|joint/(origin|axis)@.*|joint/dynamics@damping|joint/mimic@.*"

@@ -8,12 +8,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.files.brief import brief
-from harness.files.locations.xml import RawElement
-from harness.robots.document import EXPAND, Document, read_numbers
-from reference.multibody.bodies import ZERO, RigidBody, Triple
-from reference.multibody.lump import Lump
-from reference.multibody.tree import Kind
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.document import EXPAND, Document, read_numbers
+from physics_crosscheck.reference.multibody.bodies import ZERO, RigidBody, Triple
+from physics_crosscheck.reference.multibody.lump import Lump
+from physics_crosscheck.reference.multibody.tree import Kind
 
 KINDS: Mapping[str, Kind | None] = MappingProxyType(
     {

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from harness.files.brief import brief
-from harness.files.locations.xml import RawElement
-from harness.robots.document import Document
-from harness.robots.hanging import hang, hinder_loops
-from harness.robots.urdf_parts import UrdfJoint, UrdfLink
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.robots.document import Document
+from physics_crosscheck.harness.robots.hanging import hang, hinder_loops
+from physics_crosscheck.harness.robots.urdf_parts import UrdfJoint, UrdfLink
 
 IMPLICIT = "world"
 """A link that joints may hang from and no file needs to declare."""

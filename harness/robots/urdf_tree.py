@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from harness.robots.urdf_parts import ENDLESS, UrdfJoint, UrdfLink
-from reference.multibody.bodies import ZERO, Joint, RigidBody
+from physics_crosscheck.harness.robots.urdf_parts import ENDLESS, UrdfJoint, UrdfLink
+from physics_crosscheck.reference.multibody.bodies import ZERO, Joint, RigidBody
 
 Springs = Mapping[str, tuple[float, float]]
 """Stiffness and rest by the joint's name."""

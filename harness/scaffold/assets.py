@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-from harness.files.locations.location import LocationError, Source
-from harness.files.locations.xml import RawElement, read_elements
-from harness.files.reading import read_regular
-from harness.scaffold.folder import NewError
+from physics_crosscheck.harness.files.locations.location import LocationError, Source
+from physics_crosscheck.harness.files.locations.xml import RawElement, read_elements
+from physics_crosscheck.harness.files.reading import read_regular
+from physics_crosscheck.harness.scaffold.folder import NewError
 
 MEANT = (".py", ".pyc", ".toml")
 """Endings that mean something in a system folder: no mesh may come in under them."""

@@ -8,8 +8,8 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.files.locations import Location, LocationError, find_in
-from harness.scaffold.folder import NewError
+from physics_crosscheck.harness.files.locations import Location, LocationError, find_in
+from physics_crosscheck.harness.scaffold.folder import NewError
 
 _TAKEN = {
     "t", "pi", "sin", "cos", "ground", "system", "T", "V", "D", "Constant", "Coordinate",

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import sympy as sp
 
-from harness.audits import audits
-from harness.engines.registry import standing
-from harness.scaffold.assets import neighbours
-from harness.scaffold.constants import Ledger, Row
-from harness.scaffold.folder import NewError
-from harness.scaffold.mechanism import Mechanism
-from harness.scaffold.mjcf import read_mjcf
-from harness.scaffold.scenarios import Plan, plan, provisional
-from harness.scaffold.text import sidecar_text, system_text
-from harness.scaffold.urdf import read_urdf
-from reference.system import System
+from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.engines.registry import standing
+from physics_crosscheck.harness.scaffold.assets import neighbours
+from physics_crosscheck.harness.scaffold.constants import Ledger, Row
+from physics_crosscheck.harness.scaffold.folder import NewError
+from physics_crosscheck.harness.scaffold.mechanism import Mechanism
+from physics_crosscheck.harness.scaffold.mjcf import read_mjcf
+from physics_crosscheck.harness.scaffold.scenarios import Plan, plan, provisional
+from physics_crosscheck.harness.scaffold.text import sidecar_text, system_text
+from physics_crosscheck.harness.scaffold.urdf import read_urdf
+from physics_crosscheck.reference.system import System
 
 GRAVITY = 9.81
 STEP = 0.002

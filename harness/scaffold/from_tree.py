@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from harness.cases.multibody import case_of, states_of
-from harness.cases.robot import run_robot
-from harness.cases.robot_record import settings_of, told
-from harness.engines.protocol import Engine
-from harness.engines.registry import standing
-from harness.files.brief import brief
-from harness.files.sidecar import read_sidecar
-from harness.records.outcome import Outcome
-from harness.robots.read import read_robot
-from harness.robots.robot import Robot, Told
-from harness.robots.system import summary
-from harness.scaffold.folder import NewError, write_folder
-from harness.scaffold.parts import besides, called, contents, included
-from harness.scaffold.places import places
-from harness.scaffold.tree_text import tree_sidecar, tree_text
-from harness.schedule.workers import Failure, Workers
-from reference.integrate import ReferenceError
-from reference.load import load_declaration
-from reference.trees import MultibodySystem
+from physics_crosscheck.harness.cases.multibody import case_of, states_of
+from physics_crosscheck.harness.cases.robot import run_robot
+from physics_crosscheck.harness.cases.robot_record import settings_of, told
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.engines.registry import standing
+from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.robots.read import read_robot
+from physics_crosscheck.harness.robots.robot import Robot, Told
+from physics_crosscheck.harness.robots.system import summary
+from physics_crosscheck.harness.scaffold.folder import NewError, write_folder
+from physics_crosscheck.harness.scaffold.parts import besides, called, contents, included
+from physics_crosscheck.harness.scaffold.places import places
+from physics_crosscheck.harness.scaffold.tree_text import tree_sidecar, tree_text
+from physics_crosscheck.harness.schedule.workers import Failure, Workers
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.trees import MultibodySystem
 
 CHECKED = 8
 """States at which engines are held against what was written: each number has a say in most."""

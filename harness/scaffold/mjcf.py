@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engines.compiled import CompiledBody, CompiledJoint
-from harness.engines.protocol import Engine, EngineError
-from harness.engines.registry import readers
-from harness.files.locations.location import LocationError, Source
-from harness.files.locations.xml import RawElement, read_elements
-from harness.scaffold.constants import Ledger
-from harness.scaffold.folder import NewError
-from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
+from physics_crosscheck.harness.engines.compiled import CompiledBody, CompiledJoint
+from physics_crosscheck.harness.engines.protocol import Engine, EngineError
+from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.files.locations.location import LocationError, Source
+from physics_crosscheck.harness.files.locations.xml import RawElement, read_elements
+from physics_crosscheck.harness.scaffold.constants import Ledger
+from physics_crosscheck.harness.scaffold.folder import NewError
+from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 
 _FOREIGN = {
     "include": "parts in other files",

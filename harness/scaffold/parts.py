@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 
-from harness.files.parts import PartError, check_parts, parts
-from harness.files.reading import read_regular
-from harness.scaffold.assets import MEANT
-from harness.scaffold.folder import NewError
+from physics_crosscheck.harness.files.parts import PartError, check_parts, parts
+from physics_crosscheck.harness.files.reading import read_regular
+from physics_crosscheck.harness.scaffold.assets import MEANT
+from physics_crosscheck.harness.scaffold.folder import NewError
 
 
 def included(model: Path) -> dict[str, bytes]:

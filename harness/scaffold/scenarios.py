@@ -10,15 +10,15 @@ import numpy as np
 import scipy.linalg
 import sympy as sp
 
-from harness.scaffold.folder import NewError
-from harness.scaffold.mechanism import Joint
-from harness.scaffold.rest import ROOM, clipped, named_position, rest_position
-from reference.declaration import Scenario, t
-from reference.derive import Equations, derive
-from reference.integrate import ReferenceError, trajectory
-from reference.numeric import Array
-from reference.signal import pieces
-from reference.system import System
+from physics_crosscheck.harness.scaffold.folder import NewError
+from physics_crosscheck.harness.scaffold.mechanism import Joint
+from physics_crosscheck.harness.scaffold.rest import ROOM, clipped, named_position, rest_position
+from physics_crosscheck.reference.declaration import Scenario, t
+from physics_crosscheck.reference.derive import Equations, derive
+from physics_crosscheck.reference.integrate import ReferenceError, trajectory
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.signal import pieces
+from physics_crosscheck.reference.system import System
 
 PERIODS = 10
 SHORTEST, LONGEST = 2.0, 15.0

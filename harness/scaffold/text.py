@@ -7,11 +7,11 @@ import re
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from harness.engines.protocol import Engine
-from harness.scaffold.constants import Ledger, Row
-from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
-from harness.scaffold.scenarios import Plan
-from reference.pose import WORLD
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.scaffold.constants import Ledger, Row
+from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
+from physics_crosscheck.harness.scaffold.scenarios import Plan
+from physics_crosscheck.reference.pose import WORLD
 
 _WIDTH = 100
 _STRING_OR_COMMENT = re.compile(r'"(?:\\.|[^"\\])*"|#.*')

@@ -9,12 +9,12 @@ from dataclasses import fields, is_dataclass
 from types import MappingProxyType
 from typing import Any
 
-from harness.engines.protocol import Engine
-from harness.robots.robot import Told
-from harness.scaffold.places import Key
-from harness.scaffold.text import comment, literal, plain, quoted
-from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
-from reference.multibody.ways import JointForce
+from physics_crosscheck.harness.engines.protocol import Engine
+from physics_crosscheck.harness.robots.robot import Told
+from physics_crosscheck.harness.scaffold.places import Key
+from physics_crosscheck.harness.scaffold.text import comment, literal, plain, quoted
+from physics_crosscheck.reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
+from physics_crosscheck.reference.multibody.ways import JointForce
 
 _BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
     "position": ("m", ()),

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from harness.engines.registry import readers
-from harness.files.locations.location import LocationError, Source
-from harness.files.locations.xml import RawElement, read_elements
-from harness.scaffold.constants import Ledger, finite, quarter
-from harness.scaffold.folder import NewError
-from harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
+from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.files.locations.location import LocationError, Source
+from physics_crosscheck.harness.files.locations.xml import RawElement, read_elements
+from physics_crosscheck.harness.scaffold.constants import Ledger, finite, quarter
+from physics_crosscheck.harness.scaffold.folder import NewError
+from physics_crosscheck.harness.scaffold.mechanism import Body, Joint, Mechanism, Triple, Turn
 
 _AXES: tuple[tuple[float, float, float], ...] = ((0, 0, 1), (0, 1, 0), (1, 0, 0))
 _ZERO: Triple = ("0", "0", "0")

@@ -6,9 +6,9 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from harness.schedule.executor import Executor
-from harness.schedule.limits import Limits
-from harness.schedule.workers import Workers
+from physics_crosscheck.harness.schedule.executor import Executor
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.workers import Workers
 
 
 def executor(
@@ -39,6 +39,6 @@ def executor(
             workers.begin()
         return workers
     # Imported where it is asked for alone: it is an extra, and takes a second.
-    from harness.schedule.cluster import Cluster
+    from physics_crosscheck.harness.schedule.cluster import Cluster
 
     return Cluster(scheduler, jobs=jobs, limits=limits, files=tuple(files()), engines=engines)

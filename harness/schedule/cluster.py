@@ -24,11 +24,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from harness.schedule import parcel
-from harness.schedule.executor import MOMENT, ClusterError, Executor, Pending
-from harness.schedule.failure import Failure
-from harness.schedule.limits import Limits
-from harness.schedule.post import Terms, installed
+from physics_crosscheck.harness.schedule import parcel
+from physics_crosscheck.harness.schedule.executor import MOMENT, ClusterError, Executor, Pending
+from physics_crosscheck.harness.schedule.failure import Failure
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.post import Terms, installed
 
 try:
     import distributed
@@ -367,22 +367,19 @@ def _sent(name: str) -> Callable[..., Any]:
     """
 
     def receive(told: bytes, dask_worker: Any = None) -> Any:
-        import physics_crosscheck  # noqa: F401
-        from harness.schedule import post
+        from physics_crosscheck.harness.schedule import post
 
         return post.receive(told, dask_worker.local_directory)
 
     def do(run: str, data: bytes) -> Any:
         import distributed as there
 
-        import physics_crosscheck  # noqa: F401
-        from harness.schedule import post
+        from physics_crosscheck.harness.schedule import post
 
         return there.get_worker().address, post.do(run, data)
 
     def leave(run: str) -> None:
-        import physics_crosscheck  # noqa: F401
-        from harness.schedule import post
+        from physics_crosscheck.harness.schedule import post
 
         post.leave(run)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar, cast
 
-from harness.schedule.failure import Failure
+from physics_crosscheck.harness.schedule.failure import Failure
 
 MOMENT = 0.2
 """Seconds between two looks at the clock."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.records.base import SourceLine
-from harness.text.visible import visible
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.text.visible import visible
 
 LONGEST = 600
 """Characters of a reason: whoever raised it may have said a megabyte, which nobody reads."""

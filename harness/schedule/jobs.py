@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from harness.schedule.executor import Argument, Executor, Pending, Value
-from harness.schedule.failure import Failure
-from harness.schedule.stop import Stop
+from physics_crosscheck.harness.schedule.executor import Argument, Executor, Pending, Value
+from physics_crosscheck.harness.schedule.failure import Failure
+from physics_crosscheck.harness.schedule.stop import Stop
 
 
 @dataclass(frozen=True)

@@ -28,13 +28,13 @@ from typing import Any, cast
 
 import msgspec
 
-import physics_crosscheck
-from harness.engines.registry import engines
-from harness.schedule import parcel
-from harness.schedule.executor import Pending
-from harness.schedule.failure import Failure
-from harness.schedule.limits import Limits
-from harness.schedule.workers import Workers
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.paths import PACKAGE, SOURCES
+from physics_crosscheck.harness.schedule import parcel
+from physics_crosscheck.harness.schedule.executor import Pending
+from physics_crosscheck.harness.schedule.failure import Failure
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.workers import Workers
 
 IDLE = 60.0
 """Seconds without a task after which a post's processes end; the next task starts others."""
@@ -84,11 +84,11 @@ def installed(only: tuple[str, ...] = ()) -> dict[str, str]:
 def _sources() -> str:
     """A hash of our own code: two checkouts may have one version."""
     whole = hashlib.sha256()
-    for package in physics_crosscheck.OWN:
-        for file in sorted((physics_crosscheck.BESIDE / package).rglob("*.py")):
-            if file.is_relative_to(physics_crosscheck.BESIDE / package / "models"):
+    for folder in SOURCES:
+        for file in sorted(folder.rglob("*.py")):
+            if file.is_relative_to(folder / "models"):
                 continue
-            whole.update(f"{file.relative_to(physics_crosscheck.BESIDE)}\0".encode())
+            whole.update(f"{file.relative_to(PACKAGE)}\0".encode())
             whole.update(file.read_bytes())
     return whole.hexdigest()[:12]
 

@@ -8,9 +8,8 @@ import sysconfig
 from collections.abc import Iterable
 from pathlib import Path
 
-import physics_crosscheck
+from physics_crosscheck.harness.paths import is_own
 
-_OURS = tuple(str(physics_crosscheck.BESIDE / name) for name in ("harness", "reference"))
 _LIBRARIES = ("stdlib", "platstdlib", "purelib", "platlib")
 
 
@@ -21,7 +20,7 @@ def package_folders() -> frozenset[str]:
 
 
 _THEIRS = tuple({sysconfig.get_path(name) for name in _LIBRARIES} | package_folders())
-_NOT_USERS = (*_OURS, *_THEIRS, str(physics_crosscheck.BESIDE / "physics_crosscheck"), "<")
+_NOT_USERS = (*_THEIRS, "<")
 
 _FRAME = re.compile(r'^  File "(.*)", line (\d+) in ', re.MULTILINE)
 """A frame as faulthandler writes it, the innermost first."""
@@ -34,7 +33,7 @@ def user_line(frames: Iterable[tuple[str, int | None]]) -> str:
         frames: file and line, the innermost first.
     """
     for file, line in frames:
-        if not file.startswith(_NOT_USERS):
+        if not (is_own(file) or file.startswith(_NOT_USERS)):
             return f"{file}:{line}"
     return ""
 

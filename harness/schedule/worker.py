@@ -23,11 +23,10 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any, NoReturn
 
-import physics_crosscheck
-from harness.schedule.failure import Failure, failure_of
-from harness.schedule.limits import Limits
-from harness.schedule.source import user_line
-from harness.schedule.stop import SIGNALS
+from physics_crosscheck.harness.schedule.failure import Failure, failure_of
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.source import user_line
+from physics_crosscheck.harness.schedule.stop import SIGNALS
 
 MOST_WRITTEN = 2**28
 """Bytes of one file that a worker may write: a task that prints for ever fills no disk."""
@@ -69,7 +68,6 @@ def serve(tasks: Connection, station: Station) -> NoReturn:
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # held by what started us
     threading.Thread(target=_end_with_the_program, args=[station.scratch], daemon=True).start()
-    physics_crosscheck.claim()
     with contextlib.suppress(OSError):
         os.chdir(station.cwd)
     tempfile.tempdir = str(station.scratch)
@@ -215,7 +213,7 @@ def _failure(error: BaseException, limits: Limits) -> Failure:
     if shortage is not None:
         return Failure(_at(shortage, limits.full), "")
     # Our own errors, of these kinds, carry a sentence; anything else is told with its own kind.
-    ours = type(error).__module__.startswith(("harness.", "reference."))
+    ours = type(error).__module__.startswith("physics_crosscheck.")
     if ours and isinstance(error, ValueError | RuntimeError):
         return failure_of(error, _words(error))
     # What is no Exception is meant to pass through whoever runs the file: say which file it was.

@@ -26,16 +26,16 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
-import physics_crosscheck
-from harness.schedule.clock import is_waiting, processor_seconds
-from harness.schedule.environment import workers_defaults
-from harness.schedule.executor import MOMENT, Executor, Pending
-from harness.schedule.failure import Failure
-from harness.schedule.limits import Limits
-from harness.schedule.main_module import without_main
-from harness.schedule.source import line_of_death
-from harness.schedule.stop import SIGNALS
-from harness.schedule.worker import Station, serve
+from physics_crosscheck.harness.paths import IMPORT_ROOT
+from physics_crosscheck.harness.schedule.clock import is_waiting, processor_seconds
+from physics_crosscheck.harness.schedule.environment import workers_defaults
+from physics_crosscheck.harness.schedule.executor import MOMENT, Executor, Pending
+from physics_crosscheck.harness.schedule.failure import Failure
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.main_module import without_main
+from physics_crosscheck.harness.schedule.source import line_of_death
+from physics_crosscheck.harness.schedule.stop import SIGNALS
+from physics_crosscheck.harness.schedule.worker import Station, serve
 
 __all__ = ["Failure", "Limits", "Pending", "Workers"]
 
@@ -44,11 +44,11 @@ MOST_PRINTED = 4000
 _TRIES = 5
 """Times that a worker is tried to be started: a task may end the process that starts them."""
 
-# First what binds our names: the server begins in the user's folder, which may have a package
-# called harness. Last what sympy imports only as it adds and simplifies.
+# Last what sympy imports only as it adds and simplifies.
 PRELOADED = (
-    "physics_crosscheck", "harness.cases.case", "harness.cases.multibody", "harness.audit.run",
-    "harness.coverage.count", "harness.diagnosis.task", "scipy.integrate", "scipy.linalg",
+    "physics_crosscheck.harness.cases.case", "physics_crosscheck.harness.cases.multibody",
+    "physics_crosscheck.harness.audit.run", "physics_crosscheck.harness.coverage.count",
+    "physics_crosscheck.harness.diagnosis.task", "scipy.integrate", "scipy.linalg",
     "sympy.tensor.tensor", "sympy.physics.units",
 )  # fmt: skip
 """What is imported once, for all worker processes."""
@@ -335,7 +335,7 @@ def _safe_path() -> Iterator[None]:
     A user's `types.py` there, or a file called like an engine, would be taken for the real one. Not
     where this is the folder that our own packages are in.
     """
-    if Path.cwd() == physics_crosscheck.BESIDE or "PYTHONSAFEPATH" in os.environ:
+    if Path.cwd() == IMPORT_ROOT or "PYTHONSAFEPATH" in os.environ:
         yield
         return
     os.environ["PYTHONSAFEPATH"] = "1"

@@ -11,17 +11,17 @@ import time
 from functools import lru_cache
 from pathlib import Path
 
-from harness.files.brief import original_paths
-from harness.records.outcome import Outcome
-from harness.records.sweep import SweepRow
-from harness.sweep.known import Known, blank
-from harness.sweep.planned import Block, Planned
-from harness.sweep.robot import SweptRobot
-from harness.sweep.source import Source
-from harness.sweep.system import Swept
-from reference.declaration import DeclarationError
-from reference.load import load_declaration
-from reference.trees import MultibodySystem
+from physics_crosscheck.harness.files.brief import original_paths
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.harness.sweep.known import Known, blank
+from physics_crosscheck.harness.sweep.planned import Block, Planned
+from physics_crosscheck.harness.sweep.robot import SweptRobot
+from physics_crosscheck.harness.sweep.source import Source
+from physics_crosscheck.harness.sweep.system import Swept
+from physics_crosscheck.reference.declaration import DeclarationError
+from physics_crosscheck.reference.load import load_declaration
+from physics_crosscheck.reference.trees import MultibodySystem
 
 
 @lru_cache(maxsize=16)
@@ -78,6 +78,6 @@ def _row(source: Source, block: Block, case: Planned) -> SweepRow:
 
 
 def _said(error: Exception) -> str:
-    ours = type(error).__module__.startswith(("harness.", "reference."))
+    ours = type(error).__module__.startswith("physics_crosscheck.")
     said = " ".join(str(error).split())
     return said if ours and said else f"{type(error).__name__}: {said}"

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.sweep.factors import Factor, SweepError
-from reference.numeric import Array
+from physics_crosscheck.harness.sweep.factors import Factor, SweepError
+from physics_crosscheck.reference.numeric import Array
 
 MOST = 2**30
 """Draws of a Sobol sequence, as scipy makes it."""

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from harness.cases.verdict import Verdict
-from harness.engines.protocol import Array, EngineError, Force, Model
-from harness.records.base import number
-from harness.records.outcome import Outcome
-from harness.records.sweep import SweepRow
-from harness.sweep.planned import Block, Planned
+from physics_crosscheck.harness.cases.verdict import Verdict
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, Model
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.harness.sweep.planned import Block, Planned
 
 
 def blank(block: Block, case: Planned, reason: str) -> SweepRow:

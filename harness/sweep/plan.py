@@ -12,11 +12,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
-from harness.schedule.limits import Limits
-from harness.sweep.draws import Design, Draws, draws
-from harness.sweep.factors import Factor, SweepError, meant
-from harness.sweep.planned import Block, Planned
-from harness.sweep.survey import Pairing, Survey
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.sweep.draws import Design, Draws, draws
+from physics_crosscheck.harness.sweep.factors import Factor, SweepError, meant
+from physics_crosscheck.harness.sweep.planned import Block, Planned
+from physics_crosscheck.harness.sweep.survey import Pairing, Survey
 
 MANY, FEW = 24, 4
 """Names that are told of those there are: all of so many, else so few."""

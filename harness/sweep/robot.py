@@ -12,20 +12,20 @@ from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from harness.cases.robot import judge_loaded, judge_robot, prepare_robot
-from harness.cases.robot_task import RobotTask, load_robot
-from harness.engines.registry import readers, runners
-from harness.records.outcome import Outcome
-from harness.robots.copies import copied
-from harness.robots.read import robot_numbers
-from harness.robots.system import RobotError
-from harness.sweep.known import Known, Timed
-from harness.sweep.planned import Planned
-from harness.sweep.recent import Recent
-from harness.sweep.source import Source
-from reference.multibody.tree import Tree
-from reference.resolved import Resolved
-from reference.samples import Samples
+from physics_crosscheck.harness.cases.robot import judge_loaded, judge_robot, prepare_robot
+from physics_crosscheck.harness.cases.robot_task import RobotTask, load_robot
+from physics_crosscheck.harness.engines.registry import readers, runners
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.robots.copies import copied
+from physics_crosscheck.harness.robots.read import robot_numbers
+from physics_crosscheck.harness.robots.system import RobotError
+from physics_crosscheck.harness.sweep.known import Known, Timed
+from physics_crosscheck.harness.sweep.planned import Planned
+from physics_crosscheck.harness.sweep.recent import Recent
+from physics_crosscheck.harness.sweep.source import Source
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.resolved import Resolved
+from physics_crosscheck.reference.samples import Samples
 
 
 @dataclass(frozen=True)

@@ -13,25 +13,25 @@ from typing import Any
 import numpy as np
 import scipy
 
-from harness.baseline.fingerprint import folder_files
-from harness.baseline.inputs import versions
-from harness.files.choice import NamedModel
-from harness.files.luggage import luggage
-from harness.files.parts import part_digests
-from harness.files.states import digest_of
-from harness.records.sweep import SweepPlan, SweepRow
-from harness.schedule.chosen import executor
-from harness.schedule.executor import Executor
-from harness.schedule.failure import Failure
-from harness.schedule.jobs import Job, Task, work
-from harness.schedule.stop import Stop
-from harness.sweep.case import run_block
-from harness.sweep.factors import SweepError
-from harness.sweep.known import blank
-from harness.sweep.plan import Plan, SweepOptions, plan
-from harness.sweep.planned import Block
-from harness.sweep.store import Store, arrow, begin, done, kept, taken
-from harness.sweep.survey import Survey, SurveyTask, survey
+from physics_crosscheck.harness.baseline.fingerprint import folder_files
+from physics_crosscheck.harness.baseline.inputs import versions
+from physics_crosscheck.harness.files.choice import NamedModel
+from physics_crosscheck.harness.files.luggage import luggage
+from physics_crosscheck.harness.files.parts import part_digests
+from physics_crosscheck.harness.files.states import digest_of
+from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
+from physics_crosscheck.harness.schedule.chosen import executor
+from physics_crosscheck.harness.schedule.executor import Executor
+from physics_crosscheck.harness.schedule.failure import Failure
+from physics_crosscheck.harness.schedule.jobs import Job, Task, work
+from physics_crosscheck.harness.schedule.stop import Stop
+from physics_crosscheck.harness.sweep.case import run_block
+from physics_crosscheck.harness.sweep.factors import SweepError
+from physics_crosscheck.harness.sweep.known import blank
+from physics_crosscheck.harness.sweep.plan import Plan, SweepOptions, plan
+from physics_crosscheck.harness.sweep.planned import Block
+from physics_crosscheck.harness.sweep.store import Store, arrow, begin, done, kept, taken
+from physics_crosscheck.harness.sweep.survey import Survey, SurveyTask, survey
 
 AHEAD = 2
 """Blocks in flight for each worker: one that it has, and one that waits for it."""

@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from harness.sweep.known import Known
-from harness.sweep.planned import Planned
+from physics_crosscheck.harness.sweep.known import Known
+from physics_crosscheck.harness.sweep.planned import Planned
 
 
 class Source(ABC):

@@ -17,12 +17,12 @@ from typing import Any
 
 import msgspec
 
-from harness.records.hold import hold
-from harness.records.outcome import contradiction
-from harness.records.sweep import SweepPlan, SweepRow
-from harness.records.write import encoded, write_whole
-from harness.sweep.factors import SweepError
-from harness.text.status import counted
+from physics_crosscheck.harness.records.hold import hold
+from physics_crosscheck.harness.records.outcome import contradiction
+from physics_crosscheck.harness.records.sweep import SweepPlan, SweepRow
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.sweep.factors import SweepError
+from physics_crosscheck.harness.text.status import counted
 
 ROWS = "rows"
 PLAN = "plan.json"

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from harness.records.base import number
-from harness.records.outcome import Outcome
-from harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
-from harness.sweep.most import Most
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepGroup, SweepPlan, SweepRow, SweepSummary
+from physics_crosscheck.harness.sweep.most import Most
 
 TROUBLES, EXTREMES = 10, 3
 """Cases that are told one by one: of those that did not agree, and of those with the fewest digits

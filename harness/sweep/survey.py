@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from harness.engines.registry import engines
-from harness.files.reads import recorded
-from harness.files.states import merged
-from harness.sweep.case import swept
-from harness.sweep.factors import Factor, meant
-from harness.sweep.source import Source
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.reads import recorded
+from physics_crosscheck.harness.files.states import merged
+from physics_crosscheck.harness.sweep.case import swept
+from physics_crosscheck.harness.sweep.factors import Factor, meant
+from physics_crosscheck.harness.sweep.source import Source
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,31 +12,35 @@ from typing import Any
 import numpy as np
 import sympy as sp
 
-from harness.cases.verdict import Verdict, component_scale, filled, judged
-from harness.cases.witness import failure
-from harness.engines.protocol import EngineError, Model
-from harness.engines.registry import engines
-from harness.files.model_files import UnreadModel, chosen_engines, model_files
-from harness.files.redrawn import Redrawn, redrawn
-from harness.files.sidecar import Sidecar, SidecarError
-from harness.numerics.batch import Batch
-from harness.numerics.convergence import largest
-from harness.numerics.coordinates import CoordinateFamily, CoordinateMap, coordinate_family
-from harness.numerics.full_run import sampled_run, why_no_run
-from harness.numerics.segments import extrapolate
-from harness.records.base import number
-from harness.records.outcome import FLOOR, Outcome
-from harness.sweep.known import Known, Timed
-from harness.sweep.planned import Planned
-from harness.sweep.recent import Recent
-from harness.sweep.source import Source
-from reference.declaration import Scenario
-from reference.derive import derive
-from reference.family import DrawnEquations, Family, solve_drawn
-from reference.load import load_system
-from reference.motion import Motion
-from reference.numeric import Array
-from reference.system import System
+from physics_crosscheck.harness.cases.verdict import Verdict, component_scale, filled, judged
+from physics_crosscheck.harness.cases.witness import failure
+from physics_crosscheck.harness.engines.protocol import EngineError, Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.model_files import UnreadModel, chosen_engines, model_files
+from physics_crosscheck.harness.files.redrawn import Redrawn, redrawn
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.convergence import largest
+from physics_crosscheck.harness.numerics.coordinates import (
+    CoordinateFamily,
+    CoordinateMap,
+    coordinate_family,
+)
+from physics_crosscheck.harness.numerics.full_run import sampled_run, why_no_run
+from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.harness.records.base import number
+from physics_crosscheck.harness.records.outcome import FLOOR, Outcome
+from physics_crosscheck.harness.sweep.known import Known, Timed
+from physics_crosscheck.harness.sweep.planned import Planned
+from physics_crosscheck.harness.sweep.recent import Recent
+from physics_crosscheck.harness.sweep.source import Source
+from physics_crosscheck.reference.declaration import Scenario
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.family import DrawnEquations, Family, solve_drawn
+from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.system import System
 
 
 @dataclass(frozen=True)

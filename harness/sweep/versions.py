@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from harness.records.sweep import SweepRow
-from harness.sweep.most import Most
+from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.harness.sweep.most import Most
 
 MOVED = 0.01
 """A global error that has changed by more than this share of itself is another."""

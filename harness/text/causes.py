@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from harness.records.base import Number
-from harness.records.cause import IN_FILE, Cause, digits_known
-from harness.records.finding import Explanation
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.cause import IN_FILE, Cause, digits_known
+from physics_crosscheck.harness.records.finding import Explanation
 
 SWITCHES = ("axis", "default", "exchange", "dropped")
 """Kinds that have no number: they hold or don't."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from harness.records.base import SourceLine
-from harness.records.comparison import Compared, ComparedProperty
-from harness.records.outcome import Outcome
-from harness.text.markup import escape
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.comparison import Compared, ComparedProperty
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.markup import escape
 
 MOST_SHOWN = 20
 """Of each kind; the record has all."""

@@ -7,18 +7,23 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from harness.records.comparison import Compared, Comparison, FileDifference, FileEdit
-from harness.records.outcome import Outcome
-from harness.text.compared_properties import (
+from physics_crosscheck.harness.records.comparison import (
+    Compared,
+    Comparison,
+    FileDifference,
+    FileEdit,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.compared_properties import (
     LEAST_ROUNDED,
     SIX_DIGITS,
     is_explained,
     print_properties,
     rounding_line,
 )
-from harness.text.markup import escape
-from harness.text.status import counted
-from harness.text.styles import STYLES
+from physics_crosscheck.harness.text.markup import escape
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.styles import STYLES
 
 MOST_TOLD = 20
 MOST_TERMS = 8

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from harness.records.coverage import Coverage, Unseen
-from harness.records.finding import BEYOND
-from harness.records.model import Model
-from harness.records.poses import Poses
-from harness.records.results import Results
-from harness.text.status import counted
+from physics_crosscheck.harness.records.coverage import Coverage, Unseen
+from physics_crosscheck.harness.records.finding import BEYOND
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.status import counted
 
 
 def coverage_lines(models: Iterable[Model]) -> list[str]:

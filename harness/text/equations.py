@@ -13,9 +13,9 @@ from typing import Any, Literal
 import jinja2
 import sympy as sp
 
-from harness.records import system as records
-from harness.records.base import Number
-from harness.text.layout import (
+from physics_crosscheck.harness.records import system as records
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.text.layout import (
     LatexFormulas,
     LatexTable,
     TextFormulas,
@@ -23,8 +23,8 @@ from harness.text.layout import (
     heading,
     text_matrix,
 )
-from harness.text.primes import primed
-from harness.text.typeset import Latex, Style, Terms, Text, latex_words
+from physics_crosscheck.harness.text.primes import primed
+from physics_crosscheck.harness.text.typeset import Latex, Style, Terms, Text, latex_words
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 
-from harness.records.base import Number, SourceLine
-from harness.records.case import Case
-from harness.records.finding import Diagnosis
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.text.causes import cause_sentences
-from harness.text.findings import audit_lines
-from harness.text.github import on_github, plain_line
-from harness.text.status import Decision
-from harness.text.visible import visible_lines
+from physics_crosscheck.harness.records.base import Number, SourceLine
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.causes import cause_sentences
+from physics_crosscheck.harness.text.findings import audit_lines
+from physics_crosscheck.harness.text.github import on_github, plain_line
+from physics_crosscheck.harness.text.status import Decision
+from physics_crosscheck.harness.text.visible import visible_lines
 
 
 def failure_message(

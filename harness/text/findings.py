@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 from msgspec.structs import replace
 
-from harness.records.base import SourceLine
-from harness.records.finding import AuditFinding
-from harness.text.places import shown_path
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.text.places import shown_path
 
 
 def audit_lines(findings: Iterable[AuditFinding], notes: bool = True) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.markup import escape as _escape
 
-from harness.text.visible import visible_lines
+from physics_crosscheck.harness.text.visible import visible_lines
 
 
 def escape(text: str) -> str:

@@ -14,11 +14,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from harness.records.base import Number
-from harness.records.case import Case, FullRun, ModelId
-from harness.records.outcome import Outcome
-from harness.text.markup import escape
-from harness.text.styles import STYLES
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.case import Case, FullRun, ModelId
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.markup import escape
+from physics_crosscheck.harness.text.styles import STYLES
 
 NAMES = ("system", "model", "engine")
 

@@ -7,12 +7,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.records.base import SourceLine
-from harness.records.finding import AuditFinding
-from harness.records.model import Model
-from harness.records.results import Results
-from harness.text.places import shown_line
-from harness.text.troubles import explained_alike
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.places import shown_line
+from physics_crosscheck.harness.text.troubles import explained_alike
 
 MOST = 3
 """Changes that are told; the page has them all."""

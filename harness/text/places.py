@@ -8,8 +8,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from harness.records.base import SourceLine
-from harness.records.finding import Explanation
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.finding import Explanation
 
 
 def shown_path(path: str | Path) -> str:

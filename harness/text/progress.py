@@ -15,11 +15,11 @@ from rich.progress import (
 )
 from rich.progress import Progress as Bar
 
-from harness.records.case import Case
-from harness.records.outcome import Outcome
-from harness.text.status import counted
-from harness.text.table import case_line
-from harness.text.visible import visible
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.table import case_line
+from physics_crosscheck.harness.text.visible import visible
 
 _COUNTED = (Outcome.AGREES, Outcome.ABSENT)
 """Cases without a line of their own: an engine that is absent is one line of the results."""

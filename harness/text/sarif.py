@@ -12,13 +12,13 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from urllib.parse import quote
 
-from harness.records.base import SourceLine
-from harness.records.model import Model
-from harness.records.results import Results
-from harness.text.github import Annotation, run_notes
-from harness.text.next_steps import Change
-from harness.text.places import column, is_spelled, shown_path
-from harness.text.visible import visible
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.github import Annotation, run_notes
+from physics_crosscheck.harness.text.next_steps import Change
+from physics_crosscheck.harness.text.places import column, is_spelled, shown_path
+from physics_crosscheck.harness.text.visible import visible
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/os/schemas/sarif-schema-2.1.0.json"
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from harness.records.case import Case
-from harness.records.model import Model
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class TestStatus(StrEnum):

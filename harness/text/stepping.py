@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from harness.records.case import Case, Stepping
-from harness.records.outcome import Outcome
-from harness.text.status import counted
+from physics_crosscheck.harness.records.case import Case, Stepping
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.status import counted
 
 
 def stepping_lines(cases: Iterable[Case]) -> list[str]:

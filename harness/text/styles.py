@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import Outcome
 
 STYLES: Mapping[str, str] = {
     Outcome.AGREES: "green", Outcome.ABSENT: "yellow", Outcome.REFUSED: "yellow",

@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.table import Table
 
-from harness.records.base import Number
-from harness.records.outcome import Outcome
-from harness.records.sweep import SweepRow, SweepSummary
-from harness.text.markup import escape
-from harness.text.status import counted
-from harness.text.styles import STYLES
-from harness.text.visible import visible
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow, SweepSummary
+from physics_crosscheck.harness.text.markup import escape
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.styles import STYLES
+from physics_crosscheck.harness.text.visible import visible
 
 MOST = 12
 """Cases that are told one by one."""

@@ -7,18 +7,18 @@ from collections.abc import Iterable, Sequence
 
 from rich.console import Console
 
-from harness.records.base import Number
-from harness.records.case import Case
-from harness.records.model import EngineLinearization, Model
-from harness.records.outcome import Outcome
-from harness.records.results import BaselineChanges, Results
-from harness.text.coverage import coverage_lines
-from harness.text.dynamics import dynamics_lines
-from harness.text.markup import escape
-from harness.text.models_table import known, print_models
-from harness.text.status import counted
-from harness.text.stepping import stepping_lines
-from harness.text.troubles import MOST_TOLD, print_troubles
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import EngineLinearization, Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChanges, Results
+from physics_crosscheck.harness.text.coverage import coverage_lines
+from physics_crosscheck.harness.text.dynamics import dynamics_lines
+from physics_crosscheck.harness.text.markup import escape
+from physics_crosscheck.harness.text.models_table import known, print_models
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.stepping import stepping_lines
+from physics_crosscheck.harness.text.troubles import MOST_TOLD, print_troubles
 
 GROWS = 1e-9
 """By how much more than rounding the largest eigenvalue of a step is off the unit circle."""

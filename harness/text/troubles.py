@@ -8,17 +8,17 @@ from itertools import groupby
 
 from rich.console import Console
 
-from harness.records.case import Case, ModelKey
-from harness.records.finding import SAME, AuditFinding
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
-from harness.text.findings import audit_lines
-from harness.text.markup import escape
-from harness.text.places import placed
-from harness.text.status import counted
-from harness.text.styles import STYLES
+from physics_crosscheck.harness.records.case import Case, ModelKey
+from physics_crosscheck.harness.records.finding import SAME, AuditFinding
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.causes import BEGIN_WITH_AUDIT, cause_sentences
+from physics_crosscheck.harness.text.findings import audit_lines
+from physics_crosscheck.harness.text.markup import escape
+from physics_crosscheck.harness.text.places import placed
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.styles import STYLES
 
 MOST_TOLD = 40
 

@@ -12,16 +12,22 @@ from msgspec.structs import replace
 from rich.console import Console
 from rich.measure import Measurement
 
-from harness.records.base import Number, SourceLine
-from harness.records.case import Case, CaseId
-from harness.records.history import digits_known
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.text.markup import escape
-from harness.text.next_steps import Change, changes_of
-from harness.text.status import counted
-from harness.text.troubles import explained_alike
-from harness.text.versions import MOST_TOLD, changes_table, error_change, say, verdicts
+from physics_crosscheck.harness.records.base import Number, SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.history import digits_known
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.markup import escape
+from physics_crosscheck.harness.text.next_steps import Change, changes_of
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.troubles import explained_alike
+from physics_crosscheck.harness.text.versions import (
+    MOST_TOLD,
+    changes_table,
+    error_change,
+    say,
+    verdicts,
+)
 
 Kind = Literal["verdict", "new", "gone", "digits", "global error", "step"]
 """What moves of a case; the worst first."""

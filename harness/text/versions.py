@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from rich.console import Console
 from rich.table import Table
 
-from harness.records.base import Number
-from harness.records.outcome import Outcome
-from harness.records.versions import Upgrade, VersionCase, Versions
-from harness.text.markup import escape
-from harness.text.status import counted
-from harness.text.styles import STYLES
+from physics_crosscheck.harness.records.base import Number
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.versions import Upgrade, VersionCase, Versions
+from physics_crosscheck.harness.text.markup import escape
+from physics_crosscheck.harness.text.status import counted
+from physics_crosscheck.harness.text.styles import STYLES
 
 MOST_TOLD = 40
 

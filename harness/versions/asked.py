@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.engines.registry import engines, readers
-from harness.files.folders import FolderError
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
-from harness.text.visible import visible
+from physics_crosscheck.harness.engines.registry import engines, readers
+from physics_crosscheck.harness.files.folders import FolderError
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.text.visible import visible
 
 _VERSION = re.compile(r"\d[\w.!+-]*")
 """A version's number (PEP 440, loosely): nothing that pip could take for an option or a path."""

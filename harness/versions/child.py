@@ -5,16 +5,16 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import physics_crosscheck
-from harness.engines.registry import engines
-from harness.records.read import decoded
-from harness.records.versions import Measured, VersionRun, VersionTask
-from harness.records.write import encoded, write_whole
-from harness.report import write_report
-from harness.run import Options, Run, Selection, run
-from harness.schedule.limits import Limits
-from harness.schedule.workers import Failure
-from harness.text.progress import Progress
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.paths import IMPORT_ROOT
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.versions import Measured, VersionRun, VersionTask
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.run import Options, Run, Selection, run
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.workers import Failure
+from physics_crosscheck.harness.text.progress import Progress
 
 
 def main(task: Path, found: Path) -> None:
@@ -35,7 +35,7 @@ def unusable(engine: str, wanted: str, package: str) -> str:
         wanted: the version.
         package: where this package lies.
     """
-    here = str(physics_crosscheck.BESIDE)
+    here = str(IMPORT_ROOT)
     if here != package:
         return (
             f"it has a physics-crosscheck of its own in {here}, which would be run instead of this"

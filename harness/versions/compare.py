@@ -11,14 +11,20 @@ from dataclasses import dataclass
 
 from msgspec.structs import replace
 
-from harness.baseline.changes import Difference, Status, compare
-from harness.baseline.entry import entry_of
-from harness.baseline.fingerprint import dependencies
-from harness.baseline.movement import apart, of_equations, of_model
-from harness.records.baseline import AcceptedCase, Measurement
-from harness.records.case import Case, CaseId
-from harness.records.versions import CaseChange, Measured, Upgrade, VersionCase, VersionRun
-from harness.versions.models import changed_models
+from physics_crosscheck.harness.baseline.changes import Difference, Status, compare
+from physics_crosscheck.harness.baseline.entry import entry_of
+from physics_crosscheck.harness.baseline.fingerprint import dependencies
+from physics_crosscheck.harness.baseline.movement import apart, of_equations, of_model
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.versions import (
+    CaseChange,
+    Measured,
+    Upgrade,
+    VersionCase,
+    VersionRun,
+)
+from physics_crosscheck.harness.versions.models import changed_models
 
 _WORST_FIRST: tuple[CaseChange, ...] = (
     "not compared", "fails", "loads", "verdict", "limit", "equations", "discrepancy",

@@ -22,9 +22,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.records.hold import hold
-from harness.records.write import write_whole
-from harness.text.visible import visible
+from physics_crosscheck.harness.records.hold import hold
+from physics_crosscheck.harness.records.write import write_whole
+from physics_crosscheck.harness.text.visible import visible
 
 READY = "made-by-crosscheck.txt"
 """Written last: an environment without it is half made, and is made anew."""

@@ -9,9 +9,9 @@ import tempfile
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
-import physics_crosscheck
-from harness.text.visible import visible
-from harness.versions.environments import EnvironmentError_, site_folders
+from physics_crosscheck.harness.paths import IMPORT_ROOT
+from physics_crosscheck.harness.text.visible import visible
+from physics_crosscheck.harness.versions.environments import EnvironmentError_, site_folders
 
 _BEGIN = """
 import pathlib, site, sys
@@ -27,7 +27,7 @@ for place in filter(None, places.split(separator)):
         site.addsitedir(place)
 try:
     import physics_crosscheck
-    from harness.versions.child import unusable
+    from physics_crosscheck.harness.versions.child import unusable
 except ImportError as error:
     end(f"{type(error).__name__}: {error}")
 if said := unusable(engine, version, package):
@@ -57,7 +57,7 @@ def launch(
         EnvironmentError_: where it can't be done, with the reason.
     """
     here = f"{sys.version_info.major}.{sys.version_info.minor}"
-    places, package = os.pathsep.join(site_folders()), str(physics_crosscheck.BESIDE)
+    places, package = os.pathsep.join(site_folders()), str(IMPORT_ROOT)
     with tempfile.TemporaryDirectory(prefix="crosscheck-") as scratch:
         why = Path(scratch) / "why.txt"
         given = here, places, os.pathsep, package, engine, version, str(why), *words
@@ -81,7 +81,7 @@ def _surroundings() -> Mapping[str, str]:
     Where this package is installed it is found with its dependencies, after the environment's own
     packages: before them, the engine beside it would be the one that is run.
     """
-    here = str(physics_crosscheck.BESIDE)
+    here = str(IMPORT_ROOT)
     if here in {str(Path(place).resolve()) for place in site_folders()}:
         return os.environ
     path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH", "")]))

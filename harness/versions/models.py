@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.records.base import Rows
-from harness.records.finding import AuditFinding
-from harness.records.model import EngineLinearization, Model
-from harness.records.versions import ModelChange, VersionModel, VersionRun
+from physics_crosscheck.harness.records.base import Rows
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.model import EngineLinearization, Model
+from physics_crosscheck.harness.records.versions import ModelChange, VersionModel, VersionRun
 
 _ALIKE = 1e-9
 """Numbers of a remark that are this close, relatively, are the same."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.files.reads import user_cache
+from physics_crosscheck.harness.files.reads import user_cache
 
 
 def cache() -> Path:

@@ -14,32 +14,32 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-from harness.engines.registry import distribution, engines
-from harness.records.read import decoded
-from harness.records.versions import (
+from physics_crosscheck.harness.engines.registry import distribution, engines
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.versions import (
     EngineVersion,
     Repeated,
     VersionRun,
     Versions,
     VersionTask,
 )
-from harness.records.write import encoded, write_whole
-from harness.schedule.limits import Limits
-from harness.text.visible import visible
-from harness.versions.asked import AskedModels, AskedVersion
-from harness.versions.compare import upgrade
-from harness.versions.environments import (
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.text.visible import visible
+from physics_crosscheck.harness.versions.asked import AskedModels, AskedVersion
+from physics_crosscheck.harness.versions.compare import upgrade
+from physics_crosscheck.harness.versions.environments import (
     EnvironmentError_,
     Requirement,
     Tell,
     environment,
     interpreter,
 )
-from harness.versions.launch import launch
-from harness.versions.place import cache
+from physics_crosscheck.harness.versions.launch import launch
+from physics_crosscheck.harness.versions.place import cache
 
 _CHILD = """
-from harness.versions.child import main
+from physics_crosscheck.harness.versions.child import main
 main(*map(pathlib.Path, rest))
 """
 

@@ -7,10 +7,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from reference.multibody.algebra import DOUBLES, about_axis
-from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Site, Triple, powers
-from reference.multibody.lump import HERE, NOTHING, Lump, Place
-from reference.multibody.tree import (
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, about_axis
+from physics_crosscheck.reference.multibody.bodies import (
+    Coupling,
+    Joint,
+    Pull,
+    RigidBody,
+    Site,
+    Triple,
+    powers,
+)
+from physics_crosscheck.reference.multibody.lump import HERE, NOTHING, Lump, Place
+from physics_crosscheck.reference.multibody.tree import (
     VELOCITIES,
     WORLD,
     Bush,
@@ -20,10 +28,10 @@ from reference.multibody.tree import (
     Tree,
     TreeError,
 )
-from reference.multibody.tree import Coupling as TreeCoupling
-from reference.multibody.tree import Pull as TreePull
-from reference.multibody.ways import JointForce, Mark, Way
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.tree import Coupling as TreeCoupling
+from physics_crosscheck.reference.multibody.tree import Pull as TreePull
+from physics_crosscheck.reference.multibody.ways import JointForce, Mark, Way
+from physics_crosscheck.reference.numeric import Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,11 +14,11 @@ from typing import get_args
 
 import numpy as np
 
-from reference.multibody.algebra import from_quaternion, from_rpy
-from reference.multibody.lump import Lump, Place
-from reference.multibody.tree import Kind, TreeError
-from reference.multibody.ways import Cord, FrameForce, JointForce
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.algebra import from_quaternion, from_rpy
+from physics_crosscheck.reference.multibody.lump import Lump, Place
+from physics_crosscheck.reference.multibody.tree import Kind, TreeError
+from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce
+from physics_crosscheck.reference.numeric import Array
 
 Triple = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from reference.multibody.algebra import (
+from physics_crosscheck.reference.multibody.algebra import (
     DOUBLES,
     Field,
     Scalars,
@@ -16,7 +16,7 @@ from reference.multibody.algebra import (
     turned,
     turned_back,
 )
-from reference.multibody.tree import Bush, Tree
+from physics_crosscheck.reference.multibody.tree import Bush, Tree
 
 
 class Bushes:

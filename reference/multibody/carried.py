@@ -11,8 +11,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from reference.multibody.algebra import Field, Scalars, cross, product, turned, turned_back
-from reference.multibody.tree import Link
+from physics_crosscheck.reference.multibody.algebra import (
+    Field,
+    Scalars,
+    cross,
+    product,
+    turned,
+    turned_back,
+)
+from physics_crosscheck.reference.multibody.tree import Link
 
 INERTIAS = np.array([
     np.outer(one, other) + (np.outer(other, one) if k > 2 else 0)

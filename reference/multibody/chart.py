@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference.multibody.algebra import (
+from physics_crosscheck.reference.multibody.algebra import (
     DOUBLES,
     Field,
     Scalars,
@@ -24,7 +24,7 @@ from reference.multibody.algebra import (
     turned,
     turned_back,
 )
-from reference.multibody.tree import Kind, Tree
+from physics_crosscheck.reference.multibody.tree import Kind, Tree
 
 AXES = ("x", "y", "z")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from reference.multibody.algebra import DOUBLES, Field, Scalars
-from reference.multibody.chart import Chart
-from reference.multibody.coupled import Coupled
-from reference.multibody.dynamics import Dynamics, solved
-from reference.multibody.tree import Tree
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, Field, Scalars
+from physics_crosscheck.reference.multibody.chart import Chart
+from physics_crosscheck.reference.multibody.coupled import Coupled
+from physics_crosscheck.reference.multibody.dynamics import Dynamics, solved
+from physics_crosscheck.reference.multibody.tree import Tree
 
 
 class Charted:

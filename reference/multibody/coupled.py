@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from reference.multibody.algebra import DOUBLES, Field, Scalars
-from reference.multibody.tree import Coupling, Tree, TreeError
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, Field, Scalars
+from physics_crosscheck.reference.multibody.tree import Coupling, Tree, TreeError
 
 
 class Coupled:

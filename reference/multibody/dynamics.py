@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from reference.multibody.algebra import DOUBLES, Field, Scalars, cross, turned
-from reference.multibody.bushes import Bushes
-from reference.multibody.medium import Immersion
-from reference.multibody.pulls import Pulls
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import Tree, TreeError
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, Field, Scalars, cross, turned
+from physics_crosscheck.reference.multibody.bushes import Bushes
+from physics_crosscheck.reference.multibody.medium import Immersion
+from physics_crosscheck.reference.multibody.pulls import Pulls
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import Tree, TreeError
 
 
 class Dynamics:

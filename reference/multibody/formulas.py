@@ -14,9 +14,9 @@ import sympy as sp
 from sympy.polys.domains import RR
 from sympy.polys.rings import PolyRing
 
-from reference.multibody.algebra import Scalars, objects
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.tree import Tree
+from physics_crosscheck.reference.multibody.algebra import Scalars, objects
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.tree import Tree
 
 MOST_JOINTS = 3
 """Beyond, there are too many terms to be read, whatever the masses are."""

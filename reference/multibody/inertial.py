@@ -6,8 +6,8 @@ from dataclasses import fields
 
 import numpy as np
 
-from reference.multibody.tree import Link, Tree
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.tree import Link, Tree
+from physics_crosscheck.reference.numeric import Array
 
 _OWN = ("mass", "center", "inertia")
 _LINKS = tuple(one.name for one in fields(Link) if one.name not in _OWN)

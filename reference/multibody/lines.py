@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from reference.multibody.algebra import (
+from physics_crosscheck.reference.multibody.algebra import (
     DOUBLES,
     VANISHING,
     Field,
@@ -19,10 +19,10 @@ from reference.multibody.algebra import (
     turned,
     turned_back,
 )
-from reference.multibody.carried import Acting, Placement
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import WORLD, Link, Tree
-from reference.multibody.ways import Cord, FrameForce, JointForce, Mark, Way
+from physics_crosscheck.reference.multibody.carried import Acting, Placement
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import WORLD, Link, Tree
+from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce, Mark, Way
 
 Line = tuple[Scalars, Scalars]
 """A length, (1, ...), and its rates by the velocities, or what stands for them, (nv, ...)."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference.numeric import Array
+from physics_crosscheck.reference.numeric import Array
 
 
 class Place(NamedTuple):

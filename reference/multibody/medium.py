@@ -18,11 +18,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reference.multibody.algebra import DOUBLES, Field, Scalars, cross, turned, turned_back
-from reference.multibody.carried import Acting, Moving, Placement
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import Immersed, Medium, Tree
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.algebra import (
+    DOUBLES,
+    Field,
+    Scalars,
+    cross,
+    turned,
+    turned_back,
+)
+from physics_crosscheck.reference.multibody.carried import Acting, Moving, Placement
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import Immersed, Medium, Tree
+from physics_crosscheck.reference.numeric import Array
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference.multibody.algebra import DOUBLES, Field, Scalars
-from reference.multibody.lines import Lines
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import Pull, Tree
-from reference.multibody.ways import Cord, FrameForce, JointForce
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, Field, Scalars
+from physics_crosscheck.reference.multibody.lines import Lines
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import Pull, Tree
+from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce
 
 
 class _Line(NamedTuple):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from reference.multibody.algebra import (
+from physics_crosscheck.reference.multibody.algebra import (
     DOUBLES,
     Field,
     Scalars,
@@ -22,7 +22,7 @@ from reference.multibody.algebra import (
     turned,
     turned_back,
 )
-from reference.multibody.carried import (
+from physics_crosscheck.reference.multibody.carried import (
     Acting,
     Columns,
     Composite,
@@ -35,7 +35,7 @@ from reference.multibody.carried import (
     tall,
     widened,
 )
-from reference.multibody.tree import WORLD, Tree
+from physics_crosscheck.reference.multibody.tree import WORLD, Tree
 
 
 class Recursion:

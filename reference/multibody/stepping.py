@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from reference.multibody.algebra import Scalars
-from reference.multibody.chart import Chart
-from reference.multibody.coupled import Coupled
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.tree import Tree
+from physics_crosscheck.reference.multibody.algebra import Scalars
+from physics_crosscheck.reference.multibody.chart import Chart
+from physics_crosscheck.reference.multibody.coupled import Coupled
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.tree import Tree
 
 
 class SteppedTree:

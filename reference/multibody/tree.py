@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from reference.multibody.ways import JointForce, Way
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.ways import JointForce, Way
+from physics_crosscheck.reference.numeric import Array
 
 Kind = Literal["hinge", "slide", "ball", "free"]
 """Of a joint: it turns about an axis, slides along one, turns any way, or moves any way."""

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from reference.numeric import Array
+from physics_crosscheck.reference.numeric import Array
 
 P = TypeVar("P")
 Q = TypeVar("Q")

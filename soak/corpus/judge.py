@@ -25,11 +25,11 @@ from pathlib import Path
 
 import msgspec
 
-from harness.cli.exit_codes import exit_code
-from harness.cli.main import main
-from harness.records.outcome import Outcome
-from harness.records.read import ResultsError, read_results
-from harness.records.results import Results
+from physics_crosscheck.harness.cli.exit_codes import exit_code
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import ResultsError, read_results
+from physics_crosscheck.harness.records.results import Results
 from soak.corpus.entry import RUN, Entry
 from soak.corpus.sound import sound
 
@@ -39,7 +39,7 @@ LONGEST = 1200
 MEMORY = 12 << 30
 """Bytes of address space for everything that an entry starts: a bomb must not take the machine."""
 
-_PLUGINS = ("-p", "no:cacheprovider", "-p", "pytest_crosscheck")
+_PLUGINS = ("-p", "no:cacheprovider", "-p", "physics_crosscheck.pytest_plugin")
 ROOT = Path(__file__).parents[2]
 
 

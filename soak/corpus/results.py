@@ -15,7 +15,7 @@ _NAMED = r"results\.json"
 
 def _example() -> Any:
     """Results with every field of the records."""
-    from harness.records.results import Results
+    from physics_crosscheck.harness.records.results import Results
     from tests.records.examples import example
 
     return example(Results)

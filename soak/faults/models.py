@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import Outcome
 from soak.corpus.sound import sound
 from soak.faults.fault import Fault
 from soak.faults.scene import Undisturbed, scene, told_wrong, verdicts

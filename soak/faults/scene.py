@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from harness.records.outcome import Outcome
-from harness.records.read import ResultsError, read_results
-from harness.records.results import Results
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import ResultsError, read_results
+from physics_crosscheck.harness.records.results import Results
 from soak.corpus.sound import sound
 
 ROOT = Path(__file__).parents[2]
@@ -74,7 +74,7 @@ class Scene:
         """The run of all folders."""
         own = ["run", *self.folders(), "--out", str(self.out), "--jobs", "2"]
         own += ["--baseline", str(self.place / "baseline")]
-        return [sys.executable, "-m", "harness", *own, *further]
+        return [sys.executable, "-m", "physics_crosscheck", *own, *further]
 
     def environment(self) -> dict[str, str]:
         """What makes a process one of this scene."""

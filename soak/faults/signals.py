@@ -10,7 +10,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import Outcome
 from soak.faults.fault import Fault
 from soak.faults.scene import Scene, Undisturbed, scene, told_wrong, verdicts
 

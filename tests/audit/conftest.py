@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.sidecar import read_sidecar
-from harness.records.finding import AuditFinding
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.records.finding import AuditFinding
 from tests.audit.models import MODELS, Look, audit
 from tests.physics import physics as prepared
 from tests.standing import standing_only

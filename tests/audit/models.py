@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from harness.audit.run import run_audit
-from harness.audit.task import audit_task
-from harness.cases.prepare import Prepared
-from harness.files.sidecar import Sidecar
-from harness.records.finding import AuditFinding
+from physics_crosscheck.harness.audit.run import run_audit
+from physics_crosscheck.harness.audit.task import audit_task
+from physics_crosscheck.harness.cases.prepare import Prepared
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.records.finding import AuditFinding
 
 MODELS = Path(__file__).parents[2] / "models"
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.audit.remarks import where
-from harness.engines.mujoco import MujocoModel
-from harness.engines.protocol import Array, Model
-from harness.engines.remark import Remark
-from harness.files.sidecar import read_sidecar
-from harness.records.base import SourceLine
+from physics_crosscheck.harness.audit.remarks import where
+from physics_crosscheck.harness.engines.mujoco import MujocoModel
+from physics_crosscheck.harness.engines.protocol import Array, Model
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.records.base import SourceLine
 from tests.audit.models import MODELS, Look, said
 
 

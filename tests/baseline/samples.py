@@ -6,10 +6,10 @@ from typing import Any
 
 import msgspec
 
-from harness.baseline.entry import summarized
-from harness.baseline.file import SystemBaseline
-from harness.baseline.seal import snapshot_key
-from harness.records.baseline import (
+from physics_crosscheck.harness.baseline.entry import summarized
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.seal import snapshot_key
+from physics_crosscheck.harness.records.baseline import (
     AcceptedCase,
     Declared,
     Identified,
@@ -17,8 +17,8 @@ from harness.records.baseline import (
     OnAccepted,
     Snapshot,
 )
-from harness.records.case import Case, FullRun, Verdict
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.case import Case, FullRun, Verdict
+from physics_crosscheck.harness.records.outcome import Outcome
 
 SYSTEM = "spring"
 NUMERICS = 7

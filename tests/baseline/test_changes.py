@@ -8,16 +8,21 @@ from typing import Any
 import msgspec
 import pytest
 
-from harness.baseline.changes import Difference, Status, compare
-from harness.baseline.classify import Change, classify
-from harness.baseline.costs import GLOBAL
-from harness.baseline.file import SystemBaseline
-from harness.baseline.fingerprint import FolderFiles, ModelFiles
-from harness.baseline.movement import of_model
-from harness.records.baseline import AcceptedCase, Identified, Measurement, OnAccepted
-from harness.records.case import Case
-from harness.records.outcome import Outcome
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.baseline.changes import Difference, Status, compare
+from physics_crosscheck.harness.baseline.classify import Change, classify
+from physics_crosscheck.harness.baseline.costs import GLOBAL
+from physics_crosscheck.harness.baseline.file import SystemBaseline
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles
+from physics_crosscheck.harness.baseline.movement import of_model
+from physics_crosscheck.harness.records.baseline import (
+    AcceptedCase,
+    Identified,
+    Measurement,
+    OnAccepted,
+)
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.schedule.workers import Failure
 from tests.baseline.samples import (
     ENDS,
     ENTRY,
@@ -231,7 +236,7 @@ def test_a_case_that_the_baseline_does_not_know_is_new_with_what_would_be_accept
 
 
 def test_the_numerics_version_comes_from_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.baseline.fingerprint.VERSION", NUMERICS)
+    monkeypatch.setattr("physics_crosscheck.harness.baseline.fingerprint.VERSION", NUMERICS)
     assert classified(measurement(), one=baseline()).status is Status.SAME
-    monkeypatch.setattr("harness.baseline.fingerprint.VERSION", NUMERICS + 1)
+    monkeypatch.setattr("physics_crosscheck.harness.baseline.fingerprint.VERSION", NUMERICS + 1)
     assert classified(measurement(), one=baseline()).kinds == ("tool",)

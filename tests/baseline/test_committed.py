@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.baseline.fingerprint import folder_files
-from harness.baseline.stale import location
-from harness.baseline.store import read_baseline
-from harness.engines.registry import engines
-from harness.files.folders import system_folders
-from harness.records.case import CaseId
+from physics_crosscheck.harness.baseline.fingerprint import folder_files
+from physics_crosscheck.harness.baseline.stale import location
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import system_folders
+from physics_crosscheck.harness.records.case import CaseId
 
 ROOT = Path(__file__).parents[2]
 

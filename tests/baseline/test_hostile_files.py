@@ -12,17 +12,17 @@ from typing import Any
 import msgspec
 import pytest
 
-from harness.baseline.file import file_text, read_file
-from harness.baseline.seal import canonical, sealed, snapshot_key
-from harness.baseline.store import BaselineError, accepted_text, read_baseline
-from harness.records.baseline import (
+from physics_crosscheck.harness.baseline.file import file_text, read_file
+from physics_crosscheck.harness.baseline.seal import canonical, sealed, snapshot_key
+from physics_crosscheck.harness.baseline.store import BaselineError, accepted_text, read_baseline
+from physics_crosscheck.harness.records.baseline import (
     AcceptedAudit,
     AcceptedCase,
     AcceptedFinding,
     Declared,
     Snapshot,
 )
-from harness.records.read import decoded
+from physics_crosscheck.harness.records.read import decoded
 from tests.baseline.samples import ENTRY, SNAPSHOT, SYSTEM, baseline, entry
 
 Table = dict[str, Any]

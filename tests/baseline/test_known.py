@@ -8,15 +8,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from harness.baseline import known
-from harness.baseline.fingerprint import FolderFiles, ModelFiles
-from harness.baseline.known import Accepted, changes_since, mark_known
-from harness.baseline.store import write_baseline
-from harness.records.baseline import AcceptedCase, Measurement
-from harness.records.case import Case, CaseId
-from harness.records.outcome import Outcome
-from harness.records.results import BaselineChange
-from harness.schedule.workers import Failure
+from physics_crosscheck.harness.baseline import known
+from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, ModelFiles
+from physics_crosscheck.harness.baseline.known import Accepted, changes_since, mark_known
+from physics_crosscheck.harness.baseline.store import write_baseline
+from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChange
+from physics_crosscheck.harness.schedule.workers import Failure
 from tests.baseline.samples import (
     ENTRY,
     FILES,
@@ -34,7 +34,7 @@ KNOWN = entry(outcome=Outcome.DIFFERS, discrepancy=1e-3, reason="the engine's ow
 
 @pytest.fixture(autouse=True)
 def numerics(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.baseline.fingerprint.VERSION", NUMERICS)
+    monkeypatch.setattr("physics_crosscheck.harness.baseline.fingerprint.VERSION", NUMERICS)
 
 
 def accepted(*entries: AcceptedCase) -> Accepted:
@@ -183,7 +183,7 @@ def test_a_folder_with_a_file_that_can_t_be_read_ends_no_run_and_is_not_as_accep
     def refuse(folder: Path, _: Path) -> FolderFiles:
         raise PermissionError(13, "Permission denied", str(folder / "mesh.stl"))
 
-    monkeypatch.setattr("harness.baseline.known.folder_files", refuse)
+    monkeypatch.setattr("physics_crosscheck.harness.baseline.known.folder_files", refuse)
     write_baseline(tmp_path, [baseline()], {})
     found = known.accepted(tmp_path, [FOLDER], 1e-9)
     assert found is not None

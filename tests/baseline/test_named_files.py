@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.baseline.fingerprint import BESIDE, folder_files
-from harness.cached import piece_of_robot
-from harness.files.parts import named_files
+from physics_crosscheck.harness.baseline.fingerprint import BESIDE, folder_files
+from physics_crosscheck.harness.cached import piece_of_robot
+from physics_crosscheck.harness.files.parts import named_files
 
 SIDECAR = 'engines = ["mujoco"]\n'
 

@@ -6,14 +6,19 @@ import msgspec
 import numpy as np
 import pytest
 
-from harness.baseline.measure import comparable, is_accepted
-from harness.baseline.seal import snapshot_key
-from harness.baseline.snapshot import inputs_of, same_motion, segments_of, snapshot_of
-from harness.cases.prepare import prepare
-from harness.files.folders import system_folders
-from harness.records.baseline import Snapshot
-from harness.records.read import decoded
-from harness.records.write import encoded
+from physics_crosscheck.harness.baseline.measure import comparable, is_accepted
+from physics_crosscheck.harness.baseline.seal import snapshot_key
+from physics_crosscheck.harness.baseline.snapshot import (
+    inputs_of,
+    same_motion,
+    segments_of,
+    snapshot_of,
+)
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.files.folders import system_folders
+from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.write import encoded
 from tests.baseline.samples import SNAPSHOT, measurement
 
 

@@ -1,7 +1,15 @@
 """A robot's arm of two joints, as a person would write it: for what is too long to read."""
 
-from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System
-from reference.kinematics import ground
+from physics_crosscheck.reference import (
+    Constant,
+    Coordinate,
+    Equilibrium,
+    Input,
+    Output,
+    Scenario,
+    System,
+)
+from physics_crosscheck.reference.kinematics import ground
 
 
 def _constant(name: str, value: float, unit: str) -> Constant:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from harness.cases.case import linearization_task, run_linearizations
-from harness.cases.prepare import prepare
-from harness.engines.registry import engines
-from harness.files.folders import builtin
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
-from harness.records.case import Case, CheckedStep
+from physics_crosscheck.harness.cases.case import linearization_task, run_linearizations
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.records.case import Case, CheckedStep
 from tests.records.made import case, full_run, verdict
 
 FOLDERS = sorted(path.parent for path in builtin().glob("*/system.py"))

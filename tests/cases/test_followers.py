@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.cases.robot import prepare_robot, run_robot
-from harness.engines.registry import readers, standing
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.engines.registry import readers, standing
+from physics_crosscheck.harness.records.outcome import Outcome
 
 INERTIA = '<inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/>'
 URDF = f"""<robot name="gripper"><link name="w"/>

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.records.cause import CauseId
-from harness.records.read import read_results
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.read import read_results
 from tests.commands import crosscheck
 from tests.faults.known_folder import ROOT, one_scenario
 

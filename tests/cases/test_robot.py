@@ -10,14 +10,19 @@ from pathlib import Path
 import pybullet_data
 import pytest
 
-from harness.cases.robot import PreparedRobot, follow_robot, prepare_robot, run_robot
-from harness.engines.protocol import EngineError
-from harness.engines.registry import engines, runners, standing
-from harness.files.locations.xml import no_xml
-from harness.records.outcome import Outcome
-from harness.records.read import read_results
-from harness.robots.system import RobotError
-from harness.schedule.workers import Workers
+from physics_crosscheck.harness.cases.robot import (
+    PreparedRobot,
+    follow_robot,
+    prepare_robot,
+    run_robot,
+)
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.registry import engines, runners, standing
+from physics_crosscheck.harness.files.locations.xml import no_xml
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.robots.system import RobotError
+from physics_crosscheck.harness.schedule.workers import Workers
 from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())

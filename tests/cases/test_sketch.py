@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from harness.cases.sketch import sketch_record, tree
-from harness.files.folders import builtin
-from harness.report.drawing import drawing, evaluate
-from reference import System
-from reference.load import load_system
-from reference.sketch import Link
+from physics_crosscheck.harness.cases.sketch import sketch_record, tree
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.report.drawing import drawing, evaluate
+from physics_crosscheck.reference import System
+from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.reference.sketch import Link
 
 NAMES = sorted(path.parent.name for path in builtin().glob("*/system.py"))
 

@@ -10,17 +10,17 @@ from pathlib import Path
 
 import pytest
 
-from harness import cached
-from harness.audits import audits
-from harness.baseline.inputs import inputs
-from harness.cached import models_inputs
-from harness.cli.main import main
-from harness.options import Options
-from harness.records.outcome import Outcome
-from harness.records.read import read_results
-from harness.records.results import Results
-from harness.run import run as run_all
-from harness.schedule.workers import Workers
+from physics_crosscheck.harness import cached
+from physics_crosscheck.harness.audits import audits
+from physics_crosscheck.harness.baseline.inputs import inputs
+from physics_crosscheck.harness.cached import models_inputs
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.options import Options
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.run import run as run_all
+from physics_crosscheck.harness.schedule.workers import Workers
 from tests.faults.known_folder import KNOWN_ANSWER, known_folder
 from tests.mutation.test_trees import MODEL, SYSTEM
 from tests.robots.files import joint, link

@@ -16,18 +16,18 @@ import jsonschema
 import pytest
 from rich.console import Console
 
-from harness.cli.exit_codes import exit_code
-from harness.cli.main import main
-from harness.engines.mujoco import MujocoEngine
-from harness.files.folders import builtin
-from harness.records.case import Case
-from harness.records.finding import AuditFinding, Diagnosis
-from harness.records.outcome import Outcome
-from harness.records.read import read_results
-from harness.records.results import Results
-from harness.records.schema import schema
-from harness.text.status import Decision, TestStatus, status_of
-from harness.text.table import print_results, summary
+from physics_crosscheck.harness.cli.exit_codes import exit_code
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.engines.mujoco import MujocoEngine
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.schema import schema
+from physics_crosscheck.harness.text.status import Decision, TestStatus, status_of
+from physics_crosscheck.harness.text.table import print_results, summary
 from tests.commands import crosscheck
 from tests.records.made import case, finding, model, results
 from tests.standing import brief, standing_only
@@ -38,7 +38,7 @@ ROOT = Path(__file__).parents[2]
 def by_itself(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run `crosscheck` in a process of its own."""
     return subprocess.run(
-        [sys.executable, "-m", "harness", *map(str, arguments)],
+        [sys.executable, "-m", "physics_crosscheck", *map(str, arguments)],
         cwd=cwd,
         capture_output=True,
         text=True,
@@ -256,7 +256,9 @@ def test_where_no_engine_is_installed_nothing_passes_and_the_remedy_is_told(
 
 @pytest.mark.parametrize("closing", [">&-", ">&- 2>&-", "| head -c 1", "2>&- | head -c 1"])
 def test_streams_that_nobody_reads_change_nothing(tmp_path: Path, closing: str) -> None:
-    shell = f"{sys.executable} -m harness engines {closing}; echo ${{PIPESTATUS[0]}} > code"
+    shell = (
+        f"{sys.executable} -m physics_crosscheck engines {closing}; echo ${{PIPESTATUS[0]}} > code"
+    )
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         ["bash", "-c", shell], cwd=tmp_path, env=environment, capture_output=True, text=True
@@ -269,7 +271,7 @@ def test_streams_that_nobody_reads_change_nothing(tmp_path: Path, closing: str) 
 def test_what_could_not_be_printed_for_want_of_room_is_told(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with Path("/dev/full").open("w") as full:
-        command = [sys.executable, "-m", "harness", "engines"]
+        command = [sys.executable, "-m", "physics_crosscheck", "engines"]
         done = subprocess.run(
             command, cwd=tmp_path, env=environment, stdout=full, stderr=subprocess.PIPE, text=True
         )
@@ -281,7 +283,7 @@ def test_what_could_not_be_printed_for_want_of_room_is_told(tmp_path: Path) -> N
 def test_a_run_writes_its_files_where_nobody_reads_what_it_prints(
     folder: Path, tmp_path: Path
 ) -> None:
-    run = f"{sys.executable} -m harness run 'my mass' --engine pymunk --out out"
+    run = f"{sys.executable} -m physics_crosscheck run 'my mass' --engine pymunk --out out"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "CI": "1"}
     done = subprocess.run(["bash", "-c", f"{run} >&- 2>&-"], cwd=tmp_path, env=environment)
     assert done.returncode == 0

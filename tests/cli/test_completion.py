@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli.completion import SHELLS
+from physics_crosscheck.harness.cli.completion import SHELLS
 from tests.faults.known_folder import environment
 
 
 def completions(line: str, here: Path) -> list[str]:
     told = here / "told"
     subprocess.run(
-        [sys.executable, "-m", "harness"],
+        [sys.executable, "-m", "physics_crosscheck"],
         cwd=here,
         check=False,
         timeout=300,
@@ -52,7 +52,7 @@ def test_what_is_typed_is_completed(tmp_path: Path, line: str, wanted: list[str]
 @pytest.mark.parametrize("shell", SHELLS)
 def test_each_shell_has_its_script(shell: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "harness", "completion", shell],
+        [sys.executable, "-m", "physics_crosscheck", "completion", shell],
         capture_output=True,
         text=True,
         check=True,

@@ -12,16 +12,16 @@ from typing import Any
 
 import pytest
 
-from harness import cached
-from harness.baseline.inputs import with_reads_of_system
-from harness.cli.main import main
-from harness.collected import Collected
-from harness.options import Options
-from harness.plan_robots import RobotWork
-from harness.records.case import Case
-from harness.records.journal import NAME, Work, journal
-from harness.records.read import read_results
-from harness.text.progress import Progress
+from physics_crosscheck.harness import cached
+from physics_crosscheck.harness.baseline.inputs import with_reads_of_system
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.collected import Collected
+from physics_crosscheck.harness.options import Options
+from physics_crosscheck.harness.plan_robots import RobotWork
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.journal import NAME, Work, journal
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.text.progress import Progress
 from tests.faults.known_folder import KNOWN, KNOWN_ANSWER, SYSTEM, known_folder
 from tests.robots.files import joint, link
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from harness.cli.main import main
-from harness.report.sweep import render_sweep
-from harness.sweep.store import read_plan, read_rows
-from harness.sweep.summary import summary
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.report.sweep import render_sweep
+from physics_crosscheck.harness.sweep.store import read_plan, read_rows
+from physics_crosscheck.harness.sweep.summary import summary
 from tests.sweep.made import swept_folder
 
 

@@ -12,8 +12,8 @@ from queue import Queue
 
 import pytest
 
-from harness.records.outcome import Outcome
-from harness.records.read import read_results
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import read_results
 from tests.cli.test_choosing import crosscheck, place
 from tests.faults.known_folder import environment
 
@@ -25,7 +25,7 @@ class Watching:
 
     def __init__(self, place: Path, *arguments: str) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "harness", "run", "--watch", *arguments],
+            [sys.executable, "-m", "physics_crosscheck", "run", "--watch", *arguments],
             cwd=place,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

@@ -4,11 +4,11 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from harness.compare.candidate import candidate
-from harness.compare.compare import CompareOptions, Findings, compare
-from harness.compare.executor import at_once
-from harness.compare.match import declared
-from harness.files.folders import builtin
+from physics_crosscheck.harness.compare.candidate import candidate
+from physics_crosscheck.harness.compare.compare import CompareOptions, Findings, compare
+from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.compare.match import declared
+from physics_crosscheck.harness.files.folders import builtin
 from tests.standing import standing_only
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from harness.records.comparison import Comparison
-from harness.records.outcome import Outcome
-from harness.records.read import decoded
-from harness.schedule.workers import Workers
+from physics_crosscheck.harness.records.comparison import Comparison
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.schedule.workers import Workers
 from tests import commands
 from tests.compare.arm import MJCF
 from tests.compare.asking import changed, model, written

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.compare.compare import Findings
-from harness.compare.trials import Trial
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.compare.compare import Findings
+from physics_crosscheck.harness.compare.trials import Trial
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
 

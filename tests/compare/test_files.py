@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from harness.compare.candidate import Candidate
-from harness.compare.diff import applied, edits
-from harness.files.locations import LocationError
-from harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.compare.candidate import Candidate
+from physics_crosscheck.harness.compare.diff import applied, edits
+from physics_crosscheck.harness.files.locations import LocationError
+from physics_crosscheck.harness.files.sidecar import Sidecar
 from tests.compare.asking import written
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.compare.candidate import CompareError, NotInstalledError, candidate
-from harness.compare.execute import FailureError
-from harness.compare.match import declared, match
-from harness.files.sidecar import SidecarError
+from physics_crosscheck.harness.compare.candidate import CompareError, NotInstalledError, candidate
+from physics_crosscheck.harness.compare.execute import FailureError
+from physics_crosscheck.harness.compare.match import declared, match
+from physics_crosscheck.harness.files.sidecar import SidecarError
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import changed, compared, model, written
 
@@ -105,7 +105,7 @@ def test_a_path_or_engine_that_will_not_do_is_refused(
 
 
 def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch: pytest.MonkeyPatch) -> None:
-    from harness.engines.pymunk import PymunkEngine
+    from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
     with pytest.raises(
@@ -118,7 +118,7 @@ def test_an_engine_that_is_not_installed_is_no_pass(monkeypatch: pytest.MonkeyPa
 def test_a_urdf_runs_in_the_installed_engine_that_its_sidecar_names_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from harness.engines.pybullet import PybulletEngine
+    from physics_crosscheck.harness.engines.pybullet import PybulletEngine
 
     path = model("simple_pendulum", "robot.urdf")
     other = changed(tmp_path, path, ('["pybullet", "mujoco"]', '["mujoco"]'))

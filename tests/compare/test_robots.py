@@ -8,19 +8,19 @@ from typing import cast
 import numpy as np
 import pytest
 
-from harness.compare.actuators import _state
-from harness.compare.candidate import candidate
-from harness.compare.compare import Findings
-from harness.compare.excitation import Recorded
-from harness.compare.executor import at_once
-from harness.compare.judge import Followed, judge
-from harness.compare.match import match
-from harness.compare.prepared import prepare
-from harness.compare.runs import Runs
-from harness.compare.trials import Trial
-from harness.engines.compiled import CompiledTree
-from harness.numerics.ladder import Limit
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.compare.actuators import _state
+from physics_crosscheck.harness.compare.candidate import candidate
+from physics_crosscheck.harness.compare.compare import Findings
+from physics_crosscheck.harness.compare.excitation import Recorded
+from physics_crosscheck.harness.compare.executor import at_once
+from physics_crosscheck.harness.compare.judge import Followed, judge
+from physics_crosscheck.harness.compare.match import match
+from physics_crosscheck.harness.compare.prepared import prepare
+from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.trials import Trial
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.numerics.ladder import Limit
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.compare.arm import MJCF, URDF
 from tests.compare.asking import compared, written
 from tests.compare.test_agreement import agrees

@@ -9,18 +9,18 @@ from pathlib import Path
 
 import pytest
 
-from harness.cases.prepare import prepare
-from harness.diagnosis.task import diagnosis_task
-from harness.engines.registry import engines
-from harness.files.folders import builtin
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
-from harness.mutation.faults import SIZES
-from harness.mutation.judge import MutationTask, mutated
-from harness.mutation.survey import survey
-from harness.mutation.text import mutation_lines
-from harness.records.mutation import FaultVerdict
-from harness.records.read import read_results
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.diagnosis.task import diagnosis_task
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.mutation.faults import SIZES
+from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
+from physics_crosscheck.harness.mutation.survey import survey
+from physics_crosscheck.harness.mutation.text import mutation_lines
+from physics_crosscheck.harness.records.mutation import FaultVerdict
+from physics_crosscheck.harness.records.read import read_results
 from tests.commands import crosscheck
 from tests.standing import brief, standing_only
 

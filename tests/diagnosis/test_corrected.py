@@ -8,14 +8,14 @@ import shutil
 import numpy as np
 import pytest
 
-from harness.cases.prepare import prepare
-from harness.diagnosis.corrected import correct_motion
-from harness.diagnosis.diagnose import Ranking
-from harness.diagnosis.fit import Fit
-from harness.diagnosis.task import DiagnosisTask, diagnosis_task, trial_model
-from harness.files.folders import builtin
-from harness.files.sidecar import read_sidecar
-from harness.records.finding import CorrectedMotion
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.diagnosis.corrected import correct_motion
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking
+from physics_crosscheck.harness.diagnosis.fit import Fit
+from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnosis_task, trial_model
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.records.finding import CorrectedMotion
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from harness.diagnosis.diagnose import Ranking, diagnose
-from harness.diagnosis.fit import Fit, Hypothesis
-from harness.records.cause import CauseId, CauseKind
-from reference.numeric import Array
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking, diagnose
+from physics_crosscheck.harness.diagnosis.fit import Fit, Hypothesis
+from physics_crosscheck.harness.records.cause import CauseId, CauseKind
+from physics_crosscheck.reference.numeric import Array
 
 N = 400
 RNG = np.random.default_rng(5)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from campaigns.random_draws import Pairing, campaign, judge_at, pairings
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import Outcome
 
 # Draws at which rounding by the soft equality was once taken for a difference.
 SOFT = [

@@ -3,7 +3,7 @@
 import pytest
 
 from campaigns.random_pairs import campaign
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.registry import engines
 
 
 @pytest.mark.skipif(

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.diagnosis.diagnose import diagnose
-from harness.diagnosis.fit import Hypothesis
-from harness.records.cause import CauseId
-from reference.numeric import Array
+from physics_crosscheck.harness.diagnosis.diagnose import diagnose
+from physics_crosscheck.harness.diagnosis.fit import Hypothesis
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.reference.numeric import Array
 
 
 @dataclass(frozen=True)

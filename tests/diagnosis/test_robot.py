@@ -10,10 +10,10 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from harness.cases.robot import prepare_robot, run_robot
-from harness.diagnosis.diagnose import diagnose
-from harness.diagnosis.robot_suspicions import suspicions
-from harness.diagnosis.robot_task import (
+from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.diagnosis.diagnose import diagnose
+from physics_crosscheck.harness.diagnosis.robot_suspicions import suspicions
+from physics_crosscheck.harness.diagnosis.robot_task import (
     STATES,
     RobotDiagnosisTask,
     diagnose_robot,
@@ -21,14 +21,14 @@ from harness.diagnosis.robot_task import (
     robot_problem,
     some_of,
 )
-from harness.diagnosis.task import explanation
-from harness.engines.registry import engines, readers
-from harness.records.cause import CauseId
-from harness.records.finding import Diagnosis
-from harness.records.outcome import Outcome
-from harness.robots.read import robot_numbers
-from harness.text.causes import cause_sentences
-from reference.flows import Flow
+from physics_crosscheck.harness.diagnosis.task import explanation
+from physics_crosscheck.harness.engines.registry import engines, readers
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.robots.read import robot_numbers
+from physics_crosscheck.harness.text.causes import cause_sentences
+from physics_crosscheck.reference.flows import Flow
 
 ARM = """<robot name="arm">
 <link name="base"/>

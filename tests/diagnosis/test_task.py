@@ -8,19 +8,19 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from harness.cases.prepare import prepare
-from harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
-from harness.engines.registry import engines
-from harness.files.folders import builtin
-from harness.files.sidecar import read_sidecar
-from harness.mutation.faults import FAULTS
-from harness.mutation.judge import MutationTask, mutated
-from harness.mutation.survey import survey
-from harness.records.base import SourceLine
-from harness.records.cause import CauseId
-from harness.records.finding import Diagnosis
-from harness.records.mutation import FaultVerdict
-from harness.text.causes import cause_sentences
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnose_model, diagnosis_task
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.mutation.faults import FAULTS
+from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
+from physics_crosscheck.harness.mutation.survey import survey
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.mutation import FaultVerdict
+from physics_crosscheck.harness.text.causes import cause_sentences
 
 MASS = "body[nut and bolt]/inertial@mass"
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.engines.protocol import Model, ModelSpec
-from harness.engines.registry import engines, missing
+from physics_crosscheck.harness.engines.protocol import Model, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines, missing
 
 EXTRAS = ("pinocchio", "drake", "dart", "idyntree")
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engines.protocol import Array, Model, ModelSpec
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.02 0.025"/>'

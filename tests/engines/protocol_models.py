@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engines.protocol import Array, Model, ModelSpec, Spring
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec, Spring
+from physics_crosscheck.harness.engines.registry import engines
 
 Values = Array | Sequence[object]
 """Numbers as an array, or as nested lists."""

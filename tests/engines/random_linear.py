@@ -13,15 +13,24 @@ from unittest.mock import patch
 import numpy as np
 from sympy import Heaviside, exp, sin
 
-from harness.cases.verdict import component_scale, judge
-from harness.engines.registry import engines
-from harness.files.sidecar import read_sidecar
-from harness.numerics.batch import Batch
-from harness.numerics.coordinates import coordinate_map
-from harness.numerics.segments import extrapolate
-from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System, t
-from reference import solve as reference_solve
-from reference.derive import derive
+from physics_crosscheck.harness.cases.verdict import component_scale, judge
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.coordinates import coordinate_map
+from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.reference import (
+    Constant,
+    Coordinate,
+    Equilibrium,
+    Input,
+    Output,
+    Scenario,
+    System,
+    t,
+)
+from physics_crosscheck.reference import solve as reference_solve
+from physics_crosscheck.reference.derive import derive
 
 PAIRINGS = ("mujoco mjcf", "mujoco urdf", "pybullet urdf", "pymunk python")
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.protocol import Array, Model, ModelSpec, StateForce
-from harness.engines.registry import engines
-from harness.robots.read import read_robot
-from harness.robots.system import robot_system
-from reference.trees import TreeEquations
+from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec, StateForce
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.robots.read import read_robot
+from physics_crosscheck.harness.robots.system import robot_system
+from physics_crosscheck.reference.trees import TreeEquations
 
 
 def link(name: str, origin: str, moments: str) -> str:

@@ -11,21 +11,22 @@ from typing import Any
 import msgspec
 import pytest
 
-import harness.cases.case
-from harness.cases.case import CaseTask, case_task, run_case
-from harness.cases.prepare import prepare
-from harness.engines.protocol import Engine, ModelSpec
-from harness.engines.registry import engines
-from harness.files.folders import builtin
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
-from harness.records.case import Case
-from reference.declaration import Constant
+import physics_crosscheck.harness.cases.case
+from physics_crosscheck.harness.cases.case import CaseTask, case_task, run_case
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.reference.declaration import Constant
 from tests.engines.extras import EXTRAS
 from tests.standing import brief
 
 ROOT = Path(__file__).parents[2]
 HOME = ROOT / "harness" / "engines"
+OWN = "physics_crosscheck.harness.engines"
 ADAPTERS = sorted(HOME.rglob("*.py"))
 SYSTEMS = ("mass_spring_damper", "drum_pendulum")
 
@@ -40,9 +41,8 @@ def test_no_adapter_imports_the_reference_or_what_holds_a_system(path: Path) -> 
             assert node.level == 0, f"{path}: a relative import hides what it takes"
             names = [node.module or ""]
         for name in names:
-            assert not name.startswith("reference"), f"{path.name} imports {name}"
-            if name.startswith("harness"):
-                assert name.startswith("harness.engines"), f"{path.name} imports {name}"
+            if name.startswith("physics_crosscheck"):
+                assert name.startswith(OWN), f"{path.name} imports {name}"
 
 
 SHARED = {
@@ -64,8 +64,8 @@ SHARED = {
 def test_no_adapter_knows_another(path: Path) -> None:
     own = path.relative_to(HOME).parts[0].removesuffix(".py")
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("harness.engines"):
-            parts = (node.module or "").split(".")[2:]
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(OWN):
+            parts = (node.module or "").split(".")[3:]
             names = parts[:1] or [alias.name for alias in node.names]
             assert set(names) <= {*SHARED, own}, f"{path.name} imports {node.module}"
 
@@ -137,7 +137,9 @@ def test_a_case_with_poisoned_constants_comes_out_the_same(
         plain = run_case(shorter)
         poisoning = Poisoning(engines()[task.engine], task.system.constants)
         monkeypatch.setattr(
-            harness.cases.case, "engines", lambda p=poisoning, e=task.engine: {e: p}
+            physics_crosscheck.harness.cases.case,
+            "engines",
+            lambda p=poisoning, e=task.engine: {e: p},
         )
         poisoned = run_case(shorter)
         monkeypatch.undo()

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import harness.cli.engines as command
-from harness.engines.conformance import CHECKS, Check, conform, conform_samples
-from harness.engines.known_answer import KnownEngine, KnownModel
-from harness.engines.protocol import Array, Engine, Force, ModelSpec, StateForce
-from harness.engines.registry import engines
-from harness.engines.remark import Remark
+import physics_crosscheck.harness.cli.engines as command
+from physics_crosscheck.harness.engines.conformance import CHECKS, Check, conform, conform_samples
+from physics_crosscheck.harness.engines.known_answer import KnownEngine, KnownModel
+from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, ModelSpec, StateForce
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.remark import Remark
 from tests.engines.extras import need
 from tests.engines.protocol_models import PAIRINGS, Pairing
 

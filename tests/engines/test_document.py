@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from harness.engines.conformance import CHECKS, conform_samples
-from harness.engines.protocol import Engine, Model
-from harness.engines.registry import engines
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
+from physics_crosscheck.harness.engines.protocol import Engine, Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.faults.known_folder import SYSTEM, by_case, run_folders
 
 PAGE = (Path(__file__).parents[2] / "docs" / "engines.md").read_text()

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.engines.protocol import Array, Model, ModelSpec, Spring
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.protocol import Array, Model, ModelSpec, Spring
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.protocol_models import (
     GROUND,
     PAIRINGS,

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli.main import main
-from harness.engines.pinocchio import PinocchioEngine
-from harness.engines.registry import absent_extras, engines, readers, runners
-from harness.files.folders import FolderError, check_engines
-from harness.files.model_files import absent_lines
-from harness.files.sidecar import SidecarError, read_sidecar
-from harness.gate.options import GateOptions
-from harness.records.outcome import Outcome
 from physics_crosscheck import check
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.engines.pinocchio import PinocchioEngine
+from physics_crosscheck.harness.engines.registry import absent_extras, engines, readers, runners
+from physics_crosscheck.harness.files.folders import FolderError, check_engines
+from physics_crosscheck.harness.files.model_files import absent_lines
+from physics_crosscheck.harness.files.sidecar import SidecarError, read_sidecar
+from physics_crosscheck.harness.gate.options import GateOptions
+from physics_crosscheck.harness.records.outcome import Outcome
 
 MODELS = Path(__file__).parents[2] / "models"
 

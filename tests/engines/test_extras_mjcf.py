@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, UnsupportedError
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 from tests.engines.mjcf import AWAY, EXACT, INERTIAL, READERS, ends, hinge, mjcf, off, write
 

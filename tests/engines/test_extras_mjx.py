@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.conformance import CHECKS, conform
-from harness.engines.protocol import EngineError, Model, ModelSpec, StateForce
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.conformance import CHECKS, conform
+from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec, StateForce
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 
 MODELS = Path(__file__).parents[2] / "models"

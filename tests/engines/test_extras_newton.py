@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.conformance import CHECKS, conform_samples
-from harness.engines.protocol import EngineError, Model, ModelSpec
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
+from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import H, load, need
 from tests.engines.test_extras_readings import MIMIC, WELDED
 from tests.engines.test_readings import BODY, limit, moved, urdf

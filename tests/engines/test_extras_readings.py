@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.attitude import angular_velocity, exponential, matrix, quaternion
-from harness.engines.conformance import CHECKS, conform_samples
-from harness.engines.protocol import EngineError, ModelSpec
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.attitude import (
+    angular_velocity,
+    exponential,
+    matrix,
+    quaternion,
+)
+from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import EXTRAS, H, load, need
 from tests.engines.test_free_joints import TUMBLING
 from tests.engines.test_readings import BELOW, BODY, limit, moved, urdf

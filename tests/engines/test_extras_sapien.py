@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.conformance import CHECKS, conform_samples
-from harness.engines.protocol import EngineError
-from harness.engines.registry import engines
-from harness.files.folders import builtin
-from harness.records.outcome import Outcome
 from physics_crosscheck import check
+from physics_crosscheck.harness.engines.conformance import CHECKS, conform_samples
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.engines.extras import H, load, need
 from tests.engines.test_extras_readings import MIMIC, WELDED
 from tests.engines.test_free_joints import TUMBLING

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.cases.prepare import prepare
-from harness.cases.robot import judge_robot, prepare_robot
-from harness.diagnosis.task import diagnose_model, diagnosis_task
-from harness.engines.protocol import EngineError, Model, ModelSpec
-from harness.engines.registry import engines
-from harness.files.locations import find
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
-from harness.records.cause import Cause
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.cases.robot import judge_robot, prepare_robot
+from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
+from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.locations import find
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.engines.extras import H, need
 
 ROOT = Path(__file__).parents[2]

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.attitude import matrix, quaternion
-from harness.engines.protocol import Model, ModelSpec, StateForce
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.attitude import matrix, quaternion
+from physics_crosscheck.harness.engines.protocol import Model, ModelSpec, StateForce
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.test_readings import BELOW
 
 MJCF = """<mujoco><option gravity="0 0 0" timestep="0.001"/><worldbody>

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.protocol import EngineError, Model, ModelSpec
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.protocol import EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 
 pytest.importorskip("mujoco")
 

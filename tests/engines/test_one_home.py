@@ -3,11 +3,11 @@
 import re
 from pathlib import Path
 
-from harness.engines.protocol import Engine, Model
-from harness.engines.registry import engines, readers, standing
+from physics_crosscheck.harness.engines.protocol import Engine, Model
+from physics_crosscheck.harness.engines.registry import engines, readers, standing
 
 ROOT = Path(__file__).parents[2]
-SEARCHED = ("harness", "reference", "physics_crosscheck", "pytest_crosscheck.py")
+SEARCHED = ("harness", "reference", "physics_crosscheck")
 HOME = ROOT / "harness" / "engines"
 NAMES = re.compile(
     r"mujoco|pybullet|pymunk|pinocchio|\bdrake|\bdart|\bmjx|known_answer", re.IGNORECASE

@@ -7,9 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.conformance import conform
-from harness.engines.protocol import Array, EngineError, Model, ModelSpec, StateForce
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.conformance import conform
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    Model,
+    ModelSpec,
+    StateForce,
+)
+from physics_crosscheck.harness.engines.registry import engines
 
 pytest.importorskip("pymunk")
 

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from harness.audit.run import run_audit
-from harness.audit.task import audit_task
-from harness.cases.case import case_task, run_case
-from harness.cases.prepare import Prepared, prepare
-from harness.cases.robot import prepare_robot, run_robot
-from harness.diagnosis.diagnose import Ranking
-from harness.diagnosis.task import diagnosis_task, ranked
-from harness.engines.protocol import ModelSpec
-from harness.engines.registry import engines
-from harness.files.bindings import with_literals
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.records.finding import AuditFinding
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.audit.run import run_audit
+from physics_crosscheck.harness.audit.task import audit_task
+from physics_crosscheck.harness.cases.case import case_task, run_case
+from physics_crosscheck.harness.cases.prepare import Prepared, prepare
+from physics_crosscheck.harness.cases.robot import prepare_robot, run_robot
+from physics_crosscheck.harness.diagnosis.diagnose import Ranking
+from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
+from physics_crosscheck.harness.engines.protocol import ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.bindings import with_literals
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.audit.models import grave, said
 
 pytest.importorskip("pybullet")

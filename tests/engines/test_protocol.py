@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from harness.engines.protocol import Array, StateForce
-from harness.numerics.ladder import RUNGS, limits, observed_order
+from physics_crosscheck.harness.engines.protocol import Array, StateForce
+from physics_crosscheck.harness.numerics.ladder import RUNGS, limits, observed_order
 from tests.engines.extras import need
 from tests.engines.protocol_models import (
     GRAVITY,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.protocol import Array, EngineError, Model, ModelSpec
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Model, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.extras import need
 
 BOTH = ("mujoco", "pybullet")

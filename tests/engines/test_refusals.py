@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.engines.protocol import EngineError, ModelSpec, Spring
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, Spring
+from physics_crosscheck.harness.engines.registry import engines
 from tests.engines.protocol_models import (
     GRAVITY,
     GROUND,

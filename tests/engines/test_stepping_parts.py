@@ -8,14 +8,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.attitude import angular_velocity, matrix, quaternion
-from harness.engines.captured import STDERR, STDOUT, captured
-from harness.engines.following import held_accelerations, leading
-from harness.engines.protocol import Array, EngineError, ModelSpec, Spring, StateForce
-from harness.engines.runge_kutta import RungeKutta, advanced, each_alone, to_state, unturned
-from harness.engines.springs import SpringForces
-from harness.engines.urdf import Mimic
-from harness.engines.urdf_sidecar import check_settings, declared_urdf
+from physics_crosscheck.harness.engines.attitude import angular_velocity, matrix, quaternion
+from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, captured
+from physics_crosscheck.harness.engines.following import held_accelerations, leading
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    ModelSpec,
+    Spring,
+    StateForce,
+)
+from physics_crosscheck.harness.engines.runge_kutta import (
+    RungeKutta,
+    advanced,
+    each_alone,
+    to_state,
+    unturned,
+)
+from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.urdf import Mimic
+from physics_crosscheck.harness.engines.urdf_sidecar import check_settings, declared_urdf
 
 
 def test_runge_kutta_is_the_classical_rule() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.engines.registry import engines
+from physics_crosscheck.harness.engines.registry import engines
 
 
 def distribution(place: Path, name: str, module: str, text: str) -> None:
@@ -28,7 +28,7 @@ def test_an_engine_that_is_installed_later_is_known_then(
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     assert "later" not in engines()
-    text = "from harness.engines.known_answer import KnownEngine\n\n\n"
+    text = "from physics_crosscheck.harness.engines.known_answer import KnownEngine\n\n\n"
     text += "class Engine(KnownEngine):\n    name = 'later'\n"
     distribution(tmp_path, "later", "later_engine", text)
     assert "later" in engines()
@@ -37,7 +37,7 @@ def test_an_engine_that_is_installed_later_is_known_then(
 def test_no_entry_point_takes_the_name_of_a_built_in_engine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = "from harness.engines.known_answer import KnownEngine\n\n\n"
+    text = "from physics_crosscheck.harness.engines.known_answer import KnownEngine\n\n\n"
     text += "class Engine(KnownEngine):\n    name = 'mujoco'\n"
     distribution(tmp_path, "usurper", "usurper_engine", text)
     monkeypatch.syspath_prepend(tmp_path)

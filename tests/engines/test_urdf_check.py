@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from harness.engines.protocol import EngineError, ModelSpec
-from harness.engines.registry import engines
-from harness.engines.source import written
-from harness.engines.urdf import read_urdf
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.engines.source import written
+from physics_crosscheck.harness.engines.urdf import read_urdf
 
 INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
 BODY = f'<inertial><mass value="1"/>{INERTIA}</inertial>'

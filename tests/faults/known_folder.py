@@ -10,9 +10,9 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from harness.records.case import Case
-from harness.records.read import read_results
-from harness.records.results import Results
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.read import read_results
+from physics_crosscheck.harness.records.results import Results
 
 ROOT = Path(__file__).parents[2]
 KNOWN_ANSWER = ROOT / "tests" / "known_answer"
@@ -68,10 +68,10 @@ def known_folder(place: Path, files: Mapping[str, str]) -> Path:
 SCRIPT = """
 import sys
 from pathlib import Path
-from harness.records.write import encoded, write_whole
-from harness.options import Selection
-from harness.run import Options, run
-from harness.schedule.limits import Limits
+from physics_crosscheck.harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.options import Selection
+from physics_crosscheck.harness.run import Options, run
+from physics_crosscheck.harness.schedule.limits import Limits
 out, limit, alone, *folders = sys.argv[1:]
 selection = Selection(models=None) if alone == "verdicts" else None
 options = Options(jobs=2, limits=Limits(seconds=float(limit)), selection=selection)

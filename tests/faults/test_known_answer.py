@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from harness.records.case import Case
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.records.write import encoded
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.write import encoded
 from tests.faults.known_folder import (
     KNOWN,
     ROOT,
@@ -259,7 +259,7 @@ def test_an_engine_that_is_not_installed_is_absent(tmp_path: Path) -> None:
 
 def test_the_command_line_finds_a_third_party_engine_by_its_entry_point() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "harness", "engines"],
+        [sys.executable, "-m", "physics_crosscheck", "engines"],
         capture_output=True,
         text=True,
         env=environment(),

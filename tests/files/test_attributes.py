@@ -4,8 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.locations import LocationError
-from harness.files.locations.attributes import Attribute, elements, with_attributes
+from physics_crosscheck.harness.files.locations import LocationError
+from physics_crosscheck.harness.files.locations.attributes import (
+    Attribute,
+    elements,
+    with_attributes,
+)
 
 TEXT = (
     "<!-- <joint name='x' damping='9'/> é -->\r\n"

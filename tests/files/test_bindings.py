@@ -11,8 +11,8 @@ from typing import Any, Protocol
 
 import pytest
 
-from harness.engines.registry import engines
-from harness.files.bindings import (
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.bindings import (
     at_constants,
     bindings,
     locate,
@@ -21,11 +21,11 @@ from harness.files.bindings import (
     with_constants,
     with_literals,
 )
-from harness.files.folders import builtin
-from harness.files.locations import LocationError
-from harness.files.sidecar import Sidecar, SidecarError, read_sidecar
-from reference import DeclarationError, System
-from reference.load import load_system
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.locations import LocationError
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError, read_sidecar
+from physics_crosscheck.reference import DeclarationError, System
+from physics_crosscheck.reference.load import load_system
 
 URDF = """<!-- Rod: <mass value="0.8"/>, gravity in the sidecar; à la carte. -->
 <robot name="r"><link name="rod"><inertial>

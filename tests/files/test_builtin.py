@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.bindings import bindings, mismatches, with_literals
-from harness.files.folders import builtin, system_folders
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar, read_sidecar
-from reference import System
-from reference.load import load_system
+from physics_crosscheck.harness.files.bindings import bindings, mismatches, with_literals
+from physics_crosscheck.harness.files.folders import builtin, system_folders
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.reference import System
+from physics_crosscheck.reference.load import load_system
 from tests.files.literals import Number, unaccounted
 
 MODELS = [s for folder in system_folders([]) for s in model_files(folder) if isinstance(s, Sidecar)]

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.choice import Choice, chosen_models, matching, named_model
-from harness.files.folders import FolderError, builtin
-from harness.records.case import CaseId
+from physics_crosscheck.harness.files.choice import Choice, chosen_models, matching, named_model
+from physics_crosscheck.harness.files.folders import FolderError, builtin
+from physics_crosscheck.harness.records.case import CaseId
 
 FREE = CaseId(system="arm", model="robot.urdf", scenario="free", engine="mujoco")
 

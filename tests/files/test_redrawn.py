@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.bindings import with_constants
-from harness.files.folders import builtin
-from harness.files.redrawn import UnboundError, redrawn
-from harness.files.sidecar import read_sidecar
-from reference.load import load_system
+from physics_crosscheck.harness.files.bindings import with_constants
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.redrawn import UnboundError, redrawn
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.reference.load import load_system
 
 MODELS = ("mujoco.xml", "robot.urdf", "space.py")
 

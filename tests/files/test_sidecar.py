@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.sidecar import SidecarError, read_sidecar
+from physics_crosscheck.harness.files.sidecar import SidecarError, read_sidecar
 
 GOOD = """
 engines = ["pybullet", "mujoco"]

@@ -8,17 +8,17 @@ import json
 import jsonschema
 import pytest
 
-from harness.baseline.changes import Status
-from harness.baseline.store import read_baseline
-from harness.cli import main as cli
-from harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE, exit_code
-from harness.engines.pymunk import PymunkEngine
-from harness.files.folders import FolderError
-from harness.gate.accept import AcceptError
-from harness.records.results import Results
-from harness.records.schema import schema
-from harness.records.write import encoded
-from harness.run import Options, run
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.cli import main as cli
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE, exit_code
+from physics_crosscheck.harness.engines.pymunk import PymunkEngine
+from physics_crosscheck.harness.files.folders import FolderError
+from physics_crosscheck.harness.gate.accept import AcceptError
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.schema import schema
+from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.harness.run import Options, run
 from tests.gate.conftest import SYSTEM, Repository, nothing
 
 

@@ -9,20 +9,20 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from harness.baseline.changes import Status
-from harness.baseline.classify import Change
-from harness.cli import main as cli
-from harness.gate.notes import notes
-from harness.gate.result import GateResult
-from harness.gate.text import summary
-from harness.records.base import SourceLine
-from harness.records.case import Case, CaseId
-from harness.records.cause import Cause
-from harness.records.finding import AuditFinding, Diagnosis, Explanation
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.text.github import (
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.classify import Change
+from physics_crosscheck.harness.cli import main as cli
+from physics_crosscheck.harness.gate.notes import notes
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.text import summary
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis, Explanation
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.github import (
     MOST_SUMMARY,
     Annotation,
     case_notes,

@@ -6,16 +6,16 @@ import shutil
 
 import pytest
 
-import harness.audit.run
-from harness.baseline.changes import Status
-from harness.baseline.store import read_baseline
-from harness.cli.exit_codes import DIFFER
-from harness.cli.gate import code
-from harness.gate.accept import AcceptError
-from harness.gate.notes import notes
-from harness.gate.result import GateResult
-from harness.records.case import ModelId
-from harness.run import Options, run
+import physics_crosscheck.harness.audit.run
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.cli.exit_codes import DIFFER
+from physics_crosscheck.harness.cli.gate import code
+from physics_crosscheck.harness.gate.accept import AcceptError
+from physics_crosscheck.harness.gate.notes import notes
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.records.case import ModelId
+from physics_crosscheck.harness.run import Options, run
 from tests.gate.conftest import SYSTEM, Repository, nothing
 
 MODEL = ModelId(system=SYSTEM, model="space.py", engine="pymunk")
@@ -89,7 +89,7 @@ def _broken(_: object) -> None:
 def test_an_audit_that_fails_is_no_pass_and_can_t_be_accepted(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(harness.audit.run, "run_audit", _broken)
+    monkeypatch.setattr(physics_crosscheck.harness.audit.run, "run_audit", _broken)
     found = repository.gate("pymunk", every=True)
     assert {change.status for change in found.changes} == {Status.NOT_RUN}
     assert "its audit failed: RuntimeError: no audit today" in found.changes[0].messages[0]

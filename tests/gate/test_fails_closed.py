@@ -16,11 +16,11 @@ from typing import Any, Protocol
 
 import pytest
 
-import harness.gate.gate as gating
-from harness.baseline.store import BaselineError, read_baseline
-from harness.cli import main as cli
-from harness.cli.exit_codes import AGREE, FAIL
-from harness.engines.pymunk import PymunkEngine
+import physics_crosscheck.harness.gate.gate as gating
+from physics_crosscheck.harness.baseline.store import BaselineError, read_baseline
+from physics_crosscheck.harness.cli import main as cli
+from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL
+from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from tests.gate.conftest import SYSTEM, Repository
 
 
@@ -206,7 +206,7 @@ def test_a_gate_that_is_killed_does_not_exit_0_and_loses_nothing(repository: Rep
     repository.edit("mujoco.xml", "<worldbody>", "<!-- moved --><worldbody>")
     root = Path(cli.__file__).parents[2]
     process = subprocess.Popen(
-        [sys.executable, "-m", "harness", "gate"],
+        [sys.executable, "-m", "physics_crosscheck", "gate"],
         cwd=repository.root,
         env={**os.environ, "PYTHONPATH": str(root)},
         stdout=subprocess.DEVNULL,

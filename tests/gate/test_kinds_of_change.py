@@ -10,11 +10,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from harness.baseline.changes import Status
-from harness.baseline.store import read_baseline, write_baseline
-from harness.engines.pymunk import PymunkEngine
-from harness.files.folders import builtin
-from harness.gate.result import GateResult
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.store import read_baseline, write_baseline
+from physics_crosscheck.harness.engines.pymunk import PymunkEngine
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.gate.result import GateResult
 from tests.gate.conftest import SYSTEM, Repository
 from tests.standing import brief, standing_only
 

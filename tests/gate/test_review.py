@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from harness.baseline.changes import Status
-from harness.cli.exit_codes import AGREE, DIFFER, USAGE
-from harness.gate.accept import accept_each
-from harness.gate.result import GateResult
-from harness.gate.review import Decisions, Review
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, USAGE
+from physics_crosscheck.harness.gate.accept import accept_each
+from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.gate.review import Decisions, Review
 from tests.faults.known_folder import environment
 from tests.gate.conftest import SYSTEM, Repository
 
@@ -94,7 +94,7 @@ def test_what_moves_as_accepted_is_asked_of_once_and_keeps_its_reasons(
 def test_nobody_is_asked_where_nobody_sits(repository: Repository) -> None:
     for given in (environment(), environment() | {"CI": ""}):
         done = subprocess.run(
-            [sys.executable, "-m", "harness", "review"],
+            [sys.executable, "-m", "physics_crosscheck", "review"],
             cwd=repository.root,
             stdin=subprocess.DEVNULL,
             capture_output=True,
@@ -124,7 +124,7 @@ def _at_a_terminal(repository: Repository, typed: str) -> tuple[int, str]:
     try:
         os.write(ours, typed.encode())
         done = subprocess.run(
-            [sys.executable, "-m", "harness", "review", "--engine", "pymunk"],
+            [sys.executable, "-m", "physics_crosscheck", "review", "--engine", "pymunk"],
             cwd=repository.root,
             stdin=theirs,
             capture_output=True,

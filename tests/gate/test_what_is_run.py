@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.baseline.changes import Status
-from harness.baseline.store import read_baseline
-from harness.numerics.version import VERSION
+from physics_crosscheck.harness.baseline.changes import Status
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.numerics.version import VERSION
 from tests.gate.conftest import SYSTEM, Repository
 
 ROOT = Path(__file__).parents[2]
@@ -33,7 +33,7 @@ def test_a_case_that_was_run_again_is_as_accepted(pristine: Repository) -> None:
 def test_another_version_of_the_numerics_runs_everything_again(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("harness.baseline.fingerprint.VERSION", VERSION + 1)
+    monkeypatch.setattr("physics_crosscheck.harness.baseline.fingerprint.VERSION", VERSION + 1)
     found = repository.gate("pymunk")
     assert {c.status for c in found.changes} == {Status.WITHIN}
     assert all(c.case is not None for c in found.changes)
@@ -41,7 +41,7 @@ def test_another_version_of_the_numerics_runs_everything_again(
 
 def test_an_unchanged_repository_passes_without_sympy_or_an_engine(pristine: Repository) -> None:
     code = (
-        "import sys; from harness.cli.main import main;"
+        "import sys; from physics_crosscheck.harness.cli.main import main;"
         "code = main(['gate', '--out', sys.argv[1]]);"
         "names = {'sympy', 'scipy', 'mujoco', 'pybullet', 'pymunk'};"
         "print(code, *sorted(names & set(sys.modules)))"

@@ -25,11 +25,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_checkout_is_not_what_is_installed(installed: Installed, place: Path) -> None:
-    asked = (
-        "import physics_crosscheck, harness.files.folders as f;"
-        " print(harness.__file__, f.builtin())"
-    )
-    done = installed.shell(f'python -P -c "import harness; {asked}"', place)
+    asked = "import physics_crosscheck.harness.files.folders as f; print(f.__file__, f.builtin())"
+    done = installed.shell(f'python -P -c "{asked}"', place)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count(str(installed.bin.parent)) == 2
 
@@ -58,9 +55,9 @@ def test_python_has_motions_and_comparisons_beside_packages_called_like_ours(
     for name in ("harness", "reference"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text(TRAP)
-    script = """from physics_crosscheck import compare, reference, simulate
+    script = """from physics_crosscheck import compare, simulate, solve
 run = simulate("simple_pendulum/mujoco.xml", "free", duration=1)
-errors = run - reference("simple_pendulum", "free", times=run.t, duration=1)
+errors = run - solve("simple_pendulum", "free", times=run.t, duration=1)
 print(abs(errors["theta"]).max() < 0.01, errors.uncertainty_of("theta").max() < 1e-10)
 print(compare("simple_pendulum/mujoco.xml", "simple_pendulum/robot.urdf", engine="mujoco").agree)
 """
@@ -92,27 +89,49 @@ def test_the_plugin_works_beside_packages_called_like_ours(
     assert "4 passed" in done.stdout  # three motions and the audit
 
 
-def test_a_package_of_ours_name_that_a_conftest_imported_first_is_named(
-    installed: Installed, tmp_path: Path
-) -> None:
-    (tmp_path / "harness").mkdir()
-    (tmp_path / "harness" / "__init__.py").write_text("")
-    (tmp_path / "conftest.py").write_text("import harness\n")
-    installed.shell("crosscheck new rod", tmp_path)
-    done = installed.shell("python -m pytest --crosscheck rod", tmp_path)
-    assert done.returncode == 4
-    assert "a package 'harness' that is not physics-crosscheck's is imported already" in done.stderr
-    assert "Traceback" not in done.stderr
+OURS = "from physics_crosscheck import System, check"
+THEIRS = "import harness, reference; assert harness.MINE and reference.MINE"
 
 
-def test_a_project_that_checks_no_models_keeps_its_own_harness(
-    installed: Installed, tmp_path: Path
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A project with packages `harness` and `reference` of its own, in both import orders."""
+    for name in ("harness", "reference"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text("MINE = 1\n")
+    for number, lines in enumerate(([OURS, THEIRS], [THEIRS, OURS])):
+        text = "\n".join((*lines, THEIRS))
+        (tmp_path / f"order_{number}.py").write_text(text)
+        (tmp_path / f"test_order_{number}.py").write_text(f"{text}\n\ndef test() -> None: pass\n")
+    return tmp_path
+
+
+def test_a_project_keeps_its_own_harness_and_reference(installed: Installed, project: Path) -> None:
+    for number in (0, 1):
+        done = installed.shell(f"python order_{number}.py", project)
+        assert done.returncode == 0, done.stderr
+    for words in ("", "test_order_0.py", "test_order_1.py"):
+        done = installed.shell(f"python -m pytest -q {words}", project)
+        assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+def test_a_project_keeps_its_own_harness_while_pytest_checks_its_models(
+    installed: Installed, project: Path
 ) -> None:
-    (tmp_path / "harness").mkdir()
-    (tmp_path / "harness" / "__init__.py").write_text("MINE = 1\n")
-    (tmp_path / "test_mine.py").write_text("import harness\n\ndef test(): assert harness.MINE\n")
-    done = installed.shell("python -m pytest -q", tmp_path)
-    assert done.returncode == 0, done.stdout
+    (project / "conftest.py").write_text(THEIRS)
+    installed.shell("crosscheck new rod", project)
+    words = "--crosscheck rod -m pymunk test_order_0.py test_order_1.py"
+    done = installed.shell(f"python -m pytest -q {words}", project)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_site_packages_have_one_folder_of_ours(installed: Installed) -> None:
+    script = "import importlib.metadata as m; print({f.parts[0] for f in m.files('{}')})"
+    place = installed.bin
+    done = installed.shell(f'python -c "{script.replace("{}", "physics-crosscheck")}"', place)
+    own = {name for name in eval(done.stdout) if not name.endswith((".dist-info", ".."))}
+    assert own == {"physics_crosscheck"}, done.stderr
 
 
 def test_python_m_finds_us_by_the_name_that_is_ours_alone(
@@ -121,7 +140,10 @@ def test_python_m_finds_us_by_the_name_that_is_ours_alone(
     done = installed.shell("python -m physics_crosscheck derive simple_pendulum", place)
     assert done.returncode == 0, done.stderr
     assert "Simple pendulum" in done.stdout
-    assert "the package of the user" in installed.shell("python -m harness engines", place).stderr
+    assert (
+        "the package of the user"
+        in installed.shell("python -m physics_crosscheck engines", place).stderr
+    )
 
 
 @pytest.mark.slow

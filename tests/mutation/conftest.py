@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import pytest
 
-from harness.cases.case import load
-from harness.diagnosis.task import DiagnosisTask, diagnosis_task
-from harness.engines.registry import engines
-from harness.files.bindings import bindings
-from harness.files.folders import builtin
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.mutation.judge import MutationTask, mutated
-from harness.mutation.mistakes import Mistake, Subject
-from harness.mutation.survey import Survey, survey
-from harness.records.mutation import Mutation
+from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.diagnosis.task import DiagnosisTask, diagnosis_task
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.bindings import bindings
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.mutation.judge import MutationTask, mutated
+from physics_crosscheck.harness.mutation.mistakes import Mistake, Subject
+from physics_crosscheck.harness.mutation.survey import Survey, survey
+from physics_crosscheck.harness.records.mutation import Mutation
 from tests.physics import physics
 
 SCENARIOS = 2
@@ -44,7 +44,7 @@ def subject(
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("harness.diagnosis.samples.SEGMENTS_PICKED", 8)
+    monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", 8)
 
 
 def rows(task: DiagnosisTask, chosen: Callable[[Mistake], bool]) -> list[Mutation]:

@@ -10,24 +10,24 @@ from pathlib import Path
 
 import pytest
 
-from harness.engines.registry import engines
-from harness.files.bindings import with_literals
-from harness.files.folders import builtin
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.mutation.faults import FAULTS
-from harness.mutation.mistakes import Edit, Mistake, Subject, known_mistakes
-from harness.mutation.mistakes.axes import axes
-from harness.mutation.mistakes.degrees import degrees
-from harness.mutation.mistakes.exchanges import exchanges
-from harness.mutation.mistakes.gravity import gravity
-from harness.mutation.mistakes.left_in import left_in
-from harness.mutation.mistakes.left_out import left_out
-from harness.mutation.mistakes.rests import rests
-from harness.mutation.mistakes.steps import steps
-from harness.mutation.mutate import mutate
-from harness.mutation.survey import MutationError, survey
-from harness.records.cause import CauseId
-from harness.records.mutation import FaultKind, FaultVerdict
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.bindings import with_literals
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.mutation.faults import FAULTS
+from physics_crosscheck.harness.mutation.mistakes import Edit, Mistake, Subject, known_mistakes
+from physics_crosscheck.harness.mutation.mistakes.axes import axes
+from physics_crosscheck.harness.mutation.mistakes.degrees import degrees
+from physics_crosscheck.harness.mutation.mistakes.exchanges import exchanges
+from physics_crosscheck.harness.mutation.mistakes.gravity import gravity
+from physics_crosscheck.harness.mutation.mistakes.left_in import left_in
+from physics_crosscheck.harness.mutation.mistakes.left_out import left_out
+from physics_crosscheck.harness.mutation.mistakes.rests import rests
+from physics_crosscheck.harness.mutation.mistakes.steps import steps
+from physics_crosscheck.harness.mutation.mutate import mutate
+from physics_crosscheck.harness.mutation.survey import MutationError, survey
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.harness.records.mutation import FaultKind, FaultVerdict
 from tests.mutation.conftest import rows, sound, subject, tried
 from tests.physics import physics
 from tests.standing import brief, standing_only

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from harness.cases.multibody import PreparedTree, prepare_folder
-from harness.engines.registry import engines
-from harness.files.sidecar import read_sidecar
-from harness.mutation.mutate import mutate
-from harness.mutation.survey import MutationError
-from harness.mutation.text import mutation_lines
-from harness.mutation.trees import TreeFault, faults_of, mutated_tree
-from harness.records.mutation import FaultVerdict
+from physics_crosscheck.harness.cases.multibody import PreparedTree, prepare_folder
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.mutation.mutate import mutate
+from physics_crosscheck.harness.mutation.survey import MutationError
+from physics_crosscheck.harness.mutation.text import mutation_lines
+from physics_crosscheck.harness.mutation.trees import TreeFault, faults_of, mutated_tree
+from physics_crosscheck.harness.records.mutation import FaultVerdict
 
 SYSTEM = """from physics_crosscheck import Joint, MultibodySystem, RigidBody
 

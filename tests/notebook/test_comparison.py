@@ -9,13 +9,13 @@ from xml.etree import ElementTree
 
 import pytest
 
-from harness.compare.candidate import CompareError
-from harness.files.folders import builtin
-from harness.notebook.comparison import Comparison
-from harness.records import comparison
-from harness.records.outcome import Outcome
-from harness.records.write import encoded
 from physics_crosscheck import compare
+from physics_crosscheck.harness.compare.candidate import CompareError
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.notebook.comparison import Comparison
+from physics_crosscheck.harness.records import comparison
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.write import encoded
 from tests.compare.asking import changed
 
 MODEL = builtin() / "simple_pendulum" / "mujoco.xml"

@@ -87,7 +87,7 @@ FAULTS = {
         ("'mass=\"0.71\"'", "'mass=\"0.7\"'"),
     ],
     "choosing_a_time_step": [
-        ("reference(rod, \"free\", motion.t)", "reference(rod, \"large\", motion.t)"),
+        ("solve(rod, \"free\", motion.t)", "solve(rod, \"large\", motion.t)"),
         ("(wanted / finest)", "(2 * wanted / finest)"),
     ],
 }  # fmt: skip

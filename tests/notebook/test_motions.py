@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.files.folders import FolderError, builtin
-from harness.notebook import ask
-from physics_crosscheck import MotionError, Trajectory, reference, simulate
+from physics_crosscheck import MotionError, Trajectory, simulate, solve
+from physics_crosscheck.harness.files.folders import FolderError, builtin
+from physics_crosscheck.harness.notebook import ask
 from tests.standing import standing_only
 
 START = {"theta": 1.5}
@@ -44,14 +44,14 @@ def copy(system: str, place: Path) -> Path:
 
 def test_the_reference_has_the_digits_that_it_claims() -> None:
     # Energy is kept; and the quarter period of a large swing is Gauss's.
-    found = reference("simple_pendulum", START, duration=4)
+    found = solve("simple_pendulum", START, duration=4)
     assert found.names == ("theta", "theta_dot", "energy")
     assert found.units == ("rad", "rad/s", "J")
     a, b = 1.0, np.cos(START["theta"] / 2)
     for _ in range(6):
         a, b = (a + b) / 2, np.sqrt(a * b)
     period = 2 * np.pi * np.sqrt(0.75 / 9.81) / a
-    at = reference("simple_pendulum", START, times=[period / 4, period / 2, period], duration=4)
+    at = solve("simple_pendulum", START, times=[period / 4, period / 2, period], duration=4)
     bounds = at.uncertainty_of("theta")
     misses = np.abs(at["theta"] - [0.0, -1.5, 1.5])
     assert np.all(misses <= bounds + 1e-15)
@@ -64,7 +64,7 @@ def test_the_reference_has_the_digits_that_it_claims() -> None:
 
 def test_a_run_converges_to_the_reference_at_the_order_of_its_integrator(tmp_path: Path) -> None:
     folder = copy("simple_pendulum", tmp_path / "pendulum")
-    exact = reference(folder, "free", duration=4)
+    exact = solve(folder, "free", duration=4)
 
     def order(model: str) -> float:
         coarse, fine = (
@@ -83,7 +83,7 @@ def test_a_run_converges_to_the_reference_at_the_order_of_its_integrator(tmp_pat
 def test_a_wrong_length_stays_in_the_errors_whatever_the_step(tmp_path: Path) -> None:
     folder = copy("simple_pendulum", tmp_path / "pendulum")
     model = folder / "mujoco.xml"
-    exact = reference(folder, "free", duration=4)
+    exact = solve(folder, "free", duration=4)
     right = largest(simulate(model, "free", 0.0005, duration=4) - exact, "theta")
     model.write_text(model.read_text().replace('pos="0 0 -0.75" mass', 'pos="0 0 -0.77" mass'))
     wrong = [
@@ -101,7 +101,7 @@ def test_names_and_units_are_those_of_the_system_and_not_of_the_engine() -> None
     assert "space.py in pymunk" in found.origin
     assert "a step of 0.002 s" in found.origin
     assert found.uncertainty is None
-    exact = reference("drum_pendulum", "free", times=found.t, duration=1)
+    exact = solve("drum_pendulum", "free", times=found.t, duration=1)
     errors = found - exact
     assert 1e-6 < largest(errors, "x") < 1e-2
     assert np.max(errors.uncertainty_of("x")) < 1e-11
@@ -115,7 +115,7 @@ def test_outputs_of_other_names_are_columns_too(tmp_path: Path) -> None:
     (folder / "system.py").write_text(
         declared.replace('Output("theta", theta.q, "rad", "angle"),', more)
     )
-    found = reference(folder, START, times=[0.0, 0.3], duration=1)
+    found = solve(folder, START, times=[0.0, 0.3], duration=1)
     assert found.names == ("theta", "theta_dot", "height", "energy", "T + V")
     assert found.label("height") == "height (m)"
     assert np.allclose(found["height"], -0.75 * np.cos(found["theta"]), rtol=0, atol=1e-15)
@@ -133,8 +133,8 @@ def test_outputs_of_other_names_are_columns_too(tmp_path: Path) -> None:
 
 def test_a_driven_motion_has_its_inputs() -> None:
     run = simulate("simple_pendulum/mujoco.xml", "driven", 0.001, duration=3)
-    errors = run - reference("simple_pendulum", "driven", times=run.t, duration=3)
-    undriven = reference("simple_pendulum", {"theta": 0.2}, times=run.t, duration=3)
+    errors = run - solve("simple_pendulum", "driven", times=run.t, duration=3)
+    undriven = solve("simple_pendulum", {"theta": 0.2}, times=run.t, duration=3)
     assert largest(errors, "theta") < 0.005
     assert np.max(np.abs(run["theta"] - undriven["theta"])) > 0.1
 
@@ -151,7 +151,7 @@ def test_a_robots_file_alone_has_equations_too(tmp_path: Path) -> None:
     arm.write_text(ARM)
     start = {"pin": 0.5, "pin_dot": 1.0}
     run = simulate(arm, start, 0.0005, duration=0.3, engine="mujoco")
-    exact = reference(arm, start, times=run.t, duration=0.3)
+    exact = solve(arm, start, times=run.t, duration=0.3)
     assert exact.names == ("pin", "pin_dot", "energy")
     # A rigid pendulum: m g l sin(pin) = -(I + m l^2) pin_ddot.
     assert exact["energy"][0] == pytest.approx(0.5 * 0.6 - 2 * 9.81 * 0.5 * np.cos(0.5))
@@ -190,7 +190,7 @@ def test_a_folder_that_declares_bodies_runs_as_its_sidecar_says(tmp_path: Path) 
     start = {"pin": 0.5}
     run = simulate(tmp_path / "arm.urdf", start, duration=0.2)
     assert (run.system, run.step) == ("bodies", 0.001)
-    errors = run - reference(tmp_path, start, times=run.t, duration=0.2)
+    errors = run - solve(tmp_path, start, times=run.t, duration=0.2)
     assert 0 < largest(errors, "pin") < 1e-3
     with pytest.raises(MotionError, match=r"it declares none; give a start, .*\"pin\": 0\.1"):
         simulate(tmp_path / "arm.urdf", "free")
@@ -211,14 +211,14 @@ def test_a_reference_is_remembered_until_its_declaration_changes(
         return done(*arguments)
 
     monkeypatch.setattr(ask, "_done", counted)
-    first = reference(folder, START, duration=1)
-    reference(folder, START, times=[0, 0.5], duration=1)
+    first = solve(folder, START, duration=1)
+    solve(folder, START, times=[0, 0.5], duration=1)
     assert len(asked) == 1
-    reference(folder, START, duration=0.5)
+    solve(folder, START, duration=0.5)
     assert len(asked) == 2
     text = (folder / "system.py").read_text()
     (folder / "system.py").write_text(text.replace('"l", 0.75', '"l", 0.80'))
-    second = reference(folder, START, duration=1)
+    second = solve(folder, START, duration=1)
     assert len(asked) == 3
     assert largest(second - first, "theta") > 0.01
 
@@ -248,7 +248,7 @@ def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
         with pytest.raises(MotionError, match=r"the step is .*, where a number of seconds above"):
             simulate(PENDULUM, "free", step)  # type: ignore[arg-type]
     with pytest.raises(MotionError, match="the duration is -1"):
-        reference("simple_pendulum", "free", duration=-1)
+        solve("simple_pendulum", "free", duration=-1)
     with pytest.raises(MotionError, match="theta starts at nan"):
         simulate(PENDULUM, {"theta": float("nan")}, duration=1)
     with pytest.raises(MotionError, match="the scenario is 3, where a name belongs"):
@@ -267,17 +267,17 @@ def test_what_can_be_seen_at_once_is_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(MotionError, match="is a case; name its model"):
         simulate(f"{PENDULUM}/free", "free")
     with pytest.raises(FolderError, match="nowhere: no such folder; built-in systems are"):
-        reference("nowhere", "free")
+        solve("nowhere", "free")
     with pytest.raises(MotionError, match="holds 6 systems, of which one is to be named"):
-        reference(builtin(), "free")
+        solve(builtin(), "free")
 
 
 def test_times_lie_in_the_motion_and_ascend() -> None:
     for times in ([0, 1, 1], [[0, 1]], []):
         with pytest.raises(MotionError, match="numbers in a row, ascending"):
-            reference("simple_pendulum", START, times=times, duration=1)
+            solve("simple_pendulum", START, times=times, duration=1)
     with pytest.raises(MotionError, match="times go from 0 to 2 s, and the motion from 0 to 1 s"):
-        reference("simple_pendulum", START, times=[0, 2], duration=1)
+        solve("simple_pendulum", START, times=[0, 2], duration=1)
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
@@ -295,14 +295,14 @@ def test_numbers_of_numpy_are_numbers() -> None:
 def test_arguments_of_another_type_are_refused_with_what_belongs_there() -> None:
     anything: Any = "ab"
     with pytest.raises(MotionError, match="times are 'ab', where ascending numbers belong"):
-        reference("simple_pendulum", "free", times=anything)
+        solve("simple_pendulum", "free", times=anything)
     for times in ([0.0, float("nan")], [None]):
         anything = times
         with pytest.raises(MotionError, match="times are numbers in a row, ascending"):
-            reference("simple_pendulum", "free", times=anything)
+            solve("simple_pendulum", "free", times=anything)
     anything = None
     with pytest.raises(TypeError, match="system is None, where a path belongs"):
-        reference(anything, "free")
+        solve(anything, "free")
     with pytest.raises(TypeError, match="model is None, where a path belongs"):
         simulate(anything, "free")
     with pytest.raises(MotionError, match="the step is True, where a number of seconds"):
@@ -315,7 +315,7 @@ def test_arguments_of_another_type_are_refused_with_what_belongs_there() -> None
 def test_an_engine_that_is_not_installed_is_told_with_what_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from harness.engines.pymunk import PymunkEngine
+    from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 
     monkeypatch.setattr(PymunkEngine, "version", lambda _: None)
     with pytest.raises(MotionError, match=r"space.py: pymunk: not installed; pip install"):

@@ -8,13 +8,21 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from harness.engines.protocol import Array, Force, Model, StateForce
-from harness.files.sidecar import Sidecar
-from harness.numerics.coordinates import CoordinateMap, coordinate_map
-from reference import Constant, Coordinate, Equilibrium, Input, Output, Scenario, System
-from reference.derive import Equations, derive
-from reference.motion import Motion
-from reference.solve import solve
+from physics_crosscheck.harness.engines.protocol import Array, Force, Model, StateForce
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap, coordinate_map
+from physics_crosscheck.reference import (
+    Constant,
+    Coordinate,
+    Equilibrium,
+    Input,
+    Output,
+    Scenario,
+    System,
+)
+from physics_crosscheck.reference.derive import Equations, derive
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.solve import solve
 
 MASS, DAMPING, STIFFNESS = 1.3, 0.9, 47.0
 

@@ -5,19 +5,23 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from harness.baseline.snapshot import ends as snapshot_ends
-from harness.baseline.snapshot import segments_of, snapshot_of
-from harness.cases.verdict import component_scale
-from harness.compare.runs import Runs
-from harness.compare.runs import ends as compared_ends
-from harness.diagnosis.samples import engine_ends, reference_ends, sample_segments
-from harness.numerics.accelerations import Accelerations
-from harness.numerics.batch import Batch
-from harness.numerics.linearization import linearize_engine
-from harness.numerics.rounding import Starts
-from harness.numerics.segments import extrapolate
-from reference.linearize import linearize
-from reference.numeric import Array
+from physics_crosscheck.harness.baseline.snapshot import ends as snapshot_ends
+from physics_crosscheck.harness.baseline.snapshot import segments_of, snapshot_of
+from physics_crosscheck.harness.cases.verdict import component_scale
+from physics_crosscheck.harness.compare.runs import Runs
+from physics_crosscheck.harness.compare.runs import ends as compared_ends
+from physics_crosscheck.harness.diagnosis.samples import (
+    engine_ends,
+    reference_ends,
+    sample_segments,
+)
+from physics_crosscheck.harness.numerics.accelerations import Accelerations
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.linearization import linearize_engine
+from physics_crosscheck.harness.numerics.rounding import Starts
+from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.reference.numeric import Array
 from tests.numerics.conftest import DAMPING, MASS, STIFFNESS, Bench, Coarse, MakeBench
 
 Errors = Callable[[Bench], Array]

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.engines.protocol import StateForce
-from harness.files.folders import builtin
-from harness.files.sidecar import Sidecar, SidecarError
-from harness.numerics.coordinates import coordinate_map
-from reference.load import load_system
-from reference.system import System
+from physics_crosscheck.harness.engines.protocol import StateForce
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
+from physics_crosscheck.harness.numerics.coordinates import coordinate_map
+from physics_crosscheck.reference.load import load_system
+from physics_crosscheck.reference.system import System
 
 
 @pytest.fixture(scope="module")

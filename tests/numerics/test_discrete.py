@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from harness.cases.case import linearization_task, load, run_linearizations
-from harness.engines.protocol import Array
-from harness.engines.step_rule import StepRule
-from harness.files.sidecar import Sidecar
-from harness.numerics.discrete import DiscreteLinearization, linearize_step
-from harness.records.model import Model
-from harness.text.table import _print_linear
-from reference.stepping import SteppedEquations
+from physics_crosscheck.harness.cases.case import linearization_task, load, run_linearizations
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.discrete import DiscreteLinearization, linearize_step
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.text.table import _print_linear
+from physics_crosscheck.reference.stepping import SteppedEquations
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 from tests.numerics.test_stepping import sidecar
 from tests.physics import physics as prepared

@@ -11,22 +11,22 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from harness.cases.case import load
-from harness.cases.robot import prepare_robot
-from harness.cases.robot_task import load_robot, placed
-from harness.engines.protocol import Array
-from harness.files.folders import builtin
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar
-from harness.numerics.forward_dynamics import (
+from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.cases.robot import prepare_robot
+from physics_crosscheck.harness.cases.robot_task import load_robot, placed
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.forward_dynamics import (
     TERMS,
     TURNS,
     ForwardDynamics,
     forward_dynamics,
     mixed,
 )
-from harness.records.outcome import Outcome
-from reference.stepping import SteppedBodies, SteppedEquations
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.stepping import SteppedBodies, SteppedEquations
 from tests.engines.extras import need
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 from tests.physics import physics

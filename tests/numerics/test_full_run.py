@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from sympy import Heaviside, Rational
 
-from harness.engines.protocol import Array, Force
-from harness.numerics import step_study
-from harness.numerics.convergence import Sensitivity, witness
-from harness.numerics.decomposition import ErrorDecomposition, decompose
-from harness.numerics.full_run import SampledRun, full_run
-from harness.numerics.step_study import StepStudy, study_step
-from reference import t
-from reference.motion import Motion
+from physics_crosscheck.harness.engines.protocol import Array, Force
+from physics_crosscheck.harness.numerics import step_study
+from physics_crosscheck.harness.numerics.convergence import Sensitivity, witness
+from physics_crosscheck.harness.numerics.decomposition import ErrorDecomposition, decompose
+from physics_crosscheck.harness.numerics.full_run import SampledRun, full_run
+from physics_crosscheck.harness.numerics.step_study import StepStudy, study_step
+from physics_crosscheck.reference import t
+from physics_crosscheck.reference.motion import Motion
 from tests.numerics.conftest import (
     DAMPING,
     MASS,

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from harness.numerics.judgement import Obstacle, judge, obstacle
-from harness.numerics.ladder import EPSILON, Limit
-from harness.records.outcome import Outcome
-from reference.numeric import Array
+from physics_crosscheck.harness.numerics.judgement import Obstacle, judge, obstacle
+from physics_crosscheck.harness.numerics.ladder import EPSILON, Limit
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.numeric import Array
 
 
 def told(uncertainty: float = 1e-11) -> tuple[Array, Array]:

@@ -9,9 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.numerics import ladder as ladder_module
-from harness.numerics.ladder import EPSILON, RUNGS, exact_weights, limits, observed_order, weights
-from reference.numeric import Array
+from physics_crosscheck.harness.numerics import ladder as ladder_module
+from physics_crosscheck.harness.numerics.ladder import (
+    EPSILON,
+    RUNGS,
+    exact_weights,
+    limits,
+    observed_order,
+    weights,
+)
+from physics_crosscheck.reference.numeric import Array
 
 DECISIONS = Path(__file__).parents[2] / "docs" / "decisions"
 

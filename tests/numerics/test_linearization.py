@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from harness.engines.protocol import Array, Force, StateForce
-from harness.numerics.linearization import EngineLinearization, linearize_engine
-from reference.linearize import linearize
+from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.harness.numerics.linearization import EngineLinearization, linearize_engine
+from physics_crosscheck.reference.linearize import linearize
 from tests.numerics.conftest import STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 

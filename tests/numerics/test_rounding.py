@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from harness.cases.verdict import component_scale
-from harness.engines.protocol import Array, Force
-from harness.numerics.batch import Batch
-from harness.numerics.ladder import EPSILON, RUNGS
-from harness.numerics.rounding import (
+from physics_crosscheck.harness.cases.verdict import component_scale
+from physics_crosscheck.harness.engines.protocol import Array, Force
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.ladder import EPSILON, RUNGS
+from physics_crosscheck.harness.numerics.rounding import (
     ALIKE,
     LEAST,
     NEAR,
@@ -16,7 +16,7 @@ from harness.numerics.rounding import (
     with_companions,
     without_companions,
 )
-from harness.numerics.segments import Observable, climb, extrapolate
+from physics_crosscheck.harness.numerics.segments import Observable, climb, extrapolate
 from tests.numerics.conftest import MakeBench, SymplecticEuler
 
 LAST_DIGIT = 2.0**-40

@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 from sympy import Expr, Heaviside, Rational, sin
 
-from harness.cases.verdict import Verdict, component_scale, judge
-from harness.engines.protocol import Array, Force
-from harness.numerics.batch import Batch
-from harness.numerics.ladder import RUNGS
-from harness.numerics.segments import BlownUpError, Extrapolated, extrapolate, limits_alone
-from harness.records.outcome import Outcome
-from reference import t
+from physics_crosscheck.harness.cases.verdict import Verdict, component_scale, judge
+from physics_crosscheck.harness.engines.protocol import Array, Force
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.ladder import RUNGS
+from physics_crosscheck.harness.numerics.segments import (
+    BlownUpError,
+    Extrapolated,
+    extrapolate,
+    limits_alone,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference import t
 from tests.numerics.conftest import MASS, STIFFNESS, Bench, MakeBench, SymplecticEuler
 
 NAMES = ("x", "x_dot")

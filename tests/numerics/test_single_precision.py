@@ -6,15 +6,21 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from harness.cases.verdict import component_scale, judge
-from harness.engines.protocol import Array, Force, StateForce
-from harness.numerics.batch import Batch
-from harness.numerics.judgement import resolvable
-from harness.numerics.ladder import EPSILON, RUNGS, exact_weights, least_weights, limits
-from harness.numerics.rounding import unheld
-from harness.numerics.segments import Extrapolated, extrapolate
-from harness.numerics.step_study import study_step
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.cases.verdict import component_scale, judge
+from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.judgement import resolvable
+from physics_crosscheck.harness.numerics.ladder import (
+    EPSILON,
+    RUNGS,
+    exact_weights,
+    least_weights,
+    limits,
+)
+from physics_crosscheck.harness.numerics.rounding import unheld
+from physics_crosscheck.harness.numerics.segments import Extrapolated, extrapolate
+from physics_crosscheck.harness.numerics.step_study import study_step
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.numerics.conftest import Bench, MakeBench, SymplecticEuler
 from tests.numerics.test_coarse_rounding import EVERYWHERE, Errors
 

@@ -8,13 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.cases.case import load
-from harness.files.sidecar import read_sidecar
-from harness.poses.check import PoseCheck, check_poses
-from reference.declaration import Constant, Coordinate, Equilibrium, Output, Scenario
-from reference.kinematics import ground
-from reference.pose import Pose
-from reference.system import System
+from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.poses.check import PoseCheck, check_poses
+from physics_crosscheck.reference.declaration import (
+    Constant,
+    Coordinate,
+    Equilibrium,
+    Output,
+    Scenario,
+)
+from physics_crosscheck.reference.kinematics import ground
+from physics_crosscheck.reference.pose import Pose
+from physics_crosscheck.reference.system import System
 
 a = Coordinate("a", "rad", "shoulder, about the vertical")
 b = Coordinate("b", "rad", "elbow, toward +x")

@@ -10,14 +10,13 @@ from typing import Any
 
 import pytest
 
-# Imported here: pytester forgets, after each run in this process, what that run imported first.
-import harness.pytest_plugin.session
-from harness.files.folders import builtin
-from harness.pytest_plugin.runner import CaseRunner
-from harness.records.case import Case, CaseId
-from harness.records.finding import AuditFinding, Diagnosis
-from harness.records.poses import Poses
-from harness.records.survey import Audit
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.pytest_plugin import session
+from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.records.case import Case, CaseId
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.poses import Poses
+from physics_crosscheck.harness.records.survey import Audit
 from tests.records.made import case
 from tests.standing import brief, standing_only
 
@@ -50,7 +49,9 @@ class Project:
         path.write_text(text.replace(old, new))
 
     def run(self, *arguments: str) -> pytest.RunResult:
-        return self._pytester.runpytest_inprocess("-p", "pytest_crosscheck", *arguments)
+        return self._pytester.runpytest_inprocess(
+            "-p", "physics_crosscheck.pytest_plugin", *arguments
+        )
 
     def collected(self, *arguments: str) -> list[str]:
         """Ids of the tests that would be run."""
@@ -86,4 +87,4 @@ def answers(monkeypatch: pytest.MonkeyPatch) -> Answers:
     return told
 
 
-assert harness.pytest_plugin.session  # its import is what counts
+assert session  # pytester forgets, after each run in this process, what that run imported first

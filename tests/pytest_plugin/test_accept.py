@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from harness.baseline.store import read_baseline
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.baseline.store import read_baseline
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.pytest_plugin.conftest import Project
 
 pytest_plugins = ("pytester",)

@@ -13,15 +13,15 @@ from typing import Any
 import jsonschema
 import pytest
 
-from harness import check
-from harness.engines.pymunk import PymunkEngine
-from harness.files.folders import FolderError, builtin
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.records.schema import schema
-from harness.records.write import encoded
-from harness.text.failure import diagnosis_lines
-from harness.text.findings import audit_lines
+from physics_crosscheck import check
+from physics_crosscheck.harness.engines.pymunk import PymunkEngine
+from physics_crosscheck.harness.files.folders import FolderError, builtin
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.schema import schema
+from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.harness.text.failure import diagnosis_lines
+from physics_crosscheck.harness.text.findings import audit_lines
 from tests.standing import brief, standing_only
 
 ROOT = Path(__file__).parents[2]
@@ -126,7 +126,7 @@ def test_a_path_that_is_none_is_refused() -> None:
 
 @pytest.mark.slow
 def test_a_script_without_a_guard_may_call_it() -> None:
-    script = "from harness import check\n"
+    script = "from physics_crosscheck import check\n"
     script += "print(check('torsional_disc', engines=['pymunk'], jobs=1).agree)\n"
     done = subprocess.run(
         [sys.executable, "-"], input=script, cwd=ROOT, capture_output=True, text=True, check=False
@@ -135,9 +135,12 @@ def test_a_script_without_a_guard_may_call_it() -> None:
 
 
 def test_the_package_imports_nothing_before_it_is_asked_to() -> None:
-    told = "import sys, harness; print([m for m in sys.modules if m.startswith('harness')])"
+    told = (
+        "import sys, physics_crosscheck as p;"
+        " print([m for m in sys.modules if m.startswith('physics')])"
+    )
     done = subprocess.run(
         [sys.executable, "-c", told], cwd=ROOT, capture_output=True, text=True, check=True
     )
-    assert done.stdout == "['harness']\n"
+    assert done.stdout == "['physics_crosscheck']\n"
     assert callable(check)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.engines.mujoco import MujocoEngine
-from harness.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.engines.mujoco import MujocoEngine
+from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
 from tests.pytest_plugin.conftest import Answers, Project
 
 pytest_plugins = ["pytester"]
@@ -113,12 +113,12 @@ def test_without_the_option_nothing_happens(project: Project) -> None:
 
 
 def test_the_plugin_imports_nothing_but_pytest() -> None:
-    told = "import sys, pytest; before = set(sys.modules); import pytest_crosscheck;"
+    told = "import sys, pytest; before = set(sys.modules); import physics_crosscheck.pytest_plugin;"
     told += "print(sorted(set(sys.modules) - before))"
     done = subprocess.run(
         [sys.executable, "-c", told], cwd=ROOT, capture_output=True, text=True, check=True
     )
-    assert done.stdout.strip() == "['pytest_crosscheck']"
+    assert done.stdout.strip() == "['physics_crosscheck', 'physics_crosscheck.pytest_plugin']"
 
 
 @pytest.mark.parametrize(("arguments", "sentence"), [

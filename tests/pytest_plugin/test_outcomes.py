@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from harness.cli.main import main
-from harness.diagnosis.task import diagnose_model
-from harness.pytest_plugin.runner import CaseRunner
-from harness.records.case import Case
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.text import status
-from harness.text.status import TestStatus
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.diagnosis.task import diagnose_model
+from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text import status
+from physics_crosscheck.harness.text.status import TestStatus
 from tests.pytest_plugin.conftest import Answers, Project
 from tests.records.made import case, finding, model
 
@@ -147,7 +147,7 @@ def test_all_tests_of_a_system_are_one_xdist_workers(
     (project.path / "pytest.ini").write_text("[pytest]\ntestpaths = tests\n")
     done = pytester.runpytest_subprocess(
         "-p",
-        "harness.pytest_plugin",
+        "physics_crosscheck.harness.pytest_plugin",
         "-n",
         "2",
         "--dist",

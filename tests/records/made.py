@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from harness.records.case import Case, CheckedStep, FullRun, Stepping, TargetStep, Verdict
-from harness.records.finding import AuditFinding
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.records.results import Results
+from physics_crosscheck.harness.records.case import (
+    Case,
+    CheckedStep,
+    FullRun,
+    Stepping,
+    TargetStep,
+    Verdict,
+)
+from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
 
 
 def verdict(**fields: Any) -> Verdict:

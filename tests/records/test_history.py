@@ -6,8 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from harness.records.history import append_history, digits_known, past_of, read_history
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.history import (
+    append_history,
+    digits_known,
+    past_of,
+    read_history,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.records.made import case, results, verdict
 
 

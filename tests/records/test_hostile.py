@@ -11,9 +11,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from harness.cli.main import main
-from harness.records.read import ResultsError, read_results
-from harness.records.results import Results
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.records.read import ResultsError, read_results
+from physics_crosscheck.harness.records.results import Results
 from tests.records.examples import at, example, paths, replaced, required
 
 EXAMPLE: dict[str, Any] = example(Results)

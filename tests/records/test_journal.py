@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from harness.records.coverage import Coverage
-from harness.records.finding import Diagnosis
-from harness.records.journal import NAME, Kind, Value, Work, journal
-from harness.records.read import ResultsError
+from physics_crosscheck.harness.records.coverage import Coverage
+from physics_crosscheck.harness.records.finding import Diagnosis
+from physics_crosscheck.harness.records.journal import NAME, Kind, Value, Work, journal
+from physics_crosscheck.harness.records.read import ResultsError
 from tests.records.made import case
 
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.numerics.judgement import judge
-from harness.records.base import number, numbers, rows
-from harness.records.case import Case, Convergence, ForwardDynamics
-from harness.records.outcome import Outcome, contradiction
-from harness.records.read import ResultsError, read_results
-from harness.records.results import Results
-from harness.records.write import encoded, write_whole
+from physics_crosscheck.harness.numerics.judgement import judge
+from physics_crosscheck.harness.records.base import number, numbers, rows
+from physics_crosscheck.harness.records.case import Case, Convergence, ForwardDynamics
+from physics_crosscheck.harness.records.outcome import Outcome, contradiction
+from physics_crosscheck.harness.records.read import ResultsError, read_results
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.write import encoded, write_whole
 from tests.records.made import case, verdict
 
 

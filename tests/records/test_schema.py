@@ -13,10 +13,10 @@ import jsonschema
 import msgspec
 import pytest
 
-from harness.records.base import Record
-from harness.records.fields import meanings
-from harness.records.results import Results
-from harness.records.schema import SCHEMAS, main, page_text, schema
+from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.fields import meanings
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.schema import SCHEMAS, main, page_text, schema
 from tests.records.examples import example, paths, replaced
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "schema"
@@ -48,7 +48,7 @@ def test_the_committed_schemas_and_their_page_are_those_of_the_records(tmp_path:
         for folder in (tmp_path, COMMITTED)
     )
     assert made.keys() == {"README.md", *(f"{name}.schema.json" for name in SCHEMAS)}
-    assert made == committed, "python -m harness.records.schema docs/schema"
+    assert made == committed, "python -m physics_crosscheck.harness.records.schema docs/schema"
 
 
 @pytest.mark.parametrize("name", SCHEMAS)

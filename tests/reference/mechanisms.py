@@ -7,7 +7,7 @@ from typing import Any
 import sympy as sp
 from sympy import cos
 
-from reference import (
+from physics_crosscheck.reference import (
     Constant,
     Coordinate,
     Equilibrium,
@@ -16,8 +16,8 @@ from reference import (
     Scenario,
     System,
 )
-from reference.derive import Equations, derive
-from reference.load import load_system
+from physics_crosscheck.reference.derive import Equations, derive
+from physics_crosscheck.reference.load import load_system
 
 MODELS = Path(__file__).parents[2] / "models"
 NAMES = sorted(path.parent.name for path in MODELS.glob("*/system.py"))

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import sympy as sp
 
-from reference import (
+from physics_crosscheck.reference import (
     Angle,
     Body,
     Constant,
@@ -23,8 +23,8 @@ from reference import (
     System,
     t,
 )
-from reference.derive import derive
-from reference.linearize import linearize
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.linearize import linearize
 from tests.reference.mechanisms import C, F, K, M, X, built_in, constant, declared
 
 Y = Coordinate("y", "m", "another displacement")

@@ -9,9 +9,9 @@ import pytest
 import sympy as sp
 from sympy.physics import mechanics as me
 
-from reference import System
-from reference.derive import derive
-from reference.numeric import Array
+from physics_crosscheck.reference import System
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.numeric import Array
 from tests.reference.mechanisms import CART, EPS, NAMES, built_in, equations_of, oscillator
 
 EVERY = [*NAMES, CART.name]

@@ -7,11 +7,11 @@ from functools import cache
 import pytest
 import sympy as sp
 
-from reference import DeclarationError, PublishedEquation, Quantity
-from reference.derive import derive
-from reference.errata import AGREES, DIFFERS, UP_TO_SIGNS, Erratum, errata
-from reference.linearize import Linearization, linearize
-from reference.simplify import tidy
+from physics_crosscheck.reference import DeclarationError, PublishedEquation, Quantity
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.errata import AGREES, DIFFERS, UP_TO_SIGNS, Erratum, errata
+from physics_crosscheck.reference.linearize import Linearization, linearize
+from physics_crosscheck.reference.simplify import tidy
 from tests.reference.mechanisms import NAMES, built_in, equations_of, pendulum
 
 NUMBERS = {*(f"2.{i}" for i in range(1, 49)), *(f"3.{i}" for i in range(1, 15))}

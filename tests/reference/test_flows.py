@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reference import flows
-from reference.flows import Flow
-from reference.integrate import ReferenceError
-from reference.multibody.algebra import Scalars
-from reference.multibody.charted import Charted
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.inertial import bodies_apart
-from reference.multibody.tree import Coupling, Kind, Medium, Tree
-from reference.numeric import Array
+from physics_crosscheck.reference import flows
+from physics_crosscheck.reference.flows import Flow
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.multibody.algebra import Scalars
+from physics_crosscheck.reference.multibody.charted import Charted
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.inertial import bodies_apart
+from physics_crosscheck.reference.multibody.tree import Coupling, Kind, Medium, Tree
+from physics_crosscheck.reference.numeric import Array
 from tests.reference.multibody.trees import tree
 
 KINDS: tuple[tuple[Kind, ...], ...] = (

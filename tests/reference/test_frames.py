@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from reference import DeclarationError, Pose, System
-from reference.frames import frame_function
-from reference.kinematics import ground, rotation
+from physics_crosscheck.reference import DeclarationError, Pose, System
+from physics_crosscheck.reference.frames import frame_function
+from physics_crosscheck.reference.kinematics import ground, rotation
 from tests.poses.arm import SWING, a, l
 
 EYE = sp.eye(3)

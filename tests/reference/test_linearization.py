@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from reference import Coordinate, Equilibrium, Input, Output, System
-from reference.derive import derive
-from reference.linearize import Linearization, classify, linearize, taylor
-from reference.modes import (
+from physics_crosscheck.reference import Coordinate, Equilibrium, Input, Output, System
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.linearize import Linearization, classify, linearize, taylor
+from physics_crosscheck.reference.modes import (
     damped_shapes,
     evaluate_transfer,
     modes,

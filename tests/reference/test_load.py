@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from reference import DeclarationError
-from reference.load import load_system
+from physics_crosscheck.reference import DeclarationError
+from physics_crosscheck.reference.load import load_system
 from tests.reference.mechanisms import MODELS, NAMES, built_in
 
 

@@ -4,8 +4,8 @@ from time import process_time
 
 import pytest
 
-from reference import DeclarationError, PublishedEquation
-from reference.notation import MOST_DEGREE, MOST_SIGNS, readings
+from physics_crosscheck.reference import DeclarationError, PublishedEquation
+from physics_crosscheck.reference.notation import MOST_DEGREE, MOST_SIGNS, readings
 from tests.reference.mechanisms import built_in
 
 

@@ -7,13 +7,13 @@ import pytest
 import sympy as sp
 from sympy import DiracDelta, Heaviside, I, Integral, Piecewise, Rational, exp, log, sin, sqrt, tan
 
-from harness.cases.prepare import prepare
-from reference import DeclarationError, Equilibrium, Output, Scenario, System, t
-from reference.derive import derive
-from reference.integrate import ReferenceError
-from reference.linearize import linearize
-from reference.motion import Motion
-from reference.solve import solve
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.reference import DeclarationError, Equilibrium, Output, Scenario, System, t
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.reference.motion import Motion
+from physics_crosscheck.reference.solve import solve
 from tests.reference.mechanisms import C, F, K, M, X, constant, declared, pendulum
 
 W = constant("w", 2.0, "1/s")

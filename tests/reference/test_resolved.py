@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reference import resolved
-from reference.integrate import ReferenceError
-from reference.multibody.tree import Tree
-from reference.resolved import Resolved
-from reference.samples import Samples, samples, solved
-from reference.trees import TreeEquations, TreeSystem, tree_system
+from physics_crosscheck.reference import resolved
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.resolved import Resolved
+from physics_crosscheck.reference.samples import Samples, samples, solved
+from physics_crosscheck.reference.trees import TreeEquations, TreeSystem, tree_system
 from tests.reference.multibody.trees import tree
 
 

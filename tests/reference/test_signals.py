@@ -8,8 +8,8 @@ import pytest
 import sympy as sp
 from sympy import Abs, Heaviside, Max, Piecewise, Rational, cos, cosh, exp, floor, log, sin, sqrt
 
-from reference import DeclarationError, Input, System, t
-from reference.signal import DIGITS, Piece, generator, numeric_inputs, pieces
+from physics_crosscheck.reference import DeclarationError, Input, System, t
+from physics_crosscheck.reference.signal import DIGITS, Piece, generator, numeric_inputs, pieces
 from tests.reference.mechanisms import EPS, declared, oscillator
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from reference import DeclarationError, Scenario, System, t
-from reference.derive import Equations, derive
-from reference.multibody.algebra import DOUBLES, about_axis
-from reference.multibody.tree import Link, Tree
-from reference.numeric import Array
-from reference.solve import solve
-from reference.trees import TreeEquations, TreeSystem
+from physics_crosscheck.reference import DeclarationError, Scenario, System, t
+from physics_crosscheck.reference.derive import Equations, derive
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, about_axis
+from physics_crosscheck.reference.multibody.tree import Link, Tree
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.solve import solve
+from physics_crosscheck.reference.trees import TreeEquations, TreeSystem
 from tests.cases.arms import arm
 
 

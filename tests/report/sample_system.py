@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harness.records.system import (
+from physics_crosscheck.harness.records.system import (
     Constant,
     Derivation,
     Erratum,

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from harness.records.base import Numbers, Rows, SourceLine, numbers
-from harness.records.case import (
+from physics_crosscheck.harness.records.base import Numbers, Rows, SourceLine, numbers
+from physics_crosscheck.harness.records.case import (
     Case,
     CheckedStep,
     Convergence,
@@ -21,18 +21,23 @@ from harness.records.case import (
     TargetStep,
     Verdict,
 )
-from harness.records.cause import Cause, CauseId
-from harness.records.finding import (
+from physics_crosscheck.harness.records.cause import Cause, CauseId
+from physics_crosscheck.harness.records.finding import (
     AuditFinding,
     CorrectedMotion,
     CorrectedScenario,
     Diagnosis,
     Explanation,
 )
-from harness.records.model import DiscreteLinearization, EngineLinearization, EnginePole, Model
-from harness.records.outcome import Outcome
-from harness.records.results import BaselineChange, BaselineChanges, Results
-from harness.report.packs import Array
+from physics_crosscheck.harness.records.model import (
+    DiscreteLinearization,
+    EngineLinearization,
+    EnginePole,
+    Model,
+)
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
+from physics_crosscheck.harness.report.packs import Array
 from tests.report.sample_system import SCENARIOS, system
 
 SAMPLES = 240

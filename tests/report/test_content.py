@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from harness.records.results import Results
-from harness.report.content import Content
-from harness.report.packs import not_tex
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.report.content import Content
+from physics_crosscheck.harness.report.packs import not_tex
 from tests.report.samples import LITERAL, array, changed_case, changed_model, results, series_of
 
 

@@ -11,13 +11,13 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from harness.audit.finding import source_line
-from harness.files.locations import find_in
-from harness.records.base import SourceLine
-from harness.records.outcome import Outcome
-from harness.report import write_report
-from harness.report.patches import lines_of, unified
-from harness.text.next_steps import Change
+from physics_crosscheck.harness.audit.finding import source_line
+from physics_crosscheck.harness.files.locations import find_in
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.report.patches import lines_of, unified
+from physics_crosscheck.harness.text.next_steps import Change
 from tests.records.made import case, finding, model, results
 
 URDF = """<robot>

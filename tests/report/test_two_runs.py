@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from harness.records.outcome import Outcome
-from harness.report import write_report
-from harness.report.two_runs import render_two_runs, write_two_runs
-from harness.text.two_runs import two_runs
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.report.two_runs import render_two_runs, write_two_runs
+from physics_crosscheck.harness.text.two_runs import two_runs
 from tests.report.chromium import Browser
 from tests.report.page import Page
 from tests.report.samples import judged, results

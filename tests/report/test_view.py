@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 from msgspec.structs import replace
 
-from harness.records.base import SourceLine
-from harness.records.finding import AuditFinding, Diagnosis
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.report import render
-from harness.report.cases import CaseView
-from harness.report.diagnoses import DiagnosisView
-from harness.report.text import agreeing_digits, percent, shown, slug
-from harness.report.view import Report, report
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.report import render
+from physics_crosscheck.harness.report.cases import CaseView
+from physics_crosscheck.harness.report.diagnoses import DiagnosisView
+from physics_crosscheck.harness.report.text import agreeing_digits, percent, shown, slug
+from physics_crosscheck.harness.report.view import Report, report
 from tests.report.samples import changed_case, changed_model, results
 
 

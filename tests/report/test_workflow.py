@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from harness.cli.main import main
-from harness.records.outcome import Outcome
-from harness.records.write import encoded
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.write import encoded
 from tests.records.made import case, results, verdict
 
 ROOT = Path(__file__).parents[2]
@@ -62,7 +62,7 @@ def place(tmp_path: Path) -> Path:
 if [ "$1" = run ]; then
   mkdir -p reports/history; cp {kept} reports/results.json; exit $RUN_ENDS_WITH
 fi
-exec "{sys.executable}" -m harness "$@"
+exec "{sys.executable}" -m physics_crosscheck "$@"
 """)
     command.chmod(0o755)
     return tmp_path

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from harness.records.outcome import Outcome
-from reference.multibody.chart import Chart
-from reference.multibody.medium import Immersion
-from reference.multibody.recursion import Recursion
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.multibody.chart import Chart
+from physics_crosscheck.reference.multibody.medium import Immersion
+from physics_crosscheck.reference.multibody.recursion import Recursion
 from tests.robots.planted import Checked, checked, tree_of
 
 EEL = """<mujoco model="eel">

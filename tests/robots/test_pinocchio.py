@@ -12,12 +12,12 @@ import pinocchio
 import pybullet_data
 import pytest
 
-from harness.robots.compiled import read_compiled_robot
-from harness.robots.robot import Robot
-from harness.robots.urdf import read_urdf_robot
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.tree import Tree
-from reference.numeric import Array
+from physics_crosscheck.harness.robots.compiled import read_compiled_robot
+from physics_crosscheck.harness.robots.robot import Robot
+from physics_crosscheck.harness.robots.urdf import read_urdf_robot
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.tree import Tree
+from physics_crosscheck.reference.numeric import Array
 
 FOLDER = Path(pybullet_data.getDataPath())
 

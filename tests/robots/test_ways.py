@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.outcome import Outcome
 from tests.robots.planted import Checked, checked
 
 BUSHES = """<mujoco model="bushes">

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.files.sidecar import read_sidecar
-from harness.scaffold import scenarios
-from harness.scaffold.folder import NewError
-from harness.scaffold.from_model import from_model
-from reference.load import load_declaration, load_system
-from reference.trees import MultibodySystem
+from physics_crosscheck.harness.files.sidecar import read_sidecar
+from physics_crosscheck.harness.scaffold import scenarios
+from physics_crosscheck.harness.scaffold.folder import NewError
+from physics_crosscheck.harness.scaffold.from_model import from_model
+from physics_crosscheck.reference.load import load_declaration, load_system
+from physics_crosscheck.reference.trees import MultibodySystem
 
 CODE = 'open("PWNED","w")'
 NAMES = (
@@ -64,11 +64,12 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The working folder, in which a file would appear were anything run."""
     monkeypatch.chdir(tmp_path)
     # What engines make of the file, and for how long it is to move, take their time.
-    monkeypatch.setattr("harness.scaffold.from_energies._checked", lambda *_: [])
+    monkeypatch.setattr("physics_crosscheck.harness.scaffold.from_energies._checked", lambda *_: [])
     monkeypatch.setattr(
-        "harness.scaffold.from_energies.plan", lambda _, joints: scenarios.provisional(joints)
+        "physics_crosscheck.harness.scaffold.from_energies.plan",
+        lambda _, joints: scenarios.provisional(joints),
     )
-    monkeypatch.setattr("harness.scaffold.from_tree._run", lambda *_: ({}, []))
+    monkeypatch.setattr("physics_crosscheck.harness.scaffold.from_tree._run", lambda *_: ({}, []))
 
 
 @pytest.mark.parametrize("name", NAMES)

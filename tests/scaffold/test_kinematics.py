@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import sympy as sp
 
-from reference import Coordinate
-from reference.kinematics import ground, rotation
+from physics_crosscheck.reference import Coordinate
+from physics_crosscheck.reference.kinematics import ground, rotation
 
 A = Coordinate("a", "rad", "upper")
 B = Coordinate("b", "rad", "lower")

@@ -13,21 +13,21 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from harness.cases.case import load
-from harness.cli.main import main
-from harness.files.bindings import bindings, mismatches
-from harness.files.choice import Choice
-from harness.files.folders import template
-from harness.files.model_files import model_files
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.poses.check import check_poses
-from harness.run import Options, Selection, run
-from harness.scaffold.folder import NewError, check_name, example, write_folder
-from harness.scaffold.from_energies import format_settings as _settings
-from harness.scaffold.from_model import from_model
-from reference.derive import derive
-from reference.load import load_declaration, load_system
-from reference.trees import MultibodySystem
+from physics_crosscheck.harness.cases.case import load
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.files.bindings import bindings, mismatches
+from physics_crosscheck.harness.files.choice import Choice
+from physics_crosscheck.harness.files.folders import template
+from physics_crosscheck.harness.files.model_files import model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.poses.check import check_poses
+from physics_crosscheck.harness.run import Options, Selection, run
+from physics_crosscheck.harness.scaffold.folder import NewError, check_name, example, write_folder
+from physics_crosscheck.harness.scaffold.from_energies import format_settings as _settings
+from physics_crosscheck.harness.scaffold.from_model import from_model
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.load import load_declaration, load_system
+from physics_crosscheck.reference.trees import MultibodySystem
 
 REPOSITORY = Path(__file__).parents[1] / "installed" / "repository" / "models"
 CRANE = Path(__file__).parent / "crane.xml"
@@ -273,7 +273,9 @@ def test_a_reading_that_no_engine_shares_is_not_written(
     model.write_text(URDF)
     # A fault of the reading: gravity that the sidecar doesn't have.
     settings = [line.replace("9.81", "9.8") for line in _settings(".urdf")]
-    monkeypatch.setattr("harness.scaffold.from_energies.format_settings", lambda _: settings)
+    monkeypatch.setattr(
+        "physics_crosscheck.harness.scaffold.from_energies.format_settings", lambda _: settings
+    )
     with pytest.raises(NewError, match="no engine agrees with what was read"):
         from_model(model, tmp_path / "read")
     assert os.listdir(tmp_path) == ["m.urdf"]

@@ -13,17 +13,17 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from harness.files.model_files import UnreadModel, model_files
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.records.outcome import Outcome
-from harness.robots.read import read_robot
-from harness.run import Options, Selection, run
-from harness.scaffold.folder import NewError
-from harness.scaffold.from_model import from_model
-from reference.declaration import DeclarationError
-from reference.load import load_declaration, load_system
-from reference.multibody.tree import Link, Tree
-from reference.trees import MultibodySystem
+from physics_crosscheck.harness.files.model_files import UnreadModel, model_files
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.robots.read import read_robot
+from physics_crosscheck.harness.run import Options, Selection, run
+from physics_crosscheck.harness.scaffold.folder import NewError
+from physics_crosscheck.harness.scaffold.from_model import from_model
+from physics_crosscheck.reference.declaration import DeclarationError
+from physics_crosscheck.reference.load import load_declaration, load_system
+from physics_crosscheck.reference.multibody.tree import Link, Tree
+from physics_crosscheck.reference.trees import MultibodySystem
 from tests import commands
 
 DATA = Path(pybullet_data.getDataPath())
@@ -95,7 +95,7 @@ def test_what_is_declared_is_the_tree_of_the_file_to_the_last_digit(
     tmp_path: Path, file: Path | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # What engines make of it is tested below.
-    monkeypatch.setattr("harness.scaffold.from_tree._run", lambda *_: ({}, []))
+    monkeypatch.setattr("physics_crosscheck.harness.scaffold.from_tree._run", lambda *_: ({}, []))
     file = written(tmp_path / "given") if file is None else file
     from_model(file, tmp_path / "made")
     declared, robot = bodies(tmp_path / "made"), read_robot(file)

@@ -10,23 +10,23 @@ from pathlib import Path
 
 import pytest
 
-from harness.schedule.environment import DEFAULTS, MAPPED_FROM
+from physics_crosscheck.harness.schedule.environment import DEFAULTS, MAPPED_FROM
 
 BESIDE = Path(__file__).resolve().parents[2]
 
 PROGRAM = """
 import sys
-from physics_crosscheck.main import main
+from physics_crosscheck.harness.cli.main import program
 early = "numpy" in sys.modules
 sys.argv = ["crosscheck", "engines"]
-main()
+program()
 from tests.schedule.test_environment import found
 print(early, found(None))
 """
 
 LIBRARY = """
-from harness.schedule.limits import Limits
-from harness.schedule.workers import Workers
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.workers import Workers
 from tests.schedule.test_environment import found, set_here
 
 with Workers(1, limits=Limits(seconds=60)) as workers:
@@ -80,8 +80,8 @@ IS_MMAPPED = 2
 """Flag of a chunk in glibc's malloc/malloc.c."""
 
 MAPPED = """
-from harness.schedule.limits import Limits
-from harness.schedule.workers import Workers
+from physics_crosscheck.harness.schedule.limits import Limits
+from physics_crosscheck.harness.schedule.workers import Workers
 from tests.schedule.test_environment import is_mapped
 
 with Workers(1, limits=Limits(seconds=60)) as workers:

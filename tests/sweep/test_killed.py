@@ -11,17 +11,17 @@ from pathlib import Path
 
 import pytest
 
-from harness.records.outcome import Outcome
-from harness.sweep.store import done, parts, read_plan, read_rows
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.sweep.store import done, parts, read_plan, read_rows
 from tests.faults.known_folder import environment
 from tests.sweep.made import swept_folder
 
 # A part a row, a row a block: so that there is a middle after a few cases.
 SMALL = """
 import sys
-import harness.sweep.plan, harness.sweep.store
+import physics_crosscheck.harness.sweep.plan, physics_crosscheck.harness.sweep.store
 harness.sweep.plan.BLOCK = harness.sweep.store.PART = 1
-from harness.cli.main import main
+from physics_crosscheck.harness.cli.main import main
 sys.exit(main(sys.argv[1:]))
 """
 

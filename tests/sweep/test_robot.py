@@ -8,22 +8,22 @@ from pathlib import Path
 
 import pytest
 
-from harness.cases.robot import judge_robot, prepare_robot
-from harness.cli.main import main
-from harness.records.outcome import Outcome
-from harness.records.sweep import SweepRow
-from harness.report.sweep import render_sweep
-from harness.robots.copies import copied
-from harness.robots.read import robot_numbers
-from harness.schedule.workers import Workers
-from harness.sweep import robot as swept_robot
-from harness.sweep.case import run_block, swept
-from harness.sweep.factors import SweepError
-from harness.sweep.plan import Plan
-from harness.sweep.planned import Block
-from harness.sweep.run import sweep
-from harness.sweep.store import read_plan, read_rows
-from harness.sweep.summary import summary
+from physics_crosscheck.harness.cases.robot import judge_robot, prepare_robot
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.harness.report.sweep import render_sweep
+from physics_crosscheck.harness.robots.copies import copied
+from physics_crosscheck.harness.robots.read import robot_numbers
+from physics_crosscheck.harness.schedule.workers import Workers
+from physics_crosscheck.harness.sweep import robot as swept_robot
+from physics_crosscheck.harness.sweep.case import run_block, swept
+from physics_crosscheck.harness.sweep.factors import SweepError
+from physics_crosscheck.harness.sweep.plan import Plan
+from physics_crosscheck.harness.sweep.planned import Block
+from physics_crosscheck.harness.sweep.run import sweep
+from physics_crosscheck.harness.sweep.store import read_plan, read_rows
+from physics_crosscheck.harness.sweep.summary import summary
 from tests.robots.files import joint, link
 from tests.sweep.made import options, plan_of
 

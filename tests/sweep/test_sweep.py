@@ -7,18 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from harness.cases.case import case_task, run_case
-from harness.cases.prepare import prepare
-from harness.files.bindings import with_constants
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.records.outcome import Outcome
-from harness.records.sweep import SweepRow
-from harness.schedule.workers import Workers
-from harness.sweep.factors import SweepError
-from harness.sweep.plan import SweepOptions
-from harness.sweep.run import alone, sweep
-from harness.sweep.store import parts, read_rows, taken
-from reference.load import load_system
+from physics_crosscheck.harness.cases.case import case_task, run_case
+from physics_crosscheck.harness.cases.prepare import prepare
+from physics_crosscheck.harness.files.bindings import with_constants
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.sweep import SweepRow
+from physics_crosscheck.harness.schedule.workers import Workers
+from physics_crosscheck.harness.sweep.factors import SweepError
+from physics_crosscheck.harness.sweep.plan import SweepOptions
+from physics_crosscheck.harness.sweep.run import alone, sweep
+from physics_crosscheck.harness.sweep.store import parts, read_rows, taken
+from physics_crosscheck.reference.load import load_system
 from tests.sweep.made import options, plan_of, swept_folder
 
 VARY = ("k=20:200:log", "m=0.8:2")

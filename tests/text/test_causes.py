@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from harness.records.base import Number, SourceLine
-from harness.records.cause import Cause, CauseId, CauseKind
-from harness.records.finding import Explanation
-from harness.text.causes import cause_sentences
+from physics_crosscheck.harness.records.base import Number, SourceLine
+from physics_crosscheck.harness.records.cause import Cause, CauseId, CauseKind
+from physics_crosscheck.harness.records.finding import Explanation
+from physics_crosscheck.harness.text.causes import cause_sentences
 
 
 def cause(

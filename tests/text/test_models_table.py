@@ -7,8 +7,8 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from harness.records.outcome import Outcome
-from harness.text.models_table import print_models
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.models_table import print_models
 from tests.records.made import case, verdict
 
 LONG = "two_drums_on_a_slope", "robot_folded_and_turned.urdf"

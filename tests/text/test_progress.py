@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from harness.records.outcome import Outcome
-from harness.text.progress import Progress
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.progress import Progress
 from tests.records.made import case
 
 

@@ -9,15 +9,15 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from harness.records.case import Case, TargetStep
-from harness.records.cause import Cause
-from harness.records.finding import Diagnosis, Explanation
-from harness.records.outcome import Outcome
-from harness.records.results import BaselineChange, BaselineChanges, Results
-from harness.text.causes import BEGIN_WITH_AUDIT
-from harness.text.table import case_line, print_results, summary
-from harness.text.terminal import terminal
-from harness.text.troubles import MOST_TOLD
+from physics_crosscheck.harness.records.case import Case, TargetStep
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import BaselineChange, BaselineChanges, Results
+from physics_crosscheck.harness.text.causes import BEGIN_WITH_AUDIT
+from physics_crosscheck.harness.text.table import case_line, print_results, summary
+from physics_crosscheck.harness.text.terminal import terminal
+from physics_crosscheck.harness.text.troubles import MOST_TOLD
 from tests.records.made import case, finding, full_run, model, results, stepping, verdict
 
 

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from harness.records.base import SourceLine
-from harness.records.case import Case
-from harness.records.cause import Cause
-from harness.records.finding import Diagnosis, Explanation
-from harness.records.model import Model
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.text.next_steps import next_steps
-from harness.text.table import print_results
-from harness.text.troubles import troubles
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.text.next_steps import next_steps
+from physics_crosscheck.harness.text.table import print_results
+from physics_crosscheck.harness.text.troubles import troubles
 from tests.records.made import case, finding, model, results, verdict
 
 WRONG = Cause(

@@ -8,11 +8,11 @@ from typing import Any
 from msgspec.structs import replace
 from rich.console import Console
 
-from harness.records.base import SourceLine
-from harness.records.cause import Cause
-from harness.records.finding import Diagnosis, Explanation
-from harness.records.outcome import Outcome
-from harness.text.two_runs import Movement, headline, print_two_runs, two_runs
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.text.two_runs import Movement, headline, print_two_runs, two_runs
 from tests.records.made import case, full_run, model, results, verdict
 
 

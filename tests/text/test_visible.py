@@ -11,16 +11,16 @@ from typing import TextIO, cast
 import pytest
 from rich.console import Console
 
-from harness.cli import main as cli
-from harness.gate.text import _cell, _code
-from harness.records.base import SourceLine
-from harness.records.cause import Cause
-from harness.records.finding import Diagnosis, Explanation
-from harness.records.outcome import Outcome
-from harness.records.results import Results
-from harness.report import write_report
-from harness.text.failure import failure_message
-from harness.text.github import (
+from physics_crosscheck.harness.cli import main as cli
+from physics_crosscheck.harness.gate.text import _cell, _code
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.cause import Cause
+from physics_crosscheck.harness.records.finding import Diagnosis, Explanation
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.report import write_report
+from physics_crosscheck.harness.text.failure import failure_message
+from physics_crosscheck.harness.text.github import (
     Annotation,
     LogStream,
     commands,
@@ -28,12 +28,12 @@ from harness.text.github import (
     plain_line,
     run_notes,
 )
-from harness.text.markup import escape
-from harness.text.next_steps import next_steps
-from harness.text.sarif import sarif
-from harness.text.status import Decision, TestStatus
-from harness.text.table import print_results
-from harness.text.visible import odd_name, visible
+from physics_crosscheck.harness.text.markup import escape
+from physics_crosscheck.harness.text.next_steps import next_steps
+from physics_crosscheck.harness.text.sarif import sarif
+from physics_crosscheck.harness.text.status import Decision, TestStatus
+from physics_crosscheck.harness.text.table import print_results
+from physics_crosscheck.harness.text.visible import odd_name, visible
 from tests.records.made import case, finding, model, results
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.cli.main import main
-from harness.files.folders import FolderError
-from harness.versions.asked import AskedVersion, asked_models, asked_versions
+from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.files.folders import FolderError
+from physics_crosscheck.harness.versions.asked import AskedVersion, asked_models, asked_versions
 from tests.faults.known_folder import SYSTEM
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from harness.cli.versions import code
-from harness.records.case import Case
-from harness.records.outcome import Outcome
-from harness.records.versions import Upgrade, VersionCase, VersionRun, Versions
+from physics_crosscheck.harness.cli.versions import code
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.versions import Upgrade, VersionCase, VersionRun, Versions
 from tests.baseline.samples import case, measurement
 from tests.versions.samples import between, failed, run, stepping
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.versions.environments import (
+from physics_crosscheck.harness.versions.environments import (
     READY,
     EnvironmentError_,
     Requirement,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from harness.records.model import Model
-from harness.records.versions import VersionModel
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.versions import VersionModel
 from tests.versions.samples import between, linearization, model, remark, run
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.records.read import decoded
-from harness.records.versions import Versions
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.versions import Versions
 from tests.faults.known_folder import environment
 from tests.installed.documents import ROOT, check_shown, commands
 

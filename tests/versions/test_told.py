@@ -10,12 +10,12 @@ import msgspec
 import pytest
 from rich.console import Console
 
-from harness.records.outcome import Outcome
-from harness.records.read import decoded
-from harness.records.versions import EngineVersion, Upgrade, Versions
-from harness.records.write import encoded
-from harness.report.versions import render_versions
-from harness.text.versions import print_versions
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.versions import EngineVersion, Upgrade, Versions
+from physics_crosscheck.harness.records.write import encoded
+from physics_crosscheck.harness.report.versions import render_versions
+from physics_crosscheck.harness.text.versions import print_versions
 from tests.baseline.samples import case, measurement
 from tests.report.page import Page
 from tests.versions.samples import between, failed, model, remark, run

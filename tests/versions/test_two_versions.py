@@ -18,10 +18,10 @@ from pathlib import Path
 
 import pytest
 
-from harness.records.read import decoded
-from harness.records.versions import Versions
-from harness.sweep.store import read_rows
-from harness.versions.environments import interpreter, site_folders
+from physics_crosscheck.harness.records.read import decoded
+from physics_crosscheck.harness.records.versions import Versions
+from physics_crosscheck.harness.sweep.store import read_rows
+from physics_crosscheck.harness.versions.environments import interpreter, site_folders
 from tests.faults.known_folder import ROOT, SYSTEM
 
 PAGE = (ROOT / "docs" / "engines.md").read_text(encoding="utf-8")
@@ -88,7 +88,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Home:
     (site,) = (place / "home").rglob("site-packages")
     lines = [f"import site; site.addsitedir({folder!r})" for folder in site_folders()]
     (site / "dependencies.pth").write_text("\n".join(lines) + "\n")
-    for name in ("harness", "reference", "physics_crosscheck"):
+    for name in ("physics_crosscheck",):
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(ROOT / name, site / name, ignore=ignored)
     for name, text in files("1.0", engine("1.0")).items():

@@ -6,7 +6,7 @@ import argparse
 import math
 from pathlib import Path
 
-from harness.cli import arguments
+from physics_crosscheck.harness.cli import arguments
 
 
 def add(command: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from harness.cli.completion import SHELLS
+from physics_crosscheck.harness.cli.completion import SHELLS
 
 
 def add(command: argparse.ArgumentParser) -> None:

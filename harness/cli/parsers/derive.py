@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from harness.cli import arguments
+from physics_crosscheck.harness.cli import arguments
 
 
 def add(command: argparse.ArgumentParser) -> None:

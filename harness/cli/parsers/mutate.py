@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from harness.cli import arguments
-from harness.schedule.limits import FAULT_SECONDS
+from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.schedule.limits import FAULT_SECONDS
 
 
 def add(command: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from harness.cli.parsers.gate import add_meant
+from physics_crosscheck.harness.cli.parsers.gate import add_meant
 
 
 def add(command: argparse.ArgumentParser) -> None:

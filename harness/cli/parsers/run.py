@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from harness.cli import arguments
+from physics_crosscheck.harness.cli import arguments
 
 
 def add(command: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from harness.cli import arguments
+from physics_crosscheck.harness.cli import arguments
 
 DESIGNS = ("latin", "sobol", "random")
 """Those of `harness.sweep.draws` that take a number of draws; to import them takes sympy."""

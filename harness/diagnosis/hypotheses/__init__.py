@@ -4,7 +4,11 @@
 and missing terms of the equations. `TrialModel` tries them in the engine and in the equations.
 """
 
-from harness.diagnosis.hypotheses.candidate import Candidate, Perturbation, everything
-from harness.diagnosis.hypotheses.trial import TrialModel
+from physics_crosscheck.harness.diagnosis.hypotheses.candidate import (
+    Candidate,
+    Perturbation,
+    everything,
+)
+from physics_crosscheck.harness.diagnosis.hypotheses.trial import TrialModel
 
 __all__ = ["Candidate", "Perturbation", "TrialModel", "everything"]

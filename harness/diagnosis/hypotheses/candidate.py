@@ -10,16 +10,16 @@ from itertools import combinations
 
 import numpy as np
 
-from harness.diagnosis.fit import Hypothesis
-from harness.engines.protocol import Model
-from harness.files.bindings import Binding, bindings
-from harness.files.locations import Location, LocationError, find, numbers
-from harness.files.sidecar import Sidecar
-from harness.numerics.coordinates import CoordinateMap
-from harness.records.base import SourceLine
-from harness.records.cause import CauseId, CauseKind
-from reference.system import System
-from reference.variants import Variants
+from physics_crosscheck.harness.diagnosis.fit import Hypothesis
+from physics_crosscheck.harness.engines.protocol import Model
+from physics_crosscheck.harness.files.bindings import Binding, bindings
+from physics_crosscheck.harness.files.locations import Location, LocationError, find, numbers
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.records.base import SourceLine
+from physics_crosscheck.harness.records.cause import CauseId, CauseKind
+from physics_crosscheck.reference.system import System
+from physics_crosscheck.reference.variants import Variants
 
 _ORDER: tuple[CauseKind, ...] = (
     "default", "axis", "exchange", "literal", "literals", "unbound literal", "gravity", "constant",

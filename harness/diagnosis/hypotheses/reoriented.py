@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from harness.engines.protocol import Force, Model, StateForce
-from reference.numeric import Array
+from physics_crosscheck.harness.engines.protocol import Force, Model, StateForce
+from physics_crosscheck.reference.numeric import Array
 
 
 class ReorientedModel(Model):

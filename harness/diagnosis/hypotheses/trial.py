@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.diagnosis.fit import Hypothesis
-from harness.diagnosis.hypotheses.candidate import Candidate, Perturbation
-from harness.diagnosis.hypotheses.reoriented import ReorientedModel
-from harness.diagnosis.samples import (
+from physics_crosscheck.harness.diagnosis.fit import Hypothesis
+from physics_crosscheck.harness.diagnosis.hypotheses.candidate import Candidate, Perturbation
+from physics_crosscheck.harness.diagnosis.hypotheses.reoriented import ReorientedModel
+from physics_crosscheck.harness.diagnosis.samples import (
     RUNGS_OF_SLOPES,
     RUNGS_USED,
     Sample,
@@ -21,15 +21,15 @@ from harness.diagnosis.samples import (
     reference_ends,
     variant_ends,
 )
-from harness.engines.protocol import Engine, EngineError, Model
-from harness.files.bindings import locate, with_literals
-from harness.files.sidecar import Sidecar
-from harness.numerics.coordinates import CoordinateMap
-from harness.numerics.segments import BlownUpError
-from harness.records.cause import CauseId
-from reference.integrate import ReferenceError
-from reference.numeric import Array
-from reference.variants import Variants
+from physics_crosscheck.harness.engines.protocol import Engine, EngineError, Model
+from physics_crosscheck.harness.files.bindings import locate, with_literals
+from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.numerics.segments import BlownUpError
+from physics_crosscheck.harness.records.cause import CauseId
+from physics_crosscheck.reference.integrate import ReferenceError
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.variants import Variants
 
 NUDGE = 1e-4
 """Share of a number's size by which it is moved to learn its slope."""

@@ -15,9 +15,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.engines.conformance import described, forces, rollouts
-from harness.engines.conformance.asked import Asked, BrokenError
-from harness.engines.protocol import Engine, ModelSpec
+from physics_crosscheck.harness.engines.conformance import described, forces, rollouts
+from physics_crosscheck.harness.engines.conformance.asked import Asked, BrokenError
+from physics_crosscheck.harness.engines.protocol import Engine, ModelSpec
 
 CHECKS: tuple[Callable[[Asked], None], ...] = (
     described.engine_is_described,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harness.engines.protocol import Array, Engine, Force, Model, ModelSpec
+from physics_crosscheck.harness.engines.protocol import Array, Engine, Force, Model, ModelSpec
 
 BATCH, STEPS, EVERY = 3, 12, 4
 NEAR = 0.05

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engines.conformance.asked import Asked, BrokenError, ask
-from harness.engines.protocol import Engine, EngineError, ModelSpec
-from harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.conformance.asked import Asked, BrokenError, ask
+from physics_crosscheck.harness.engines.protocol import Engine, EngineError, ModelSpec
+from physics_crosscheck.harness.engines.remark import Remark
 
 
 def engine_is_described(asked: Asked) -> None:

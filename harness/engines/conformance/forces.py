@@ -6,8 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.engines.conformance.asked import BATCH, EVERY, STEPS, Asked, Loaded, alike, ask
-from harness.engines.protocol import StateForce
+from physics_crosscheck.harness.engines.conformance.asked import (
+    BATCH,
+    EVERY,
+    STEPS,
+    Asked,
+    Loaded,
+    alike,
+    ask,
+)
+from physics_crosscheck.harness.engines.protocol import StateForce
 
 ORDER_STEPS = (16, 32, 64, 128)
 """In how many steps a short motion is made to see its order."""

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from harness.engines.conformance.asked import BATCH, EVERY, STEPS, Asked, Motion, alike, ask
+from physics_crosscheck.harness.engines.conformance.asked import (
+    BATCH,
+    EVERY,
+    STEPS,
+    Asked,
+    Motion,
+    alike,
+    ask,
+)
 
 
 def rollouts_have_their_shape(asked: Asked) -> None:

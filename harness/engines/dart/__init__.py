@@ -1,5 +1,5 @@
 """DART: its adapter, and the worlds that it steps."""
 
-from harness.engines.dart.adapter import DartEngine
+from physics_crosscheck.harness.engines.dart.adapter import DartEngine
 
 __all__ = ["DartEngine"]

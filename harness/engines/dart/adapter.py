@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.bare import BARE, bare_cause, bare_links, weightless
-from harness.engines.captured import STDERR, STDOUT, captured
-from harness.engines.dart.sdf import (
+from physics_crosscheck.harness.engines.bare import BARE, bare_cause, bare_links, weightless
+from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, captured
+from physics_crosscheck.harness.engines.dart.sdf import (
     as_older,
     automatic_cause,
     automatic_links,
@@ -31,17 +31,24 @@ from harness.engines.dart.sdf import (
     with_turned,
     without_collisions,
 )
-from harness.engines.dart.steps import WorldSteps
-from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Sample
-from harness.engines.remark import Remark
-from harness.engines.runge_kutta import each_alone
-from harness.engines.sdf import SDF_IDLE, sample_sdf
-from harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
-from harness.engines.sdf_sidecar import DeclaredSdf
-from harness.engines.source import folded
-from harness.engines.step_rule import StepRule
-from harness.engines.urdf import IDLE, UrdfReader, sample_urdf
-from harness.engines.urdf_copy import (
+from physics_crosscheck.harness.engines.dart.steps import WorldSteps
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    Force,
+    Model,
+    ModelSpec,
+    Sample,
+)
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.runge_kutta import each_alone
+from physics_crosscheck.harness.engines.sdf import SDF_IDLE, sample_sdf
+from physics_crosscheck.harness.engines.sdf_copy import sdf_without_bounds, sdf_without_friction
+from physics_crosscheck.harness.engines.sdf_sidecar import DeclaredSdf
+from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.urdf import IDLE, UrdfReader, sample_urdf
+from physics_crosscheck.harness.engines.urdf_copy import (
     TRIMMED,
     Change,
     dropped_cause,
@@ -50,8 +57,8 @@ from harness.engines.urdf_copy import (
     without_friction,
     without_shapes,
 )
-from harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
-from harness.engines.urdf_sidecar import ROBOTS, DeclaredUrdf
+from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfEngine, UrdfModel
+from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS, DeclaredUrdf
 
 TURNS = "DART's dropping of the cubic term of turns below 1e-3 rad a step of a root that floats"
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.attitude import from_rpy
-from harness.engines.protocol import Array, EngineError
-from harness.engines.sdf import SdfFile, number
-from harness.engines.sdf_check import SdfJoint, has_automatic
-from harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
-from harness.engines.sdf_shapes import SIZES, WATER, solid
-from harness.engines.source import written
+from physics_crosscheck.harness.engines.attitude import from_rpy
+from physics_crosscheck.harness.engines.protocol import Array, EngineError
+from physics_crosscheck.harness.engines.sdf import SdfFile, number
+from physics_crosscheck.harness.engines.sdf_check import SdfJoint, has_automatic
+from physics_crosscheck.harness.engines.sdf_copy import VERSION, sdf_without_bounds_of
+from physics_crosscheck.harness.engines.sdf_shapes import SIZES, WATER, solid
+from physics_crosscheck.harness.engines.source import written
 
 _KNOWN = ("1.4", "1.5", "1.6")
 _IN_MODEL = ("1.0", "1.1", "1.2", "1.3", "1.4")

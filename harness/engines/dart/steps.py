@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.attitude import (
+from physics_crosscheck.harness.engines.attitude import (
     angular_velocity,
     coordinates,
     exponential,
@@ -15,10 +15,10 @@ from harness.engines.attitude import (
     quaternion,
     rate,
 )
-from harness.engines.one_by_one import Stepper
-from harness.engines.protocol import Array
-from harness.engines.springs import SpringForces
-from harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.one_by_one import Stepper
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.tree_model import FREE
 
 INSTANT = 1e-200
 """Seconds."""

@@ -1,5 +1,5 @@
 """Drake: its adapter, and the plants that it steps."""
 
-from harness.engines.drake.adapter import DrakeEngine
+from physics_crosscheck.harness.engines.drake.adapter import DrakeEngine
 
 __all__ = ["DrakeEngine"]

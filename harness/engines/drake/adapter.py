@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from harness.engines.drake.mjcf import DrakeMjcf
-from harness.engines.drake.model import CONTINUOUS, SAP, TAMSI
-from harness.engines.drake.urdf import DrakeUrdf
-from harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
-from harness.engines.protocol import Model, ModelSpec, Sample
-from harness.engines.sdf import SDF_IDLE, sample_sdf
-from harness.engines.urdf import IDLE, sample_urdf
-from harness.engines.urdf_engine import UrdfEngine
-from harness.engines.urdf_sidecar import ROBOTS
+from physics_crosscheck.harness.engines.drake.mjcf import DrakeMjcf
+from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, TAMSI
+from physics_crosscheck.harness.engines.drake.urdf import DrakeUrdf
+from physics_crosscheck.harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
+from physics_crosscheck.harness.engines.protocol import Model, ModelSpec, Sample
+from physics_crosscheck.harness.engines.sdf import SDF_IDLE, sample_sdf
+from physics_crosscheck.harness.engines.urdf import IDLE, sample_urdf
+from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
+from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 
 DEFAULTS: Mapping[str, bool | str] = MappingProxyType({
     **ROBOTS,

@@ -15,18 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.attitude import coordinates
-from harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
-from harness.engines.drake.plant import moving_joints
-from harness.engines.mjcf_copy import POSE, copied
-from harness.engines.mjcf_declared import DeclaredMjcf
-from harness.engines.mjcf_defaults import bodies_of
-from harness.engines.mjcf_engine import MjcfModel
-from harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
-from harness.engines.protocol import Array, Engine, ModelSpec
-from harness.engines.remark import Remark
-from harness.engines.source import finite_numbers
-from harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.attitude import coordinates
+from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
+from physics_crosscheck.harness.engines.drake.plant import moving_joints
+from physics_crosscheck.harness.engines.mjcf_copy import POSE, copied
+from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
+from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of
+from physics_crosscheck.harness.engines.mjcf_engine import MjcfModel
+from physics_crosscheck.harness.engines.mjcf_joints import SLIDE, MjcfJoint, rows_of
+from physics_crosscheck.harness.engines.protocol import Array, Engine, ModelSpec
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import finite_numbers
+from physics_crosscheck.harness.engines.tree_model import FREE
 
 ARMATURE = "Drake's leaving out of armature where no actuator drives a joint"
 MISPLACED = "Drake's placing of a body's first joints at its parent's origin"

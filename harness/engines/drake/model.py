@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
-from harness.engines.drake.reading import logged
-from harness.engines.following import held_accelerations, leading
-from harness.engines.protocol import Array, EngineError, Force, UnsupportedError
-from harness.engines.remark import Remark
-from harness.engines.runge_kutta import RungeKutta, each_alone, to_state
-from harness.engines.source import folded
-from harness.engines.step_rule import StepRule
-from harness.engines.tree_model import TreeModel
-from harness.engines.urdf import Mimic
+from physics_crosscheck.harness.engines.drake.plant import DiscreteSteps, Plant, moving_joints
+from physics_crosscheck.harness.engines.drake.reading import logged
+from physics_crosscheck.harness.engines.following import held_accelerations, leading
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, Force, UnsupportedError
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.runge_kutta import RungeKutta, each_alone, to_state
+from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.tree_model import TreeModel
+from physics_crosscheck.harness.engines.urdf import Mimic
 
 SAP, TAMSI, CONTINUOUS = "sap", "tamsi", "continuous"
 

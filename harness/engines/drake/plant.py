@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.attitude import matrix
-from harness.engines.one_by_one import Stepper
-from harness.engines.protocol import Array
-from harness.engines.runge_kutta import place, rates, to_state
-from harness.engines.springs import SpringForces
-from harness.engines.tree_model import FREE, Weight
+from physics_crosscheck.harness.engines.attitude import matrix
+from physics_crosscheck.harness.engines.one_by_one import Stepper
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.runge_kutta import place, rates, to_state
+from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.tree_model import FREE, Weight
 
 QUATERNION = 4
 

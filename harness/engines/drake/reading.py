@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.protocol import EngineError
-from harness.engines.source import folded
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.source import folded
 
 BALL = 0.4 * (3 / (4 * np.pi * 1000)) ** (2 / 3)
 """Moments of the ball as dense as water that stands for what is no inertia: of 1 kg, kg m^2."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
-from harness.engines.sdf import mimic_of
+from physics_crosscheck.harness.engines.sdf import mimic_of
 
 SPACE = "http://drake.mit.edu"
 

@@ -5,22 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
-from harness.engines.drake.plant import weight_of
-from harness.engines.drake.reading import refuse_balls
-from harness.engines.drake.sdf import own_mimics, weight_cause, weightless, without_own
-from harness.engines.protocol import Array, ModelSpec
-from harness.engines.remark import Remark
-from harness.engines.sdf_copy import sdf_mimics_of, sdf_without_bounds
-from harness.engines.urdf import UrdfReader
-from harness.engines.urdf_copy import (
+from physics_crosscheck.harness.engines.drake.model import CONTINUOUS, SAP, DrakeModel
+from physics_crosscheck.harness.engines.drake.plant import weight_of
+from physics_crosscheck.harness.engines.drake.reading import refuse_balls
+from physics_crosscheck.harness.engines.drake.sdf import (
+    own_mimics,
+    weight_cause,
+    weightless,
+    without_own,
+)
+from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.sdf_copy import sdf_mimics_of, sdf_without_bounds
+from physics_crosscheck.harness.engines.urdf import UrdfReader
+from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     mimics_of,
     without_bounds,
     without_crossed_bounds,
     without_shapes,
 )
-from harness.engines.urdf_engine import SDF, UrdfModel
+from physics_crosscheck.harness.engines.urdf_engine import SDF, UrdfModel
 
 MIMICS = "Drake's leaving out of <mimic>"
 

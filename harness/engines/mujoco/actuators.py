@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.compiled import CompiledActuator, Numbers
-from harness.engines.mujoco.pulls import (
+from physics_crosscheck.harness.engines.compiled import CompiledActuator, Numbers
+from physics_crosscheck.harness.engines.mujoco.pulls import (
     control,
     covered_actuator,
     joint_name,

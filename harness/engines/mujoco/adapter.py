@@ -11,28 +11,43 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.compiled import CompiledTree
-from harness.engines.installed import version_of
-from harness.engines.mistake import DefaultLeftOn, LeftOut
-from harness.engines.mjcf_engine import MJCF_IDLE
-from harness.engines.mujoco.equalities import equalities_act
-from harness.engines.mujoco.forward import equality_errors, forward, holds_exactly
-from harness.engines.mujoco.mjcf import checked_numbers, checked_step, included, refusal, sources
-from harness.engines.mujoco.poses import Poses
-from harness.engines.mujoco.remarks import (
+from physics_crosscheck.harness.engines.compiled import CompiledTree
+from physics_crosscheck.harness.engines.installed import version_of
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
+from physics_crosscheck.harness.engines.mjcf_engine import MJCF_IDLE
+from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act
+from physics_crosscheck.harness.engines.mujoco.forward import (
+    equality_errors,
+    forward,
+    holds_exactly,
+)
+from physics_crosscheck.harness.engines.mujoco.mjcf import (
+    checked_numbers,
+    checked_step,
+    included,
+    refusal,
+    sources,
+)
+from physics_crosscheck.harness.engines.mujoco.poses import Poses
+from physics_crosscheck.harness.engines.mujoco.remarks import (
     UNCOMPENSATED,
     file_remarks,
     idle_compensation,
     model_remarks,
 )
-from harness.engines.mujoco.rule import step_rule
-from harness.engines.mujoco.settings import apply_settings, held_controls, is_on, rounded_frames
-from harness.engines.mujoco.smooth import hold, leave_out, without_joints
-from harness.engines.mujoco.state import States
-from harness.engines.mujoco.tree import compiled_tree
-from harness.engines.mujoco.urdf import changes, complete_urdf
-from harness.engines.mujoco.warnings import Warnings
-from harness.engines.protocol import (
+from physics_crosscheck.harness.engines.mujoco.rule import step_rule
+from physics_crosscheck.harness.engines.mujoco.settings import (
+    apply_settings,
+    held_controls,
+    is_on,
+    rounded_frames,
+)
+from physics_crosscheck.harness.engines.mujoco.smooth import hold, leave_out, without_joints
+from physics_crosscheck.harness.engines.mujoco.state import States
+from physics_crosscheck.harness.engines.mujoco.tree import compiled_tree
+from physics_crosscheck.harness.engines.mujoco.urdf import changes, complete_urdf
+from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
+from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
     EngineError,
@@ -44,11 +59,11 @@ from harness.engines.protocol import (
     held_joints,
     within,
 )
-from harness.engines.remark import Remark
-from harness.engines.source import XmlSource, engine_errors
-from harness.engines.step_rule import StepRule
-from harness.engines.urdf import IDLE, SETTINGS, read_urdf, sample_urdf
-from harness.engines.urdf_copy import followers_of, rewritten
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import XmlSource, engine_errors
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.urdf import IDLE, SETTINGS, read_urdf, sample_urdf
+from physics_crosscheck.harness.engines.urdf_copy import followers_of, rewritten
 
 _ORDERS = {"mjINT_EULER": 1, "mjINT_IMPLICIT": 1, "mjINT_IMPLICITFAST": 1, "mjINT_RK4": 4}
 

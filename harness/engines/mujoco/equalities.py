@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from harness.engines.compiled import CompiledCoupling
-from harness.engines.mujoco.pulls import acts
-from harness.engines.mujoco.ways import of_tendon
+from physics_crosscheck.harness.engines.compiled import CompiledCoupling
+from physics_crosscheck.harness.engines.mujoco.pulls import acts
+from physics_crosscheck.harness.engines.mujoco.ways import of_tendon
 
 _CURVED = slice(2, 5)
 """Coefficients of an equality's polynomial that make it no straight line."""

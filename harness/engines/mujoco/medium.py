@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.compiled import CompiledMedium
-from harness.engines.mujoco.pulls import acts
+from physics_crosscheck.harness.engines.compiled import CompiledMedium
+from physics_crosscheck.harness.engines.mujoco.pulls import acts
 
 FAINT = 1e-300
 """Share of an ellipsoid's forces that is left: with none, its body's box would be dragged."""

@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from harness.engines.protocol import EngineError, ModelSpec
-from harness.engines.remark import PULL, Remark
-from harness.engines.source import (
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec
+from physics_crosscheck.harness.engines.remark import PULL, Remark
+from physics_crosscheck.harness.engines.source import (
     NoXmlError,
     XmlSource,
     check_memory,

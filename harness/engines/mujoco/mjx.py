@@ -18,11 +18,18 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.mistake import DefaultLeftOn, LeftOut
-from harness.engines.mujoco.adapter import MujocoEngine, MujocoModel
-from harness.engines.mujoco.pulls import powers
-from harness.engines.protocol import Array, EngineError, Force, ModelSpec, Sample, StateForce
-from harness.engines.source import engine_errors
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn, LeftOut
+from physics_crosscheck.harness.engines.mujoco.adapter import MujocoEngine, MujocoModel
+from physics_crosscheck.harness.engines.mujoco.pulls import powers
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    Force,
+    ModelSpec,
+    Sample,
+    StateForce,
+)
+from physics_crosscheck.harness.engines.source import engine_errors
 
 BITS = 64
 """Of its numbers; the setting `bits = 32` makes them those that JAX has unless told."""

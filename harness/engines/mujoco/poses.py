@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.protocol import Array
 
 
 class Poses:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.compiled import CompiledPull, CompiledWay, Numbers
-from harness.engines.mujoco.ways import Combination, of_actuator, of_tendon
+from physics_crosscheck.harness.engines.compiled import CompiledPull, CompiledWay, Numbers
+from physics_crosscheck.harness.engines.mujoco.ways import Combination, of_actuator, of_tendon
 
 UNCOUPLED = "armature of a tendon across branches couples no joints"
 """What a diagnosis calls it."""

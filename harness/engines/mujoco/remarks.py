@@ -8,14 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.mujoco.mjcf import doubled_remarks, override_remarks, refusal, stated
-from harness.engines.mujoco.pulls import UNCOUPLED, acts, actuators, joint_name, split_tendons
-from harness.engines.mujoco.shapes import without_idle_files
-from harness.engines.mujoco.warnings import Warnings
-from harness.engines.protocol import Array, ModelSpec
-from harness.engines.remark import PULL, Remark, limit_remarks
-from harness.engines.source import XmlSource
-from harness.engines.urdf import UrdfReader, urdf_remarks
+from physics_crosscheck.harness.engines.mujoco.mjcf import (
+    doubled_remarks,
+    override_remarks,
+    refusal,
+    stated,
+)
+from physics_crosscheck.harness.engines.mujoco.pulls import (
+    UNCOUPLED,
+    acts,
+    actuators,
+    joint_name,
+    split_tendons,
+)
+from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
+from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
+from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
+from physics_crosscheck.harness.engines.remark import PULL, Remark, limit_remarks
+from physics_crosscheck.harness.engines.source import XmlSource
+from physics_crosscheck.harness.engines.urdf import UrdfReader, urdf_remarks
 
 _URDF = UrdfReader(name="mujoco", no_inertial="its geoms' masses, or none")
 

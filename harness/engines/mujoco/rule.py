@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.mujoco.equalities import equalities_act
-from harness.engines.mujoco.medium import medium
-from harness.engines.mujoco.pulls import acts, actuators, powers
-from harness.engines.protocol import Array
-from harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act
+from physics_crosscheck.harness.engines.mujoco.medium import medium
+from physics_crosscheck.harness.engines.mujoco.pulls import acts, actuators, powers
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.step_rule import StepRule
 
 SOFT = "equalities, which are soft at any step"
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.mujoco.pulls import actuators, control, held_state
-from harness.engines.mujoco.smooth import switch_off
-from harness.engines.protocol import Array, EngineError, ModelSpec
+from physics_crosscheck.harness.engines.mujoco.pulls import actuators, control, held_state
+from physics_crosscheck.harness.engines.mujoco.smooth import switch_off
+from physics_crosscheck.harness.engines.protocol import Array, EngineError, ModelSpec
 
 
 def is_on(spec: ModelSpec, key: str, *, otherwise: bool) -> bool:

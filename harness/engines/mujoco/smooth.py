@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.mujoco.equalities import equalities_act, straight_equalities
-from harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
-from harness.engines.mujoco.pulls import (
+from physics_crosscheck.harness.engines.mujoco.equalities import equalities_act, straight_equalities
+from physics_crosscheck.harness.engines.mujoco.medium import ellipsoids, medium, without_ellipsoids
+from physics_crosscheck.harness.engines.mujoco.pulls import (
     acts,
     actuators,
     control,
@@ -19,7 +19,7 @@ from harness.engines.mujoco.pulls import (
     pulls_by_itself,
     spatial_tendon,
 )
-from harness.engines.mujoco.shapes import without_idle_files
+from physics_crosscheck.harness.engines.mujoco.shapes import without_idle_files
 
 _SOLREF, _SOLIMP = [1e-12, 0.5], [0.9999, 0.9999, 0.001, 0.5, 2.0]
 """Of equalities as stiff as a step allows, settled after one: steps may be 1e-8 s and shorter."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from harness.engines.attitude import (
+from physics_crosscheck.harness.engines.attitude import (
     angular_velocity,
     coordinates,
     place_names,
@@ -15,8 +15,8 @@ from harness.engines.attitude import (
     rate,
     rotation_names,
 )
-from harness.engines.mujoco.pulls import joint_name
-from harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.mujoco.pulls import joint_name
+from physics_crosscheck.harness.engines.protocol import Array
 
 
 class _Turning(NamedTuple):

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.compiled import (
+from physics_crosscheck.harness.engines.compiled import (
     CompiledBody,
     CompiledJoint,
     CompiledTree,
     Numbers,
 )
-from harness.engines.mujoco.actuators import compiled_actuator
-from harness.engines.mujoco.equalities import couplings
-from harness.engines.mujoco.medium import boxed, medium
-from harness.engines.mujoco.mjcf import included, refusal, sources
-from harness.engines.mujoco.pulls import (
+from physics_crosscheck.harness.engines.mujoco.actuators import compiled_actuator
+from physics_crosscheck.harness.engines.mujoco.equalities import couplings
+from physics_crosscheck.harness.engines.mujoco.medium import boxed, medium
+from physics_crosscheck.harness.engines.mujoco.mjcf import included, refusal, sources
+from physics_crosscheck.harness.engines.mujoco.pulls import (
     UNCOUPLED,
     acts,
     actuators,
@@ -27,9 +27,9 @@ from harness.engines.mujoco.pulls import (
     pulls_taken,
     split_tendons,
 )
-from harness.engines.mujoco.shapes import files_of_shapes, without_idle_files
-from harness.engines.mujoco.smooth import besides, uncovered
-from harness.engines.mujoco.warnings import Warnings
+from physics_crosscheck.harness.engines.mujoco.shapes import files_of_shapes, without_idle_files
+from physics_crosscheck.harness.engines.mujoco.smooth import besides, uncovered
+from physics_crosscheck.harness.engines.mujoco.warnings import Warnings
 
 
 def compiled_tree(path: Path, texts: Mapping[Path, bytes]) -> CompiledTree:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.mujoco.settings import is_on
-from harness.engines.protocol import EngineError, ModelSpec, held_joints
-from harness.engines.urdf import base_name, joint_springs
-from harness.engines.urdf_copy import (
+from physics_crosscheck.harness.engines.mujoco.settings import is_on
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, held_joints
+from physics_crosscheck.harness.engines.urdf import base_name, joint_springs
+from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     followers_of,
     mimics_of,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.compiled import CompiledMark, CompiledWay, Numbers
+from physics_crosscheck.harness.engines.compiled import CompiledMark, CompiledWay, Numbers
 
 Combination = tuple[tuple[int, float], ...]
 """Coefficients by the index of a hinge or slide."""

@@ -1,5 +1,5 @@
 """Newton: its adapter, what it reads, and the worlds that it steps."""
 
-from harness.engines.newton.adapter import NewtonEngine
+from physics_crosscheck.harness.engines.newton.adapter import NewtonEngine
 
 __all__ = ["NewtonEngine"]

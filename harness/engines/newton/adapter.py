@@ -10,20 +10,33 @@ from types import MappingProxyType
 
 import numpy as np
 
-from harness.engines.mjcf_source import with_options
-from harness.engines.newton.mjcf import DROPS, read_mjcf
-from harness.engines.newton.reading import Read, limits_of
-from harness.engines.newton.urdf import READER, read_urdf, stopped_turns, without_idle_shapes
-from harness.engines.newton.worlds import Worlds
-from harness.engines.protocol import Array, EngineError, Force, Model, ModelSpec, Sample, within
-from harness.engines.remark import Remark
-from harness.engines.source import engine_errors
-from harness.engines.springs import SpringForces
-from harness.engines.step_rule import StepRule
-from harness.engines.urdf import SETTINGS, sample_urdf
-from harness.engines.urdf_copy import without_crossed_bounds
-from harness.engines.urdf_engine import UrdfEngine, UrdfModel
-from harness.engines.urdf_sidecar import ROBOTS
+from physics_crosscheck.harness.engines.mjcf_source import with_options
+from physics_crosscheck.harness.engines.newton.mjcf import DROPS, read_mjcf
+from physics_crosscheck.harness.engines.newton.reading import Read, limits_of
+from physics_crosscheck.harness.engines.newton.urdf import (
+    READER,
+    read_urdf,
+    stopped_turns,
+    without_idle_shapes,
+)
+from physics_crosscheck.harness.engines.newton.worlds import Worlds
+from physics_crosscheck.harness.engines.protocol import (
+    Array,
+    EngineError,
+    Force,
+    Model,
+    ModelSpec,
+    Sample,
+    within,
+)
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import engine_errors
+from physics_crosscheck.harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.urdf import SETTINGS, sample_urdf
+from physics_crosscheck.harness.engines.urdf_copy import without_crossed_bounds
+from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine, UrdfModel
+from physics_crosscheck.harness.engines.urdf_sidecar import ROBOTS
 
 _NAMED = 6
 """Bodies named in a sentence."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.attitude import (
+from physics_crosscheck.harness.engines.attitude import (
     angular_velocity,
     coordinates,
     place_names,
@@ -16,7 +16,7 @@ from harness.engines.attitude import (
     rate,
     rotation_names,
 )
-from harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.protocol import Array
 
 
 class _Turning(NamedTuple):

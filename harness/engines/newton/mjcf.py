@@ -9,11 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.mjcf_source import option_remarks, read_source_mjcf
-from harness.engines.newton.layout import Layout
-from harness.engines.newton.reading import Read, correct_inertias, heard, new_builder, without_stops
-from harness.engines.protocol import EngineError, ModelSpec, Spring
-from harness.engines.urdf_copy import followers_of
+from physics_crosscheck.harness.engines.mjcf_source import option_remarks, read_source_mjcf
+from physics_crosscheck.harness.engines.newton.layout import Layout
+from physics_crosscheck.harness.engines.newton.reading import (
+    Read,
+    correct_inertias,
+    heard,
+    new_builder,
+    without_stops,
+)
+from physics_crosscheck.harness.engines.protocol import EngineError, ModelSpec, Spring
+from physics_crosscheck.harness.engines.urdf_copy import followers_of
 
 TENDONS = "Newton's leaving out of tendons"
 EQUALITIES = "Newton's leaving out of joint equalities"

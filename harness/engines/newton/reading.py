@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.newton.layout import Layout
-from harness.engines.protocol import Array, Spring
-from harness.engines.source import folded
+from physics_crosscheck.harness.engines.newton.layout import Layout
+from physics_crosscheck.harness.engines.protocol import Array, Spring
+from physics_crosscheck.harness.engines.source import folded
 
 
 @dataclass(frozen=True, kw_only=True)

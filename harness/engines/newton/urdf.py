@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.engines.newton.layout import Layout
-from harness.engines.newton.reading import (
+from physics_crosscheck.harness.engines.newton.layout import Layout
+from physics_crosscheck.harness.engines.newton.reading import (
     Read,
     collapse,
     correct_inertias,
@@ -16,10 +16,10 @@ from harness.engines.newton.reading import (
     new_builder,
     without_stops,
 )
-from harness.engines.protocol import EngineError
-from harness.engines.urdf import UrdfReader
-from harness.engines.urdf_copy import changed
-from harness.engines.urdf_engine import UrdfModel
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.urdf import UrdfReader
+from physics_crosscheck.harness.engines.urdf_copy import changed
+from physics_crosscheck.harness.engines.urdf_engine import UrdfModel
 
 READER = UrdfReader(
     name="newton",

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.newton.layout import Layout
-from harness.engines.protocol import Array, Force, StateForce
-from harness.engines.springs import SpringForces
+from physics_crosscheck.harness.engines.newton.layout import Layout
+from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.harness.engines.springs import SpringForces
 
 KEPT = 8
 """Batches of which worlds are kept, and steps of which launches are."""

@@ -1,5 +1,5 @@
 """Pinocchio: its adapter, and what it reads."""
 
-from harness.engines.pinocchio.adapter import PinocchioEngine
+from physics_crosscheck.harness.engines.pinocchio.adapter import PinocchioEngine
 
 __all__ = ["PinocchioEngine"]

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
-from harness.engines.pinocchio.mjcf import PinocchioMjcf
-from harness.engines.pinocchio.urdf import PinocchioUrdf
-from harness.engines.protocol import Model, ModelSpec, Sample
-from harness.engines.stepped_here import ADDED_HERE, dampers_not_added
-from harness.engines.urdf import IDLE, sample_urdf
-from harness.engines.urdf_engine import UrdfEngine
+from physics_crosscheck.harness.engines.mjcf_engine import ADDED, MJCF_IDLE, sample_mjcf
+from physics_crosscheck.harness.engines.pinocchio.mjcf import PinocchioMjcf
+from physics_crosscheck.harness.engines.pinocchio.urdf import PinocchioUrdf
+from physics_crosscheck.harness.engines.protocol import Model, ModelSpec, Sample
+from physics_crosscheck.harness.engines.stepped_here import ADDED_HERE, dampers_not_added
+from physics_crosscheck.harness.engines.urdf import IDLE, sample_urdf
+from physics_crosscheck.harness.engines.urdf_engine import UrdfEngine
 
 DEFAULTS: Mapping[str, bool] = MappingProxyType({
     **ADDED_HERE,

@@ -12,18 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines import tree_model
-from harness.engines.attitude import coordinates
-from harness.engines.mjcf_copy import POSE, TOUCHES, copied, without_pose
-from harness.engines.mjcf_declared import DeclaredMjcf
-from harness.engines.mjcf_defaults import bodies_of, shaped
-from harness.engines.mjcf_engine import MjcfModel
-from harness.engines.mjcf_joints import FREE, rows_of
-from harness.engines.pinocchio.model import PinocchioModel
-from harness.engines.pinocchio.reading import GROUND, read_mjcf
-from harness.engines.protocol import Array, Engine, EngineError, ModelSpec
-from harness.engines.remark import Remark
-from harness.engines.source import written
+from physics_crosscheck.harness.engines import tree_model
+from physics_crosscheck.harness.engines.attitude import coordinates
+from physics_crosscheck.harness.engines.mjcf_copy import POSE, TOUCHES, copied, without_pose
+from physics_crosscheck.harness.engines.mjcf_declared import DeclaredMjcf
+from physics_crosscheck.harness.engines.mjcf_defaults import bodies_of, shaped
+from physics_crosscheck.harness.engines.mjcf_engine import MjcfModel
+from physics_crosscheck.harness.engines.mjcf_joints import FREE, rows_of
+from physics_crosscheck.harness.engines.pinocchio.model import PinocchioModel
+from physics_crosscheck.harness.engines.pinocchio.reading import GROUND, read_mjcf
+from physics_crosscheck.harness.engines.protocol import Array, Engine, EngineError, ModelSpec
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import written
 
 ROOTS = "Pinocchio's reading of the first root body alone"
 GEOMS = "Pinocchio's leaving out of geoms that touch nothing"

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.engines.attitude import cross, matrix, turned
-from harness.engines.following import held_accelerations, leading
-from harness.engines.pinocchio.reading import frames, lifting
-from harness.engines.protocol import Array, EngineError
-from harness.engines.runge_kutta import to_state
-from harness.engines.stepped_here import SteppedHere
-from harness.engines.tree_model import FREE
-from harness.engines.urdf import Mimic
+from physics_crosscheck.harness.engines.attitude import cross, matrix, turned
+from physics_crosscheck.harness.engines.following import held_accelerations, leading
+from physics_crosscheck.harness.engines.pinocchio.reading import frames, lifting
+from physics_crosscheck.harness.engines.protocol import Array, EngineError
+from physics_crosscheck.harness.engines.runge_kutta import to_state
+from physics_crosscheck.harness.engines.stepped_here import SteppedHere
+from physics_crosscheck.harness.engines.tree_model import FREE
+from physics_crosscheck.harness.engines.urdf import Mimic
 
 
 class PinocchioModel(SteppedHere):

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.captured import STDERR, STDOUT, captured
-from harness.engines.protocol import Array, UnsupportedError
-from harness.engines.source import folded
-from harness.engines.tree_model import Weight
+from physics_crosscheck.harness.engines.captured import STDERR, STDOUT, captured
+from physics_crosscheck.harness.engines.protocol import Array, UnsupportedError
+from physics_crosscheck.harness.engines.source import folded
+from physics_crosscheck.harness.engines.tree_model import Weight
 
 
 def built(path: Path, file: Path, root: str) -> Any:

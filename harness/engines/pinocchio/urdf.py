@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from harness.engines.pinocchio.model import PinocchioModel
-from harness.engines.pinocchio.reading import built
-from harness.engines.protocol import Array, ModelSpec
-from harness.engines.remark import Remark
-from harness.engines.urdf import UrdfReader, refuse_negative_masses
-from harness.engines.urdf_copy import (
+from physics_crosscheck.harness.engines.pinocchio.model import PinocchioModel
+from physics_crosscheck.harness.engines.pinocchio.reading import built
+from physics_crosscheck.harness.engines.protocol import Array, ModelSpec
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.urdf import UrdfReader, refuse_negative_masses
+from physics_crosscheck.harness.engines.urdf_copy import (
     TRIMMED,
     dropped_cause,
     refuse_blanks,
@@ -19,7 +19,7 @@ from harness.engines.urdf_copy import (
     trim_numbers,
     without_shapes,
 )
-from harness.engines.urdf_engine import UrdfModel
+from physics_crosscheck.harness.engines.urdf_engine import UrdfModel
 
 MIMICS = "Pinocchio's leaving out of <mimic>"
 

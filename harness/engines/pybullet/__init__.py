@@ -1,5 +1,5 @@
 """PyBullet, on URDF."""
 
-from harness.engines.pybullet.adapter import PybulletEngine, PybulletModel
+from physics_crosscheck.harness.engines.pybullet.adapter import PybulletEngine, PybulletModel
 
 __all__ = ["PybulletEngine", "PybulletModel"]

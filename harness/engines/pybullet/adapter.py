@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from harness.engines.bare import BARE, bare_cause, bare_links
-from harness.engines.installed import version_of
-from harness.engines.mistake import DefaultLeftOn
-from harness.engines.protocol import (
+from physics_crosscheck.harness.engines.bare import BARE, bare_cause, bare_links
+from physics_crosscheck.harness.engines.installed import version_of
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
+from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
     EngineError,
@@ -23,10 +23,10 @@ from harness.engines.protocol import (
     held_joints,
     within,
 )
-from harness.engines.pybullet.axes import UNIT, length_cause, long_axes
-from harness.engines.pybullet.ball import Ball
-from harness.engines.pybullet.base import Base
-from harness.engines.pybullet.inertias import (
+from physics_crosscheck.harness.engines.pybullet.axes import UNIT, length_cause, long_axes
+from physics_crosscheck.harness.engines.pybullet.ball import Ball
+from physics_crosscheck.harness.engines.pybullet.base import Base
+from physics_crosscheck.harness.engines.pybullet.inertias import (
     EXACT,
     axes_cause,
     axes_remarks,
@@ -34,15 +34,19 @@ from harness.engines.pybullet.inertias import (
     held_inertias,
     lost_inertias,
 )
-from harness.engines.pybullet.poses import link_places
-from harness.engines.pybullet.printed import printed
-from harness.engines.pybullet.remarks import CAUSES, model_remarks, products_caveat
-from harness.engines.pybullet.settings import DEFAULTS, UNDONE, changes_of
-from harness.engines.pybullet.stepper import Stepper
-from harness.engines.remark import Remark
-from harness.engines.source import engine_errors, folded
-from harness.engines.step_rule import StepRule
-from harness.engines.urdf import (
+from physics_crosscheck.harness.engines.pybullet.poses import link_places
+from physics_crosscheck.harness.engines.pybullet.printed import printed
+from physics_crosscheck.harness.engines.pybullet.remarks import (
+    CAUSES,
+    model_remarks,
+    products_caveat,
+)
+from physics_crosscheck.harness.engines.pybullet.settings import DEFAULTS, UNDONE, changes_of
+from physics_crosscheck.harness.engines.pybullet.stepper import Stepper
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import engine_errors, folded
+from physics_crosscheck.harness.engines.step_rule import StepRule
+from physics_crosscheck.harness.engines.urdf import (
     IDLE,
     SETTINGS,
     Mimic,
@@ -53,8 +57,8 @@ from harness.engines.urdf import (
     refuse_negative_masses,
     sample_urdf,
 )
-from harness.engines.urdf_copy import followers_of, rewritten
-from harness.engines.urdf_sidecar import check_settings
+from physics_crosscheck.harness.engines.urdf_copy import followers_of, rewritten
+from physics_crosscheck.harness.engines.urdf_sidecar import check_settings
 
 _client: int | None = None
 _loaded: object = None

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from harness.engines.source import finite_numbers
-from harness.engines.urdf import ROUNDED
+from physics_crosscheck.harness.engines.source import finite_numbers
+from physics_crosscheck.harness.engines.urdf import ROUNDED
 
 UNIT: Mapping[str, object] = {"unit_axes": True}
 """The adapter's setting that loads the file with axes of unit length."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.engines.attitude import (
+from physics_crosscheck.harness.engines.attitude import (
     angular_velocity,
     coordinates,
     matrix,
@@ -19,8 +19,8 @@ from harness.engines.attitude import (
     rate,
     rotation_names,
 )
-from harness.engines.protocol import Array
-from harness.engines.pybullet.base import real_first
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.pybullet.base import real_first
 
 COUNT = 3
 """Coordinates: of the rotation of its link in the joint's frame."""

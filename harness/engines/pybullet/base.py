@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.engines.attitude import (
+from physics_crosscheck.harness.engines.attitude import (
     angular_velocity,
     coordinates,
     matrix,
@@ -20,7 +20,7 @@ from harness.engines.attitude import (
     rate,
     rotation_names,
 )
-from harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.protocol import Array
 
 COUNT = 6
 """Coordinates of a base: the place of its link's origin, in the world, and its rotation."""

@@ -13,10 +13,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from harness.engines.attitude import from_rpy
-from harness.engines.protocol import Array, EngineError
-from harness.engines.remark import Remark
-from harness.engines.source import finite_numbers
+from physics_crosscheck.harness.engines.attitude import from_rpy
+from physics_crosscheck.harness.engines.protocol import Array, EngineError
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.source import finite_numbers
 
 PRODUCTS = ("ixy", "ixz", "iyz")
 """Products of inertia in a URDF."""

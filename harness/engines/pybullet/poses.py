@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from harness.engines.attitude import matrix
-from harness.engines.protocol import Array
-from harness.engines.pybullet.base import real_first
+from physics_crosscheck.harness.engines.attitude import matrix
+from physics_crosscheck.harness.engines.protocol import Array
+from physics_crosscheck.harness.engines.pybullet.base import real_first
 
 BASE = -1
 """PyBullet's index of the link that all others hang on."""

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from harness.engines.captured import captured
+from physics_crosscheck.harness.engines.captured import captured
 
 _PLACE = re.compile(r"b3(Warning|Error|Printf)\[[^\]]*\]:\s*")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from harness.engines.protocol import Array, EngineError
-from harness.engines.pybullet.inertias import PRODUCTS
-from harness.engines.remark import Remark
-from harness.engines.urdf import UrdfReader, read_urdf, urdf_remarks
+from physics_crosscheck.harness.engines.protocol import Array, EngineError
+from physics_crosscheck.harness.engines.pybullet.inertias import PRODUCTS
+from physics_crosscheck.harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.urdf import UrdfReader, read_urdf, urdf_remarks
 
 CAUSES = {
     "link_damping": "PyBullet's own damping of links",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from harness.engines.bare import weightless
-from harness.engines.protocol import ModelSpec, held_joints
-from harness.engines.pybullet.axes import unit_axes
-from harness.engines.pybullet.inertias import exact_axes
-from harness.engines.urdf_copy import (
+from physics_crosscheck.harness.engines.bare import weightless
+from physics_crosscheck.harness.engines.protocol import ModelSpec, held_joints
+from physics_crosscheck.harness.engines.pybullet.axes import unit_axes
+from physics_crosscheck.harness.engines.pybullet.inertias import exact_axes
+from physics_crosscheck.harness.engines.urdf_copy import (
     Change,
     followers_of,
     mimics_of,

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.protocol import Array, Force, StateForce
-from harness.engines.pybullet.ball import Ball
-from harness.engines.pybullet.base import Base
-from harness.engines.pybullet.poses import link_poses
+from physics_crosscheck.harness.engines.protocol import Array, Force, StateForce
+from physics_crosscheck.harness.engines.pybullet.ball import Ball
+from physics_crosscheck.harness.engines.pybullet.base import Base
+from physics_crosscheck.harness.engines.pybullet.poses import link_poses
 
 Pull = tuple[list[tuple[int, float]], float, float, float]
 """A spring: coefficients by the joint's place among all, stiffness, damping, rest."""

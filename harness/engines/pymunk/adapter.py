@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from harness.engines.installed import version_of
-from harness.engines.mistake import DefaultLeftOn
-from harness.engines.protocol import (
+from physics_crosscheck.harness.engines.installed import version_of
+from physics_crosscheck.harness.engines.mistake import DefaultLeftOn
+from physics_crosscheck.harness.engines.protocol import (
     Array,
     Engine,
     EngineError,
@@ -21,10 +21,14 @@ from harness.engines.protocol import (
     Sample,
     StateForce,
 )
-from harness.engines.pymunk.own_step import callbacks_heard, has_own_step, step_whole
-from harness.engines.pymunk.remarks import space_remarks
-from harness.engines.pymunk.script import blamed, run_file, script_errors
-from harness.engines.remark import Remark
+from physics_crosscheck.harness.engines.pymunk.own_step import (
+    callbacks_heard,
+    has_own_step,
+    step_whole,
+)
+from physics_crosscheck.harness.engines.pymunk.remarks import space_remarks
+from physics_crosscheck.harness.engines.pymunk.script import blamed, run_file, script_errors
+from physics_crosscheck.harness.engines.remark import Remark
 
 _KINDS = ("x", "y", "angle")
 

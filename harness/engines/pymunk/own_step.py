@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.protocol import EngineError
 
 UNDERNEATH = "pymunk.space", "Space.step"
 """Where pymunk's own step comes from, and its name: a script may put another in its place."""

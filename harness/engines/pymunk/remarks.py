@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from harness.engines.pymunk.own_step import has_own_step
-from harness.engines.remark import PULL, Remark
+from physics_crosscheck.harness.engines.pymunk.own_step import has_own_step
+from physics_crosscheck.harness.engines.remark import PULL, Remark
 
 
 def space_remarks(space: Any, settings: Mapping[str, object]) -> Iterator[Remark]:

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from harness.engines.protocol import EngineError
-from harness.engines.source import folded, read_source
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.source import folded, read_source
 
 
 def run_file(path: Path) -> Any:

@@ -25,17 +25,26 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from harness.engines.registry import readers
-from harness.files.locations.literals import (
+from physics_crosscheck.harness.engines.registry import readers
+from physics_crosscheck.harness.files.locations.literals import (
     Literal,
     python_literals,
     toml_literals,
     xml_literals,
 )
-from harness.files.locations.location import Location, LocationError, Resolve, Source
-from harness.files.locations.python import python_names, python_numbers, python_offset
-from harness.files.locations.toml import toml_keys, toml_offset
-from harness.files.locations.xml import xml_numbers, xml_offset, xml_paths
+from physics_crosscheck.harness.files.locations.location import (
+    Location,
+    LocationError,
+    Resolve,
+    Source,
+)
+from physics_crosscheck.harness.files.locations.python import (
+    python_names,
+    python_numbers,
+    python_offset,
+)
+from physics_crosscheck.harness.files.locations.toml import toml_keys, toml_offset
+from physics_crosscheck.harness.files.locations.xml import xml_numbers, xml_offset, xml_paths
 
 __all__ = [
     "Literal",

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from harness.files.locations.location import LocationError, Source
-from harness.files.locations.xml import ATTRIBUTE, TAG, RawElement, read_elements
+from physics_crosscheck.harness.files.locations.location import LocationError, Source
+from physics_crosscheck.harness.files.locations.xml import ATTRIBUTE, TAG, RawElement, read_elements
 
 
 @dataclass(frozen=True)

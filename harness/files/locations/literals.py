@@ -8,10 +8,14 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
-from harness.files.locations.location import Location, LocationError, Source
-from harness.files.locations.python import parsed
-from harness.files.locations.toml import toml_numbers
-from harness.files.locations.xml import attribute_words, read_elements, text_words
+from physics_crosscheck.harness.files.locations.location import Location, LocationError, Source
+from physics_crosscheck.harness.files.locations.python import parsed
+from physics_crosscheck.harness.files.locations.toml import toml_numbers
+from physics_crosscheck.harness.files.locations.xml import (
+    attribute_words,
+    read_elements,
+    text_words,
+)
 
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.engines.protocol import FileError
-from harness.files.brief import brief, cut
+from physics_crosscheck.harness.engines.protocol import FileError
+from physics_crosscheck.harness.files.brief import brief, cut
 
 
 class LocationError(FileError, ValueError):

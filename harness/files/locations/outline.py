@@ -6,8 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from harness.files.locations.location import LocationError, Source, Span
-from harness.files.locations.xml import ATTRIBUTE, TAG, RawElement, find_words, read_elements
+from physics_crosscheck.harness.files.locations.location import LocationError, Source, Span
+from physics_crosscheck.harness.files.locations.xml import (
+    ATTRIBUTE,
+    TAG,
+    RawElement,
+    find_words,
+    read_elements,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,13 @@ from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 
-from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
+from physics_crosscheck.harness.files.locations.location import (
+    LocationError,
+    Resolve,
+    Source,
+    Span,
+    nearest,
+)
 
 
 def python_names(source: Source) -> Resolve:

@@ -7,8 +7,14 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from harness.files.locations.location import LocationError, Resolve, Source, Span, nearest
-from harness.files.reading import TomlError, toml_document
+from physics_crosscheck.harness.files.locations.location import (
+    LocationError,
+    Resolve,
+    Source,
+    Span,
+    nearest,
+)
+from physics_crosscheck.harness.files.reading import TomlError, toml_document
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _STRING = re.compile(

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
-from harness.engines.mending import mended
-from harness.files.brief import brief, cut
-from harness.files.locations.location import (
+from physics_crosscheck.harness.engines.mending import mended
+from physics_crosscheck.harness.files.brief import brief, cut
+from physics_crosscheck.harness.files.locations.location import (
     LocationError,
     RefusedError,
     Resolve,
@@ -19,7 +19,7 @@ from harness.files.locations.location import (
     Span,
     nearest,
 )
-from harness.files.reading import MOST_MODEL, read_regular
+from physics_crosscheck.harness.files.reading import MOST_MODEL, read_regular
 
 _IDENTITIES = ("name", "reference", "joint", "class")
 _STEP = re.compile(r"([^\s/@\[\]]+)(?:\[([^\]]+)\])?")

@@ -4,8 +4,8 @@ A family is a module: what its mistakes are called, where they apply, and which 
 may name for them. One that a model has no place for makes none there.
 """
 
-from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
-from harness.mutation.mistakes.registry import known_mistakes
+from physics_crosscheck.harness.mutation.mistakes.context import Subject
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from physics_crosscheck.harness.mutation.mistakes.registry import known_mistakes
 
 __all__ = ["Edit", "Mistake", "Subject", "known_mistakes", "literal_causes"]

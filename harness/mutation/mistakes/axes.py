@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake
-from harness.records.cause import CauseId
+from physics_crosscheck.harness.mutation.mistakes.context import Subject
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake
+from physics_crosscheck.harness.records.cause import CauseId
 
 
 def axes(subject: Subject) -> Iterator[Mistake]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 
-from harness.files.locations.attributes import Attribute
-from harness.files.locations.xml import RawElement
-from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake
+from physics_crosscheck.harness.files.locations.attributes import Attribute
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.mutation.mistakes.context import Subject
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake
 
 UP = 1.0
 """Metres by which a base is raised; weight does the same at any height."""

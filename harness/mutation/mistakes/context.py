@@ -8,16 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from harness.diagnosis.task import DiagnosisTask
-from harness.engines.protocol import Engine, Model
-from harness.engines.registry import engines
-from harness.files.bindings import Binding
-from harness.files.locations import LocationError, find, numbers
-from harness.files.locations.attributes import elements
-from harness.files.locations.xml import RawElement
-from harness.numerics.coordinates import CoordinateMap
-from harness.records.cause import CauseId, CauseKind
-from reference.numeric import Array
+from physics_crosscheck.harness.diagnosis.task import DiagnosisTask
+from physics_crosscheck.harness.engines.protocol import Engine, Model
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.bindings import Binding
+from physics_crosscheck.harness.files.locations import LocationError, find, numbers
+from physics_crosscheck.harness.files.locations.attributes import elements
+from physics_crosscheck.harness.files.locations.xml import RawElement
+from physics_crosscheck.harness.numerics.coordinates import CoordinateMap
+from physics_crosscheck.harness.records.cause import CauseId, CauseKind
+from physics_crosscheck.reference.numeric import Array
 
 XML = (".xml", ".urdf", ".sdf")
 

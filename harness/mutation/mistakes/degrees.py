@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from harness.files.locations.attributes import Attribute
-from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
-from harness.mutation.mistakes.rests import moved_rest, radian
-from harness.records.cause import CauseId
+from physics_crosscheck.harness.files.locations.attributes import Attribute
+from physics_crosscheck.harness.mutation.mistakes.context import Subject
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from physics_crosscheck.harness.mutation.mistakes.rests import moved_rest, radian
+from physics_crosscheck.harness.records.cause import CauseId
 
 ANGLES = r"(body|frame|joint)@(euler|axisangle|ref|springref)"
 

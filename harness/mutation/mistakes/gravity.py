@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from harness.files.bindings import SIDECAR
-from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
-from harness.records.cause import CauseId
+from physics_crosscheck.harness.files.bindings import SIDECAR
+from physics_crosscheck.harness.mutation.mistakes.context import Subject
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from physics_crosscheck.harness.records.cause import CauseId
 
 SIZES = (9.8, 9.80665)
 """What people write, each where the model has something else."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.files.locations.attributes import Attribute
-from harness.mutation.mistakes.context import Subject, rounded
-from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
-from harness.records.cause import CauseKind
+from physics_crosscheck.harness.files.locations.attributes import Attribute
+from physics_crosscheck.harness.mutation.mistakes.context import Subject, rounded
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from physics_crosscheck.harness.records.cause import CauseKind
 
 SHARE = 0.05
 """Of what would matter as much as the forces or inertias that the motion has."""

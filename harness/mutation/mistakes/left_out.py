@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.engines.mistake import LeftOut
-from harness.files.locations.attributes import Attribute
-from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake
-from harness.records.cause import CauseId
+from physics_crosscheck.harness.engines.mistake import LeftOut
+from physics_crosscheck.harness.files.locations.attributes import Attribute
+from physics_crosscheck.harness.mutation.mistakes.context import Subject
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake
+from physics_crosscheck.harness.records.cause import CauseId
 
 
 def left_out(subject: Subject) -> Iterator[Mistake]:

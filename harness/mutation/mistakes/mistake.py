@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from harness.diagnosis.hypotheses.trial import at
-from harness.files.bindings import rewrite, with_literals
-from harness.files.locations.attributes import Attribute, with_attributes
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.records.cause import CauseId, CauseKind
+from physics_crosscheck.harness.diagnosis.hypotheses.trial import at
+from physics_crosscheck.harness.files.bindings import rewrite, with_literals
+from physics_crosscheck.harness.files.locations.attributes import Attribute, with_attributes
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.records.cause import CauseId, CauseKind
 
 
 @dataclass(frozen=True)

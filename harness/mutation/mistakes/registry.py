@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from harness.mutation.mistakes.axes import axes
-from harness.mutation.mistakes.bases import bases
-from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.defaults import defaults
-from harness.mutation.mistakes.degrees import degrees
-from harness.mutation.mistakes.exchanges import exchanges
-from harness.mutation.mistakes.gravity import gravity
-from harness.mutation.mistakes.left_in import left_in
-from harness.mutation.mistakes.left_out import left_out
-from harness.mutation.mistakes.mistake import Mistake
-from harness.mutation.mistakes.rests import rests
-from harness.mutation.mistakes.steps import steps
+from physics_crosscheck.harness.mutation.mistakes.axes import axes
+from physics_crosscheck.harness.mutation.mistakes.bases import bases
+from physics_crosscheck.harness.mutation.mistakes.context import Subject
+from physics_crosscheck.harness.mutation.mistakes.defaults import defaults
+from physics_crosscheck.harness.mutation.mistakes.degrees import degrees
+from physics_crosscheck.harness.mutation.mistakes.exchanges import exchanges
+from physics_crosscheck.harness.mutation.mistakes.gravity import gravity
+from physics_crosscheck.harness.mutation.mistakes.left_in import left_in
+from physics_crosscheck.harness.mutation.mistakes.left_out import left_out
+from physics_crosscheck.harness.mutation.mistakes.mistake import Mistake
+from physics_crosscheck.harness.mutation.mistakes.rests import rests
+from physics_crosscheck.harness.mutation.mistakes.steps import steps
 
 FAMILIES: tuple[Callable[[Subject], Iterator[Mistake]], ...] = (
     axes, bases, gravity, exchanges, rests, degrees, left_in, left_out, defaults, steps,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from harness.files.bindings import SIDECAR
-from harness.files.locations.attributes import Attribute
-from harness.mutation.mistakes.context import Subject, rounded
-from harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
-from harness.records.cause import CauseId
+from physics_crosscheck.harness.files.bindings import SIDECAR
+from physics_crosscheck.harness.files.locations.attributes import Attribute
+from physics_crosscheck.harness.mutation.mistakes.context import Subject, rounded
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake, literal_causes
+from physics_crosscheck.harness.records.cause import CauseId
 
 SHARE = 0.1
 """The offset, as a share of how far the joint moves."""

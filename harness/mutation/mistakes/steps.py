@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from harness.mutation.mistakes.context import Subject
-from harness.mutation.mistakes.mistake import Edit, Mistake
+from physics_crosscheck.harness.mutation.mistakes.context import Subject
+from physics_crosscheck.harness.mutation.mistakes.mistake import Edit, Mistake
 
 
 def steps(subject: Subject) -> Iterator[Mistake]:

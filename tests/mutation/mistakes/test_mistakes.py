@@ -11,20 +11,20 @@ from pathlib import Path
 import pytest
 from _pytest.mark import ParameterSet
 
-from harness.cases.case import case_task, load, run_case
-from harness.cases.prepare import Prepared, prepare
-from harness.cases.verdict import judge
-from harness.diagnosis.task import diagnosis_task, ranked
-from harness.engines.protocol import EngineError
-from harness.engines.registry import engines
-from harness.files.folders import builtin
-from harness.files.sidecar import Sidecar, read_sidecar
-from harness.numerics.batch import Batch
-from harness.numerics.segments import extrapolate
-from harness.records.case import FullRun
-from harness.records.outcome import Outcome
-from reference.derive import derive
-from reference.solve import solve
+from physics_crosscheck.harness.cases.case import case_task, load, run_case
+from physics_crosscheck.harness.cases.prepare import Prepared, prepare
+from physics_crosscheck.harness.cases.verdict import judge
+from physics_crosscheck.harness.diagnosis.task import diagnosis_task, ranked
+from physics_crosscheck.harness.engines.protocol import EngineError
+from physics_crosscheck.harness.engines.registry import engines
+from physics_crosscheck.harness.files.folders import builtin
+from physics_crosscheck.harness.files.sidecar import Sidecar, read_sidecar
+from physics_crosscheck.harness.numerics.batch import Batch
+from physics_crosscheck.harness.numerics.segments import extrapolate
+from physics_crosscheck.harness.records.case import FullRun
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.reference.derive import derive
+from physics_crosscheck.reference.solve import solve
 from tests.mutation.mistakes.mistakes import (
     MISTAKES,
     NO_MISTAKES,
@@ -103,7 +103,7 @@ def outcome(mistake: Mistake, sidecar: Sidecar) -> Outcome:
 def test_a_mistake_is_caught_and_named(
     mistake: Mistake, edited: Edited, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("harness.diagnosis.samples.SEGMENTS_PICKED", FEW)
+    monkeypatch.setattr("physics_crosscheck.harness.diagnosis.samples.SEGMENTS_PICKED", FEW)
     sidecar = edited(mistake, (*mistake.needs, *mistake.edits))
     physics = physics_of(mistake, sidecar)
     assert outcome(mistake, sidecar) is Outcome.DIFFERS

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference import DeclarationError
-from reference.multibody.assemble import assembled
-from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, powers
-from reference.multibody.tree import WORLD, TreeError
-from reference.trees import MultibodySystem
+from physics_crosscheck.reference import DeclarationError
+from physics_crosscheck.reference.multibody.assemble import assembled
+from physics_crosscheck.reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, powers
+from physics_crosscheck.reference.multibody.tree import WORLD, TreeError
+from physics_crosscheck.reference.trees import MultibodySystem
 
 DOWN = (0.0, 0.0, -9.81)
 HINGE = Joint(name="a", kind="hinge", axis=(0, 2, 0))

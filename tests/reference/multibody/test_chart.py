@@ -5,13 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.engines.attitude import angular_velocity, coordinates, quaternion, rate
-from reference.multibody.algebra import LONG_DOUBLES, Scalars, from_quaternion
-from reference.multibody.chart import Chart, coordinate_names
-from reference.multibody.charted import Charted
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import Kind
+from physics_crosscheck.harness.engines.attitude import (
+    angular_velocity,
+    coordinates,
+    quaternion,
+    rate,
+)
+from physics_crosscheck.reference.multibody.algebra import LONG_DOUBLES, Scalars, from_quaternion
+from physics_crosscheck.reference.multibody.chart import Chart, coordinate_names
+from physics_crosscheck.reference.multibody.charted import Charted
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import Kind
 from tests.reference.multibody.trees import KINDS, tree
 
 TREE = tree(("free", "hinge", "ball", "slide", "free"), 3)

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from reference.multibody.algebra import LONG_DOUBLES
-from reference.multibody.chart import Chart
-from reference.multibody.charted import Charted
-from reference.multibody.coupled import Coupled
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.tree import Coupling, Tree, TreeError
+from physics_crosscheck.reference.multibody.algebra import LONG_DOUBLES
+from physics_crosscheck.reference.multibody.chart import Chart
+from physics_crosscheck.reference.multibody.charted import Charted
+from physics_crosscheck.reference.multibody.coupled import Coupled
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.tree import Coupling, Tree, TreeError
 from tests.reference.multibody.trees import tree
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from reference.multibody.assemble import assembled
-from reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.formulas import Formulas, formulas
-from reference.multibody.tree import Tree
+from physics_crosscheck.reference.multibody.assemble import assembled
+from physics_crosscheck.reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.formulas import Formulas, formulas
+from physics_crosscheck.reference.multibody.tree import Tree
 
 INERTIA = (0.1, 0.11, 0.05, 0.0, 0.0, 0.0)
 

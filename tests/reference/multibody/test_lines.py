@@ -10,13 +10,17 @@ import casadi
 import numpy as np
 import pytest
 
-from reference.multibody.algebra import LONG_DOUBLES, quaternion_product, rotation_vector
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.lines import Lines
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import WORLD, Bush, Pull, Tree, TreeError
-from reference.multibody.ways import Cord, FrameForce, JointForce, Mark, Way
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.algebra import (
+    LONG_DOUBLES,
+    quaternion_product,
+    rotation_vector,
+)
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.lines import Lines
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import WORLD, Bush, Pull, Tree, TreeError
+from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce, Mark, Way
+from physics_crosscheck.reference.numeric import Array
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 

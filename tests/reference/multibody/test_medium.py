@@ -9,15 +9,15 @@ import casadi
 import numpy as np
 import pytest
 
-from reference.bends import unbent
-from reference.multibody.algebra import LONG_DOUBLES, from_quaternion
-from reference.multibody.assemble import assembled
-from reference.multibody.bodies import FLAT, Joint, RigidBody
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.tree import Immersed, Medium, Tree
-from reference.numeric import Array
-from reference.samples import samples
-from reference.trees import TreeEquations, tree_system
+from physics_crosscheck.reference.bends import unbent
+from physics_crosscheck.reference.multibody.algebra import LONG_DOUBLES, from_quaternion
+from physics_crosscheck.reference.multibody.assemble import assembled
+from physics_crosscheck.reference.multibody.bodies import FLAT, Joint, RigidBody
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.tree import Immersed, Medium, Tree
+from physics_crosscheck.reference.numeric import Array
+from physics_crosscheck.reference.samples import samples
+from physics_crosscheck.reference.trees import TreeEquations, tree_system
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 

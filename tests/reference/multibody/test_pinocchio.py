@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio
 import pytest
 
-from reference.multibody.dynamics import Dynamics
-from reference.multibody.tree import Kind, Link, Tree
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.dynamics import Dynamics
+from physics_crosscheck.reference.multibody.tree import Kind, Link, Tree
+from physics_crosscheck.reference.numeric import Array
 from tests.reference.multibody.trees import KINDS, state, tree
 
 

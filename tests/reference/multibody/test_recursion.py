@@ -10,11 +10,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from reference.multibody.algebra import DOUBLES, LONG_DOUBLES, objects
-from reference.multibody.dynamics import Dynamics, solved
-from reference.multibody.recursion import Recursion
-from reference.multibody.tree import Kind, Pull, Tree, TreeError
-from reference.numeric import Array
+from physics_crosscheck.reference.multibody.algebra import DOUBLES, LONG_DOUBLES, objects
+from physics_crosscheck.reference.multibody.dynamics import Dynamics, solved
+from physics_crosscheck.reference.multibody.recursion import Recursion
+from physics_crosscheck.reference.multibody.tree import Kind, Pull, Tree, TreeError
+from physics_crosscheck.reference.numeric import Array
 from tests.reference.multibody.trees import KINDS, link, state, tree
 
 casadi.GlobalOptions.setNumpyMode(1)  # arrays of symbols are NumPy's; else it warns

@@ -1,8 +1,9 @@
 """The pytest plugin: `pytest --crosscheck PATH` makes a test of every case.
 
 pytest imports this module in every project of an environment that has the package. So it holds the
-options alone, and imports whatever costs time once there is something to check; and it is a module
-by itself, since a project may well have a package `harness` of its own.
+options alone, and imports whatever costs time once there is something to check.
+
+PYTEST_DONT_REWRITE: it asserts nothing.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from harness.pytest_plugin.fixture import Checker
-    from harness.records.case import Case
+    from physics_crosscheck.harness.pytest_plugin.fixture import Checker
+    from physics_crosscheck.harness.records.case import Case
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -96,10 +97,7 @@ def crosscheck(request: pytest.FixtureRequest) -> Checker:
     resolution, limits and baseline are those of the command line, paths are from the root folder.
     The test is skipped where no engine of the models is installed, but under --require-engines.
     """
-    import physics_crosscheck
-
-    physics_crosscheck.claim()
-    from harness.pytest_plugin.fixture import Checker
+    from physics_crosscheck.harness.pytest_plugin.fixture import Checker
 
     return Checker(request.config)
 
@@ -119,12 +117,6 @@ def pytest_configure(config: pytest.Config) -> None:
         # pytest joins what stands there to its folder, whatever it is.
         told = f"{config.inipath}: crosscheck_paths is a list of paths: {error}"
         raise pytest.UsageError(told) from None
-    try:
-        # Binds `harness` and `reference` to ours, if no conftest.py has imported others by then.
-        import physics_crosscheck
-    except ImportError as error:
-        raise pytest.UsageError(f"--crosscheck: {error}") from None
-    physics_crosscheck.claim()
-    from harness.pytest_plugin.session import CrosscheckSession
+    from physics_crosscheck.harness.pytest_plugin.session import CrosscheckSession
 
     config.pluginmanager.register(CrosscheckSession(config), "crosscheck-session")

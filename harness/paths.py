@@ -1,0 +1,26 @@
+"""Paths of this package, in a checkout and where it is installed."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+HARNESS = Path(os.path.abspath(__file__)).parent
+"""As it was imported: in a checkout `physics_crosscheck/harness` is a link to `harness`."""
+
+PACKAGE = HARNESS.parent
+
+IMPORT_ROOT = PACKAGE.parent
+"""Folder of `sys.path` in which `physics_crosscheck` is."""
+
+SOURCES = (HARNESS, PACKAGE / "reference")
+"""Folders of the code that results depend on."""
+
+
+def is_own(file: str) -> bool:
+    """Return whether a file belongs to this package, by either of its paths in a checkout."""
+    return file.startswith(_ROOTS)
+
+
+_FOLDERS = {str(folder) for one in (PACKAGE, *SOURCES) for folder in (one, one.resolve())}
+_ROOTS = tuple(f"{folder}{os.sep}" for folder in sorted(_FOLDERS))
