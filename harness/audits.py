@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from physics_crosscheck.harness.cached import Cache
 from physics_crosscheck.harness.cases.not_run import hurdle
 from physics_crosscheck.harness.collected import Collected
 from physics_crosscheck.harness.engines.registry import engines as registered
@@ -29,9 +30,6 @@ from physics_crosscheck.harness.schedule.chosen import executor
 from physics_crosscheck.harness.schedule.failure import Failure
 from physics_crosscheck.harness.schedule.jobs import Job, work
 from physics_crosscheck.harness.schedule.limits import Limits
-
-if TYPE_CHECKING:
-    from physics_crosscheck.harness.cached import Cache
 
 ALONE = Selection(models=None)
 """No derivation is shown, nothing is diagnosed."""

@@ -32,14 +32,14 @@ from physics_crosscheck.harness.files.reads import recorded
 from physics_crosscheck.harness.files.states import UNREADABLE, digest_of, states_now
 from physics_crosscheck.harness.numerics.version import VERSION
 from physics_crosscheck.harness.paths import SOURCES, is_own
+from physics_crosscheck.harness.prepared import FolderFacts, RobotFacts
 from physics_crosscheck.harness.records.base import Record
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
-from physics_crosscheck.harness.records.finding import AuditFinding, Diagnosis
+from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import EngineLinearization
 from physics_crosscheck.harness.records.survey import Audit, FileSurvey
-from physics_crosscheck.harness.records.system import System
 from physics_crosscheck.harness.records.write import write_whole
 from physics_crosscheck.harness.schedule.jobs import Task
 
@@ -50,34 +50,6 @@ DAYS = 30
 """What nobody asked for in so many days is dropped."""
 
 SECONDS_A_DAY = 86_400.0
-
-
-class FolderFacts(Record, frozen=True, kw_only=True):
-    """What is known of a folder once it is prepared, without its equations.
-
-    Attributes:
-        record: the system's entry in the results.
-        bodies: whether it declares bodies, and not energies.
-        reads: states of what `system.py` has read, by name relative to the folder.
-    """
-
-    record: System
-    bodies: bool
-    reads: dict[str, str]
-
-
-class RobotFacts(Record, frozen=True, kw_only=True):
-    """What is known of a robot's file once it is prepared, without its equations.
-
-    Attributes:
-        record: the robot's entry in the results.
-        left_out: what the file says beyond the equations.
-        findings: inertias that no body can have.
-    """
-
-    record: System
-    left_out: tuple[str, ...]
-    findings: tuple[AuditFinding, ...]
 
 
 KINDS: Mapping[str, Any] = {

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from physics_crosscheck.harness.cached import Cache
 from physics_crosscheck.harness.files.brief import brief
 from physics_crosscheck.harness.files.choice import Choice
 from physics_crosscheck.harness.records.baseline import Snapshot
@@ -17,9 +17,6 @@ from physics_crosscheck.harness.schedule.limits import LEAST_MEMORY, LEAST_SECON
 
 RESOLVED = (1e-13, 1e-2)
 """Resolutions that double precision can serve."""
-
-if TYPE_CHECKING:  # a cache asks the equations, and sympy takes a second
-    from physics_crosscheck.harness.cached import Cache
 
 
 def check_text(value: object, name: str, *, path: bool = False) -> None:

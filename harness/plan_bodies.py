@@ -1,29 +1,21 @@
-"""A model of a folder that declares bodies: its states, and what its file says besides.
-
-What workers run is imported where a task is made of it: nothing is where all of it is known.
-"""
+"""The jobs of a model in a folder that declares bodies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec import structs
 
 from physics_crosscheck.harness.cases.not_run import failed_case, not_of_a_tree
 from physics_crosscheck.harness.collected import Jobs
 from physics_crosscheck.harness.plan_model import ModelPlan
-from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.survey import FileSurvey
-from physics_crosscheck.harness.schedule.jobs import Job, Task
+from physics_crosscheck.harness.schedule.jobs import Job
 from physics_crosscheck.harness.schedule.workers import Failure
-
-if TYPE_CHECKING:
-    from physics_crosscheck.harness.cases.multibody import PreparedTree
-    from physics_crosscheck.harness.cases.robot_task import RobotTask
 
 
 class BodiesModel(ModelPlan):
@@ -37,24 +29,10 @@ class BodiesModel(ModelPlan):
         self.begin()
         for case in self.cases:
             yield from self._states(case)
-            yield from self.work.measure(case, self._measuring)
+            yield from self.work.measure(case, self.sidecar)
         yield from self._audit()
         if self.options.selection is None:
             yield from self._coverage()
-
-    def _task(self, prepared: PreparedTree) -> RobotTask:
-        return prepared.task(self.sidecar, self.engine, self.options.resolution)
-
-    def _measuring(self, prepared: PreparedTree, accepted: Snapshot | None) -> Task[Any, Any]:
-        from physics_crosscheck.harness.baseline.measure_tree import MeasureTreeTask, measure_tree
-
-        task = MeasureTreeTask(
-            task=self._task(prepared),
-            system=prepared.system.tree_system,
-            accepted=accepted,
-            reads=prepared.reads,
-        )
-        return Task(measure_tree, task)
 
     def _states(self, case: CaseId) -> Iterator[Job[Any]]:
         def done(value: Case) -> Jobs:
@@ -65,33 +43,11 @@ class BodiesModel(ModelPlan):
         def failed(failure: Failure) -> Jobs:
             return done(failed_case(case, self.folder, failure))
 
-        def make(prepared: PreparedTree) -> Task[Any, Any]:
-            from physics_crosscheck.harness.cases.robot import run_robot
-
-            return Task(run_robot, self._task(prepared))
-
-        return self.work.do(
-            "case",
-            self.key,
-            make,
-            done,
-            failed,
-            scenario=case.scenario,
-        )
+        return self._do("case", done, failed, scenario=case.scenario)
 
     def _named(self) -> Iterator[Job[Any]]:
         """The numbers of a file that are not those of the declared bodies."""
-
-        def make(prepared: PreparedTree) -> Task[Any, Any]:
-            from physics_crosscheck.harness.diagnosis.robot_task import (
-                RobotDiagnosisTask,
-                diagnose_robot,
-            )
-
-            task = RobotDiagnosisTask(task=self._task(prepared), own=False)
-            return Task(diagnose_robot, task)
-
-        return self.work.do("diagnosis", self.key, make, self.diagnosed, self.undiagnosed)
+        return self._do("diagnosis", self.diagnosed, self.undiagnosed)
 
     def _coverage(self) -> Iterator[Job[Any]]:
         def done(value: Coverage) -> Jobs:
@@ -103,12 +59,7 @@ class BodiesModel(ModelPlan):
         def failed(failure: Failure) -> Jobs:
             return done(Coverage(note=failure.reason))
 
-        def make(prepared: PreparedTree) -> Task[Any, Any]:
-            from physics_crosscheck.harness.coverage.robot import count_robot
-
-            return Task(count_robot, self._task(prepared))
-
-        return self.work.do("coverage", self.key, make, done, failed)
+        return self._do("coverage", done, failed)
 
     def _audit(self) -> Iterator[Job[Any]]:
         def done(value: FileSurvey) -> Jobs:
@@ -121,9 +72,4 @@ class BodiesModel(ModelPlan):
             self.work.found.amend(self.key, audit_failure=failure.reason)
             return ()
 
-        def make(_: PreparedTree) -> Task[Any, Any]:
-            from physics_crosscheck.harness.cases.multibody import survey_file
-
-            return Task(survey_file, self.sidecar)
-
-        return self.work.do("survey", self.key, make, done, failed)
+        return self._do("survey", done, failed)

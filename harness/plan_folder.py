@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from physics_crosscheck.harness.baseline.inputs import inputs, with_reads_of_system
-from physics_crosscheck.harness.cached import FolderFacts, models_inputs, piece_of_folder
+from physics_crosscheck.harness.cached import models_inputs, piece_of_folder
 from physics_crosscheck.harness.collected import Collected, stand_in
 from physics_crosscheck.harness.options import Options
 from physics_crosscheck.harness.plan_work import PlaceWork
+from physics_crosscheck.harness.prepared import FolderFacts, task_function
 from physics_crosscheck.harness.records.baseline import Snapshot
 from physics_crosscheck.harness.records.case import CaseId, ModelKey
 from physics_crosscheck.harness.schedule.jobs import Task
-
-if TYPE_CHECKING:
-    from physics_crosscheck.harness.cases.multibody import PreparedTree
-    from physics_crosscheck.harness.cases.prepare import Prepared
 
 
 class FolderWork(PlaceWork[FolderFacts]):
@@ -65,18 +61,7 @@ class FolderWork(PlaceWork[FolderFacts]):
         return known
 
     def _preparing(self) -> Task[Any, Any]:
-        from physics_crosscheck.harness.cases.multibody import prepare_folder
-
-        return Task(partial(prepare_folder, described=self.options.described), self.place)
-
-    def _facts_of(self, prepared: Prepared | PreparedTree) -> FolderFacts:
-        from physics_crosscheck.harness.cases.multibody import PreparedTree
-
-        return FolderFacts(
-            record=prepared.record,
-            bodies=isinstance(prepared, PreparedTree),
-            reads=dict(prepared.reads),
-        )
+        return Task(task_function("folder", described=self.options.described), self.place)
 
     def _inputs(self, key: ModelKey) -> str:
         return self._known.get(key, "")

@@ -13,6 +13,7 @@ from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.files.reading import read_regular
 from physics_crosscheck.harness.files.sidecar import Sidecar
 from physics_crosscheck.harness.plan_folder import FolderWork
+from physics_crosscheck.harness.plan_work import Done, Failed
 from physics_crosscheck.harness.records.case import CaseId
 from physics_crosscheck.harness.records.finding import Diagnosis
 from physics_crosscheck.harness.records.model import Model
@@ -76,6 +77,12 @@ class ModelPlan(ABC):
             text=text_of(file),
             sidecar=text_of(file.with_name(f"{file.name}.toml")),
         )
+
+    def _do(
+        self, kind: str, done: Done, failed: Failed, *, scenario: str = ""
+    ) -> Iterator[Job[Any]]:
+        """Do a kind of work of it, unless its value is known."""
+        return self.work.do(kind, self.key, done, failed, sidecar=self.sidecar, scenario=scenario)
 
     def diagnosed(self, value: Diagnosis) -> Jobs:
         """A diagnosis goes to the model's record."""

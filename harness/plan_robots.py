@@ -1,7 +1,4 @@
-"""The jobs of robots' files: each is read and solved once, and run in every engine for it.
-
-What workers run is imported where a task is made of it: nothing is where all of it is known.
-"""
+"""The jobs of robots' files: each is read and solved once, and run in every engine for it."""
 
 from __future__ import annotations
 
@@ -9,11 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec import structs
 
-from physics_crosscheck.harness.cached import RobotFacts, piece_of_robot, robot_inputs
+from physics_crosscheck.harness.cached import piece_of_robot, robot_inputs
 from physics_crosscheck.harness.cases.not_run import absent, barred_case, failed_case
 from physics_crosscheck.harness.collected import Collected, Jobs
 from physics_crosscheck.harness.engines.protocol import Engine
@@ -22,7 +19,7 @@ from physics_crosscheck.harness.files.locations.xml import no_xml
 from physics_crosscheck.harness.options import Options
 from physics_crosscheck.harness.plan_model import text_of
 from physics_crosscheck.harness.plan_work import PlaceWork
-from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.prepared import RobotFacts, task_function
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.coverage import Coverage
 from physics_crosscheck.harness.records.finding import Diagnosis
@@ -30,11 +27,6 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.schedule.jobs import Job, Task
 from physics_crosscheck.harness.schedule.workers import Failure
-
-if TYPE_CHECKING:
-    from physics_crosscheck.harness.cases.robot import PreparedRobot
-    from physics_crosscheck.harness.cases.robot_task import RobotTask
-
 
 MJCF = ".xml"
 """The ending of files that their engine's own parser reads, more leniently than XML allows."""
@@ -68,16 +60,9 @@ class RobotWork(PlaceWork[RobotFacts]):
         return {}
 
     def _preparing(self) -> Task[Any, Any]:
-        from physics_crosscheck.harness.cases.robot import prepare_robot
-
         options = self.options
-        prepare = partial(prepare_robot, floating=options.floating, model=options.model)
+        prepare = task_function("robot", floating=options.floating, model=options.model)
         return Task(prepare, self.place)
-
-    def _facts_of(self, prepared: PreparedRobot) -> RobotFacts:
-        return RobotFacts(
-            record=prepared.record, left_out=prepared.left_out, findings=prepared.findings
-        )
 
     def _inputs(self, key: ModelKey) -> str:
         assert self._piece is not None  # nothing is asked for without a cache or a journal
@@ -137,16 +122,13 @@ class RobotPlan:
         if begun and self._options.selection is None:
             yield from self._coverage(work, begun)
 
-    def _task(self, prepared: PreparedRobot, engine: str) -> RobotTask:
-        return prepared.task(engine, self._options.resolution)
-
     def _case(self, work: RobotWork, key: ModelKey, case: CaseId) -> Iterator[Job[Any]]:
         """A case; one that differs is diagnosed, and what it does measured if wanted."""
 
         def done(value: Case) -> Iterator[Job[Any]]:
             self._found.add(value)
             if value.outcome is not Outcome.REFUSED:
-                yield from work.measure(case, partial(self._measuring, case))
+                yield from work.measure(case)
             if self._options.diagnosed and value.outcome is Outcome.DIFFERS:
                 yield from self._diagnosis(work, key)
 
@@ -155,25 +137,7 @@ class RobotPlan:
             self._found.add(failed_case(case, str(work.place), told))
             return ()
 
-        def make(prepared: PreparedRobot) -> Task[Any, Any]:
-            from physics_crosscheck.harness.cases.robot import run_robot
-
-            return Task(run_robot, self._task(prepared, case.engine))
-
-        return work.do("case", key, make, done, failed, scenario=case.scenario)
-
-    def _measuring(
-        self, case: CaseId, prepared: PreparedRobot, accepted: Snapshot | None
-    ) -> Task[Any, Any]:
-        from physics_crosscheck.harness.baseline.measure_tree import MeasureTreeTask, measure_tree
-
-        task = MeasureTreeTask(
-            task=self._task(prepared, case.engine),
-            system=prepared.system,
-            accepted=accepted,
-            reads={},
-        )
-        return Task(measure_tree, task)
+        return work.do("case", key, done, failed, scenario=case.scenario)
 
     def _diagnosis(self, work: RobotWork, key: ModelKey) -> Iterator[Job[Any]]:
         def done(value: Diagnosis) -> Jobs:
@@ -183,15 +147,7 @@ class RobotPlan:
         def failed(failure: Failure) -> Jobs:
             return done(Diagnosis(failure=failure.reason))
 
-        def make(prepared: PreparedRobot) -> Task[Any, Any]:
-            from physics_crosscheck.harness.diagnosis.robot_task import (
-                RobotDiagnosisTask,
-                diagnose_robot,
-            )
-
-            return Task(diagnose_robot, RobotDiagnosisTask(task=self._task(prepared, key[-1])))
-
-        return work.do("diagnosis", key, make, done, failed)
+        return work.do("diagnosis", key, done, failed)
 
     def _coverage(self, work: RobotWork, keys: Sequence[ModelKey]) -> Iterator[Job[Any]]:
         """The numbers of a file, counted once for all engines."""
@@ -205,12 +161,7 @@ class RobotPlan:
         def failed(failure: Failure) -> Jobs:
             return done(Coverage(note=failure.reason))
 
-        def make(prepared: PreparedRobot) -> Task[Any, Any]:
-            from physics_crosscheck.harness.coverage.robot import count_robot
-
-            return Task(count_robot, self._task(prepared, keys[0][-1]))
-
-        return work.do("coverage", keys[0], make, done, failed)
+        return work.do("coverage", keys[0], done, failed)
 
 
 def _stand_in(file: Path) -> CaseId:

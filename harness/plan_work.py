@@ -9,23 +9,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Generic, TypeVar, get_args
+from typing import Any, Generic, TypeVar, cast, get_args
 
 from physics_crosscheck.harness.cached import Piece, Reading, Told, with_snapshot
 from physics_crosscheck.harness.cases.not_run import failed_case
 from physics_crosscheck.harness.collected import Collected, Jobs
+from physics_crosscheck.harness.files.sidecar import Sidecar
 from physics_crosscheck.harness.files.states import merged
 from physics_crosscheck.harness.options import Options
-from physics_crosscheck.harness.records.baseline import Snapshot
+from physics_crosscheck.harness.prepared import ModelTask, Preparation, task_function
+from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId, ModelKey
 from physics_crosscheck.harness.records.journal import Kind, Work
 from physics_crosscheck.harness.schedule.jobs import Job, Task
 from physics_crosscheck.harness.schedule.workers import Failure
 
 KEPT_BY_JOURNALS = frozenset(get_args(Kind))
-
-Make = Callable[[Any], Task[Any, Any]]
-"""Makes a task of a place's preparation."""
 
 Done = Callable[[Any], Jobs]
 Failed = Callable[[Failure], Jobs]
@@ -53,7 +52,7 @@ class PlaceWork(ABC, Generic[Facts]):
         self.place, self.options, self.found = place, options, found
         self._piece, self._cache = piece, options.cache
         self._facts: Facts | None = None
-        self._prepared: Any = None
+        self._solved: object = None
         self._waiting: list[Callable[[], Job[Any]]] | None = None
 
     @property
@@ -75,10 +74,6 @@ class PlaceWork(ABC, Generic[Facts]):
     @abstractmethod
     def _preparing(self) -> Task[Any, Any]:
         """What prepares it."""
-
-    @abstractmethod
-    def _facts_of(self, prepared: Any) -> Facts:
-        """What of that is known afterwards."""
 
     @abstractmethod
     def _inputs(self, key: ModelKey) -> str:
@@ -121,10 +116,10 @@ class PlaceWork(ABC, Generic[Facts]):
         return self._had(self._piece)
 
     def _preparation(self, then: Callable[[], Jobs]) -> Job[Any]:
-        def done(prepared: Any) -> Jobs:
-            self._prepared = prepared
+        def done(prepared: Preparation) -> Jobs:
+            self._solved = prepared.solved
             if self._facts is None:
-                self._know(self._facts_of(prepared))
+                self._know(cast(Facts, prepared.facts))
                 self._keep(self._piece, self._facts, {})
             return then()
 
@@ -148,20 +143,20 @@ class PlaceWork(ABC, Generic[Facts]):
         self,
         kind: str,
         key: ModelKey,
-        make: Make,
         done: Done,
         failed: Failed,
         *,
+        sidecar: Sidecar | None = None,
         scenario: str = "",
         snapshot: Snapshot | None = None,
     ) -> Iterator[Job[Any]]:
         """A piece of work of a model, unless it is known what comes of it.
 
         Args:
-            kind: as `harness.cached.KINDS` has it.
+            kind: of `harness.cached.KINDS`, and so the function of `harness.tasks`.
             key: of the model.
-            make: the task, of the place's preparation.
             done, failed: what follows, as of a job.
+            sidecar: of a folder's model.
             scenario: of a case or a measurement.
             snapshot: what a measurement is to repeat.
         """
@@ -175,8 +170,16 @@ class PlaceWork(ABC, Generic[Facts]):
             yield from done(value)
             return
 
+        arguments = ModelTask(
+            engine=key[-1],
+            resolution=self.options.resolution,
+            sidecar=sidecar,
+            scenario=scenario,
+            snapshot=snapshot,
+        )
+
         def job() -> Job[Any]:
-            task = make(self._prepared)
+            task = Task(task_function(kind, task=arguments), self._solved)
             # Of a model that is code is not known before what it reads.
             if piece is not None and Path(piece.model).suffix == ".py":
                 task = Task(Reading(task, self.place), task.argument)
@@ -236,23 +239,22 @@ class PlaceWork(ABC, Generic[Facts]):
         """Whether what a case's model does is wanted."""
         return self.options.selection is not None
 
-    def measure(self, case: CaseId, make: Callable[[Any, Snapshot | None], Task[Any, Any]]) -> Jobs:
-        """What a case's model does, where a snapshot was accepted, or may be."""
+    def measure(self, case: CaseId, sidecar: Sidecar | None = None) -> Jobs:
+        """Measure what a case's model does, where a snapshot was accepted, or may be."""
         if not self.is_measured(case):
             return ()
-        folder, accepted = str(self.place), self.snapshot(case)
+        folder = str(self.place)
 
-        def done(value: Any) -> Jobs:
+        def done(value: Measurement | Failure) -> Jobs:
             self.found.measured[folder, case] = value
             return ()
 
-        key = folder, case.model, case.engine
         return self.do(
             "measurement",
-            key,
-            lambda prepared: make(prepared, accepted),
+            (folder, case.model, case.engine),
             done,
             done,
+            sidecar=sidecar,
             scenario=case.scenario,
-            snapshot=accepted,
+            snapshot=self.snapshot(case),
         )

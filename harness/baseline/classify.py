@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from physics_crosscheck.harness.baseline.changes import Status, compare
 from physics_crosscheck.harness.baseline.entry import entry_of
@@ -18,9 +17,7 @@ from physics_crosscheck.harness.baseline.fingerprint import (
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Measurement
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import AuditFinding
-
-if TYPE_CHECKING:  # it brings the pool of workers, which an unchanged gate does without
-    from physics_crosscheck.harness.schedule.workers import Failure
+from physics_crosscheck.harness.schedule.workers import Failure
 
 
 @dataclass(frozen=True, kw_only=True)

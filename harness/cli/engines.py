@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, USAGE
+from physics_crosscheck.harness.engines.conformance import conform_samples
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import engines, missing
 
@@ -34,8 +35,6 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _conformance(engine: Engine) -> int:
-    from physics_crosscheck.harness.engines.conformance import conform_samples
-
     found = conform_samples(engine)
     for file, checks in found.items():
         print(file)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.outcome import Outcome
+from physics_crosscheck.harness.records.results import Results
 
 AGREE, DIFFER, USAGE, FAIL = 0, 1, 2, 3
 """Exit codes: all agree; a difference or nothing certain; wrong usage; something could not run."""
@@ -20,9 +18,6 @@ def exit_code(results: Results, require_engines: bool) -> int:
     An audit, a linearization or a diagnosis that could not be done is one too. What an engine
     refuses of robots' files is none where another engine has a verdict.
     """
-    # Imported here: a help text needs no records.
-    from physics_crosscheck.harness.records.outcome import Outcome
-
     refused = {(case.folder, case.id) for case in results.refusals}
     counting = [case for case in results.cases if (case.folder, case.id) not in refused]
     outcomes = {case.outcome for case in counting if not case.accepted}

@@ -21,6 +21,7 @@ from physics_crosscheck.harness.gate.text import gate_lines, summary
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.text.github import commands, print_commands, write_summary
+from physics_crosscheck.harness.text.progress import Progress
 from physics_crosscheck.harness.text.visible import visible
 
 
@@ -78,14 +79,12 @@ def meant(options: argparse.Namespace) -> tuple[list[Path], GateOptions]:
 
 
 class LateProgress(ExitStack):
-    """Progress as in `crosscheck run`, made when there is some: its imports cost their time."""
+    """Progress as in `crosscheck run`, made when there is some."""
 
     _shown: Callable[[int, int, Case | None], None] | None = None
 
     def __call__(self, done: int, total: int, case: Case | None) -> None:
         """Tell that a case is done."""
         if self._shown is None:
-            from physics_crosscheck.harness.text.progress import Progress
-
             self._shown = self.enter_context(Progress())
         self._shown(done, total, case)

@@ -10,6 +10,7 @@ from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.asked import meant_by
 from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
 from physics_crosscheck.harness.cli.keeping import check_page
+from physics_crosscheck.harness.cli.sweep_versions import under_versions
 from physics_crosscheck.harness.files.folders import FolderError, check_engines
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded, write_whole
@@ -38,9 +39,6 @@ def main(options: argparse.Namespace) -> int:
         if options.summary is not None:
             return _summary(options.summary)
         if options.versions:
-            # Imported here: one version alone needs no environments, and nothing that fills them.
-            from physics_crosscheck.harness.cli.sweep_versions import under_versions
-
             return under_versions(options, _command(options))
         return _sweep(options)
     except SweepError as error:

@@ -12,6 +12,7 @@ from typing import Any, TypeGuard
 from physics_crosscheck.harness.engines.protocol import ModelSpec, Spring
 from physics_crosscheck.harness.engines.registry import absent_extras
 from physics_crosscheck.harness.files.brief import brief
+from physics_crosscheck.harness.files.locations import line_of
 from physics_crosscheck.harness.files.parts import PartError, check_parts
 from physics_crosscheck.harness.files.reading import (
     MOST_SIDECAR,
@@ -208,9 +209,6 @@ class Entry:
     key: str
 
     def __str__(self) -> str:
-        # Imported here: the addresses' grammars are needed for a message alone.
-        from physics_crosscheck.harness.files.locations import line_of
-
         line = line_of(self.file, f"{self.table}.{json.dumps(self.key, ensure_ascii=False)}")
         where = self.file if line is None else f"{self.file}:{line}"
         return f"{where}: [{self.table}] {brief(self.key)}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from physics_crosscheck.harness.baseline.audits import unaccepted
 from physics_crosscheck.harness.baseline.changes import Status
@@ -12,10 +11,8 @@ from physics_crosscheck.harness.baseline.classify import Change
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.records.finding import AuditFinding
+from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.text.status import counted
-
-if TYPE_CHECKING:  # an unchanged gate does without them
-    from physics_crosscheck.harness.records.results import Results
 
 MOST_TOLD = 5
 """Findings told of a case."""

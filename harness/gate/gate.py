@@ -11,7 +11,6 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change, classify
@@ -33,9 +32,7 @@ from physics_crosscheck.harness.gate.survey import (
 from physics_crosscheck.harness.records.baseline import AcceptedCase, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.outcome import Outcome
-
-if TYPE_CHECKING:
-    from physics_crosscheck.harness.run import Run
+from physics_crosscheck.harness.run import Options, Run, Selection, run
 
 Progress = Callable[[int, int, Case | None], None]
 """Called with (cases done, cases known, the case just done or None)."""
@@ -90,9 +87,6 @@ def accepted_folders(baseline: Path) -> list[Path]:
 
 
 def _run(found: Survey, options: GateOptions, progress: Progress) -> Run:
-    # Imported here: they bring sympy, which costs most of a second.
-    from physics_crosscheck.harness.run import Options, Selection, run
-
     selection = Selection(
         models=found.chosen,
         snapshots=SnapshotsToRepeat(found.baseline),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.classify import Change
@@ -13,11 +12,9 @@ from physics_crosscheck.harness.baseline.fingerprint import FolderFiles
 from physics_crosscheck.harness.gate.file_diffs import FileDiff
 from physics_crosscheck.harness.records.base import number
 from physics_crosscheck.harness.records.baseline import Gate, GateChange, GateFile, GateLine
-
-if TYPE_CHECKING:  # an unchanged gate does without them
-    from physics_crosscheck.harness.records.case import Case
-    from physics_crosscheck.harness.records.model import Model
-    from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.case import Case
+from physics_crosscheck.harness.records.model import Model
+from physics_crosscheck.harness.records.results import Results
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from physics_crosscheck.harness.baseline.file import SystemBaseline
 from physics_crosscheck.harness.baseline.fingerprint import FolderFiles, folder_files
@@ -15,9 +14,7 @@ from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.files.folders import FolderError
 from physics_crosscheck.harness.gate.options import GateOptions
 from physics_crosscheck.harness.records.case import CaseId
-
-if TYPE_CHECKING:  # an unchanged gate does without them
-    from physics_crosscheck.harness.records.results import Results
+from physics_crosscheck.harness.records.results import Results
 
 ModelInEngine = tuple[str, str, str]
 """(folder, model file, engine)."""

@@ -6,26 +6,20 @@ A system is prepared once and a model diagnosed once, however many tests ask for
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from physics_crosscheck.harness.audit.run import run_audit
-from physics_crosscheck.harness.audit.task import audit_task
+from physics_crosscheck.harness import tasks
 from physics_crosscheck.harness.baseline.audits import mark_models
 from physics_crosscheck.harness.baseline.known import Accepted, accepted, mark_known
-from physics_crosscheck.harness.baseline.measure import measure, measure_task
-from physics_crosscheck.harness.baseline.measure_tree import MeasureTreeTask, measure_tree
 from physics_crosscheck.harness.baseline.store import read_baseline
-from physics_crosscheck.harness.cases.case import case_task, run_case
 from physics_crosscheck.harness.cases.declared import Declared, declared
-from physics_crosscheck.harness.cases.multibody import PreparedTree, prepare_folder, survey_file
 from physics_crosscheck.harness.cases.not_run import Hurdle, failed_case, hurdle, not_of_a_tree
-from physics_crosscheck.harness.cases.prepare import Prepared
-from physics_crosscheck.harness.cases.robot import run_robot
-from physics_crosscheck.harness.diagnosis.robot_task import RobotDiagnosisTask, diagnose_robot
-from physics_crosscheck.harness.diagnosis.task import diagnose_model, diagnosis_task
 from physics_crosscheck.harness.engines.registry import engines
 from physics_crosscheck.harness.files.sidecar import Sidecar
+from physics_crosscheck.harness.prepared import FolderFacts, ModelTask, Preparation
 from physics_crosscheck.harness.records.baseline import Measurement, Snapshot
 from physics_crosscheck.harness.records.case import Case, CaseId
 from physics_crosscheck.harness.records.finding import Diagnosis
@@ -50,7 +44,7 @@ class CaseRunner:
         self._accepted: dict[Path, Accepted | None] = {}
         self._workers: Workers | None = None
         self._engines = engines()
-        self._prepared: dict[Path, Prepared | PreparedTree | Failure] = {}
+        self._prepared: dict[Path, Preparation | Failure] = {}
         self._diagnoses: dict[tuple[Path, str], Diagnosis] = {}
 
     def hurdle(self, sidecar: Sidecar, engine: str) -> Hurdle | None:
@@ -61,10 +55,11 @@ class CaseRunner:
         """What a folder's declaration says at a glance."""
         return self._ask(declared, folder)
 
-    def prepared(self, folder: Path) -> Prepared | PreparedTree | Failure:
-        """The reference side of a folder, once."""
+    def prepared(self, folder: Path) -> Preparation | Failure:
+        """Prepare a folder, once."""
         if folder not in self._prepared:
-            self._prepared[folder] = self._run(prepare_folder, folder)
+            prepare = partial(tasks.folder, described=False)
+            self._prepared[folder] = self._ask(prepare, folder)
         return self._prepared[folder]
 
     def case(self, one: CaseId, folder: Path, sidecar: Sidecar) -> Case:
@@ -72,27 +67,21 @@ class CaseRunner:
         found = self.prepared(folder)
         if isinstance(found, Failure):
             return failed_case(one, str(folder), found)
-        if isinstance(found, PreparedTree):
-            return self._states(found, one, sidecar)
-        task = case_task(found, sidecar, one.engine, one.scenario, self._resolution)
+        if _has_bodies(found) and (reason := not_of_a_tree(sidecar)):
+            return failed_case(one, str(folder), Failure(reason, ""))
+        task = self._task(sidecar, one.engine, one.scenario)
 
         def measured(accepted: Snapshot) -> Measurement | Failure:
-            return self._run(measure, measure_task(task, found, accepted))
+            measuring = replace(task, snapshot=accepted)
+            return self._ask(partial(tasks.measurement, task=measuring), found.solved)
 
-        return self._judged(self._run(run_case, task), one, folder, measured)
+        case = self._ask(partial(tasks.case, task=task), found.solved)
+        return self._judged(case, one, folder, measured)
 
-    def _states(self, found: PreparedTree, one: CaseId, sidecar: Sidecar) -> Case:
-        """The case of a model of declared bodies."""
-        if reason := not_of_a_tree(sidecar):
-            return failed_case(one, str(found.folder), Failure(reason, ""))
-        task = found.task(sidecar, one.engine, self._resolution)
-        system, reads = found.system.tree_system, found.reads
-
-        def measured(accepted: Snapshot) -> Measurement | Failure:
-            measuring = MeasureTreeTask(task=task, system=system, accepted=accepted, reads=reads)
-            return self._run(measure_tree, measuring)
-
-        return self._judged(self._run(run_robot, task), one, found.folder, measured)
+    def _task(self, sidecar: Sidecar, engine: str, scenario: str = "") -> ModelTask:
+        return ModelTask(
+            engine=engine, resolution=self._resolution, sidecar=sidecar, scenario=scenario
+        )
 
     def _judged(
         self,
@@ -129,12 +118,13 @@ class CaseRunner:
         found = self.prepared(folder)
         if isinstance(found, Failure):
             return found
-        if isinstance(found, PreparedTree):
-            survey = self._run(survey_file, sidecar)
-            if isinstance(survey, Failure):
-                return survey
-            return Audit(findings=survey.findings, poses=Poses(note="bodies are declared"))
-        return self._run(run_audit, audit_task(found, sidecar, engine))
+        task = self._task(sidecar, engine)
+        if not _has_bodies(found):
+            return self._ask(partial(tasks.audit, task=task), found.solved)
+        survey = self._ask(partial(tasks.survey, task=task), found.solved)
+        if isinstance(survey, Failure):
+            return survey
+        return Audit(findings=survey.findings, poses=Poses(note="bodies are declared"))
 
     def diagnosis(self, folder: Path, sidecar: Sidecar, engine: str) -> Diagnosis:
         """Name the cause of what a model does wrong, from its motions in every scenario; once."""
@@ -144,11 +134,9 @@ class CaseRunner:
             value: Diagnosis | Failure
             if isinstance(found, Failure):
                 value = found
-            elif isinstance(found, PreparedTree):
-                task = found.task(sidecar, engine, self._resolution)
-                value = self._run(diagnose_robot, RobotDiagnosisTask(task=task, own=False))
             else:
-                value = self._run(diagnose_model, diagnosis_task(found, sidecar, engine))
+                task = self._task(sidecar, engine)
+                value = self._ask(partial(tasks.diagnosis, task=task), found.solved)
             if isinstance(value, Failure):
                 value = Diagnosis(failure=value.reason)
             self._diagnoses[key] = value
@@ -160,11 +148,12 @@ class CaseRunner:
             self._workers.close()
             self._workers = None
 
-    def _run(self, function: Callable[[Argument], Value], argument: Argument) -> Value | Failure:
-        return self._ask(function, argument)
-
     def _ask(self, function: Callable[[Argument], Value], argument: Argument) -> Value | Failure:
         with without_main():
             if self._workers is None:
                 self._workers = Workers(1, self._limits)
             return self._workers.outcome(self._workers.submit(function, argument))
+
+
+def _has_bodies(found: Preparation) -> bool:
+    return isinstance(found.facts, FolderFacts) and found.facts.bodies

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO, cast
+from typing import Any, TextIO, cast
 
 from physics_crosscheck.harness.records.base import SourceLine
 from physics_crosscheck.harness.records.case import Case
@@ -21,11 +21,10 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.text.causes import cause_sentences
+from physics_crosscheck.harness.text.next_steps import Change, changes_of, stated_changes
 from physics_crosscheck.harness.text.places import placed, shown_line
+from physics_crosscheck.harness.text.troubles import audited_alike, named_models, untold_failures
 from physics_crosscheck.harness.text.visible import visible
-
-if TYPE_CHECKING:  # it needs a terminal
-    from physics_crosscheck.harness.text.next_steps import Change
 
 MOST = 10
 """Annotations that GitHub shows of a step and level."""
@@ -83,10 +82,6 @@ def run_notes(results: Results) -> list[Annotation]:
 
 def _audit_notes(results: Results) -> Iterator[Annotation]:
     """Each finding of a model file, at its line where it is in one."""
-    # Imported here: a gate of which nothing changed needs no terminal.
-    from physics_crosscheck.harness.text.next_steps import stated_changes
-    from physics_crosscheck.harness.text.troubles import audited_alike, named_models
-
     for alike in audited_alike(one for one in results.models if not one.accepted):
         model = alike[0]
         for finding in model.findings:
@@ -107,8 +102,6 @@ def _audit_notes(results: Results) -> Iterator[Annotation]:
 
 def _failure_notes(results: Results) -> Iterator[Annotation]:
     """What could not be done of a model, and no case tells."""
-    from physics_crosscheck.harness.text.troubles import untold_failures
-
     for model, what, why in untold_failures(results):
         title = f"{Outcome.FAILED} {what} of {model.id}"
         place = model.folder, model.model
@@ -152,8 +145,6 @@ def case_note(case: Case, model: Model | None) -> Annotation:
     diagnosis = model.diagnosis if model else None
     changes: list[Change] = []
     if model and diagnosis and diagnosis.explained and diagnosis.explanations:
-        from physics_crosscheck.harness.text.next_steps import changes_of  # as above
-
         best = placed(diagnosis.explanations[0], model.folder)
         message = f"{' and '.join(cause_sentences(best)[:-1])}: {message}"
         blamed = [one for cause in best.causes for one in cause.locations]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from functools import partial
 from typing import Any
 
 import pytest
 
+from physics_crosscheck.harness import tasks
 from physics_crosscheck.harness.cli.main import main
-from physics_crosscheck.harness.diagnosis.task import diagnose_model
 from physics_crosscheck.harness.pytest_plugin.runner import CaseRunner
 from physics_crosscheck.harness.records.case import Case
 from physics_crosscheck.harness.records.model import Model
@@ -61,13 +62,13 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     project: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[object] = []
-    run = CaseRunner._run
+    run = CaseRunner._ask
 
     def counted(self: CaseRunner, function: Any, argument: Any) -> Any:
         asked.append(function)
         return run(self, function, argument)
 
-    monkeypatch.setattr(CaseRunner, "_run", counted)
+    monkeypatch.setattr(CaseRunner, "_ask", counted)
     path = project.add() / "mujoco.xml"
     project.edit(path, 'stiffness="47.0"', 'stiffness="47.000047"')
     line = path.read_text()[: path.read_text().index("47.000047")].count("\n") + 1
@@ -90,7 +91,8 @@ def test_a_wrong_literal_is_named_with_its_place_and_no_traceback(
     shown = done.stdout.str()
     assert "Traceback" not in shown
     assert not re.search(r"collect\.py|runner\.py|Error\b", shown)
-    assert asked.count(diagnose_model) == 1
+    named = [one.func for one in asked if isinstance(one, partial)]
+    assert named.count(tasks.diagnosis) == 1
     failure = junit(project, "failure")
     assert "joint[x]@stiffness" in failure.get("message", "")
     assert failure.text is not None
