@@ -14,6 +14,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+__version__ = "0.1.0"
+
 if TYPE_CHECKING:
     from physics_crosscheck.harness.api import Results, check
     from physics_crosscheck.harness.compare.candidate import CompareError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 import subprocess
 import sys
 from pathlib import Path
@@ -75,3 +76,7 @@ def test_models_and_template_import_from_the_public_name_alone() -> None:
         text = file.read_text()
         assert "from reference" not in text, file
         assert "harness" not in text, file
+
+
+def test_the_version_is_that_of_the_distribution() -> None:
+    assert physics_crosscheck.__version__ == importlib.metadata.version("physics-crosscheck")

@@ -7,6 +7,7 @@ import site
 import subprocess
 import sys
 import sysconfig
+import tarfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,14 +47,15 @@ class Installed:
 
 @pytest.fixture(scope="session")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
-    """The wheel in a fresh environment, with the dependencies of this one and no network."""
+    """Install the wheel of the source distribution, beside this environment's dependencies."""
     folder = tmp_path_factory.mktemp("installed")
     quiet: dict[str, Any] = {"check": True, "capture_output": True, "text": True}
-    subprocess.run(
-        [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)],
-        cwd=ROOT,
-        **quiet,
-    )
+    build = [sys.executable, "-m", "hatchling", "build", "-d", str(folder), "-t"]
+    subprocess.run([*build, "sdist"], cwd=ROOT, **quiet)
+    (source,) = folder.glob("*.tar.gz")
+    with tarfile.open(source) as packed:
+        packed.extractall(folder, filter="data")
+    subprocess.run([*build, "wheel"], cwd=folder / source.name.removesuffix(".tar.gz"), **quiet)
     (wheel,) = folder.glob("*.whl")
     home = folder / "environment"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], **quiet)

@@ -140,10 +140,7 @@ def test_python_m_finds_us_by_the_name_that_is_ours_alone(
     done = installed.shell("python -m physics_crosscheck derive simple_pendulum", place)
     assert done.returncode == 0, done.stderr
     assert "Simple pendulum" in done.stdout
-    assert (
-        "the package of the user"
-        in installed.shell("python -m physics_crosscheck engines", place).stderr
-    )
+    assert "the package of the user" in installed.shell("python -m harness", place).stderr
 
 
 @pytest.mark.slow
