@@ -13,16 +13,39 @@ from physics_crosscheck.reference.declaration import (
     t,
 )
 from physics_crosscheck.reference.pose import Pose
-from physics_crosscheck.reference.sketch import Angle, Body, Link
-from physics_crosscheck.reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, Site
-from physics_crosscheck.reference.multibody.tree import Medium
-from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce
+from physics_crosscheck.reference.multibody.bodies import (
+    Coupling,
+    Joint,
+    ForceElement,
+    RigidBody,
+    Site,
+)
+from physics_crosscheck.reference.multibody.tree import Fluid
+from physics_crosscheck.reference.multibody.ways import CablePath, FrameForce, JointForce
 from physics_crosscheck.reference.system import System
 from physics_crosscheck.reference.trees import MultibodySystem
 
 __all__ = [
-    "Angle", "Body", "Constant", "Coordinate", "Cord", "Coupling", "DeclarationError",
-    "Equilibrium", "FrameForce", "Input", "Joint", "JointForce", "Link", "Medium",
-    "MultibodySystem", "Output", "Pose", "PublishedEquation", "Pull", "Quantity", "RigidBody",
-    "Scenario", "Site", "System", "t",
+    "CablePath",
+    "Constant",
+    "Coordinate",
+    "Coupling",
+    "DeclarationError",
+    "Equilibrium",
+    "Fluid",
+    "ForceElement",
+    "FrameForce",
+    "Input",
+    "Joint",
+    "JointForce",
+    "MultibodySystem",
+    "Output",
+    "Pose",
+    "PublishedEquation",
+    "Quantity",
+    "RigidBody",
+    "Scenario",
+    "Site",
+    "System",
+    "t",
 ]  # fmt: skip

@@ -12,11 +12,11 @@ from physics_crosscheck.reference.declaration import Coordinate, Declaration, De
 from physics_crosscheck.reference.equations import EquationsOfMotion
 from physics_crosscheck.reference.multibody.algebra import DOUBLES, LONG_DOUBLES, Scalars
 from physics_crosscheck.reference.multibody.assemble import Assembled, assembled
-from physics_crosscheck.reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
+from physics_crosscheck.reference.multibody.bodies import Coupling, ForceElement, RigidBody, Triple
 from physics_crosscheck.reference.multibody.chart import coordinate_names
 from physics_crosscheck.reference.multibody.charted import Charted
 from physics_crosscheck.reference.multibody.coupled import Coupled
-from physics_crosscheck.reference.multibody.tree import Medium, Tree, TreeError
+from physics_crosscheck.reference.multibody.tree import Fluid, Tree, TreeError
 from physics_crosscheck.reference.numeric import Array
 
 AT_ONCE = 2000
@@ -95,9 +95,9 @@ class MultibodySystem:
     source: str
     gravity: Triple
     bodies: tuple[RigidBody, ...]
-    pulls: tuple[Pull, ...] = ()
+    pulls: tuple[ForceElement, ...] = ()
     couplings: tuple[Coupling, ...] = ()
-    medium: Medium | None = None
+    medium: Fluid | None = None
 
     def __post_init__(self) -> None:
         try:

@@ -11,16 +11,18 @@ from pathlib import Path
 import physics_crosscheck
 import physics_crosscheck.engine
 import physics_crosscheck.records
+import physics_crosscheck.sketch
 
 ROOT = Path(__file__).parents[1]
 
 TOP = {
-    "Angle", "Body", "CompareError", "Comparison", "Constant", "Coordinate", "Cord", "Coupling",
+    "CompareError", "Comparison", "Constant", "Coordinate", "CablePath", "Coupling",
     "DeclarationError", "Equilibrium", "Frame", "FrameForce", "Input", "Joint", "JointForce",
-    "Link", "Medium", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
-    "Pull", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
+    "Fluid", "MotionError", "MultibodySystem", "Output", "Pose", "PublishedEquation",
+    "ForceElement", "Quantity", "Results", "RigidBody", "Scenario", "Site", "System", "Trajectory",
     "check", "compare", "ground", "rotation", "simulate", "solve", "t",
 }  # fmt: skip
+SKETCH = {"Angle", "Body", "Link"}
 RECORDS = {
     "AuditFinding", "Case", "CaseId", "Cause", "CauseId", "Comparison", "Diagnosis",
     "EngineLinearization", "Explanation", "FullRun", "Model", "ModelId", "Mutation", "Mutations",
@@ -36,7 +38,7 @@ ENGINE = {
 
 
 def test_the_public_names_are_these() -> None:
-    for name, names in (("", TOP), (".records", RECORDS), (".engine", ENGINE)):
+    for name, names in (("", TOP), (".sketch", SKETCH), (".records", RECORDS), (".engine", ENGINE)):
         module = importlib.import_module(f"physics_crosscheck{name}")
         assert set(module.__all__) == names
         assert all(getattr(module, name) is not None for name in names)

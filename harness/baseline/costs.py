@@ -19,8 +19,8 @@ ORDER = 0.5
 
 def other_method(then: AcceptedCase, now: AcceptedCase) -> bool:
     """Whether the time-stepping is another one."""
-    return (then.shipped_step, then.integrator, then.claimed_order) != (
-        now.shipped_step,
+    return (then.time_step, then.integrator, then.claimed_order) != (
+        now.time_step,
         now.integrator,
         now.claimed_order,
     )
@@ -37,8 +37,8 @@ def cost_part(then: AcceptedCase, now: AcceptedCase, settled: bool) -> Part:
 
 def _method(then: AcceptedCase, now: AcceptedCase) -> Part:
     messages = []
-    if then.shipped_step != now.shipped_step:
-        messages.append(f"step {_seconds(then.shipped_step)} -> {_seconds(now.shipped_step)}")
+    if then.time_step != now.time_step:
+        messages.append(f"step {_seconds(then.time_step)} -> {_seconds(now.time_step)}")
     if then.integrator != now.integrator:
         messages.append(f"integrator {then.integrator} -> {now.integrator}")
     return Part(messages=tuple(messages))

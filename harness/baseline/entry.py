@@ -38,7 +38,7 @@ def entry_of(case_id: CaseId, case: Case, measured: Measurement, now: Dependenci
             constants=measured.constants,
             global_error=full_run.global_error if full_run else None,
             global_order=full_run.order if full_run else None,
-            shipped_step=full_run.shipped_step if full_run else None,
+            time_step=full_run.time_step if full_run else None,
             integrator=full_run.integrator if full_run else "",
             order=verdict.order,
             claimed_order=verdict.claimed_order,
@@ -65,6 +65,6 @@ def summarized(entry: AcceptedCase) -> AcceptedCase:
     if entry.integrator:  # no motion joins chosen states, which have no full run
         summary += (
             f"; global error {short(entry.global_error, '.2%')}"
-            f" at {short(entry.shipped_step, 'g')} s, {entry.integrator}"
+            f" at {short(entry.time_step, 'g')} s, {entry.integrator}"
         )
     return msgspec.structs.replace(entry, summary=summary)

@@ -96,10 +96,10 @@ def dynamics_record(found: FoundDynamics | None, names: tuple[str, ...]) -> Forw
     )
 
 
-def full_run_record(study: StepStudy, shipped_step: float, integrator: str) -> FullRun:
+def full_run_record(study: StepStudy, time_step: float, integrator: str) -> FullRun:
     """What a user lives with."""
     return FullRun(
-        shipped_step=number(shipped_step),
+        time_step=number(time_step),
         integrator=integrator,
         global_error=number(study.global_error),
         velocity_error=number(study.velocity_error),

@@ -19,7 +19,7 @@ from physics_crosscheck.harness.files.frames import SidecarFrames, sidecar_frame
 from physics_crosscheck.harness.files.locations import Literal, LocationError, literals
 from physics_crosscheck.harness.files.sidecar import Sidecar, SidecarError
 from physics_crosscheck.harness.numerics.coordinates import coordinate_map
-from physics_crosscheck.harness.records.coverage import Coverage, Unseen
+from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.harness.robots.compiled import parts_of
 from physics_crosscheck.reference.numeric import Array
 from physics_crosscheck.reference.system import System
@@ -157,7 +157,7 @@ def reason_of(path: str, idle: Mapping[str, str]) -> str:
 def summarized(found: Sequence[CountedNumber], idle: Mapping[str, str]) -> Coverage:
     """Return the counts of numbers: each once, by what tests it, or by why nothing does."""
     counts = {"motion": 0, "audit": 0, "frames": 0}
-    unseen: dict[str, list[CountedNumber]] = {}
+    untested: dict[str, list[CountedNumber]] = {}
     for one in found:
         if one.say is Say.MOTION:
             counts["motion"] += 1
@@ -167,15 +167,15 @@ def summarized(found: Sequence[CountedNumber], idle: Mapping[str, str]) -> Cover
             counts["frames"] += 1
         else:
             why = reason_of(one.path, idle) if one.say in (Say.NONE, Say.CHOICE) else ""
-            unseen.setdefault(why or one.say.value, []).append(one)
+            untested.setdefault(why or one.say.value, []).append(one)
     return Coverage(
         numbers=len(found),
         motion=counts["motion"],
         audit=counts["audit"],
         frames=counts["frames"],
-        unseen=tuple(
-            Unseen(reason=why, count=len(them), examples=_examples(why, them))
-            for why, them in sorted(unseen.items(), key=lambda item: -len(item[1]))
+        untested=tuple(
+            Untested(reason=why, count=len(them), examples=_examples(why, them))
+            for why, them in sorted(untested.items(), key=lambda item: -len(item[1]))
         ),
     )
 

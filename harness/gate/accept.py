@@ -149,7 +149,7 @@ def _entry(change: Change, reason: str, named: bool) -> AcceptedCase | None:
             engine_version=now.engine_version,
             resolution=now.resolution,
             numerics=now.numerics,
-            shipped_step=now.shipped_step,
+            time_step=now.time_step,
             integrator=now.integrator,
             claimed_order=now.claimed_order,
         )

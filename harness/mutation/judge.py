@@ -94,8 +94,8 @@ def _judged(task: MutationTask, wrong: DiagnosisTask) -> Mutation:
         if not resolved:
             coarse = f"unresolved, to {np.max(uncertainty):.0e}"
             return _row(task, FaultVerdict.CAUGHT, size, coarse)
-        row = _in_frames(task, wrong, _row(task, FaultVerdict.UNSEEN, size))
-        return _unnoticed(row, bool(moved.any())) if row.verdict is FaultVerdict.UNSEEN else row
+        row = _in_frames(task, wrong, _row(task, FaultVerdict.UNTESTED, size))
+        return _unnoticed(row, bool(moved.any())) if row.verdict is FaultVerdict.UNTESTED else row
 
 
 def _in_frames(task: MutationTask, wrong: DiagnosisTask, row: Mutation) -> Mutation:
@@ -160,7 +160,7 @@ def _row(
 def _unnoticed(row: Mutation, moved: bool) -> Mutation:
     """Missed if the motions depend on it, unseen if they don't."""
     depends = row.first_caught is not None if row.kind is FaultKind.LITERAL else moved
-    verdict = FaultVerdict.MISSED if depends else FaultVerdict.UNSEEN
+    verdict = FaultVerdict.MISSED if depends else FaultVerdict.UNTESTED
     return msgspec.structs.replace(row, verdict=verdict)
 
 

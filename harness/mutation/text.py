@@ -14,7 +14,7 @@ MARKS = {
     FaultVerdict.NAMED: "named",
     FaultVerdict.CAUGHT: "caught",
     FaultVerdict.REFUSED: "refused",
-    FaultVerdict.UNSEEN: ".",
+    FaultVerdict.UNTESTED: ".",
     FaultVerdict.MISSED: "MISSED",
 }
 
@@ -23,7 +23,7 @@ HEADS = {
     FaultVerdict.CAUGHT: "caught",
     FaultVerdict.MISSED: "MISSED",
     FaultVerdict.REFUSED: "refused",
-    FaultVerdict.UNSEEN: "no effect",
+    FaultVerdict.UNTESTED: "no effect",
 }
 """Columns of the table of known mistakes: the verdicts, and what they are called there."""
 
@@ -118,7 +118,7 @@ def summary(rows: Sequence[Mutation]) -> str:
     large = [row for row in literal if row.name not in SIZES]
     none = _of(rows, FaultKind.NONE)
     agree = len(_with(none, FaultVerdict.AGREES))
-    unseen = {(_model(row), row.location) for row in _with(literal, FaultVerdict.UNSEEN)}
+    unseen = {(_model(row), row.location) for row in _with(literal, FaultVerdict.UNTESTED)}
     return (
         f"small faults: {_counts(small)}; mistakes: {_counts([*known, *large])};"
         f" another step or integrator: {agree} of {len(none)} agree;"
@@ -128,7 +128,7 @@ def summary(rows: Sequence[Mutation]) -> str:
 
 def _counts(rows: Sequence[Mutation]) -> str:
     refused = len(_with(rows, FaultVerdict.REFUSED))
-    seen = len(rows) - refused - len(_with(rows, FaultVerdict.UNSEEN))
+    seen = len(rows) - refused - len(_with(rows, FaultVerdict.UNTESTED))
     caught = seen - len(_with(rows, FaultVerdict.MISSED))
     named = len(_with(rows, FaultVerdict.NAMED))
     return f"{caught} of {seen} caught, {named} named, {refused} refused by the engine"

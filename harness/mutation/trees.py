@@ -113,7 +113,7 @@ def mutated_tree(fault: TreeFault) -> Mutation:
     numbers = robot_numbers(fault.model.file, fault.model.settings)
     one = numbers.numerals[fault.index]
     value = one.value + fault.share * _size(one)
-    row = _row(fault, one.address, FaultVerdict.UNSEEN)
+    row = _row(fault, one.address, FaultVerdict.UNTESTED)
     if np.isfinite(fault.first_seen):
         with scratch() as copies:
             copy = copied(fault.model.file, numbers.texts({fault.index: value}), copies)
@@ -138,7 +138,7 @@ def _judged(fault: TreeFault, one: Numeral, value: float, wrong: RobotTask) -> M
     size = None if case.verdict is None else case.verdict.largest_discrepancy
     if case.outcome is not Outcome.DIFFERS:
         faint = fault.share < SHOWN * fault.first_seen
-        verdict = FaultVerdict.UNSEEN if faint else FaultVerdict.MISSED
+        verdict = FaultVerdict.UNTESTED if faint else FaultVerdict.MISSED
         return _row(fault, one.address, verdict, f"{case.outcome} {case.reason}".strip(), size)
     ranking = ranked(RobotDiagnosisTask(task=wrong, own=False))
     if not ranking.fits:

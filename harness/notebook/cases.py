@@ -60,7 +60,7 @@ def _row(case: Case) -> dict[str, object]:
         "uncertainty": _number(None if verdict is None else verdict.uncertainty),
         "component": "" if verdict is None else verdict.component,
         "global error": _number(None if run is None else run.global_error),
-        "step (s)": _number(None if run is None else run.shipped_step),
+        "step (s)": _number(None if run is None else run.time_step),
         "order": _number(None if run is None else run.order),
         "step for 0.1 % (s)": _number(_tenth(case)),
         "energy error": _number(None if run is None else run.energy_error),
@@ -100,7 +100,7 @@ def _cells(case: Case) -> list[str]:
         shown(None if verdict is None else verdict.discrepancy, "{:.1e}"),
         shown(None if verdict is None else verdict.uncertainty, "{:.1e}"),
         shown(None if run is None else run.global_error, "{:.2%}"),
-        shown(None if run is None else run.shipped_step, "{:g}"),
+        shown(None if run is None else run.time_step, "{:g}"),
         shown(None if run is None else run.order, "{:.2f}"),
         shown(_tenth(case), "{:.2g}"),
     ]
@@ -152,7 +152,7 @@ def trajectories(results: Results, case: Case) -> Trajectories:
     system = next((one for one in results.systems if one.folder == case.folder), None)
     own = [] if system is None else [c.unit or "1" for c in system.coordinates]
     units = (*own, *units_of_rates(own)) if own else ("?",) * len(series.components)
-    step = _number(run.shipped_step)
+    step = _number(run.time_step)
     engine = f"{case.model} in {case.engine}, {run.integrator}, a step of {step:g} s"
 
     def of(rows: Rows, origin: str) -> Trajectory:
@@ -225,7 +225,7 @@ def _steps(_: Results, cases: list[Case], ax: Any) -> None:
         )
         run = case.full_run
         if run is not None:
-            at = [_number(run.shipped_step)], [_number(run.global_error)]
+            at = [_number(run.time_step)], [_number(run.global_error)]
             ax.plot(*at, "o", markersize=9, fillstyle="none", color=curve.get_color())
     ax.set_xscale("log")
     ax.set_yscale("log")

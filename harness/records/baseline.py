@@ -99,7 +99,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
         outcome_reason: the sentence for what is not AGREES.
         discrepancy, uncertainty, component, order, claimed_order: as in the case's verdict.
         constants: that the motion identifies, by name.
-        global_error, shipped_step, integrator: as in its full run.
+        global_error, time_step, integrator: as in its full run.
         global_order: of the global error.
         engine_version: the name of the engine with its version.
         resolution: of the run.
@@ -126,7 +126,7 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
     constants: dict[str, Identified]
     global_error: Number
     global_order: Number
-    shipped_step: Number
+    time_step: Number
     integrator: str
     order: Number
     claimed_order: int

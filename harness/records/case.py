@@ -151,7 +151,7 @@ class FullRun(Record, frozen=True, kw_only=True):
     """What a user lives with: runs from start to end, at the shipped step and its neighbours.
 
     Attributes:
-        shipped_step: step that the file, or its sidecar, ships with, seconds.
+        time_step: step that the file, or its sidecar, ships with, seconds.
         integrator: name of the time-stepping method.
         global_error: largest position error at the shipped step, relative to the amplitude.
         velocity_error: largest velocity error there, likewise; None in records of before.
@@ -165,7 +165,7 @@ class FullRun(Record, frozen=True, kw_only=True):
         constraint_drift: largest, in the engine's units.
     """
 
-    shipped_step: Number
+    time_step: Number
     integrator: str
     global_error: Number
     velocity_error: Number = None

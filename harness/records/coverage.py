@@ -5,7 +5,7 @@ from __future__ import annotations
 from physics_crosscheck.harness.records.base import Count, Record
 
 
-class Unseen(Record, frozen=True, kw_only=True):
+class Untested(Record, frozen=True, kw_only=True):
     """Numbers that nothing looked at, for one reason.
 
     Attributes:
@@ -30,7 +30,7 @@ class Coverage(Record, frozen=True, kw_only=True):
         motion: those that accelerations depend on, at positions and velocities of the motions.
         audit: of the others, those that are bound to a formula of the constants.
         frames: of the others, those that the pose of a declared frame depends on.
-        unseen: the others.
+        untested: the others.
         note: why they were not counted; empty where they were.
         left_out: what the file says and the check leaves out, such as `dry friction of 7 joints`.
     """
@@ -39,7 +39,7 @@ class Coverage(Record, frozen=True, kw_only=True):
     motion: Count = 0
     audit: Count = 0
     frames: Count = 0
-    unseen: tuple[Unseen, ...] = ()
+    untested: tuple[Untested, ...] = ()
     note: str = ""
     left_out: tuple[str, ...] = ()
 

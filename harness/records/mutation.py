@@ -18,7 +18,7 @@ class FaultKind(StrEnum):
 class FaultVerdict(StrEnum):
     """What became of it.
 
-    `named`; `caught` (the model does not agree) but not named; `refused` by the engine; `unseen`,
+    `named`; `caught` (the model does not agree) but not named; `refused` by the engine; `untested`,
     since no motion and no frame depends on it (the audit may see it); or `missed`. Of no mistake:
     `agrees`.
     """
@@ -26,7 +26,7 @@ class FaultVerdict(StrEnum):
     NAMED = "named"
     CAUGHT = "caught"
     REFUSED = "refused"
-    UNSEEN = "unseen"
+    UNTESTED = "untested"
     MISSED = "missed"
     AGREES = "agrees"
 

@@ -11,7 +11,7 @@ from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.system import System
 
-SCHEMA: Literal[2] = 2
+SCHEMA: Literal[3] = 3
 
 
 def nothing_tested(engines: Iterable[str]) -> str:
@@ -90,7 +90,7 @@ class Results(Record, frozen=True, kw_only=True):
     stopped: str = ""
     not_run: tuple[CaseId, ...] = ()
     cached: int = 0
-    schema: Literal[2] = SCHEMA
+    schema: Literal[3] = SCHEMA
 
     @property
     def untested(self) -> str:

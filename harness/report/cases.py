@@ -129,7 +129,7 @@ def case_view(case: Case, identity: str, pack: str, scenario: Scenario | None) -
         facts=tuple((title, rows) for title, rows in facts if rows),
         cost=_cost(full_run, case.outcome, sensitive) if full_run and judged else "",
         steps=() if full_run is None else _steps_for(full_run),
-        step=quantity(None if full_run is None else full_run.shipped_step, "s", 3),
+        step=quantity(None if full_run is None else full_run.time_step, "s", 3),
         pack=pack,
         sorts=_sorts(verdict, full_run, judged),
     )
@@ -180,7 +180,7 @@ def _sorts(verdict: Verdict | None, full_run: FullRun | None, judged: bool) -> t
         known = judged and verdict.largest_uncertainty is not None
         columns[:3] = worst if known else None, verdict.discrepancy, verdict.uncertainty
     if full_run is not None:
-        columns[3:] = full_run.global_error, full_run.shipped_step
+        columns[3:] = full_run.global_error, full_run.time_step
     return tuple("" if value is None else f"{value:.6g}" for value in columns)
 
 
@@ -188,7 +188,7 @@ def _cost(full_run: FullRun, outcome: Outcome, sensitive: bool) -> str:
     """What the step costs, and where the cost goes."""
     if full_run.global_error is None:
         return ""
-    step, error = quantity(full_run.shipped_step, "s", 3), percent(full_run.global_error)
+    step, error = quantity(full_run.time_step, "s", 3), percent(full_run.global_error)
     if sensitive:
         until = quantity(full_run.resolved_until, "s", 3)
         followed = f", here until {until}" if full_run.resolved_until else ""
@@ -282,10 +282,10 @@ def _digits(stepping: Stepping) -> str:
 
 
 def _at_shipped_step(full_run: FullRun) -> tuple[Fact, ...]:
-    if full_run.shipped_step is None and full_run.global_error is None:
+    if full_run.time_step is None and full_run.global_error is None:
         return ()
     rows = [
-        ("step", quantity(full_run.shipped_step, "s")),
+        ("step", quantity(full_run.time_step, "s")),
         ("global error", percent(full_run.global_error)),
     ]
     if full_run.velocity_error is not None:

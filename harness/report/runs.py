@@ -61,7 +61,7 @@ def _run(case: Case, place: int) -> Run | None:
         full_run=full_run,
         series=series,
         label=f"{shown(case.engine)}, {shown(case.model)}",
-        step=quantity(full_run.shipped_step, "s", 3),
+        step=quantity(full_run.time_step, "s", 3),
         pack=pack,
         t=pack.column(series.t, 7),
         reference=tuple(pack.column(row, 6) for row in series.reference),

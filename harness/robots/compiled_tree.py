@@ -19,16 +19,16 @@ from physics_crosscheck.reference.multibody.assemble import Assembled, assembled
 from physics_crosscheck.reference.multibody.bodies import (
     ZERO,
     Coupling,
+    ForceElement,
     Joint,
     Powers,
-    Pull,
     Quaternion,
     RigidBody,
     Site,
     Triple,
 )
-from physics_crosscheck.reference.multibody.tree import Kind, Medium, Tree
-from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce
+from physics_crosscheck.reference.multibody.tree import Fluid, Kind, Tree
+from physics_crosscheck.reference.multibody.ways import CablePath, FrameForce, JointForce
 
 KINDS: Mapping[str, Kind] = {
     "hinge": "hinge", "slide": "slide", "ball": "ball", "free": "free"
@@ -87,11 +87,11 @@ def _told(found: CompiledTree, controls: Sequence[float]) -> Told:
     )
 
 
-def _medium(found: CompiledTree) -> Medium | None:
+def _medium(found: CompiledTree) -> Fluid | None:
     one = found.medium
     if one is None:
         return None
-    return Medium(density=one.density, viscosity=one.viscosity, wind=one.wind)
+    return Fluid(density=one.density, viscosity=one.viscosity, wind=one.wind)
 
 
 def _assembled(told: Told) -> Assembled:
@@ -181,7 +181,7 @@ def held_controls(found: CompiledTree) -> tuple[float, ...]:
 
 def _pulls(
     found: CompiledTree, bodies: tuple[RigidBody, ...], controls: Sequence[float]
-) -> Iterator[Pull]:
+) -> Iterator[ForceElement]:
     names = [joint.name for body in bodies for joint in body.joints]
     of = [None, *(body.name for body in bodies)]
     for one in found.pulls:
@@ -190,7 +190,7 @@ def _pulls(
 
 def _along(
     one: CompiledWay | None, joints: list[str], bodies: list[str | None]
-) -> Cord[Site] | FrameForce[Site] | JointForce[str] | None:
+) -> CablePath[Site] | FrameForce[Site] | JointForce[str] | None:
     """A way by the names of what it is along."""
     if one is None:
         return None
@@ -202,7 +202,7 @@ def _along(
         return Site(body=bodies[mark.body], position=_triple(mark.at), quaternion=turn)
 
     if one.frame is None:
-        return Cord(branches=one.branches).at(site)
+        return CablePath(branches=one.branches).at(site)
     return FrameForce(frame=one.frame, gear=one.gear, against=one.against).at(site)
 
 
@@ -218,8 +218,8 @@ def _couplings(found: CompiledTree, bodies: tuple[RigidBody, ...]) -> Iterator[C
         )
 
 
-def _pull(one: CompiledPull, names: list[str], controls: Sequence[float]) -> Pull:
-    return Pull(
+def _pull(one: CompiledPull, names: list[str], controls: Sequence[float]) -> ForceElement:
+    return ForceElement(
         name=one.name,
         joints=tuple((names[i], share) for i, share in one.joints),
         bias=one.bias,

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from physics_crosscheck.reference.multibody.bodies import Coupling, Pull, RigidBody, Triple
-from physics_crosscheck.reference.multibody.tree import WORLD, Medium, Tree
+from physics_crosscheck.reference.multibody.bodies import Coupling, ForceElement, RigidBody, Triple
+from physics_crosscheck.reference.multibody.tree import WORLD, Fluid, Tree
 from physics_crosscheck.reference.numeric import Array
 
 
@@ -85,9 +85,9 @@ class Told:
 
     bodies: tuple[RigidBody, ...]
     gravity: Triple
-    pulls: tuple[Pull, ...] = ()
+    pulls: tuple[ForceElement, ...] = ()
     couplings: tuple[Coupling, ...] = ()
-    medium: Medium | None = None
+    medium: Fluid | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

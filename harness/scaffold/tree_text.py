@@ -13,7 +13,7 @@ from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.robots.robot import Told
 from physics_crosscheck.harness.scaffold.places import Key
 from physics_crosscheck.harness.scaffold.text import comment, literal, plain, quoted
-from physics_crosscheck.reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
+from physics_crosscheck.reference.multibody.bodies import Coupling, ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.multibody.ways import JointForce
 
 _BODY: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType({
@@ -68,7 +68,7 @@ def tree_text(
             f"Every number is as {compiled} compiles the file: in SI units, with defaults, frames"
             " and shapes put in"
         )
-    more = {"Coupling": told.couplings, "Medium": told.medium, "Pull": told.pulls}
+    more = {"Coupling": told.couplings, "Fluid": told.medium, "ForceElement": told.pulls}
     named = [name for name, there in more.items() if there]
     ways = [pull.along for pull in told.pulls if pull.along is not None]
     named += {type(one).__name__ for one in ways}
@@ -110,7 +110,7 @@ def tree_text(
         ]
     if told.medium:
         said = (f"{key}={_number(value)}" for key, value in _said(told.medium, ()))
-        lines += [f"    medium=Medium({', '.join(said)}),  # kg/m^3, Pa s, m/s"]
+        lines += [f"    medium=Fluid({', '.join(said)}),  # kg/m^3, Pa s, m/s"]
     return "\n".join([*lines, ")", ""])
 
 
@@ -181,8 +181,8 @@ def _joint(joint: Joint, where: Mapping[Key, str]) -> Iterator[str]:
     yield "                ),"
 
 
-def _pull(pull: Pull, where: Mapping[Key, str]) -> Iterator[str]:
-    yield _opening(8, "Pull(", where.get(("pull", pull.name), ""))
+def _pull(pull: ForceElement, where: Mapping[Key, str]) -> Iterator[str]:
+    yield _opening(8, "ForceElement(", where.get(("pull", pull.name), ""))
     yield f"            name={quoted(pull.name)},"
     for key, value in _said(pull, ("name",)):
         yield _field(12, key, value, "", "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from physics_crosscheck.harness.records.coverage import Coverage, Unseen
+from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.harness.records.finding import BEYOND
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.poses import Poses
@@ -65,14 +65,14 @@ def numbers_seen(coverage: Coverage, examples: bool) -> str:
     line += f" ({said})" if said else ""
     left = [
         f"{one.count} ({one.reason}{f': {_some(one)}' if examples else ''})"
-        for one in coverage.unseen
+        for one in coverage.untested
     ]
     return line + (f"; untested: {', '.join(left)}" if left else "")
 
 
-def _some(unseen: Unseen) -> str:
-    more = unseen.count > len(unseen.examples)
-    return ", ".join((*unseen.examples, "...") if more else unseen.examples)
+def _some(untested: Untested) -> str:
+    more = untested.count > len(untested.examples)
+    return ", ".join((*untested.examples, "...") if more else untested.examples)
 
 
 def poses_checked(poses: Poses) -> str:

@@ -81,7 +81,7 @@ def figures(case: Case) -> dict[str, str]:
     if case.full_run is not None:
         found |= _figure("global_error", case.full_run.global_error, "{:.3e}")
         found |= _figure("velocity_error", case.full_run.velocity_error, "{:.3e}")
-        found |= _figure("shipped_step", case.full_run.shipped_step, "{:g}")
+        found |= _figure("time_step", case.full_run.time_step, "{:g}")
     return found
 
 

@@ -114,7 +114,7 @@ def _row(model: ModelId, cases: Sequence[Case]) -> Row:
             _most((run.global_error for run in runs), "{:.2%}"),
             _most((run.velocity_error for run in runs), "{:.2%}"),
         ),
-        _most((run.shipped_step for run in runs), "{:g} s"),
+        _most((run.time_step for run in runs), "{:g} s"),
         _range(known(run.order for run in runs)),
         f"{min(tenth):.2g} s" + "*" * (len(tenth) < len(steps)) if tenth else "-",
     ]

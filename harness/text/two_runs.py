@@ -192,7 +192,7 @@ def _named(cases: Iterable[Case]) -> Mapping[tuple[CaseId, int], Case]:
 
 def _movement(name: CaseId, was: Case | None, now: Case | None) -> Movement:
     digits = digits_known(was), digits_known(now)
-    errors, steps = _of_run("global_error", was, now), _of_run("shipped_step", was, now)
+    errors, steps = _of_run("global_error", was, now), _of_run("time_step", was, now)
     before, after = (None if one is None else one.outcome for one in (was, now))
     kinds: list[Kind] = []
     if before is None or after is None:

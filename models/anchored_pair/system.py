@@ -3,9 +3,10 @@
 from sympy import Heaviside, Rational, eye, sin
 
 from physics_crosscheck import (
-    Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    Pose, PublishedEquation, Scenario, System, t,
+    Constant, Coordinate, Equilibrium, Input, Output, Pose,
+    PublishedEquation, Scenario, System, t,
 )  # fmt: skip
+from physics_crosscheck.sketch import Body, Link
 
 x1 = Coordinate("x1", "m", "displacement of the first mass from its spring's equilibrium")
 x2 = Coordinate("x2", "m", "displacement of the second mass from its spring's equilibrium")

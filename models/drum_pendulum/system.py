@@ -3,9 +3,10 @@
 from sympy import Heaviside, Symbol, cos, expand, integrate, pi, sin
 
 from physics_crosscheck import (
-    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    Pose, PublishedEquation, Quantity, Scenario, System, rotation, t,
+    Constant, Coordinate, Equilibrium, Input, Output, Pose,
+    PublishedEquation, Quantity, Scenario, System, rotation, t,
 )  # fmt: skip
+from physics_crosscheck.sketch import Angle, Body, Link
 
 x = Coordinate("x", "m", "displacement of the drum's centre from the spring's equilibrium")
 theta = Coordinate("theta", "rad", "angle of the rod from the vertical, positive toward +x")

@@ -3,9 +3,10 @@
 from sympy import Heaviside, Rational, cos, eye, sin
 
 from physics_crosscheck import (
-    Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    Pose, PublishedEquation, Scenario, System, t,
+    Constant, Coordinate, Equilibrium, Input, Output, Pose,
+    PublishedEquation, Scenario, System, t,
 )  # fmt: skip
+from physics_crosscheck.sketch import Body, Link
 
 x1 = Coordinate("x1", "m", "displacement of the pushed mass")
 x2 = Coordinate("x2", "m", "displacement of the other mass, the spring relaxed at x1 = x2")

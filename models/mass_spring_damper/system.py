@@ -3,9 +3,10 @@
 from sympy import Heaviside, Rational, eye, sin
 
 from physics_crosscheck import (
-    Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    Pose, PublishedEquation, Quantity, Scenario, System, t,
+    Constant, Coordinate, Equilibrium, Input, Output, Pose,
+    PublishedEquation, Quantity, Scenario, System, t,
 )  # fmt: skip
+from physics_crosscheck.sketch import Body, Link
 
 x = Coordinate("x", "m", "displacement of the mass from the spring's equilibrium")
 

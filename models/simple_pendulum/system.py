@@ -3,9 +3,10 @@
 from sympy import Matrix, cos, pi, sin
 
 from physics_crosscheck import (
-    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    Pose, PublishedEquation, Quantity, Scenario, System, t,
+    Constant, Coordinate, Equilibrium, Input, Output, Pose,
+    PublishedEquation, Quantity, Scenario, System, t,
 )  # fmt: skip
+from physics_crosscheck.sketch import Angle, Body, Link
 
 theta = Coordinate("theta", "rad", "angle from the vertical, positive toward +x")
 

@@ -3,9 +3,10 @@
 from sympy import Heaviside, Rational, exp, sin
 
 from physics_crosscheck import (
-    Angle, Body, Constant, Coordinate, Equilibrium, Input, Link, Output,
-    Pose, PublishedEquation, Quantity, Scenario, System, rotation, t,
+    Constant, Coordinate, Equilibrium, Input, Output, Pose,
+    PublishedEquation, Quantity, Scenario, System, rotation, t,
 )  # fmt: skip
+from physics_crosscheck.sketch import Angle, Body, Link
 
 theta = Coordinate("theta", "rad", "rotation of the disc from the shaft's equilibrium")
 

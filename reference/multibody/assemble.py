@@ -10,8 +10,8 @@ import numpy as np
 from physics_crosscheck.reference.multibody.algebra import DOUBLES, about_axis
 from physics_crosscheck.reference.multibody.bodies import (
     Coupling,
+    ForceElement,
     Joint,
-    Pull,
     RigidBody,
     Site,
     Triple,
@@ -22,9 +22,9 @@ from physics_crosscheck.reference.multibody.tree import (
     VELOCITIES,
     WORLD,
     Bush,
+    Fluid,
     Immersed,
     Link,
-    Medium,
     Tree,
     TreeError,
 )
@@ -55,9 +55,9 @@ class Assembled:
 def assembled(
     bodies: Sequence[RigidBody],
     gravity: Triple,
-    pulls: Sequence[Pull] = (),
+    pulls: Sequence[ForceElement] = (),
     couplings: Sequence[Coupling] = (),
-    medium: Medium | None = None,
+    medium: Fluid | None = None,
 ) -> Assembled:
     """Put bodies together, each after the one that carries it.
 
@@ -195,7 +195,7 @@ class _Builder:
             whole = replace(link, mass=lump.mass, center=lump.center, inertia=lump.inertia)
             yield replace(whole, lifted=lift.mass, lift=lift.center)
 
-    def pull(self, one: Pull) -> TreePull:
+    def pull(self, one: ForceElement) -> TreePull:
         """With its control at the value that is held."""
         what, pairs = f"pull {one.name!r}", zip(one.bias, one.gain, strict=True)
         constant, slope, drag = (float(b + g * one.control) for b, g in pairs)
@@ -213,7 +213,7 @@ class _Builder:
             armature=one.armature,
         )
 
-    def _along(self, one: Pull, what: str) -> Way | None:
+    def _along(self, one: ForceElement, what: str) -> Way | None:
         if one.along is None:
             return None
         if isinstance(one.along, JointForce):

@@ -17,7 +17,7 @@ import numpy as np
 from physics_crosscheck.reference.multibody.algebra import from_quaternion, from_rpy
 from physics_crosscheck.reference.multibody.lump import Lump, Place
 from physics_crosscheck.reference.multibody.tree import Kind, TreeError
-from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce
+from physics_crosscheck.reference.multibody.ways import CablePath, FrameForce, JointForce
 from physics_crosscheck.reference.numeric import Array
 
 Triple = tuple[float, float, float]
@@ -229,7 +229,7 @@ class Site:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pull:
+class ForceElement:
     """A force F along a length s: a combination of hinges' and slides' positions, or another way.
 
     F = b0 + b1 s + b2 w + (g0 + g1 s + g2 w) u - sum of k_i x^i - sum of d_i w |w|^(i - 1), where
@@ -253,7 +253,7 @@ class Pull:
 
     name: str
     joints: tuple[tuple[str, float], ...] = ()
-    along: Cord[Site] | FrameForce[Site] | JointForce[str] | None = None
+    along: CablePath[Site] | FrameForce[Site] | JointForce[str] | None = None
     bias: Triple = ZERO
     gain: Triple = ZERO
     control: float = 0.0
@@ -271,7 +271,7 @@ class Pull:
         _check(what, "control and armature", (self.control, self.armature), 2)
         _check(what, "rest", self.rest, 2)
         _check(what, "joints", [share for _, share in self.joints])
-        if isinstance(self.along, Cord):
+        if isinstance(self.along, CablePath):
             _check(what, "branches", [share for share, _ in self.along.branches])
         elif self.along is not None:
             _check(what, "gear", self.along.gear, 6 if len(self.along.gear) != 3 else 3)

@@ -22,7 +22,7 @@ from physics_crosscheck.reference.multibody.algebra import (
 from physics_crosscheck.reference.multibody.carried import Acting, Placement
 from physics_crosscheck.reference.multibody.recursion import Recursion
 from physics_crosscheck.reference.multibody.tree import WORLD, Link, Tree
-from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce, Mark, Way
+from physics_crosscheck.reference.multibody.ways import CablePath, FrameForce, JointForce, Mark, Way
 
 Line = tuple[Scalars, Scalars]
 """A length, (1, ...), and its rates by the velocities, or what stands for them, (nv, ...)."""
@@ -49,7 +49,7 @@ class Lines:
         for way in ways:
             if isinstance(way, JointForce):
                 found.append(self._joint(way, q))
-            elif isinstance(way, Cord):
+            elif isinstance(way, CablePath):
                 found.append(self._cord(way, q, placements, poses))
             elif way.against is None:
                 found.append(self._frame(way, q, placements))
@@ -114,7 +114,7 @@ class Lines:
         return self._field.array(turn)
 
     def _cord(
-        self, way: Cord[Mark], q: Scalars, placements: list[Placement], poses: list[Placement]
+        self, way: CablePath[Mark], q: Scalars, placements: list[Placement], poses: list[Placement]
     ) -> Line:
         length, on = 0 * q[:1], self._nothing(q)
         for share, marks in way.branches:

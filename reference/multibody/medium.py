@@ -28,7 +28,7 @@ from physics_crosscheck.reference.multibody.algebra import (
 )
 from physics_crosscheck.reference.multibody.carried import Acting, Moving, Placement
 from physics_crosscheck.reference.multibody.recursion import Recursion
-from physics_crosscheck.reference.multibody.tree import Immersed, Medium, Tree
+from physics_crosscheck.reference.multibody.tree import Fluid, Immersed, Tree
 from physics_crosscheck.reference.numeric import Array
 
 
@@ -128,7 +128,7 @@ def _dragged(box: _Box, moving: Moving) -> Acting:
     return force, moment + cross(center, force)
 
 
-def _box(one: Immersed, medium: Medium, field: Field) -> _Box:
+def _box(one: Immersed, medium: Fluid, field: Field) -> _Box:
     size: Array = one.size
     others = size[[1, 2, 0]], size[[2, 0, 1]]
     mean = size.sum() / 3

@@ -11,7 +11,7 @@ from physics_crosscheck.reference.multibody.algebra import DOUBLES, Field, Scala
 from physics_crosscheck.reference.multibody.lines import Lines
 from physics_crosscheck.reference.multibody.recursion import Recursion
 from physics_crosscheck.reference.multibody.tree import Pull, Tree
-from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce
+from physics_crosscheck.reference.multibody.ways import CablePath, FrameForce, JointForce
 
 
 class _Line(NamedTuple):
@@ -161,13 +161,13 @@ class Pulls:
 
 def _stores(pull: Pull) -> bool:
     """Whether its force is the slope of an energy: its way is that of the length."""
-    return pull.along is None or isinstance(pull.along, Cord)
+    return pull.along is None or isinstance(pull.along, CablePath)
 
 
 def _jumps(pull: Pull) -> bool:
     """Whether its force depends on a rotation vector, which jumps at half a turn."""
     one = pull.along
-    if not pull.stiffness or one is None or isinstance(one, Cord):
+    if not pull.stiffness or one is None or isinstance(one, CablePath):
         return False
     if isinstance(one, JointForce):
         return len(one.gear) == 3

@@ -175,7 +175,7 @@ class Coupling:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Medium:
+class Fluid:
     """A fluid in which the bodies move, at rest or in a wind.
 
     It acts on each body as on the box that has the body's mass and moments (the "inertia model" of
@@ -229,7 +229,7 @@ class Tree:
     gravity: Array
     pulls: tuple[Pull, ...] = ()
     couplings: tuple[Coupling, ...] = ()
-    medium: Medium | None = None
+    medium: Fluid | None = None
     immersed: tuple[Immersed, ...] = ()
     bushes: tuple[Bush, ...] = ()
 

@@ -33,7 +33,7 @@ class Mark:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cord(Generic[P]):
+class CablePath(Generic[P]):
     """Straight lines from frame to frame: s is the sum of their lengths, each times a share.
 
     Attributes:
@@ -42,9 +42,11 @@ class Cord(Generic[P]):
 
     branches: tuple[tuple[float, tuple[P, ...]], ...]
 
-    def at(self, marks: Callable[[P], Q]) -> Cord[Q]:
+    def at(self, marks: Callable[[P], Q]) -> CablePath[Q]:
         """The same through other frames."""
-        return Cord(branches=tuple((share, tuple(map(marks, row))) for share, row in self.branches))
+        return CablePath(
+            branches=tuple((share, tuple(map(marks, row))) for share, row in self.branches)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,5 +96,5 @@ class JointForce(Generic[J]):
         return JointForce(joint=joint(self.joint), gear=self.gear, in_parent=self.in_parent)
 
 
-Way = Cord[Mark] | FrameForce[Mark] | JointForce[int]
+Way = CablePath[Mark] | FrameForce[Mark] | JointForce[int]
 """Of a tree's links, by their indices."""

@@ -61,7 +61,7 @@ ENTRY = summarized(
         constants={"k": Identified(value=47.0, standard_error=1e-9)},
         global_error=0.005,
         global_order=1.0,
-        shipped_step=0.002,
+        time_step=0.002,
         integrator="euler",
         order=1.0,
         claimed_order=1,
@@ -131,7 +131,7 @@ def case(outcome: Outcome = Outcome.AGREES, **fields: Any) -> Case:
         steps=100,
     )
     full_run = FullRun(
-        shipped_step=0.002,
+        time_step=0.002,
         integrator="euler",
         global_error=fields.pop("global_error", ENTRY.global_error),
         order=1.0,

@@ -130,7 +130,7 @@ def test_a_global_error_that_is_large_is_known_to_its_own_share() -> None:
 
 
 def test_a_step_an_integrator_and_orders_are_numbers() -> None:
-    change = told(shipped_step=0.004, integrator="RK4", claimed_order=4, order=3.9)
+    change = told(time_step=0.004, integrator="RK4", claimed_order=4, order=3.9)
     assert change.kinds == ("numbers",)
     assert change.status is Status.IMPROVED
     assert change.messages == (

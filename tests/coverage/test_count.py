@@ -15,7 +15,7 @@ from physics_crosscheck.harness.coverage.count import count_numbers
 from physics_crosscheck.harness.coverage.robot import count_robot
 from physics_crosscheck.harness.files.locations import literals
 from physics_crosscheck.harness.files.sidecar import read_sidecar
-from physics_crosscheck.harness.records.coverage import Coverage, Unseen
+from physics_crosscheck.harness.records.coverage import Coverage, Untested
 from physics_crosscheck.harness.records.finding import BEYOND, AuditFinding
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.poses import FramePose, Poses
@@ -64,8 +64,8 @@ def test_numbers_are_counted_by_what_sees_them(task: AuditTask) -> None:
     assert (found.motion, found.audit) == (9, 1)
     # The body's place, the site's, and which way the axis points, which no motion shows.
     assert found.frames == 7
-    assert found.seen + sum(one.count for one in found.unseen) == found.numbers
-    reasons = {one.reason: one.count for one in found.unseen}
+    assert found.seen + sum(one.count for one in found.untested) == found.numbers
+    reasons = {one.reason: one.count for one in found.untested}
     assert reasons["visual geometry"] == 4
     assert reasons["contact parameters"] == 2
     assert reasons["collision and visual shapes"] == 2
@@ -92,7 +92,7 @@ def test_what_time_does_not_allow_is_said_to_be_untried(
     task: AuditTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trials, "PATIENCE", -1.0)
-    (one, *_) = count_numbers(task).unseen
+    (one, *_) = count_numbers(task).untested
     assert one.reason == "not counted: out of time"
 
 
@@ -101,7 +101,7 @@ def test_a_number_of_the_sidecar_counts_where_it_is_the_models(task: AuditTask) 
     path.write_text(SIDECAR.replace('"Euler"\n', '"Euler"\ngravity = [0, 0, 0]\nstep = 0.001\n'))
     more = count_numbers(replace(task, sidecar=read_sidecar(path)))
     assert more.numbers == 33
-    assert "time step" in {one.reason for one in more.unseen}
+    assert "time step" in {one.reason for one in more.untested}
 
 
 def test_files_that_a_model_includes_are_counted_with_it_and_left_as_they_are(
@@ -161,7 +161,7 @@ COVERAGE = Coverage(
     motion=18,
     audit=4,
     frames=1,
-    unseen=(Unseen(reason="visual geometry", count=8, examples=("geom@rgba", "site@size")),),
+    untested=(Untested(reason="visual geometry", count=8, examples=("geom@rgba", "site@size")),),
 )
 
 

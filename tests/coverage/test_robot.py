@@ -34,8 +34,8 @@ def test_what_moves_no_end_is_told_by_name(tmp_path: Path, engine: str) -> None:
     file.write_text(TEXT)
     found = count_robot(prepare_robot(file).task(engine, 1e-9))
     assert found.numbers == 3 + 1 + 6 + 3 + 3 + 4 + 3 + 1 + 6
-    assert found.seen + sum(one.count for one in found.unseen) == found.numbers
-    by_reason = {one.reason: one for one in found.unseen}
+    assert found.seen + sum(one.count for one in found.untested) == found.numbers
+    by_reason = {one.reason: one for one in found.untested}
     counts = {reason: one.count for reason, one in by_reason.items()}
     assert counts["joint limits"] == 2
     assert counts["actuator limits"] == counts["velocity limits"] == 1
@@ -69,7 +69,7 @@ def test_each_kind_of_number_has_its_own_reason(tmp_path: Path) -> None:
     file = tmp_path / "r.xml"
     file.write_text(MJCF)
     found = count_robot(prepare_robot(file).task("mujoco", 1e-9))
-    counts = {one.reason: one.count for one in found.unseen}
+    counts = {one.reason: one.count for one in found.untested}
     assert counts.pop(Say.NONE.value) == 6  # of axes, places along them, and a site
     assert counts == {
         "visual geometry": 3 + 4,
@@ -111,5 +111,5 @@ def test_a_number_that_cannot_be_moved_is_not_counted(
     )
     found = count_robot(task)
     assert found.motion == 0
-    reasons = {one.reason: one.count for one in found.unseen}
+    reasons = {one.reason: one.count for one in found.untested}
     assert set(reasons) == {Say.REFUSED.value, "memory sizes", "contact parameters"}

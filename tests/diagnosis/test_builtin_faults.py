@@ -115,7 +115,7 @@ def test_every_small_fault_of_a_literal_that_matters_is_caught_and_named() -> No
             small = [fault for fault in known.faults if fault.name in SIZES]
             tasks = [MutationTask(model=model, survey=known, fault=fault) for fault in small]
             rows += [mutated(task) for task in tasks]
-    seen = [row for row in rows if row.verdict is not FaultVerdict.UNSEEN]
+    seen = [row for row in rows if row.verdict is not FaultVerdict.UNTESTED]
     assert len(seen) == 3 * 3 * 4  # sizes, constants, pairings
     assert all(row.verdict is FaultVerdict.NAMED for row in seen)
     assert all(row.estimate_error is not None and row.estimate_error < 0.01 for row in seen)

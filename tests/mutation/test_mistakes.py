@@ -84,7 +84,7 @@ def test_known_mistakes_are_caught_and_named(system: str, names: set[str], few: 
     others = {(r.name, str(r.verdict)) for r in found if r.verdict is not FaultVerdict.NAMED}
     # With its inputs on the joint, the mechanism in the mirror moves alike: its frames don't.
     assert others <= {
-        ("gravity along y", "unseen"),
+        ("gravity along y", "untested"),
         ("another time step", "agrees"),
         ("another integrator", "agrees"),
     }
@@ -140,7 +140,7 @@ def test_what_changes_nothing_is_unseen(few: None) -> None:
     task = sound(MSD, "mujoco.xml")
     known = survey(task)
     row = tried(task, known, Mistake("nothing", "x", Edit()))
-    assert row.verdict is FaultVerdict.UNSEEN
+    assert row.verdict is FaultVerdict.UNTESTED
 
 
 def test_a_model_that_is_wrong_to_begin_with_is_refused_by_its_name(

@@ -61,7 +61,7 @@ def test_a_number_is_caught_and_named_or_has_no_say(folder: Path) -> None:
     assert named.first_caught is not None
     assert named.first_caught < 1e-6
     height = mutated_tree(faults["body[arm]@pos[2]", "5 %"])
-    assert (height.verdict, height.first_caught) == (FaultVerdict.UNSEEN, None)
+    assert (height.verdict, height.first_caught) == (FaultVerdict.UNTESTED, None)
     assert any("first seen at" in line for line in mutation_lines([named, height]))
 
 

@@ -45,7 +45,7 @@ def test_the_table_has_a_row_a_case_with_its_numbers(mixed: Results) -> None:
             assert math.isnan(row["global error"])
             continue
         assert row["discrepancy"] == case.verdict.discrepancy
-        assert row["step (s)"] == case.full_run.shipped_step
+        assert row["step (s)"] == case.full_run.time_step
         assert row["component"] == case.verdict.component
         wanted = next(one.step for one in case.full_run.steps_for if one.target == 0.001)
         assert row["step for 0.1 % (s)"] == wanted or wanted is None

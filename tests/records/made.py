@@ -29,7 +29,7 @@ def verdict(**fields: Any) -> Verdict:
 
 def full_run(**fields: Any) -> FullRun:
     known: dict[str, Any] = {
-        "shipped_step": 0.002, "integrator": "Euler", "global_error": 0.005, "order": 1.0,
+        "time_step": 0.002, "integrator": "Euler", "global_error": 0.005, "order": 1.0,
         "residual": 1e-12, "decomposition": None,
         "steps_for": (TargetStep(target=0.001, step=4e-4),),
         "checked_step": CheckedStep(target=0.001, step=4e-4, measured=0.001),

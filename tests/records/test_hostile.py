@@ -78,13 +78,13 @@ def twice() -> Iterator[tuple[str, str]]:
 
 
 def other_files() -> Iterator[tuple[str, str]]:
-    for schema in (0, 1, 99, -1, "2", None, 1.5, [1]):
+    for schema in (0, 1, 2, 99, -1, "2", None, 1.5, [1]):
         yield f"schema {schema}", json.dumps(EXAMPLE | {"schema": schema})
     for text in ("", " ", "null", "1", '"results"', "[]", "{}", "[{}]", TEXT + TEXT, TEXT + "x"):
         yield f"text {text[:12]!r}", text
     yield "deep", DEEP
-    yield "deep cases", '{"schema": 2, "cases": ' + DEEP + "}"
-    yield "another record", '{"schema": 2, "summary": "", "rows": []}'
+    yield "deep cases", '{"schema": 3, "cases": ' + DEEP + "}"
+    yield "another record", '{"schema": 3, "summary": "", "rows": []}'
 
 
 def unequal() -> Iterator[tuple[str, str]]:

@@ -8,14 +8,11 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference import (
-    Angle,
-    Body,
     Constant,
     Coordinate,
     DeclarationError,
     Equilibrium,
     Input,
-    Link,
     Output,
     PublishedEquation,
     Quantity,
@@ -25,6 +22,7 @@ from physics_crosscheck.reference import (
 )
 from physics_crosscheck.reference.derive import derive
 from physics_crosscheck.reference.linearize import linearize
+from physics_crosscheck.sketch import Angle, Body, Link
 from tests.reference.mechanisms import C, F, K, M, X, built_in, constant, declared
 
 Y = Coordinate("y", "m", "another displacement")

@@ -14,7 +14,7 @@ from physics_crosscheck.reference.multibody.algebra import Scalars
 from physics_crosscheck.reference.multibody.charted import Charted
 from physics_crosscheck.reference.multibody.dynamics import Dynamics
 from physics_crosscheck.reference.multibody.inertial import bodies_apart
-from physics_crosscheck.reference.multibody.tree import Coupling, Kind, Medium, Tree
+from physics_crosscheck.reference.multibody.tree import Coupling, Fluid, Kind, Tree
 from physics_crosscheck.reference.numeric import Array
 from tests.reference.multibody.trees import tree
 
@@ -138,7 +138,7 @@ def test_what_differs_in_more_than_bodies_is_not_taken_for_it() -> None:
     assert np.flatnonzero(apart).max() < 20
     assert bodies_apart(changed(one, 0.1), one) is None
     assert bodies_apart(replace(bodies, gravity=2 * one.gravity), one) is None
-    assert bodies_apart(replace(bodies, medium=Medium(density=1.0)), one) is None
+    assert bodies_apart(replace(bodies, medium=Fluid(density=1.0)), one) is None
     lifted = replace(bodies, links=(replace(one.links[0], lifted=1.0), *one.links[1:]))
     assert bodies_apart(lifted, one) is None
 

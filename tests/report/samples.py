@@ -113,7 +113,7 @@ def case(name: str, file: str, engine: str, scenario: str, coordinates: int) -> 
             steps=48185,
         ),
         full_run=FullRun(
-            shipped_step=0.002,
+            time_step=0.002,
             integrator="euler",
             global_error=0.00911,
             order=1.001,

@@ -59,7 +59,7 @@ def test_a_global_error_has_moved_by_a_hundredth_of_itself() -> None:
     assert moved(full_run=full_run(global_error=0.00504)).kinds == ()
     assert moved(full_run=full_run(global_error=0.0051)).kinds == ("global error",)
     assert moved(full_run=full_run(global_error=None)).kinds == ("global error",)
-    assert moved(full_run=full_run(shipped_step=0.001)).kinds == ("step",)
+    assert moved(full_run=full_run(time_step=0.001)).kinds == ("step",)
 
 
 def test_cases_that_are_new_and_gone_are_told_and_those_of_one_name_kept_apart() -> None:

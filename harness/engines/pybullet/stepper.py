@@ -13,7 +13,7 @@ from physics_crosscheck.harness.engines.pybullet.ball import Ball
 from physics_crosscheck.harness.engines.pybullet.base import Base
 from physics_crosscheck.harness.engines.pybullet.poses import link_poses
 
-Pull = tuple[list[tuple[int, float]], float, float, float]
+ForceElement = tuple[list[tuple[int, float]], float, float, float]
 """A spring: coefficients by the joint's place among all, stiffness, damping, rest."""
 
 
@@ -32,7 +32,7 @@ class Stepper:
         body: int,
         joints: Sequence[int],
         turning: Sequence[Base | Ball],
-        springs: Sequence[Pull],
+        springs: Sequence[ForceElement],
     ) -> None:
         self._body, self._joints, self._springs = body, joints, springs
         ends = np.cumsum([0, *(one.count for one in turning)]).tolist()

@@ -149,7 +149,7 @@ def test_another_step_or_integrator_agrees_and_is_told_by_its_global_error(
     assert before.global_error is not None
     assert after.global_error is not None
     assert abs(after.global_error / before.global_error - 1) > 0.01
-    same = (before.shipped_step, before.integrator) == (after.shipped_step, after.integrator)
+    same = (before.time_step, before.integrator) == (after.time_step, after.integrator)
     assert not same or "error_bias" in change.name
 
 

@@ -9,7 +9,13 @@ import pytest
 
 from physics_crosscheck.reference import DeclarationError
 from physics_crosscheck.reference.multibody.assemble import assembled
-from physics_crosscheck.reference.multibody.bodies import Coupling, Joint, Pull, RigidBody, powers
+from physics_crosscheck.reference.multibody.bodies import (
+    Coupling,
+    ForceElement,
+    Joint,
+    RigidBody,
+    powers,
+)
 from physics_crosscheck.reference.multibody.tree import WORLD, TreeError
 from physics_crosscheck.reference.trees import MultibodySystem
 
@@ -43,7 +49,9 @@ def test_a_turn_is_told_in_either_way() -> None:
 
 def test_a_spring_that_is_no_straight_line_is_a_pull_and_a_control_is_put_in() -> None:
     bent = Joint(name="a", kind="hinge", stiffness=(3.0, 2.0, 0.0), damping=0.5, rest=0.1)
-    servo = Pull(name="p", joints=(("a", 2.0),), bias=(1, -5, -0.2), gain=(5, 0, 0), control=0.5)
+    servo = ForceElement(
+        name="p", joints=(("a", 2.0),), bias=(1, -5, -0.2), gain=(5, 0, 0), control=0.5
+    )
     rod = RigidBody(name="rod", parent=None, joints=(bent,), mass=1.0)
     one, other = assembled([rod], DOWN, [servo]).tree.pulls
     assert (one.stiffness, one.damping, one.rest) == ((3.0, 2.0), (0.5,), (0.1, 0.1))
@@ -60,7 +68,10 @@ WRONG: list[tuple[Any, str]] = [
     (lambda: Joint(name="x", kind="ball", rest_turn=(0.0, 0.0, 0.0, 0.0)), "rest_turn of joint"),
     (lambda: Joint(name="x", kind="hinge", limits=(1.0, 0.0)), "limits of joint 'x'"),
     (lambda: assembled([ROD, ROD], DOWN), "two bodies are called 'rod'"),
-    (lambda: assembled([ROD], DOWN, [Pull(name="p", joints=(("z", 1),))]), "pull 'p' names joint"),
+    (
+        lambda: assembled([ROD], DOWN, [ForceElement(name="p", joints=(("z", 1),))]),
+        "pull 'p' names joint",
+    ),
     (lambda: assembled([ROD], DOWN, (), [Coupling(follower="z", leader="a")]), "names joint 'z'"),
 ]
 

@@ -9,7 +9,7 @@ import pytest
 import sympy as sp
 
 from physics_crosscheck.reference.multibody.assemble import assembled
-from physics_crosscheck.reference.multibody.bodies import Coupling, Joint, Pull, RigidBody
+from physics_crosscheck.reference.multibody.bodies import Coupling, ForceElement, Joint, RigidBody
 from physics_crosscheck.reference.multibody.dynamics import Dynamics
 from physics_crosscheck.reference.multibody.formulas import Formulas, formulas
 from physics_crosscheck.reference.multibody.tree import Tree
@@ -69,7 +69,7 @@ def test_what_angles_of_a_file_leave_of_zeros_is_left_out() -> None:
     (assembled(
         [body(0, None, Joint(name="b", kind="ball"))], (0, 0, -9.81)).tree, "'b' is a ball joint"),
     (assembled([body(0, None, Joint(name="b", kind="hinge"))], (0, 0, -9.81),
-               [Pull(name="p", joints=(("b", 1.0),), bias=(1, 0, 0))]).tree, "of tendons"),
+               [ForceElement(name="p", joints=(("b", 1.0),), bias=(1, 0, 0))]).tree, "of tendons"),
     (assembled([body(0, None, Joint(name="a", kind="hinge")),
                 body(1, "b0", Joint(name="b", kind="hinge"))], (0, 0, -9.81),
                couplings=[Coupling(follower="b", leader="a")]).tree, "that follow others"),

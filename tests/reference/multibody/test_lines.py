@@ -19,7 +19,7 @@ from physics_crosscheck.reference.multibody.dynamics import Dynamics
 from physics_crosscheck.reference.multibody.lines import Lines
 from physics_crosscheck.reference.multibody.recursion import Recursion
 from physics_crosscheck.reference.multibody.tree import WORLD, Bush, Pull, Tree, TreeError
-from physics_crosscheck.reference.multibody.ways import Cord, FrameForce, JointForce, Mark, Way
+from physics_crosscheck.reference.multibody.ways import CablePath, FrameForce, JointForce, Mark, Way
 from physics_crosscheck.reference.numeric import Array
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
@@ -56,7 +56,7 @@ def row_of(way: Way, q: Array) -> tuple[Array, Array]:
 
 
 def test_a_cord_is_as_long_as_its_lines_and_pulls_so() -> None:
-    way = Cord(branches=((1.5, (A, B, C)), (-0.4, (D, A))))
+    way = CablePath(branches=((1.5, (A, B, C)), (-0.4, (D, A))))
     q, v = state(TREE, seed=3)
 
     def power(poses: Poses, rate: Rate) -> Any:
@@ -165,7 +165,7 @@ def sprung() -> Tree:
         Bush(link=BALL, stiffness=(5.0,), turn=(0.8, 0.0, 0.6, 0.0)),
     )  # fmt: skip
     pulls = (
-        Pull(name="rope", along=Cord(branches=((1.5, (A, B, C)),)), stiffness=(4.0, 1.0),
+        Pull(name="rope", along=CablePath(branches=((1.5, (A, B, C)),)), stiffness=(4.0, 1.0),
              damping=(0.5, 0.3), rest=(0.2, 0.4)),
         Pull(name="jet", along=FrameForce(frame=D, gear=GEAR, against=A), constant=2.0,
              stiffness=(0.7,), damping=(0.3,)),
@@ -205,7 +205,7 @@ def test_ways_that_do_not_fit_are_refused_by_name() -> None:
             Pull(name="p", along=JointForce(joint=BALL, gear=GEAR)),
             "p: j2 does not take",
         ),
-        (Pull(name="p", along=Cord(branches=()), armature=1.0), "p: its way"),
+        (Pull(name="p", along=CablePath(branches=()), armature=1.0), "p: its way"),
     ):
         with pytest.raises(TreeError, match=says):
             dataclasses.replace(TREE, pulls=(pull,))

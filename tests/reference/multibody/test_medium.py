@@ -14,17 +14,17 @@ from physics_crosscheck.reference.multibody.algebra import LONG_DOUBLES, from_qu
 from physics_crosscheck.reference.multibody.assemble import assembled
 from physics_crosscheck.reference.multibody.bodies import FLAT, Joint, RigidBody
 from physics_crosscheck.reference.multibody.dynamics import Dynamics
-from physics_crosscheck.reference.multibody.tree import Immersed, Medium, Tree
+from physics_crosscheck.reference.multibody.tree import Fluid, Immersed, Tree
 from physics_crosscheck.reference.numeric import Array
 from physics_crosscheck.reference.samples import samples
 from physics_crosscheck.reference.trees import TreeEquations, tree_system
 from tests.reference.multibody.kinematics import Poses, Rate, by_virtual_power, spin
 from tests.reference.multibody.trees import KINDS, state, tree
 
-WATER = Medium(density=12.0, viscosity=0.3, wind=(1.0, -2.0, 0.5))
+WATER = Fluid(density=12.0, viscosity=0.3, wind=(1.0, -2.0, 0.5))
 
 
-def immersed(medium: Medium) -> Tree:
+def immersed(medium: Fluid) -> Tree:
     """Every kind of joint; of two boxes on one link each has its own place."""
     one, rng = tree(KINDS, 4), np.random.default_rng(8)
     turns = [from_quaternion(turn) for turn in rng.normal(size=(4, 4))]
