@@ -8,7 +8,6 @@ from pathlib import Path
 
 from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL, USAGE
 from physics_crosscheck.harness.scaffold.folder import NewError, check_name, example, write_folder
-from physics_crosscheck.harness.scaffold.from_model import from_model
 from physics_crosscheck.harness.text.visible import visible
 
 
@@ -24,6 +23,9 @@ def main(options: argparse.Namespace) -> int:
         if options.model is None:
             write_folder(target, example(target.name))
         else:
+            # Reading a model needs sympy and engines, and an example neither.
+            from physics_crosscheck.harness.scaffold.from_model import from_model
+
             written = from_model(
                 options.model, target, floating=options.floating, chosen=options.chosen_model
             )

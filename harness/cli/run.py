@@ -12,13 +12,14 @@ from pathlib import Path
 from physics_crosscheck.harness.cached import Cache
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.asked import Asked, asked_for
-from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL, SIGNALLED, exit_code
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
 from physics_crosscheck.harness.cli.keeping import check_page, keep_history
 from physics_crosscheck.harness.cli.missing import tell_missing, with_missing
 from physics_crosscheck.harness.cli.watch import Ran, watch
 from physics_crosscheck.harness.files.folders import FolderError, check_engines
 from physics_crosscheck.harness.files.model_files import absent_lines
 from physics_crosscheck.harness.records.journal import Journal, journal
+from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.records.write import encoded, write_whole
 from physics_crosscheck.harness.report import write_report
@@ -130,3 +131,26 @@ def _tell_stopped(results: Results, out: Path, done: Journal) -> None:
         said = f"stopped by {results.stopped}: {counted(len(results.cases), 'case')} done and kept"
         again = f"`crosscheck run --resume --out {out}`, with the same folders, goes on"
         print(f"crosscheck: {said}; {again}", file=sys.stderr)
+
+
+def exit_code(results: Results, require_engines: bool) -> int:
+    """The exit code of results; nothing run at all is a failure, a known difference none.
+
+    An audit, a linearization or a diagnosis that could not be done is one too. What an engine
+    refuses of robots' files is none where another engine has a verdict.
+    """
+    refused = {(case.folder, case.id) for case in results.refusals}
+    counting = [case for case in results.cases if (case.folder, case.id) not in refused]
+    outcomes = {case.outcome for case in counting if not case.accepted}
+    if outcomes & {Outcome.FAILED, Outcome.REFUSED} or not results.cases or results.untested:
+        return FAIL
+    if any(model.failures for model in results.models):
+        return FAIL
+    if require_engines and Outcome.ABSENT in outcomes:
+        return FAIL
+    if outcomes & {Outcome.DIFFERS, Outcome.UNRESOLVED}:
+        return DIFFER
+    # What the audit finds in a model whose difference was accepted is what was accepted.
+    accepted = {(case.folder, case.id.of_model) for case in results.cases if case.accepted}
+    models = [model for model in results.models if (model.folder, model.id) not in accepted]
+    return AGREE if all(model.passes for model in models) else DIFFER
