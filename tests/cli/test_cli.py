@@ -16,8 +16,8 @@ import jsonschema
 import pytest
 from rich.console import Console
 
-from physics_crosscheck.harness.cli.exit_codes import exit_code
 from physics_crosscheck.harness.cli.main import main
+from physics_crosscheck.harness.cli.run import exit_code
 from physics_crosscheck.harness.engines.mujoco import MujocoEngine
 from physics_crosscheck.harness.files.folders import builtin
 from physics_crosscheck.harness.records.case import Case

@@ -11,7 +11,8 @@ import pytest
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.cli import main as cli
-from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE, exit_code
+from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, USAGE
+from physics_crosscheck.harness.cli.run import exit_code
 from physics_crosscheck.harness.engines.pymunk import PymunkEngine
 from physics_crosscheck.harness.files.folders import FolderError
 from physics_crosscheck.harness.gate.accept import AcceptError

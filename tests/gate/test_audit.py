@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
+from functools import partial
 
 import pytest
 
-import physics_crosscheck.harness.audit.run
+from physics_crosscheck.harness import plan_work
 from physics_crosscheck.harness.baseline.changes import Status
 from physics_crosscheck.harness.baseline.store import read_baseline
 from physics_crosscheck.harness.cli.exit_codes import DIFFER
@@ -14,6 +16,7 @@ from physics_crosscheck.harness.cli.gate import code
 from physics_crosscheck.harness.gate.accept import AcceptError
 from physics_crosscheck.harness.gate.notes import notes
 from physics_crosscheck.harness.gate.result import GateResult
+from physics_crosscheck.harness.prepared import task_function
 from physics_crosscheck.harness.records.case import ModelId
 from physics_crosscheck.harness.run import Options, run
 from tests.gate.conftest import SYSTEM, Repository, nothing
@@ -82,14 +85,18 @@ def test_what_was_accepted_of_an_audit_passes_until_it_is_another(
     assert not read_baseline(repository.baseline)[SYSTEM].audits
 
 
-def _broken(_: object) -> None:
+def _broken(_: object, task: object = None) -> None:
     raise RuntimeError("no audit today")
+
+
+def _with_broken_audit(kind: str, **options: object) -> Callable[..., object]:
+    return partial(_broken, **options) if kind == "audit" else task_function(kind, **options)
 
 
 def test_an_audit_that_fails_is_no_pass_and_can_t_be_accepted(
     repository: Repository, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(physics_crosscheck.harness.audit.run, "run_audit", _broken)
+    monkeypatch.setattr(plan_work, "task_function", _with_broken_audit)
     found = repository.gate("pymunk", every=True)
     assert {change.status for change in found.changes} == {Status.NOT_RUN}
     assert "its audit failed: RuntimeError: no audit today" in found.changes[0].messages[0]

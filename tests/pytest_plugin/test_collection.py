@@ -24,7 +24,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*_: object) -> None:
         raise AssertionError("something was run")
 
-    monkeypatch.setattr(CaseRunner, "_run", run)
+    monkeypatch.setattr(CaseRunner, "prepared", run)
 
 
 def test_every_model_engine_and_scenario_is_a_test_with_a_readable_id(project: Project) -> None:

@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from physics_crosscheck.harness.cli.exit_codes import exit_code
+from physics_crosscheck.harness.cli.run import exit_code
 from physics_crosscheck.harness.records.model import Model
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.text.status import status_of
