@@ -15,7 +15,6 @@ from importlib import resources
 from pathlib import Path
 
 import jinja2
-from bokeh.resources import Resources
 from markupsafe import Markup, escape
 
 from physics_crosscheck.harness.records.history import Past
@@ -33,19 +32,10 @@ from physics_crosscheck.harness.report.parts import (
 from physics_crosscheck.harness.report.view import Report, report
 from physics_crosscheck.harness.text.next_steps import DEFAULT_OUT
 
-SCRIPTS = (
-    "packs",
-    "parts",
-    "looks",
-    "plots",
-    "legends",
-    "figures",
-    "motion",
-    "overview",
-    "copying",
-    "routes",
-    "start",
-)
+PLOTTING = ("looks", "axes", "plots", "gestures", "legends", "figures", "motion")
+"""Files of `script/` that draw plots, which a page without plots does not need."""
+
+SCRIPTS = ("packs", "parts", *PLOTTING, "overview", "copying", "routes", "start")
 """Files of `script/`, in the order in which they follow each other in one function."""
 
 ROWS = 500
@@ -117,19 +107,19 @@ def _page(found: Report, places: str = "") -> str:
         found: what it shows.
         places: JSON of which file each case is in; empty where the page has them itself.
     """
-    scripts = [_inline(text) for text in (_bokeh(), _own())]
+    script = _inline(_script(plots=bool(found.packs)))
     elsewhere: set[str] = set()
     if places:
         elsewhere = {case.pack for case in found.cases}
         elsewhere.update(name for group in found.groups for name in group.packs)
     return template(
         "report.html",
-        scripts,
+        [script],
         bool(places),
         report=found,
         packs=((name, found.packs[name]) for name in found.packs if name not in elsewhere),
         early=Markup(EARLY),
-        scripts=[Markup(text) for text in scripts],
+        script=Markup(script),
         whole=not places,
         most=ROWS,
         places=Markup(_inline(places)),
@@ -181,16 +171,10 @@ def unbroken(text: object) -> Markup:
     return Markup(re.sub(r"\d(?:\.\d+)?e[-+]\d+", kept, str(escape(text))))
 
 
-def _bokeh() -> str:
-    """BokehJS from the installed wheel: models and their programming interface, no widgets.
-
-    Measured: 1.4 MB inlined; Plotly's is 4.8 MB, and is slower to start by its size.
-    """
-    return "\n".join(Resources(mode="inline", components=["bokeh", "bokeh-api"]).js_raw)
-
-
-def _own() -> str:
-    parts = "\n".join(_resource(f"script/{name}.js") for name in SCRIPTS)
+def _script(plots: bool) -> str:
+    """Return the page's script, with what draws plots or without."""
+    names = [name for name in SCRIPTS if plots or name not in PLOTTING]
+    parts = "\n".join(_resource(f"script/{name}.js") for name in names)
     return f'"use strict";\n(() => {{\n{parts}\n}})();\n'
 
 

@@ -107,24 +107,11 @@ class Pack:
         return compressed(content)
 
     def _record(self, chart: Chart) -> dict[str, object]:
-        plain = replace(
-            chart,
-            title=not_tex(chart.title),
-            x_label=not_tex(chart.x_label),
-            y_label=not_tex(chart.y_label),
-            names=tuple(not_tex(name) for name in chart.names),
-            curves=(),
-        )
         curves = [
-            {
-                **asdict(curve),
-                "label": not_tex(curve.label),
-                "x": self._reference(curve.x),
-                "y": self._reference(curve.y),
-            }
+            {**asdict(curve), "x": self._reference(curve.x), "y": self._reference(curve.y)}
             for curve in chart.curves
         ]
-        return {**asdict(plain), "curves": curves}
+        return {**asdict(replace(chart, curves=())), "curves": curves}
 
     def _reference(self, column: Column) -> str | tuple[str, str]:
         return column.key if column.pack == self.id else (column.pack, column.key)
@@ -134,13 +121,6 @@ def compressed(content: Mapping[str, object]) -> str:
     """JSON, compressed, in letters that no element ends with; the same content, the same text."""
     data = msgspec.json.encode(content)
     return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
-
-
-def not_tex(text: str) -> str:
-    """Text that Bokeh does not take for TeX: it would ask the network for MathJax."""
-    for opening in ("$$", "\\[", "\\("):
-        text = text.replace(opening, f"{opening[0]}\u2060{opening[1]}")
-    return text
 
 
 def _rounded(value: float, digits: int) -> float | None:

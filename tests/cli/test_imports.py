@@ -22,7 +22,7 @@ from tests.records.made import case, results, verdict
 ROOT = Path(__file__).parents[2]
 
 HEAVY = (
-    "numpy", "sympy", "scipy", "msgspec", "jinja2", "bokeh", "rich", "multiprocessing",
+    "numpy", "sympy", "scipy", "msgspec", "jinja2", "rich", "multiprocessing",
     "mujoco", "pybullet", "pymunk", "pinocchio",
 )  # fmt: skip
 

@@ -24,15 +24,14 @@ BUILT = """(() => {
 })()"""
 """Whether everything in the view is drawn."""
 
-PLOTS = "[...Bokeh.index].filter((view) => view.frame)"
+PLOTS = "[...document.querySelectorAll('.plot')].map((each) => each.plot).filter(Boolean)"
+"""The plots that are drawn."""
 
 
 def sound(tab: Tab, address: str) -> None:
     """Nothing went wrong, and nothing was asked for but the page itself."""
     assert tab.problems == []
-    # Bokeh's icons are in its style sheets: `data:` addresses, which ask nobody.
-    asked = {r.partition("#")[0] for r in tab.requests if not r.startswith("data:")}
-    assert asked <= {address}
+    assert {request.partition("#")[0] for request in tab.requests} <= {address}
     assert tab.run("document.documentElement.dataset.errors") is None
     assert tab.run("document.documentElement.dataset.blocked") is None
 

@@ -13,7 +13,6 @@ from msgspec.structs import replace
 
 from physics_crosscheck.harness.records.results import Results
 from physics_crosscheck.harness.report.content import Content
-from physics_crosscheck.harness.report.packs import not_tex
 from tests.report.samples import LITERAL, array, changed_case, changed_model, results, series_of
 
 
@@ -179,11 +178,6 @@ def test_a_run_without_energies_and_times_is_drawn_without_them() -> None:
     titles = [one["title"] for one in packs["pack-case-0"]["charts"]]
     assert "Convergence" in titles
     assert not [title for title in titles if title.startswith(("Energy", "Work"))]
-
-
-def test_text_that_looks_like_tex_is_not_given_to_bokeh_as_such() -> None:
-    for name in ("$$x$$", "\\[x\\]", "\\(x\\)"):
-        assert not any(opening in not_tex(name) for opening in ("$$", "\\[", "\\("))
 
 
 def test_a_cause_whose_name_has_an_and_in_it_is_one_row_of_the_ranking(troubled: Results) -> None:

@@ -106,8 +106,9 @@ def test_past_runs_are_drawn_on_the_overview_and_in_their_case(
         tab.window(1440, 2500)
         tab.open(path.as_uri())
         tab.until("document.querySelectorAll('#overview figure[data-drawn]').length === 2")
-        kinds = tab.run(f"{PLOTS}.map((view) => view.model.below[0].type)")
-        assert set(kinds) == {"DatetimeAxis"}
+        assert tab.run(f"{PLOTS}.map((plot) => plot.x.kind)") == ["date", "date"]
+        labels = tab.run("[...document.querySelectorAll('.plot text')].map((t) => t.textContent)")
+        assert {"19 Nov 2026", "20 Nov", "21 Nov"} <= set(labels)
         tab.go(CASE)
         unfold(tab)
         titles = tab.run("[...document.querySelectorAll('.view.current h4')].map(h => h.innerText)")

@@ -30,28 +30,29 @@ from tests.report.test_page import HOSTILE, hostile
 pytestmark = needs_browser
 
 
-@pytest.mark.slow
-def test_dark_light_and_back_redraws_what_is_drawn(tab: Tab, address: str) -> None:
+COLOURS = f"""[getComputedStyle(document.body).backgroundColor, {PLOTS}.map((plot) =>
+  [...plot.svg.querySelectorAll("text")].map((text) => getComputedStyle(text).fill))]"""
+"""Of the page, and of the texts of each plot."""
+
+
+def brightness(colour: str) -> int:
+    """The sum of a colour's red, green and blue, of at most 765."""
+    return sum(map(int, re.findall(r"\d+", colour)))
+
+
+def test_plots_follow_the_page_from_light_to_dark_and_back(tab: Tab, address: str) -> None:
     tab.window(height=TALL)
     tab.open(f"{address}#{CASE}")
-    colours = """[getComputedStyle(document.body).backgroundColor,
-      [...Bokeh.index].filter((view) => view.frame).map((view) => view.model.xaxes[0])
-        .map((axis) => axis.axis_label_text_color.value ?? axis.axis_label_text_color)]"""
     unfold(tab)
-    light = tab.run(colours)
+    paper, light = tab.run(COLOURS)
+    assert paper == "rgb(255, 255, 255)"
+    assert all(brightness(colour) < 400 for plot in light for colour in plot)
     tab.window(height=TALL, scheme="dark")
-    tab.until(
-        f"JSON.stringify({colours}[1]) !== {json.dumps(json.dumps(light[1]))}"
-        f" && {colours}[1].length >= {len(light[1])}"
-    )
-    dark = tab.run(colours)
-    assert light[0] == "rgb(255, 255, 255)"
-    assert sum(map(int, re.findall(r"\d+", dark[0]))) < 120
+    paper, dark = tab.run(COLOURS)
+    assert brightness(paper) < 120
+    assert all(brightness(colour) > 450 for plot in dark for colour in plot)
     tab.window(height=TALL, scheme="light")
-    tab.until(
-        f"{colours}[1].length >= {len(light[1])}"
-        f" && {colours}[1].every((c) => c === {light[1][0]!r})"
-    )
+    assert tab.run(COLOURS)[1] == light
 
 
 @pytest.mark.parametrize("view", ["overview", SYSTEM, CASE, DIAGNOSIS])
@@ -97,14 +98,27 @@ def test_paper_has_what_is_folded_as_text_and_the_screen_folds_it_again(
     assert top == other, "motion and plot beside each other"
 
 
-def test_plots_that_were_drawn_on_a_dark_ground_keep_it_on_paper(tab: Tab, address: str) -> None:
+def test_plots_that_were_drawn_on_a_dark_ground_are_light_on_paper(tab: Tab, address: str) -> None:
     tab.window(scheme="dark")
     tab.open(f"{address}#{CASE}")
     look(tab)
-    tab.window(scheme="light", media="print")
-    plot = "document.querySelector('.view.current [data-drawn] .plot')"
-    tab.until(f"{plot} && getComputedStyle({plot}).backgroundColor === 'rgb(20, 24, 28)'")
-    assert tab.run(f"{PLOTS}.length") > 0
+    tab.window(scheme="dark", media="print")
+    _, (first, *_) = tab.run(COLOURS)
+    assert all(brightness(colour) < 400 for colour in first)
+
+
+def test_plots_are_as_wide_as_their_column(tab: Tab, address: str) -> None:
+    tab.open(f"{address}#{CASE}")
+    look(tab)
+    beside = f"{PLOTS}.every((plot) => plot.svg.width.baseVal.value === plot.element.clientWidth)"
+    assert tab.run(beside)
+    tab.window(700, 900)
+    tab.until(f"{PLOTS}.every((plot) => plot.element.clientWidth < 700) && {beside}")
+    # Paper shrinks them as they are.
+    tab.window(500, 900, media="print")
+    inside = """[...document.querySelectorAll(".view.current .plot > svg")]
+      .every((svg) => svg.getBoundingClientRect().right <= 500)"""
+    assert tab.run(inside)
 
 
 def test_without_javascript_everything_but_the_plots_is_there(

@@ -52,7 +52,7 @@ def parts_read(tab: Tab) -> list[str]:
 
 def sound(tab: Tab, path: Path) -> None:
     assert tab.problems == []
-    asked = {one.partition("#")[0] for one in tab.requests if not one.startswith("data:")}
+    asked = {one.partition("#")[0] for one in tab.requests}
     assert all(one.startswith(path.parent.as_uri()) for one in asked)
     for trouble in ("errors", "blocked"):
         assert tab.run(f"document.documentElement.dataset.{trouble}") is None
@@ -185,11 +185,11 @@ def test_a_second_report_forgets_files_of_the_first(
 def test_what_can_not_be_written_leaves_the_old_page_and_its_files(
     written: Path, troubled: Results, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> str:
+    def refuse(**_: object) -> str:
         raise ValueError("not to be drawn")
 
     page, files = written.read_text("utf-8"), sorted(folder_of(written).iterdir())
-    monkeypatch.setattr(report, "_own", refuse)
+    monkeypatch.setattr(report, "_script", refuse)
     with pytest.raises(ValueError, match="not to be drawn"):
         write_report(written, results(8))
     assert written.read_text("utf-8") == page

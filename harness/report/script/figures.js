@@ -1,21 +1,7 @@
 /** The time that all plots and the motion of one case show, and the part of it that plots show. */
 class Clock {
-  constructor(end) { this.end = end; this.t = 0; this.listeners = new Set(); this.ranges = new Set(); this.zooming = false; }
-
-  /** A range of the time axis, which follows all others: each plot is a document of its own. */
-  range() {
-    const [start, end] = [-0.01 * this.end, 1.01 * this.end];
-    const range = new Bokeh.Range1d({ start, end, reset_start: start, reset_end: end });
-    this.ranges.add(range);
-    range.change.connect(() => {
-      if (this.zooming) return;
-      this.zooming = true;
-      for (const other of this.ranges) other.setv({ start: range.start, end: range.end });
-      this.zooming = false;
-    });
-    const [shown] = this.ranges;
-    range.setv({ start: shown.start, end: shown.end });
-    return range;
+  constructor(end) {
+    Object.assign(this, { end, t: 0, listeners: new Set(), range: new Range(-0.01 * end, 1.01 * end) });
   }
 
   set(t) {
@@ -25,6 +11,7 @@ class Clock {
 }
 
 const short = (value) => (Number.isFinite(value) ? Number(value.toPrecision(5)).toString() : "–");
+const dateText = (value) => new Date(value).toISOString().slice(0, 16).replace("T", " ");
 const waiting = new Map();
 const near = new IntersectionObserver((entries) => {
   for (const { isIntersecting, target } of entries) {
@@ -88,7 +75,7 @@ function topic(id, part, charts, clock) {
 
 /** Plots that have a legend together: what it hides is hidden in all of them. */
 async function group(id, charts, clock, kind = "grid") {
-  const shared = { hidden: new Set(), items: new Set() };
+  const shared = { hidden: new Set(), plots: new Set() };
   const figures = await Promise.all(charts.map((chart) => figure(id, chart, clock, shared)));
   return make("div", { class: "group" }, make("div", { class: kind }, ...figures), legend(charts, shared));
 }
@@ -97,10 +84,10 @@ const IDLE = 1500;
 
 /** Draw what is not near either, once the reader has had time to look: for paper, and for search. */
 function drawRest(box) {
-  const next = async () => {
+  const next = () => {
     const element = [...waiting.keys()].find((each) => box.contains(each));
     if (!element || !box.closest(".view").classList.contains("current")) return;
-    await waiting.get(element)();
+    waiting.get(element)();
     setTimeout(next, 30);
   };
   setTimeout(next, IDLE);
@@ -109,40 +96,41 @@ function drawRest(box) {
 async function figure(id, chart, clock, shared) {
   const content = await filled(id, chart);
   const canvas = make("div", { class: "plot", role: "img", "aria-label": `${chart.title}. ${chart.summary}` });
+  const state = { plot: null, end: null };
+  const tools = toolbar(chart.title, () => state.plot);
   const readout = make("p", { class: "readout" });
   const data = make("details", { class: "data" }, make("summary", {}, "Data"));
   data.addEventListener("toggle", () => { if (data.open && data.children.length === 1) data.append(...tables(content)); });
   const about = make("details", { class: "about" }, make("summary", {}, "What it shows"),
     make("p", { class: "told" }, chart.summary), make("p", {}, chart.key));
-  const element = make("figure", {}, make("h4", {}, chart.title), canvas,
+  const element = make("figure", {}, make("div", { class: "head" }, make("h4", {}, chart.title), tools.box), canvas,
     ...(chart.over_time ? [readout] : []), make("figcaption", {}, about, data));
-  const state = { view: null, range: null, place: null, items: null };
-  state.draw = async () => {
+  const draw = () => {
+    // The reader may have gone on meanwhile.
+    if (!element.closest(".view").classList.contains("current")) return;
     waiting.delete(element);
     near.unobserve(element);
-    canvas.replaceChildren();
-    canvas.dataset.scheme = dark.matches ? "dark" : "light";
-    state.range = chart.over_time ? clock.range() : null;
-    ({ view: state.view, items: state.items } = await plot(content, canvas, state.range));
-    shared.items.add(state.items);
-    hide(shared);
-    if (chart.over_time) state.place = follow(canvas, state.view, clock);
+    const plot = new Plot(content, canvas, chart.over_time ? clock.range : null);
+    state.plot = plot;
+    state.end = gestures(plot, tools);
+    shared.plots.add(plot);
+    plot.hide(shared.hidden);
+    if (chart.over_time) follow(plot, clock);
     const points = content.curves.reduce((sum, curve) => sum + curve.x.length, 0);
     element.dataset.drawn = `${content.curves.length} curves, ${points} points`;
-    // The reader may have gone on meanwhile.
-    if (!element.closest(".view").classList.contains("current")) element.rest();
   };
-  if (chart.over_time) clock.listeners.add((t) => { readout.textContent = reading(content, t); });
-  const wait = () => { waiting.set(element, state.draw); near.observe(element); };
+  if (chart.over_time) clock.listeners.add((t) => {
+    readout.textContent = reading(content, t);
+    state.plot?.showTime(t);
+  });
+  const wait = () => { waiting.set(element, draw); near.observe(element); };
   /** Undraw, until it comes near again: what is not looked at costs nothing. */
   element.rest = () => {
-    if (!state.view) return;
-    state.view.remove();
-    state.view = null;
-    clock.listeners.delete(state.place);
-    clock.ranges.delete(state.range);
-    shared.items.delete(state.items);
-    canvas.replaceChildren();
+    if (!state.plot) return;
+    state.end();
+    state.plot.remove();
+    shared.plots.delete(state.plot);
+    state.plot = null;
     delete element.dataset.drawn;
     wait();
   };
@@ -150,27 +138,13 @@ async function figure(id, chart, clock, shared) {
   return element;
 }
 
-/** A line at the clock's time over a plot, and the plot's pointer as the clock's hand. */
-function follow(canvas, view, clock) {
-  const cursor = make("div", { class: "cursor" });
-  canvas.append(cursor);
-  const place = (t) => {
-    const { bbox, x_scale: scale } = view.frame;
-    const x = scale.compute(t);
-    if (!bbox.width) return;
-    cursor.hidden = x < bbox.left || x > bbox.right;
-    cursor.style.cssText = `left:${x}px;top:${bbox.top}px;height:${bbox.height}px`;
+/** Show the clock's time in a plot, and let the plot's pointer set it. */
+function follow(plot, clock) {
+  plot.element.onpointermove = (event) => {
+    const at = inFrame(plot, event);
+    if (isInside(plot, at) && !event.buttons) clock.set(plot.x.value(at[0]));
   };
-  clock.listeners.add(place);
-  view.model.x_range.change.connect(() => place(clock.t));
-  new ResizeObserver(() => requestAnimationFrame(() => place(clock.t))).observe(canvas);
-  cursor.parentElement.onpointermove = (event) => {
-    const { bbox, x_scale: scale } = view.frame;
-    const x = event.clientX - canvas.getBoundingClientRect().left;
-    if (x >= bbox.left && x <= bbox.right && !event.buttons) clock.set(scale.invert(x));
-  };
-  place(clock.t);
-  return place;
+  plot.showTime(clock.t);
 }
 
 /** Index of the sample nearest to t. */
@@ -200,7 +174,7 @@ function tables(chart) {
     const heads = [chart.x_label, ...curves.map((curve) => curve.label)];
     const named = chart.names.length ? chart.names : null;
     const cell = (value) => make("td", { class: "number" }, String(Number.isFinite(value) ? value : "–"));
-    const place = (x) => (chart.dates ? make("td", { class: "number" }, new Date(x).toISOString().slice(0, 16).replace("T", " ")) : cell(x));
+    const place = (x) => (chart.dates ? make("td", { class: "number" }, dateText(x)) : cell(x));
     const rows = curves[0].x.map((x, i) => make("tr", {},
       ...(named && curves[0].role === "lollipop" ? [make("th", { scope: "row" }, named[named.length - 1 - i])] : []),
       place(x), ...curves.map((curve) => cell(curve.y[i]))));

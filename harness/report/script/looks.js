@@ -7,14 +7,14 @@ const OTHERS = [GREEN, PURPLE, ORANGE, BLUE];
 const DASHES = [[], [8, 3], [2, 2], [8, 3, 2, 3], [12, 4], [4, 4, 1, 4]];
 const MARKERS = ["circle", "square", "triangle", "diamond", "inverted_triangle", "hex"];
 
-const dark = matchMedia("(prefers-color-scheme: dark)");
 const ink = (name) => getComputedStyle(page).getPropertyValue(name).trim();
 const pick = (list, place) => list[place % list.length];
 const line = (color, width, dash = [], alpha = 1) => ({
-  kind: "line", line_color: color, line_width: width, line_dash: dash, line_alpha: alpha,
+  kind: "line",
+  style: `fill: none; stroke: ${color}; stroke-width: ${width}; stroke-dasharray: ${dash.join(" ") || "none"}; stroke-opacity: ${alpha}; stroke-linejoin: round`,
 });
 const marks = (marker, color, size, filled = true) => ({
-  kind: "scatter", marker, size, line_color: color, fill_color: filled ? color : null,
+  kind: "marks", marker, size, style: `fill: ${filled ? color : "none"}; stroke: ${color}`,
 });
 const both = (color, marker, dash) => [line(color, 1.4, dash), marks(marker, color, 7)];
 
@@ -24,7 +24,7 @@ const LOOKS = {
   engine: () => [line(VERMILION, 1.7, [6, 3])],
   other: (place) => [line(pick(OTHERS, place), 1, pick(DASHES, place + 1), 0.9)],
   corrected: () => [line(GREEN, 2, [])],
-  band: () => [{ kind: "band", fill_color: ink("--muted"), fill_alpha: 0.28 }],
+  band: () => [{ kind: "band", style: "fill: var(--muted); fill-opacity: 0.28" }],
   global_error: () => [
     { ...line(BLUE, 1.4), sign: 1 }, { ...line(BLUE, 1.4, [2, 2]), sign: -1 },
   ],
@@ -44,6 +44,19 @@ const LOOKS = {
   target: () => [marks("diamond", ORANGE, 12)],
   transfer: (place) => [line(pick(PALETTE, place), 5, [], 0.4)],
   response: (place) => [line(pick(PALETTE, place), 1.6, [6, 3])],
-  lollipop: () => [{ kind: "stems", line_color: BLUE, line_width: 2 }, marks("circle", BLUE, 10)],
-  guide: () => [line(ink("--ink"), 1.2, [1, 3])],
+  lollipop: () => [{ kind: "stems", style: `stroke: ${BLUE}; stroke-width: 2` }, marks("circle", BLUE, 10)],
+  guide: () => [line("var(--ink)", 1.2, [1, 3])],
 };
+
+/** Path of a mark about the present point, `size` pixels high. */
+function markerPath(marker, size) {
+  const r = size / 2, w = 0.87 * r;
+  switch (marker) {
+    case "circle": return `m${-r},0a${r},${r} 0 1 0 ${size},0a${r},${r} 0 1 0 ${-size},0`;
+    case "square": return `m${-r},${-r}h${size}v${size}h${-size}z`;
+    case "triangle": return `m0,${-r}l${r},${size}h${-size}z`;
+    case "inverted_triangle": return `m0,${r}l${r},${-size}h${-size}z`;
+    case "diamond": return `m0,${-r}l${0.7 * r},${r}l${-0.7 * r},${r}l${-0.7 * r},${-r}z`;
+    default: return `m${-r},0l${r / 2},${-w}h${r}l${r / 2},${w}l${-r / 2},${w}h${-r}z`;
+  }
+}

@@ -50,16 +50,13 @@ async function player(id, motion, clock) {
   const { sketch } = await pack(motion.system);
   const still = document.querySelector(`[data-pack="${motion.system}"]`).closest(".view").querySelector("svg.sketch");
   const moving = sketch.shapes.map((shape, i) => [shape, i]).filter(([shape]) => !["measure", "angle", "line"].includes(shape.kind));
-  const svg = document.createElementNS(SVG, "svg");
-  svg.setAttribute("class", "sketch moving");
-  svg.setAttribute("role", "img");
-  svg.setAttribute("aria-label", "The mechanism at the time of the slider: wide, the reference; dashed, this engine; thin, the others.");
-  svg.setAttribute("viewBox", frame(moving.map(([shape]) => shape), tracks[0]));
-  const space = document.createElementNS(SVG, "g");
-  space.setAttribute("transform", "scale(1 -1)");
+  const space = svg("g", { transform: "scale(1 -1)" });
+  const drawing = svg("svg", {
+    class: "sketch moving", role: "img", viewBox: frame(moving.map(([shape]) => shape), tracks[0]),
+    "aria-label": "The mechanism at the time of the slider: wide, the reference; dashed, this engine; thin, the others.",
+  }, space);
   const drawn = tracks.map((each) => {
-    const layer = document.createElementNS(SVG, "g");
-    layer.setAttribute("class", each.role);
+    const layer = svg("g", { class: each.role });
     const shapes = moving.map(([shape, i]) => {
       const copy = still.querySelector(`[data-shape="${i}"]`).cloneNode(true);
       layer.append(copy);
@@ -68,7 +65,6 @@ async function player(id, motion, clock) {
     space.append(layer);
     return [each, shapes];
   });
-  svg.append(space);
   clock.listeners.add((t) => {
     for (const [each, shapes] of drawn) {
       const q = positions(each, t);
@@ -81,7 +77,7 @@ async function player(id, motion, clock) {
   const key = make("p", { class: "keys" },
     make("span", { class: "key reference" }, "reference"), make("span", { class: "key engine" }, "this engine"),
     ...(motion.others.length ? [make("span", { class: "key other" }, `${motion.others.length} others`)] : []));
-  box.append(svg, key);
+  box.append(drawing, key);
   return box;
 }
 

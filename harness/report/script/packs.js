@@ -39,9 +39,13 @@ async function filled(own, chart) {
   return { ...chart, curves: await Promise.all(curves) };
 }
 
+const SVG = "http://www.w3.org/2000/svg";
+
 /** An element with attributes and children, text being text. */
-function make(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
+const make = (tag, attributes, ...children) => dressed(document.createElement(tag), attributes, children);
+const svg = (tag, attributes, ...children) => dressed(document.createElementNS(SVG, tag), attributes, children);
+
+function dressed(element, attributes = {}, children = []) {
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
   element.append(...children);
   return element;

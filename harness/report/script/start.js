@@ -16,10 +16,4 @@ addEventListener("DOMContentLoaded", () => {
     }
   });
   addEventListener("afterprint", () => { for (const each of folded.splice(0)) each.open = false; });
-  // Plots have the page's colours in them, light or dark.
-  dark.addEventListener("change", () => {
-    // Paper is light, and there is no time to draw again for it.
-    if (matchMedia("print").matches) return;
-    for (const element of document.querySelectorAll("figure[data-drawn]")) element.rest();
-  });
 });

@@ -1,0 +1,165 @@
+const MINUTE = 60e3, HOUR = 60 * MINUTE, DAY = 24 * HOUR;
+const DATE_STEPS = [1e3, 5e3, 15e3, 30e3, MINUTE, 5 * MINUTE, 15 * MINUTE, 30 * MINUTE, HOUR, 3 * HOUR, 6 * HOUR, 12 * HOUR,
+  DAY, 2 * DAY, 7 * DAY, 14 * DAY];
+const MONTH_STEPS = [1, 3, 6, 12, 24, 60, 120, 240, 600, 1200];
+const DECADE_STEPS = [1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 30, 50, 100, 200];
+const MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
+const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
+
+/** The part of an axis that is shown, in data units. Several plots may share one. */
+class Range {
+  constructor(start, end) {
+    Object.assign(this, { start, end, whole: [start, end], listeners: new Set() });
+  }
+
+  set(start, end) {
+    Object.assign(this, { start, end });
+    for (const listener of this.listeners) listener();
+  }
+
+  reset() { this.set(...this.whole); }
+}
+
+/** An axis of `length` pixels: linear, logarithmic (`log`), or of dates in milliseconds (`date`). */
+class Axis {
+  constructor(kind, range) { Object.assign(this, { kind, range, length: 1 }); }
+
+  /** Return the ends in the units in which the axis is even. */
+  ends() {
+    const { start, end } = this.range;
+    return this.kind === "log" ? [Math.log10(start), Math.log10(end)] : [start, end];
+  }
+
+  /** Return the function from a value to its distance from the lower end, in pixels. */
+  scale() {
+    const [low, high] = this.ends();
+    const factor = this.length / (high - low);
+    return this.kind === "log" ? (value) => (Math.log10(value) - low) * factor : (value) => (value - low) * factor;
+  }
+
+  /** Return the value at a distance from the lower end, in pixels. */
+  value(pixels) {
+    const [low, high] = this.ends();
+    const even = low + (pixels / this.length) * (high - low);
+    return this.kind === "log" ? 10 ** even : even;
+  }
+
+  /** Show what is between two distances; not a part that doubles can't resolve. */
+  zoom(from, to) {
+    const [start, end] = [this.value(from), this.value(to)];
+    const size = Math.max(Math.abs(start), Math.abs(end));
+    const valid = Number.isFinite(size) && end - start > 1e-12 * size && (this.kind !== "log" || start > 0);
+    if (valid) this.range.set(start, end);
+  }
+
+  /** Return the closest ticks whose labels stay apart; `span` gives the pixels that a label takes. */
+  ticks(span) {
+    const scale = this.scale();
+    let best = [];
+    for (const ticks of candidates(this.kind, this.range.start, this.range.end)) {
+      if (ticks.length <= best.length || !areApart(ticks, scale, span)) continue;
+      if (ticks.length > 1) return ticks;
+      best = ticks;
+    }
+    return best;
+  }
+}
+
+/** Whether no label touches or repeats another. */
+function areApart(ticks, scale, span) {
+  if (new Set(ticks.map((tick) => tick.label)).size < ticks.length) return false;
+  let last = -Infinity;
+  for (const { value, label } of ticks) {
+    const [from, to] = span(scale(value), label);
+    if (from < last) return false;
+    last = to;
+  }
+  return true;
+}
+
+/** Yield ticks `{value, label}` between two values, the densest first. */
+function candidates(kind, low, high) {
+  if (kind === "date") return dateTicks(low, high);
+  return kind === "log" ? logTicks(low, high) : linearTicks(low, high);
+}
+
+const exponent = (value) => Math.floor(Math.log10(Math.abs(value)) + 1e-9);
+const signed = (label) => label.replace("-", "−");
+
+/** Return the least of 1, 2 and 5 times a power of ten that is as large as a value. */
+function niceStep(least) {
+  const power = 10 ** exponent(least);
+  return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= least * (1 - 1e-9));
+}
+
+/** Return the whole numbers from `low` to `high`, whose ends may be off by rounding. */
+function integers(low, high) {
+  const first = Math.ceil(low - 1e-9), count = Math.floor(high + 1e-9) - first + 1;
+  return Array.from({ length: Math.max(count, 0) }, (_, i) => first + i);
+}
+
+function* linearTicks(low, high) {
+  for (let step = niceStep((high - low) / 15); step < 2 * (high - low); step = niceStep(1.5 * step)) {
+    yield evenTicks(low, high, step);
+  }
+}
+
+function evenTicks(low, high, step) {
+  const last = exponent(step); // place of the last digit
+  const plain = Math.max(Math.abs(low), Math.abs(high)) < 1e5 && last >= -4;
+  return integers(low / step, high / step).map((i) => {
+    const value = i * step;
+    return { value, label: signed(plain ? value.toFixed(Math.max(0, -last)) : power(value, exponent(value) - last)) };
+  });
+}
+
+/** Return a number as a power of ten times another with some decimals. */
+function power(value, decimals) {
+  if (value === 0) return "0";
+  const [factor, raised] = value.toExponential(Math.max(decimals, 0)).split("e");
+  const ten = `10${String(Number(raised)).replace("-", "⁻").replace(/\d/g, (digit) => SUPERSCRIPTS[digit])}`;
+  return factor === "1" ? ten : `${factor}×${ten}`;
+}
+
+/** Yield 1, 2 and 5 times the powers of ten over less than about two decades, or powers alone. */
+function* logTicks(low, high) {
+  const [first, last] = [Math.log10(low), Math.log10(high)];
+  const decades = integers(Math.floor(first), last);
+  const within = decades.flatMap((k) => [1, 2, 5].map((factor) => Number(`${factor}e${k}`)))
+    .filter((value) => value >= low && value <= high);
+  if (within.length < 3) yield* linearTicks(low, high);
+  if (last - first < 2.3) yield logLabels(within);
+  for (const every of DECADE_STEPS) yield logLabels(integers(first / every, last / every).map((i) => Number(`1e${i * every}`)));
+}
+
+function logLabels(values) {
+  const plain = values.every((value) => value >= 1e-3 && value < 1e5);
+  return values.map((value) => ({ value, label: plain ? String(value) : power(value, 0) }));
+}
+
+/** Yield ticks at whole seconds, hours, days, months or years, in UTC. */
+function* dateTicks(low, high) {
+  for (const step of DATE_STEPS) {
+    if (high - low < 50 * step) yield dateLabels(integers(low / step, high / step).map((i) => i * step), step);
+  }
+  const month = (time) => 12 * new Date(time).getUTCFullYear() + new Date(time).getUTCMonth();
+  for (const step of MONTH_STEPS) {
+    const times = integers(month(low) / step, month(high) / step).map((i) => Date.UTC(Math.floor((i * step) / 12), (i * step) % 12));
+    yield dateLabels(times.filter((time) => time >= low && time <= high), 30 * DAY * step);
+  }
+}
+
+/** Label dates as closely as their step asks; the year stands where it changes. */
+function dateLabels(times, step) {
+  let before = null;
+  return times.map((value) => {
+    const date = new Date(value);
+    const [day, month, year] = [date.getUTCDate(), MONTHS[date.getUTCMonth()], date.getUTCFullYear()];
+    const changed = year !== before;
+    before = year;
+    if (step >= 360 * DAY) return { value, label: String(year) };
+    if (step >= 30 * DAY) return { value, label: `${month} ${year}` };
+    const clock = step < DAY ? ` ${date.toISOString().slice(11, step < MINUTE ? 19 : 16)}` : "";
+    return { value, label: `${day} ${month}${changed ? ` ${year}` : ""}${clock}` };
+  });
+}

@@ -1,0 +1,357 @@
+"""The plots themselves: ticks, thinned curves, zooming, moving, and saved files."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+
+from physics_crosscheck.harness import report
+from tests.report.chromium import Browser, Tab
+from tests.report.page import Page
+from tests.report.samples import results
+from tests.report.steps import BOTH, CASE, DIAGNOSIS, PLOTS, TALL, look, needs_browser, unfold
+from tests.report.test_browser import RANGES, TIPS, box
+
+pytestmark = needs_browser
+
+SCRIPT = Path(report.__file__).with_name("script")
+WIDTH = 600
+
+
+@pytest.fixture(scope="module")
+def drawing(browser: Browser) -> Iterator[Tab]:
+    """A blank page with the functions that draw plots."""
+    with browser.tab() as tab:
+        source = "".join((SCRIPT / f"{name}.js").read_text("utf-8") for name in ("axes", "plots"))
+        tab.run(f"{source};null")
+        yield tab
+
+
+def ticks(drawing: Tab, kind: str, low: float, high: float, room: int = 60) -> dict[str, float]:
+    """The ticks of an axis of 600 pixels whose labels take some pixels each: label to value."""
+    found = drawing.run(
+        f"""(() => {{ const axis = new Axis({kind!r}, new Range({low}, {high}));
+        axis.length = {WIDTH};
+        return axis.ticks((at) => [at - {room / 2}, at + {room / 2}])
+          .map(({{value, label}}) => [label, value]); }})()"""
+    )
+    assert len({label for label, _ in found}) == len(found), "no label stands twice"
+    assert all(low <= value <= high for _, value in found)
+    return dict(found)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels"),
+    [
+        (0, 10, "0 2 4 6 8 10"),
+        (-0.12, 12.12, "0 2 4 6 8 10 12"),
+        (-1.05, 1.05, "−1.0 −0.5 0.0 0.5 1.0"),
+        (0, 1, "0.0 0.2 0.4 0.6 0.8 1.0"),
+        (9.9996, 10.0001, "9.9996 9.9997 9.9998 9.9999 10.0000 10.0001"),
+        (0, 3e-7, "0 5×10⁻⁸ 1.0×10⁻⁷ 1.5×10⁻⁷ 2.0×10⁻⁷ 2.5×10⁻⁷ 3.0×10⁻⁷"),
+        (-2e6, 2e6, "−2×10⁶ −1×10⁶ 0 10⁶ 2×10⁶"),
+    ],
+)
+def test_linear_ticks_are_round_numbers(drawing: Tab, low: float, high: float, labels: str) -> None:
+    found = ticks(drawing, "linear", low, high, room=75)
+    assert list(found) == labels.split()
+    for label, value in found.items():
+        digits = label.replace("−", "-").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+        head, _, raised = digits.partition("×10")
+        if digits == "106":
+            head, raised = "1", "6"
+        assert float(head) * 10.0 ** int(raised or 0) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels"),
+    [
+        (8e-4, 0.03, "0.001 0.002 0.005 0.01 0.02"),
+        (2e-9, 4e-8, "2×10⁻⁹ 5×10⁻⁹ 10⁻⁸ 2×10⁻⁸"),
+        (0.5, 2e4, "1 10 100 1000 10000"),
+        (5e-14, 2e-3, "10⁻¹² 10⁻¹⁰ 10⁻⁸ 10⁻⁶ 10⁻⁴"),
+        (1e-16, 1e16, "10⁻¹⁶ 10⁻¹² 10⁻⁸ 10⁻⁴ 10⁰ 10⁴ 10⁸ 10¹² 10¹⁶"),
+        (1.02, 1.95, "1.2 1.4 1.6 1.8"),
+    ],
+)
+def test_logarithmic_ticks_are_decades_or_one_two_and_five(
+    drawing: Tab, low: float, high: float, labels: str
+) -> None:
+    assert list(ticks(drawing, "log", low, high)) == labels.split()
+
+
+@pytest.mark.parametrize("decades", [0.1, 0.5, 1, 1.5, 2, 3, 7, 15, 40, 300])
+def test_logarithmic_labels_stay_apart_however_many_decades_there_are(
+    drawing: Tab, decades: float
+) -> None:
+    for room in (24, 60, 110):
+        low, high = 3e-160, 3e-160 * 10**decades
+        found = list(ticks(drawing, "log", low, high, room).values())
+        places = np.array([math.log10(value / low) / decades * WIDTH for value in found])
+        assert 2 <= len(found) <= WIDTH / room + 1
+        assert np.all(np.diff(places) >= room - 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "labels"),
+    [
+        (
+            "2026-11-19T02:00",
+            "2026-11-21T02:00",
+            "19 Nov 2026 12:00|20 Nov 00:00|20 Nov 12:00|21 Nov 00:00",
+        ),
+        ("2026-11-19T01:31", "2026-11-19T03:10", "19 Nov 2026 02:00|19 Nov 02:30|19 Nov 03:00"),
+        ("2026-12-20", "2027-01-12", "24 Dec 2026|31 Dec|7 Jan 2027"),
+        ("2026-07-02", "2027-05-03", "Oct 2026|Jan 2027|Apr 2027"),
+        ("2016-03-01", "2026-11-01", "2018|2020|2022|2024|2026"),
+        ("2026-11-19T02:00:01", "2026-11-19T02:00:40", "19 Nov 2026 02:00:15|19 Nov 02:00:30"),
+    ],
+)
+def test_dates_are_days_months_or_years_and_no_two_labels_are_equal(
+    drawing: Tab, start: str, end: str, labels: str
+) -> None:
+    low, high = (
+        1e3 * datetime.fromisoformat(time).replace(tzinfo=UTC).timestamp() for time in (start, end)
+    )
+    found = ticks(drawing, "date", low, high, room=110)
+    assert "|".join(found) == labels
+
+
+def test_a_thinned_curve_keeps_its_extremes_in_every_column_of_pixels(drawing: Tab) -> None:
+    rng = np.random.default_rng(5)
+    x = np.linspace(-50.0, WIDTH + 50.0, 40_000)
+    y = rng.normal(size=x.size).cumsum()
+    y[20_000] = 1e4
+    y[30_000:30_010] = np.nan
+    given = json.dumps([x.tolist(), [None if math.isnan(v) else v for v in y]])
+    kept = drawing.run(
+        f"""(() => {{ const [x, y] = {given}.map((row) => row.map((value) => value ?? NaN));
+        return thinned(x, y, {WIDTH}); }})()"""
+    )
+    indices = np.array([i for i in kept if i >= 0])
+    assert np.all(np.diff(indices) > 0), "in the order of the curve"
+    assert len(indices) <= 4 * (WIDTH + 3)
+    assert kept.count(-1) == 10, "a gap stays one"
+    columns = np.floor(x)
+    for column in range(WIDTH):
+        of_curve = y[columns == column]
+        of_kept = y[indices[columns[indices] == column]]
+        if np.isfinite(of_curve).any():
+            assert np.nanmax(of_kept) == np.nanmax(of_curve)
+            assert np.nanmin(of_kept) == np.nanmin(of_curve)
+    assert drawing.run("thinned([0, 1.5, 3, NaN], [1, 2, 3, 4], 600)") == [0, 1, 2, -1]
+
+
+def settle(tab: Tab) -> None:
+    """Wait until what has changed is drawn."""
+    tab.run("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def shown_part(tab: Tab, place: int = 0) -> list[float]:
+    settle(tab)
+    at = box(tab, place)
+    return [at[name] for name in ("start", "end", "low", "high")]
+
+
+@pytest.fixture
+def case(tab: Tab, address: str) -> Tab:
+    """A case's page with its leading plots drawn: of a motion, and of an error, over time."""
+    tab.open(f"{address}#{BOTH}")
+    look(tab)
+    tab.until(f"{PLOTS}.length === 2")
+    return tab
+
+
+def test_a_box_zooms_both_axes_and_reset_shows_all_again(case: Tab) -> None:
+    whole = shown_part(case)
+    at = box(case)
+    place = [at["left"] + 0.25 * at["width"], at["top"] + 0.2 * at["height"]]
+    case.drag((place[0], place[1]), (place[0] + 0.5 * at["width"], place[1] + 0.4 * at["height"]))
+    wide, high = whole[1] - whole[0], whole[3] - whole[2]
+    expected = [whole[0] + 0.25 * wide, whole[0] + 0.75 * wide]
+    expected += [whole[3] - 0.6 * high, whole[3] - 0.2 * high]
+    np.testing.assert_allclose(shown_part(case), expected, atol=0.02 * wide)
+    assert case.run(RANGES)[1] == pytest.approx(case.run(RANGES)[0]), "the other plot follows"
+    labels = "[...document.querySelector('.view.current .plot').querySelectorAll('text')]"
+    assert "12" not in case.run(f"{labels}.map((text) => text.textContent)"), "new ticks"
+    case.run("document.querySelector('.view.current [aria-label=\"Reset the zoom\"]').click()")
+    assert shown_part(case) == whole
+    assert case.run(RANGES) == [whole[:2]] * 2
+
+
+def test_a_flat_drag_zooms_one_axis_and_a_double_click_resets(case: Tab) -> None:
+    whole = shown_part(case)
+    at = box(case)
+    y = at["top"] + at["height"] / 2
+    case.drag((at["left"] + 100, y), (at["left"] + 200, y + 2))
+    now = shown_part(case)
+    assert now[1] - now[0] < 0.5 * (whole[1] - whole[0])
+    assert now[2:] == whole[2:]
+    for count in (1, 2):
+        for kind in ("mousePressed", "mouseReleased"):
+            case.mouse(kind, at["left"] + 50, y, button="left", clickCount=count)
+    assert shown_part(case) == whole
+    case.drag((at["left"] + 100, y), (at["left"] + 102, y + 2))
+    assert shown_part(case) == whole, "a click is no box"
+
+
+def wheel(tab: Tab, x: float, y: float, **more: Any) -> None:
+    tab.mouse("mouseMoved", x, y)
+    tab.mouse("mouseWheel", x, y, deltaX=0, deltaY=-120, **more)
+
+
+def test_panning_moves_and_the_wheel_zooms_only_where_it_is_asked_to(case: Tab) -> None:
+    whole = shown_part(case)
+    at = box(case)
+    middle = (at["left"] + at["width"] / 2, at["top"] + at["height"] / 2)
+    wheel(case, *middle)
+    assert shown_part(case) == whole, "the page scrolls instead"
+    pan = "document.querySelector('.view.current .tools [aria-pressed]')"
+    case.run(f"{pan}.focus()")
+    case.key(" ", 32)
+    case.until(f"{pan}.ariaPressed === 'true'")
+    at = box(case)
+    middle = (at["left"] + at["width"] / 2, at["top"] + at["height"] / 2)
+    wheel(case, *middle)
+    case.until(f"{RANGES}[0][0] > {whole[0]} + 0.1")
+    now = shown_part(case)
+    assert now[1] - now[0] == pytest.approx((whole[1] - whole[0]) / 1.2)
+    assert now[0] + now[1] == pytest.approx(whole[0] + whole[1], abs=0.05), "about the pointer"
+    case.drag(middle, (middle[0] + 0.1 * at["width"], middle[1]))
+    moved = shown_part(case)
+    assert moved[1] - moved[0] == pytest.approx(now[1] - now[0])
+    assert now[0] - moved[0] == pytest.approx(0.1 * (now[1] - now[0]), rel=0.05)
+    case.run(f"{pan}.click()")
+    assert case.run(f"{pan}.ariaPressed") == "false"
+
+
+def test_with_shift_a_drag_moves_the_plot(case: Tab) -> None:
+    whole = shown_part(case)
+    at = box(case)
+    start = (at["left"] + 100, at["top"] + 50)
+    case.mouse("mouseMoved", *start)
+    case.mouse("mousePressed", *start, button="left", clickCount=1, buttons=1, modifiers=8)
+    end = (start[0] + 60, start[1])
+    case.mouse("mouseMoved", *end, button="left", buttons=1, modifiers=8)
+    case.mouse("mouseReleased", *end, button="left", clickCount=1)
+    now = shown_part(case)
+    assert now[1] - now[0] == pytest.approx(whole[1] - whole[0])
+    assert now[0] < whole[0]
+
+
+def test_buttons_zoom_from_the_keyboard_and_have_names(case: Tab) -> None:
+    whole = shown_part(case)
+    buttons = "[...document.querySelector('.view.current .tools').querySelectorAll('button')]"
+    names = case.run(f"{buttons}.map((button) => button.ariaLabel)")
+    assert names[:2] == ["Zoom in", "Zoom out"]
+    assert names[3:] == ["Reset the zoom", "Save as SVG", "Save as PNG"]
+    assert case.run("document.querySelectorAll('[role=img] button').length") == 0
+    case.run(f"{buttons}[0].focus()")
+    case.key(" ", 32)
+    now = shown_part(case)
+    assert now[1] - now[0] == pytest.approx((whole[1] - whole[0]) / 1.44)
+    assert now[3] - now[2] == pytest.approx((whole[3] - whole[2]) / 1.44)
+
+
+def test_tips_of_curves_that_lie_on_each_other_do_not_cover_each_other(case: Tab) -> None:
+    at = box(case)
+    for share in (0.011, 0.5, 0.98):
+        t = at["start"] + share * (at["end"] - at["start"])
+        x = at["left"] + share * at["width"]
+        y = at["top"] + (at["high"] - math.sin(t)) / (at["high"] - at["low"]) * at["height"]
+        case.mouse("mouseMoved", x, y)
+        case.until(f"{TIPS}.length === 2")
+        (a, b) = case.run("""[...document.querySelectorAll(".tip")]
+          .map((tip) => tip.getBoundingClientRect())
+          .map(({left, right, top, bottom}) => [left, right, top, bottom])""")
+        apart = a[1] <= b[0] or b[1] <= a[0] or a[3] <= b[2] or b[3] <= a[2]
+        assert apart, share
+        assert min(a[0], b[0]) >= 0
+    case.mouse("mouseMoved", 5, 5)
+    case.until(f"{TIPS}.length === 0")
+
+
+def test_the_tip_of_a_hypothesis_names_it(tab: Tab, address: str) -> None:
+    tab.open(f"{address}#{DIAGNOSIS}")
+    look(tab)
+    at = box(tab)
+    share = tab.run(f"{PLOTS}[0].x.scale()(0.4)")
+    tab.mouse("mouseMoved", at["left"] + share, at["top"] + at["height"] * 2.5 / 3)
+    tab.until(f"{TIPS}.length === 1")
+    assert tab.run(TIPS)[0].split() == ["mass", "x:", "0.4"]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_plot_is_saved_as_a_file_that_stands_alone(
+    browser: Browser, address: str, tmp_path: Path, scheme: str
+) -> None:
+    with browser.tab() as tab:
+        tab.window(scheme=scheme)
+        tab.open(f"{address}#{CASE}")
+        look(tab)
+        browser.send("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+        for ending in ("SVG", "PNG"):
+            tab.run(
+                f"document.querySelector('.view.current [aria-label=\"Save as {ending}\"]').click()"
+            )
+        files = [tmp_path / f"q0-error-against-uncertainty.{ending}" for ending in ("svg", "png")]
+        browser.until(lambda: all(file.exists() and file.stat().st_size for file in files), "files")
+        time.sleep(0.1)
+        assert tab.problems == []
+        size = tab.run(f"[{PLOTS}[0].svg.width.baseVal.value, {PLOTS}[0].svg.height.baseVal.value]")
+    text = files[0].read_text("utf-8")
+    root = fromstring(text)
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert "var(" not in text
+    paths = root.findall(".//{http://www.w3.org/2000/svg}path")
+    assert len([path for path in paths if len(path.get("d", "")) > 500]) >= 3, "the curves"
+    assert root.findtext("{http://www.w3.org/2000/svg}title") == "q0: error against uncertainty"
+    paper = "#ffffff" if scheme == "light" else "#14181c"
+    assert f"fill: {paper}" in text
+    picture = files[1].read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    wide, high = (int.from_bytes(picture[at : at + 4]) for at in (16, 20))
+    assert [wide, high] == [2 * value for value in size]
+
+
+def test_the_page_draws_each_point_at_its_place(tab: Tab, address: str) -> None:
+    """The path of the reference, read back, is the data of the table."""
+    tab.window(height=TALL)
+    tab.open(f"{address}#{CASE}")
+    unfold(tab)
+    path, x, y = tab.run(f"""(() => {{
+      const plot = {PLOTS}.find((each) => each.chart.title.startsWith("q0: reference"));
+      const layer = plot.layers.find((each) => each.curve.role === "reference");
+      return [layer.path.getAttribute("d"), layer.curve.x, layer.curve.y];
+    }})()""")
+    drawn = np.array([point.split(",") for point in path[1:].split("L")], dtype=float)
+    at = box(tab, 1)
+    time_shown = at["start"] + drawn[:, 0] / at["width"] * (at["end"] - at["start"])
+    value = at["high"] - drawn[:, 1] / at["height"] * (at["high"] - at["low"])
+    expected = np.interp(time_shown, x, y)
+    np.testing.assert_allclose(value, expected, atol=0.01)
+    assert max(value) == pytest.approx(max(y), abs=1e-3)
+
+
+def test_a_page_without_plots_carries_no_script_for_them() -> None:
+    bare, whole = (Page(report.render(results(count))) for count in (0, 1))
+    (script,) = (text for text in bare.contents["script"] if "overview()" in text)
+    assert not any(f"class {name}" in script for name in ("Plot", "Axis", "Clock"))
+    assert any("class Plot" in text for text in whole.contents["script"])
+
+
+def test_a_page_without_plots_runs(browser: Browser, tmp_path: Path) -> None:
+    path = tmp_path / "index.html"
+    report.write_report(path, results(0))
+    with browser.tab() as tab:
+        tab.open(path.as_uri())
+        assert tab.problems == []
