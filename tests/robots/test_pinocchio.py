@@ -9,7 +9,6 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pinocchio
-import pybullet_data
 import pytest
 
 from physics_crosscheck.harness.robots.compiled import read_compiled_robot
@@ -19,6 +18,7 @@ from physics_crosscheck.reference.multibody.dynamics import Dynamics
 from physics_crosscheck.reference.multibody.tree import Tree
 from physics_crosscheck.reference.numeric import Array
 
+pybullet_data = pytest.importorskip("pybullet_data", reason="comes with PyBullet")
 FOLDER = Path(pybullet_data.getDataPath())
 
 ROBOTS = {

@@ -9,7 +9,6 @@ from typing import Literal
 from xml.etree.ElementTree import fromstring
 
 import numpy as np
-import pybullet_data
 import pytest
 import sympy as sp
 
@@ -367,6 +366,7 @@ def test_two_bodies_are_told_in_formulas(tmp_path: Path, style: Style) -> None:
 
 @pytest.mark.parametrize("style", STYLES)
 def test_seven_are_told_in_numbers_and_that_is_said(tmp_path: Path, style: Style) -> None:
+    pybullet_data = pytest.importorskip("pybullet_data", reason="comes with PyBullet")
     kuka = Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf"
     from_model(kuka, tmp_path / "kuka")
     declared = load_declaration(tmp_path / "kuka")
