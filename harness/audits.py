@@ -1,6 +1,6 @@
-"""Audits of every model of some folders, without running a motion.
+"""Audit every model of some folders, without running a motion.
 
-The jobs are those of a run's audits, and with a cache they are known from runs and audits before.
+The jobs are those of a run's audits. With a cache, results of earlier runs and audits are reused.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from physics_crosscheck.harness.schedule.failure import Failure
 from physics_crosscheck.harness.schedule.jobs import Job, work
 from physics_crosscheck.harness.schedule.limits import Limits
 
-ALONE = Selection(models=None)
-"""No derivation is shown, nothing is diagnosed."""
+AUDIT_ONLY = Selection(models=None)
+"""Selects no derivation and no diagnosis."""
 
 
 @dataclass(frozen=True)
 class ModelAudit:
-    """What the audit of a model in an engine has to say.
+    """The audit of a model in an engine.
 
     Attributes:
-        id: the model; `-` for its engine where it can't be read.
+        id: the model; its engine is `-` where it can't be read.
         findings: and notes.
-        failure: why there are none; empty otherwise.
-        absent: whether that is since the engine is not installed.
+        failure: why there are no findings; empty otherwise.
+        absent: whether the failure is that the engine is not installed.
     """
 
     id: ModelId
@@ -61,48 +61,48 @@ def audits(
     cache: Cache | None = None,
     choice: Choice = Choice(),  # noqa: B008  # frozen
 ) -> tuple[ModelAudit, ...]:
-    """Audit every model of the folders, or those chosen; all else is as of a run."""
+    """Audit every model of the folders, or the chosen ones; other arguments are those of a run."""
     options = Options(
         engines=tuple(engines),
         jobs=jobs,
         limits=limits or Limits(),
-        selection=ALONE,
+        selection=AUDIT_ONLY,
         cache=cache,
         choice=choice,
     )
     of_folders = [_FolderAudits(folder, options) for folder in folders]
     with executor(jobs=options.jobs, limits=options.limits, sure=cache is None) as workers:
         work(chain.from_iterable(one.jobs() for one in of_folders), workers)
-    return tuple(chain.from_iterable(one.told() for one in of_folders))
+    return tuple(chain.from_iterable(one.results() for one in of_folders))
 
 
 class _FolderAudits:
-    """The audits of a folder's models: what is to be done, and what came of it."""
+    """The audits of a folder's models: their jobs and their results."""
 
     def __init__(self, folder: Path, options: Options) -> None:
         self._folder, self._options = folder, options
         self._found = Collected(lambda *_: None)
-        self._told: list[ModelAudit] = []
+        self._audits: list[ModelAudit] = []
 
     def jobs(self) -> Iterator[Job[Any]]:
-        """Prepare the folder where that is needed, then audit its models."""
+        """Yield the jobs that prepare the folder where needed, then audit its models."""
         place = FolderWork(self._folder, self._options, {}, self._found)
         yield from place.begun(partial(self._models, place))
 
-    def told(self) -> Iterator[ModelAudit]:
-        """What was found, as the models stand in the folder; or why that can't be prepared."""
+    def results(self) -> Iterator[ModelAudit]:
+        """Yield the audits in the order of the models; or why the folder can't be prepared."""
         for case in self._found.cases:
             one = ModelId(system=case.system, model=case.model, engine=case.engine)
             yield ModelAudit(one, failure=case.reason)
-        for told in self._told:
-            record = self._found.models.get((str(self._folder), told.id.model, told.id.engine))
+        for audit in self._audits:
+            record = self._found.models.get((str(self._folder), audit.id.model, audit.id.engine))
             if record is None:
-                yield told
+                yield audit
             elif record.audit is not None:
-                yield ModelAudit(told.id, record.audit)
+                yield ModelAudit(audit.id, record.audit)
             elif record.audit_failure:
                 failure = Failure(record.audit_failure, "")
-                yield ModelAudit(told.id, failure=failure.about(self._folder / told.id.model))
+                yield ModelAudit(audit.id, failure=failure.about(self._folder / audit.id.model))
 
     def _models(self, place: FolderWork) -> Iterator[Job[Any]]:
         system, known = place.facts.record.name, registered()
@@ -112,7 +112,7 @@ class _FolderAudits:
                 continue
             if isinstance(file, UnreadModel):
                 unread = ModelId(system=system, model=file.model, engine="-")
-                self._told.append(ModelAudit(unread, failure=file.reason))
+                self._audits.append(ModelAudit(unread, failure=file.reason))
                 continue
             for engine in chosen_engines(file, self._options.engines):
                 one = ModelId(system=system, model=file.model.name, engine=engine)
@@ -120,12 +120,12 @@ class _FolderAudits:
                     continue
                 if why := hurdle(known, engine, file):
                     absent = why.outcome is Outcome.ABSENT
-                    self._told.append(ModelAudit(one, failure=why.reason, absent=absent))
+                    self._audits.append(ModelAudit(one, failure=why.reason, absent=absent))
                     continue
-                self._told.append(ModelAudit(one))  # what comes of it goes to its record
+                self._audits.append(ModelAudit(one))  # its findings go to its record
                 yield from model(place, known, file, engine, ()).audit()
 
     def _wants(self, file: Sidecar | UnreadModel, engine: str = "") -> bool:
-        """Whether a model is to be audited, in an engine or in any."""
+        """Return whether a model is to be audited, in an engine or in any."""
         name = file.model if isinstance(file, UnreadModel) else file.model.name
         return self._options.choice.includes_model(str(self._folder), name, engine)

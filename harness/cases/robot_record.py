@@ -27,7 +27,7 @@ from physics_crosscheck.reference.multibody.tree import WORLD
 from physics_crosscheck.reference.samples import Samples
 from physics_crosscheck.reference.trees import TreeSystem
 
-ALONE: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
+STANDALONE_SETTINGS: Mapping[str, object] = MappingProxyType({"smooth": True, "couplings": False})
 """Settings of every engine: what the equations leave out is left out there too."""
 
 METHOD = "recursion along the tree; Gauss collocation of order 16, checked by DOP853"
@@ -135,7 +135,7 @@ def settings_of(robot: Robot) -> Mapping[str, object]:
         own["floating"] = True
     if robot.held:
         own["held"] = list(robot.held)
-    return {**ALONE, **own}
+    return {**STANDALONE_SETTINGS, **own}
 
 
 def sidecar_beside(file: Path) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Arguments that several commands take, and what they accept."""
+"""Options that several commands share, each defined once, and the values that they accept."""
 
 from __future__ import annotations
 
@@ -8,26 +8,48 @@ from pathlib import Path
 
 from physics_crosscheck.harness.baseline.place import DEFAULT
 from physics_crosscheck.harness.cli.completion import completed_by, engine_names, systems_and_files
+from physics_crosscheck.harness.cli.help import group
 from physics_crosscheck.harness.schedule.limits import MEMORY, SECONDS, Limits
 
 SCHEDULER = "CROSSCHECK_SCHEDULER"
 """The environment variable with the address of a scheduler."""
 
 
-def folders(command: argparse.ArgumentParser, *, some: bool, models: bool = True) -> None:
-    """Add FOLDER ...; `some`: at least one; `models`: files in them may be named too."""
-    told = "system folders, or model files in them" if models else "system folders"
+def targets(
+    command: argparse.ArgumentParser,
+    *,
+    required: bool,
+    kinds: str = "System folders, model files, robot files or case names",
+) -> None:
+    """Add TARGET ...; `kinds` describes what may be named."""
     action = command.add_argument(
         "folders",
-        nargs="+" if some else "*",
-        metavar="FOLDER",
-        help=told if some else f"{told}; none: built-in",
+        nargs="+" if required else "*",
+        metavar="TARGET",
+        help=kinds + ("" if required else " [all built-in systems]"),
     )
     completed_by(action, systems_and_files)
 
 
-class Gathered(argparse.Action):
-    """Gathers values; unlike `append`, the first puts the default aside."""
+def folders(
+    command: argparse.ArgumentParser, *, required: bool, default: str = "all built-in systems"
+) -> None:
+    """Add FOLDER ...; `default` describes what is used where none is named."""
+    action = command.add_argument(
+        "folders",
+        nargs="+" if required else "*",
+        metavar="FOLDER",
+        help="System folders" + ("" if required else f" [{default}]"),
+    )
+    completed_by(action, systems_and_files)
+
+
+MODELS = "System folders, model files or case names"
+"""What names of targets may mean where robot files are none."""
+
+
+class AppendAction(argparse.Action):
+    """Append values; unlike `append`, the first one replaces the default."""
 
     def __call__(
         self,
@@ -36,180 +58,247 @@ class Gathered(argparse.Action):
         values: object,
         option_string: str | None = None,
     ) -> None:
-        """Add a value."""
+        """Append a value."""
         now = getattr(namespace, self.dest)
         setattr(namespace, self.dest, [*(() if now is self.default else now), values])
 
 
 def engine(command: argparse.ArgumentParser) -> None:
     """Add --engine NAME, repeatable."""
-    action = command.add_argument(
-        "--engine", action=Gathered, default=[], metavar="NAME", help="only this engine; repeatable"
+    action = group(command, "Selection").add_argument(
+        "--engine",
+        action=AppendAction,
+        default=[],
+        metavar="NAME",
+        help="Use only this engine; repeatable [all that read the model]",
     )
     completed_by(action, engine_names)
 
 
 def words(command: argparse.ArgumentParser) -> None:
-    """Add -k WORDS."""
-    command.add_argument(
+    """Add -k EXPRESSION."""
+    group(command, "Selection").add_argument(
         "-k",
         dest="words",
         default="",
-        metavar="WORDS",
-        help="only cases whose names have these words: 'driven and not (robot or free)'",
+        metavar="EXPRESSION",
+        help="Select cases by name, e.g. 'driven and not (robot or free)'",
     )
 
 
-def jobs(command: argparse.ArgumentParser, otherwise: str = "one per processor") -> None:
-    """Add --jobs N; `otherwise`: how many there are where none are asked for."""
-    command.add_argument(
-        "--jobs", type=positive, default=0, metavar="N", help=f"worker processes ({otherwise})"
+def jobs(command: argparse.ArgumentParser, default: str = "one per processor") -> None:
+    """Add --jobs N; `default` describes the number of workers without this option."""
+    group(command, "Limits").add_argument(
+        "--jobs", type=positive, default=0, metavar="N", help=f"Worker processes [{default}]"
     )
 
 
 def cache(command: argparse.ArgumentParser) -> None:
     """Add --cache DIR."""
-    command.add_argument(
+    group(command, "Caching").add_argument(
         "--cache",
         type=Path,
         default=None,
         metavar="DIR",
-        help="what was found is kept there, and had from there where nothing it depends on is"
-        " another, such as .crosscheck_cache",
+        help="Store results here; reuse those whose inputs have not changed",
     )
 
 
 def scheduler(command: argparse.ArgumentParser) -> None:
     """Add --scheduler ADDRESS."""
-    command.add_argument(
+    group(command, "Limits").add_argument(
         "--scheduler",
         default=os.environ.get(SCHEDULER, ""),
         metavar="ADDRESS",
-        help="run on a cluster of dask.distributed, as tcp://HOST:8786"
-        f" (${SCHEDULER}, else this machine)",
+        help=f"Use a Dask cluster, e.g. tcp://HOST:8786 [${SCHEDULER} or this machine]",
     )
 
 
-def alone(command: argparse.ArgumentParser) -> None:
-    """Add --alone."""
-    command.add_argument(
-        "--alone",
+def standalone(command: argparse.ArgumentParser) -> None:
+    """Add --standalone."""
+    group(command, "Robot files").add_argument(
+        "--standalone",
         action="store_true",
-        help="files in a system folder too are taken as robots' files, without their sidecars",
+        help="Treat files in system folders as robot files; ignore their sidecars",
     )
 
 
 def floating(command: argparse.ArgumentParser) -> None:
     """Add --floating."""
-    command.add_argument(
+    group(command, "Robot files").add_argument(
         "--floating",
         action="store_true",
-        help="the root link of a URDF that is given alone moves freely; else it is fixed",
+        help="Let the root link of a standalone URDF move [fixed]",
     )
 
 
 def chosen_model(command: argparse.ArgumentParser) -> None:
     """Add --model."""
-    command.add_argument(
+    group(command, "Robot files").add_argument(
         "--model",
         dest="chosen_model",
         default="",
         metavar="NAME",
-        help="which of several models of an SDFormat file [the only one that moves]",
+        help="Model to read from an SDFormat file [the only movable one]",
     )
 
 
 def environments(command: argparse.ArgumentParser) -> None:
     """Add --environments DIR."""
-    # Imported here: most commands make none.
-    from physics_crosscheck.harness.versions import place as kept
-
-    place = kept.cache()
-    if place.is_relative_to(Path.home()):  # as a help text shows it
-        place = Path("~") / place.relative_to(Path.home())
-    command.add_argument(
+    group(command, "Caching").add_argument(
         "--environments",
         type=Path,
         metavar="DIR",
-        help=f"where environments are made once and kept ({place})",
+        help="Folder for Python environments [physics-crosscheck/environments in the user cache]",
     )
 
 
 def baseline(command: argparse.ArgumentParser) -> None:
     """Add --baseline DIR."""
-    command.add_argument(
+    group(command, "Baseline").add_argument(
         "--baseline",
         type=Path,
         default=DEFAULT,
         metavar="DIR",
-        help=f"the accepted baseline ({DEFAULT.as_posix()})",
+        help=f"Folder of accepted results [{DEFAULT.as_posix()}]",
+    )
+
+
+def out(command: argparse.ArgumentParser, default: str) -> None:
+    """Add --out DIR."""
+    group(command, "Output").add_argument(
+        "--out",
+        type=Path,
+        default=Path(default),
+        metavar="DIR",
+        help=f"Folder for output files [{default}]",
+    )
+
+
+def output_format(command: argparse.ArgumentParser, *formats: str) -> None:
+    """Add --format; the first format is the default."""
+    group(command, "Output").add_argument(
+        "--format", choices=formats, default=formats[0], help=f"Printed format [{formats[0]}]"
+    )
+
+
+def json_file(command: argparse.ArgumentParser) -> None:
+    """Add --json FILE."""
+    group(command, "Output").add_argument(
+        "--json", type=Path, metavar="FILE", help="Write the results to this JSON file"
+    )
+
+
+def diagnose(command: argparse.ArgumentParser) -> None:
+    """Add --diagnose."""
+    group(command, "Checks").add_argument(
+        "--diagnose", action="store_true", help="Find the cause of each difference; slower"
+    )
+
+
+def strict(command: argparse.ArgumentParser) -> None:
+    """Add --strict."""
+    group(command, "Checks").add_argument(
+        "--strict",
+        action="store_true",
+        help="Fail if part of a file was not compared",
     )
 
 
 def resolution_of(command: argparse.ArgumentParser) -> None:
-    """Add --resolution R."""
-    command.add_argument(
+    """Add --resolution VALUE."""
+    group(command, "Checks").add_argument(
         "--resolution",
         type=resolution,
         default=1e-9,
-        metavar="R",
-        help="relative discrepancy to resolve (1e-9)",
+        metavar="VALUE",
+        help="Smallest relative difference to detect [1e-9]",
     )
 
 
 def limits(command: argparse.ArgumentParser, seconds_each: float = SECONDS) -> None:
-    """Add --limit S and --memory GIB."""
-    command.add_argument(
+    """Add --limit SECONDS and --memory GIB."""
+    group(command, "Limits").add_argument(
         "--limit",
         type=seconds,
         default=seconds_each,
-        metavar="S",
-        help=f"processor seconds that one task may use ({seconds_each:g})",
+        metavar="SECONDS",
+        help=f"Processor seconds per task [{seconds_each:g}]",
     )
-    command.add_argument(
+    group(command, "Limits").add_argument(
         "--memory",
         type=memory,
         default=MEMORY,
         metavar="GIB",
-        help=f"GiB of memory that a worker may hold ({MEMORY:g})",
+        help=f"Memory per worker process, in GiB [{MEMORY:g}]",
     )
 
 
 def limits_of(options: argparse.Namespace) -> Limits:
-    """The limits that are meant."""
+    """Return the limits that the options set."""
     return Limits(seconds=options.limit, memory=options.memory)
 
 
 def positive(text: str) -> int:
-    """A whole number above zero."""
-    value = int(text)
+    """Return a whole number above zero.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
     if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is no positive number")
+        raise _must_be("a whole number above 0", text)
     return value
 
 
 def resolution(text: str) -> float:
-    """A resolution that double precision can serve."""
+    """Return a resolution that double precision can serve.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
     # Imported here: help alone needs no records.
     from physics_crosscheck.harness.options import resolvable
 
-    value = float(text)
-    if not resolvable(value):
-        raise argparse.ArgumentTypeError(f"{text} is not between 1e-13 and 1e-2")
+    value = _number(text)
+    if value is None or not resolvable(value):
+        raise _must_be("a number between 1e-13 and 1e-2", text)
     return value
 
 
 def seconds(text: str) -> float:
-    """A time above zero."""
-    value = float(text)
-    if not 0 < value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text} is no time in seconds")
+    """Return a time in seconds, above zero.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
+    value = _number(text)
+    if value is None or not 0 < value < 1e6:
+        raise _must_be("a number of seconds above 0 and below 1e6", text)
     return value
 
 
 def memory(text: str) -> float:
-    """GiB in which Python and an engine find room."""
-    value = float(text)
-    if not 0.5 <= value < 1e6:
-        raise argparse.ArgumentTypeError(f"{text} is not at least 0.5 GiB")
+    """Return GiB in which Python and an engine find room.
+
+    Raises:
+        ArgumentTypeError: for anything else.
+    """
+    value = _number(text)
+    if value is None or not 0.5 <= value < 1e6:
+        raise _must_be("at least 0.5 GiB and below 1e6 GiB", text)
     return value
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _must_be(expected: str, text: str) -> argparse.ArgumentTypeError:
+    return argparse.ArgumentTypeError(f"must be {expected}, not {text or 'empty'}")

@@ -1,7 +1,7 @@
 """Completion with Tab: `eval "$(crosscheck completion bash)"` in a shell's start-up file.
 
-The shell asks `crosscheck` itself, through argcomplete: so engines and built-in systems are those
-that there are.
+The shell asks `crosscheck` itself, through argcomplete, so engines and built-in systems are
+current.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ COMPLETING = "_ARGCOMPLETE"
 SHELLS = ("bash", "zsh", "fish", "powershell")
 
 Completer = Callable[..., Iterable[str]]
-"""Completions of a `prefix`, among other things that are told."""
+"""Returns completions of its argument `prefix`; it ignores its other arguments."""
 
 
 def main(options: argparse.Namespace) -> int:
@@ -29,35 +29,35 @@ def main(options: argparse.Namespace) -> int:
 
 
 def words_before() -> list[str]:
-    """The words that are typed already, without the name of the program."""
+    """Return the words that are typed already, without the name of the program."""
     line = os.environ.get("COMP_LINE", "")[: int(os.environ.get("COMP_POINT", "0"))]
     try:
         return shlex.split(line)[1:]
-    except ValueError:  # a quotation that is open
+    except ValueError:  # an open quotation
         return line.split()[1:]
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Tell the shell, and end the process."""
+    """Print completions for the shell, and end the process."""
     import argcomplete
 
     argcomplete.autocomplete(parser)
 
 
 def completed_by(action: argparse.Action, completer: Completer) -> None:
-    """Have an argument completed by a function."""
+    """Complete an argument with a function."""
     action.completer = completer  # type: ignore[attr-defined]
 
 
 def engine_names(**_: object) -> Iterable[str]:
-    """Names of engines."""
+    """Return the names of engines."""
     from physics_crosscheck.harness.engines.registry import engines
 
     return sorted(engines())
 
 
 def systems_and_files(prefix: str, **_: object) -> Iterable[str]:
-    """Names of built-in systems, and files."""
+    """Return the names of built-in systems, and files."""
     from argcomplete.completers import FilesCompleter
 
     from physics_crosscheck.harness.files.folders import system_folders

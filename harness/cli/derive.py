@@ -11,7 +11,7 @@ from physics_crosscheck.harness.cases.derivation import derivation
 from physics_crosscheck.harness.cases.tree_derivation import tree_derivation
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.exit_codes import AGREE, FAIL
-from physics_crosscheck.harness.cli.missing import tell_missing, with_missing
+from physics_crosscheck.harness.cli.targets import warn_unknown, with_unknown
 from physics_crosscheck.harness.files.folders import named_folders
 from physics_crosscheck.harness.schedule.workers import Failure, Workers
 from physics_crosscheck.harness.text.equations import describe
@@ -22,22 +22,22 @@ Form = Literal["latex", "text"]
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print what the declarations entail."""
+    """Print the equations of each system."""
     form: Form = "latex" if options.latex else "text"
     named = named_folders(options.folders)
-    tell_missing(named)
+    warn_unknown(named)
     with Workers(1, arguments.limits_of(options)) as workers:
         for folder in named.folders:
-            text = workers.outcome(workers.submit(derived, (folder, form)))
+            text = workers.outcome(workers.submit(describe_folder, (folder, form)))
             if isinstance(text, Failure):
                 print(f"crosscheck: {text.about(folder / 'system.py')}", file=sys.stderr)
                 return FAIL
             print(text)
-    return with_missing(AGREE, named)
+    return with_unknown(AGREE, named)
 
 
-def derived(task: tuple[Path, Form]) -> str:
-    """What a folder's declaration entails, in words; in a worker: a declaration is a program.
+def describe_folder(task: tuple[Path, Form]) -> str:
+    """Return the text about a folder's equations; runs in a worker, since system.py is code.
 
     Raises:
         DeclarationError, ReferenceError: naming what is wrong and where.

@@ -1,4 +1,4 @@
-"""`crosscheck engines`: what is installed and what it can do; whether an adapter conforms."""
+"""`crosscheck engines`: installed engines and their capabilities; conformance of an adapter."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import argparse
 import sys
 
 from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, USAGE
+from physics_crosscheck.harness.cli.help import suggestion
 from physics_crosscheck.harness.engines.conformance import conform_samples
 from physics_crosscheck.harness.engines.protocol import Engine
 from physics_crosscheck.harness.engines.registry import engines, missing
 
 
 def main(options: argparse.Namespace) -> int:
-    """Print a line an engine, and one a capability; or one for each check of an adapter."""
+    """Print a line per engine and capability, or a line per conformance test of an adapter."""
     known = engines()
     if options.conformance is not None:
         engine = known.get(options.conformance)
         if engine is None or engine.version() is None:
-            there = ", ".join(sorted(name for name in known if known[name].version() is not None))
-            print(
-                f"crosscheck: no engine {options.conformance!r} is installed; there is {there}",
-                file=sys.stderr,
-            )
+            installed = sorted(name for name in known if known[name].version() is not None)
+            hint = suggestion(options.conformance, installed)
+            message = f"engine {options.conformance!r} is not installed.{hint}"
+            print(f"crosscheck: {message} Installed: {', '.join(installed)}.", file=sys.stderr)
             return USAGE
         return _conformance(engine)
     for name, engine in sorted(known.items()):

@@ -1,9 +1,9 @@
-"""What the commands end with."""
+"""Exit codes of the commands."""
 
 from __future__ import annotations
 
 AGREE, DIFFER, USAGE, FAIL = 0, 1, 2, 3
-"""Exit codes: all agree; a difference or nothing certain; wrong usage; something could not run."""
+"""All agree; a difference, or an unresolved case; wrong usage; something could not run."""
 
 SIGNALLED = 128
-"""With the number of a signal added: stopped by it, as shells have it; 130 is Ctrl-C."""
+"""Base of the codes for signals, to which the signal's number is added; 130 is Ctrl-C."""

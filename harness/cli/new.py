@@ -1,4 +1,4 @@
-"""`crosscheck new`: a commented folder that runs; from a model file where one is given."""
+"""`crosscheck new`: create a commented folder that runs, from a model file if one is given."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from physics_crosscheck.harness.text.visible import visible
 
 
 def main(options: argparse.Namespace) -> int:
-    """Write the folder; say what was written and what comes next."""
+    """Write the folder; print its files and the next commands."""
     target, declares = Path(options.name), ""
     try:
         check_name(target)

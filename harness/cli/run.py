@@ -11,10 +11,9 @@ from pathlib import Path
 
 from physics_crosscheck.harness.cached import Cache
 from physics_crosscheck.harness.cli import arguments
-from physics_crosscheck.harness.cli.asked import Asked, asked_for
 from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
 from physics_crosscheck.harness.cli.keeping import check_page, keep_history
-from physics_crosscheck.harness.cli.missing import tell_missing, with_missing
+from physics_crosscheck.harness.cli.targets import Targets, select_targets, warn_unknown, with_unknown
 from physics_crosscheck.harness.cli.watch import Ran, watch
 from physics_crosscheck.harness.files.folders import FolderError, check_engines
 from physics_crosscheck.harness.files.model_files import absent_lines
@@ -44,7 +43,7 @@ from physics_crosscheck.harness.text.visible import visible
 def main(options: argparse.Namespace) -> int:
     """Run, write results and report, print the table."""
     check_engines(options.engine)
-    wanted = asked_for(options)
+    wanted = select_targets(options)
     if not (wanted.folders or wanted.robots):
         return AGREE
     if not options.watch:
@@ -54,10 +53,10 @@ def main(options: argparse.Namespace) -> int:
     return watch(wanted, partial(_run, options))
 
 
-def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], Results]) -> Ran:
+def _run(options: argparse.Namespace, wanted: Targets, among: Callable[[Results], Results]) -> Ran:
     """Run once; `among` puts the results among those that stay, which are written with them."""
     check_page(options.out / "index.html")
-    tell_missing(wanted.named)
+    warn_unknown(wanted.named)
     cache = None if options.cache is None else Cache(options.cache)
     asked = Options(
         engines=tuple(options.engine),
@@ -94,7 +93,7 @@ def _run(options: argparse.Namespace, wanted: Asked, among: Callable[[Results], 
         print(f"crosscheck: {line}", file=sys.stderr)
     if results.untested:
         print(f"crosscheck: {results.untested}", file=sys.stderr)
-    code = with_missing(exit_code(results, options.require_engines), wanted.named)
+    code = with_unknown(exit_code(results, options.require_engines), wanted.named)
     if options.strict and (left := [*left_out(results.models), *refused(results)]):
         print("\n".join(f"crosscheck: --strict: {line}" for line in left), file=sys.stderr)
         code = FAIL
@@ -134,10 +133,11 @@ def _tell_stopped(results: Results, out: Path, done: Journal) -> None:
 
 
 def exit_code(results: Results, require_engines: bool) -> int:
-    """The exit code of results; nothing run at all is a failure, a known difference none.
+    """Return the exit code of results.
 
-    An audit, a linearization or a diagnosis that could not be done is one too. What an engine
-    refuses of robots' files is none where another engine has a verdict.
+    Results without cases fail; accepted differences pass. An audit, linearization or diagnosis
+    that failed counts as a failure. A robot file that one engine refuses does not, where another
+    engine has a verdict.
     """
     refused = {(case.folder, case.id) for case in results.refusals}
     counting = [case for case in results.cases if (case.folder, case.id) not in refused]

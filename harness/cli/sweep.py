@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 from physics_crosscheck.harness.cli import arguments
-from physics_crosscheck.harness.cli.asked import meant_by
 from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED, USAGE
 from physics_crosscheck.harness.cli.keeping import check_page
 from physics_crosscheck.harness.cli.sweep_versions import under_versions
+from physics_crosscheck.harness.cli.targets import resolve_targets
 from physics_crosscheck.harness.files.folders import FolderError, check_engines
 from physics_crosscheck.harness.records.outcome import Outcome
 from physics_crosscheck.harness.records.write import encoded, write_whole
@@ -76,7 +76,7 @@ def _stopped(stop: Stop, out: Path) -> int:
 
 def _wanted(options: argparse.Namespace) -> Wanted:
     """The folders, models and robots' files that are meant."""
-    found = meant_by(options.folders, alone=options.alone)
+    found = resolve_targets(options.folders, standalone=options.standalone)
     if found.named.faults:
         raise FolderError("; ".join(found.named.faults.values()))
     return Wanted(places=[*found.folders, *found.robots], models=dict(found.choice.models))
@@ -102,7 +102,8 @@ def _asked(options: argparse.Namespace) -> SweepOptions:
 
 def _command(options: argparse.Namespace) -> list[str]:
     """The command line in one spelling: what one case is reproduced with."""
-    words = ["crosscheck", "sweep", *options.folders, *(["--alone"] if options.alone else [])]
+    words = ["crosscheck", "sweep", *options.folders]
+    words += ["--standalone"] if options.standalone else []
     for name in ("vary", "integrator", "scenario", "engine"):
         for value in getattr(options, name):
             words += [f"--{name}", value]

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from physics_crosscheck.harness.baseline.fingerprint import BESIDE, folder_files
-from physics_crosscheck.harness.cli.asked import Asked
+from physics_crosscheck.harness.cli.targets import Targets
 from physics_crosscheck.harness.files.choice import NamedModel
 from physics_crosscheck.harness.files.folders import FolderError, NamedFolders
 from physics_crosscheck.harness.files.parts import named_files
@@ -61,11 +61,11 @@ class Ran:
     reads: Reads
 
 
-Run = Callable[[Asked, Callable[[Results], Results]], Ran]
+Run = Callable[[Targets, Callable[[Results], Results]], Ran]
 """Runs what is asked; what is written and returned is what the second makes of its results."""
 
 
-def watch(wanted: Asked, run: Run) -> int:
+def watch(wanted: Targets, run: Run) -> int:
     """Run all, then what changes, until it is stopped; returns the exit code of the last run."""
     before = _hashes(wanted)
     ran = run(wanted, lambda results: results)
@@ -103,7 +103,7 @@ def _with_others(last: Results, again: set[Place]) -> Callable[[Results], Result
     return found
 
 
-def _part(wanted: Asked, again: set[Place]) -> Asked:
+def _part(wanted: Targets, again: set[Place]) -> Targets:
     """Of what is wanted, that which changed."""
     whole = {folder for folder, model in again if not model}
     models = dict(wanted.choice.models)
@@ -117,10 +117,10 @@ def _part(wanted: Asked, again: set[Place]) -> Asked:
         models[folder] = tuple(one for one in named if one.model in changed)
     folders = [f for f in wanted.folders if str(f) in whole or models.get(str(f))]
     robots = [file for file in wanted.robots if str(file) in whole]
-    return Asked(NamedFolders(folders, {}), robots, replace(wanted.choice, models=models))
+    return Targets(NamedFolders(folders, {}), robots, replace(wanted.choice, models=models))
 
 
-def _wait(wanted: Asked, before: Hashes, reads: Reads) -> tuple[Hashes, set[Place], Sequence[str]]:
+def _wait(wanted: Targets, before: Hashes, reads: Reads) -> tuple[Hashes, set[Place], Sequence[str]]:
     """Wait until the content of a file changes; returns what is made of others now, and those.
 
     A file that is being written is waited for: what counts is what stands still for a moment.
@@ -148,7 +148,7 @@ def _changed(before: Hashes, now: Hashes, again: set[Place]) -> Iterator[str]:
         yield from (name for name in sorted({*old, *new}) if old.get(name) != new.get(name))
 
 
-def _hashes(wanted: Asked) -> Hashes:
+def _hashes(wanted: Targets) -> Hashes:
     """Of all that is wanted; under no model's name, what can't be read in a folder."""
     found: dict[Place, Mapping[str, str]] = {}
     for folder in wanted.folders:
@@ -193,7 +193,7 @@ def _of_robot(file: Path) -> list[str]:
     return [str(file), f"{file}.toml", *map(str, named)]
 
 
-def _stamps(wanted: Asked, hashes: Hashes) -> Stamps:
+def _stamps(wanted: Targets, hashes: Hashes) -> Stamps:
     """Of all files in the folders, and of all else that is hashed."""
     found = {}
     for path in {*_inside(wanted.folders), *(name for names in hashes.values() for name in names)}:

@@ -48,7 +48,7 @@ def _loaded(folder: str, content: str) -> Source:
     if isinstance(load_declaration(path), MultibodySystem):
         raise DeclarationError(
             f"{path / 'system.py'}: it declares bodies, whose numbers have no names to vary them"
-            " by; sweep the numbers of a model file by itself: `crosscheck sweep --alone FILE`"
+            " by; sweep the numbers of a model file by itself: `crosscheck sweep --standalone FILE`"
         )
     return Swept(path)
 

@@ -1,4 +1,4 @@
-"""What each command takes: a module a command, which imports nothing that only its work needs.
+"""Arguments and help of each command, a module each: `add` and `ABOUT`.
 
-So help, completion and a wrong word cost no sympy, no scipy and no engine.
+They import nothing that only the work needs, so help and completion load no sympy and no engine.
 """

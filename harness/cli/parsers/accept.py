@@ -5,6 +5,23 @@ from __future__ import annotations
 import argparse
 
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
+
+
+ABOUT = CommandHelp(
+    description="Accept the current results as the baseline, with a reason.\n"
+    "Models that changed run first; the baseline folder gets the results.",
+    examples={
+        "Accept everything": "crosscheck accept --reason 'New damper'",
+        "Accept the cases of one model": "crosscheck accept --reason 'Mass fixed' 'arm/arm.urdf/*'",
+    },
+    exit_codes={
+        "0": "The results were accepted, or nothing had changed.",
+        "2": "Wrong usage, an unknown folder or case, or a run in CI.",
+        "3": "A case could not run, or the baseline could not be read or written.",
+        **INTERRUPTED,
+    },
+)
 
 
 def add(command: argparse.ArgumentParser) -> None:
@@ -13,18 +30,18 @@ def add(command: argparse.ArgumentParser) -> None:
         "cases",
         nargs="*",
         metavar="CASE",
-        help="cases to accept, such as 'drum_pendulum/robot.urdf/*'; none: all",
+        help="Cases to accept, e.g. 'arm/arm.urdf/*' [all]",
     )
     command.add_argument(
-        "--reason", required=True, metavar="TEXT", help="why this is right; kept in the baseline"
+        "--reason", required=True, metavar="TEXT", help="Reason, stored in the baseline (required)"
     )
-    command.add_argument(
+    group(command, "Selection").add_argument(
         "--folder",
         action="append",
         default=[],
         dest="folders",
         metavar="FOLDER",
-        help="system folder; repeatable; none: those of the baseline",
+        help="System folder; repeatable [all in the baseline]",
     )
     arguments.engine(command)
     arguments.resolution_of(command)

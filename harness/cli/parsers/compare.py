@@ -7,57 +7,77 @@ import math
 from pathlib import Path
 
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
+
+ABOUT = CommandHelp(
+    description="Compare two model files of one mechanism, without declared equations.\n"
+    "Print whether they move alike, and the numbers that differ.",
+    examples={
+        "Compare two files": "crosscheck compare robot.urdf robot.xml",
+        "Compare one file in two engines": "crosscheck compare a.urdf a.urdf"
+        " --engine-b pybullet",
+    },
+    exit_codes={
+        "0": "The models agree.",
+        "1": "They differ, the result is unresolved, or --strict was not met.",
+        "2": "Wrong usage, or joints that cannot be paired.",
+        "3": "A model could not be read or run, or an engine is not installed.",
+        **INTERRUPTED,
+    },
+)
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    command.add_argument("a", type=Path, metavar="A", help="a model file")
-    command.add_argument("b", type=Path, metavar="B", help="another, or the same before an edit")
-    command.add_argument("--engine", metavar="NAME", help="engine of both")
-    command.add_argument("--engine-a", metavar="NAME", help="engine of A")
-    command.add_argument("--engine-b", metavar="NAME", help="engine of B")
-    command.add_argument(
+    command.add_argument("a", type=Path, metavar="A", help="First model file")
+    command.add_argument("b", type=Path, metavar="B", help="Second model file")
+    selection = group(command, "Selection")
+    selection.add_argument("--engine", metavar="NAME", help="Engine of both models")
+    selection.add_argument("--engine-a", metavar="NAME", help="Engine of A")
+    selection.add_argument("--engine-b", metavar="NAME", help="Engine of B")
+    comparison = group(command, "Comparison")
+    comparison.add_argument(
         "--joints",
         default="",
-        metavar="a=b,...",
-        help="joints of A by those of B, as hip=j1,knee=-j2",
+        metavar="A=B,...",
+        help="Pair joints of A and B, e.g. hip=j1,knee=-j2 [by name]",
     )
-    command.add_argument(
-        "--map", type=Path, metavar="FILE", help="TOML, [joints]: those of B as expressions of A's"
+    comparison.add_argument(
+        "--map",
+        type=Path,
+        metavar="FILE",
+        help="TOML file: [joints] gives joints of B as expressions of A's",
     )
-    command.add_argument(
+    comparison.add_argument(
         "--start",
         action="append",
         default=[],
         type=_start,
-        metavar="j=1,...",
-        help="a state to start from, j=1,j_dot=0; repeatable",
+        metavar="JOINT=VALUE,...",
+        help="Start state, e.g. j=1,j_dot=0; repeatable [drawn within joint limits]",
     )
-    command.add_argument(
+    comparison.add_argument(
         "--as-shipped",
         action="store_true",
-        help="with contacts, limits, dry friction and couplings, which are left out otherwise",
-    )
-    command.add_argument(
-        "--strict",
-        action="store_true",
-        help="exit 1 where the files differ, or may differ, in what no run shows",
+        help="Include contacts, limits, dry friction and couplings",
     )
     arguments.floating(command)
-    command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
     arguments.resolution_of(command)
+    arguments.strict(command)
+    arguments.json_file(command)
     arguments.limits(command)
 
 
 def _start(text: str) -> dict[str, float]:
+    """Return the values of a start state, by coordinate."""
     state = {}
     for part in text.split(","):
         name, _, value = part.partition("=")
         try:
             number = float(value)
         except ValueError:
-            raise argparse.ArgumentTypeError(f"{part!r} is not like theta=1.5") from None
+            number = math.nan
         if not math.isfinite(number):
-            raise argparse.ArgumentTypeError(f"{part!r} is no state to start from")
+            raise argparse.ArgumentTypeError(f"must look like theta=1.5, not {part!r}")
         state[name.strip()] = number
     return state

@@ -3,41 +3,43 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
 
 
-def add_meant(command: argparse.ArgumentParser) -> None:
-    """Declare what `meant` reads."""
-    command.add_argument(
-        "folders",
-        nargs="*",
-        metavar="FOLDER",
-        help="system folders; none: those of the baseline, and beside them",
-    )
+ABOUT = CommandHelp(
+    description="Run the models that changed and compare them with the accepted baseline.\n"
+    "Write gate.json and summary.md. Made for CI.",
+    examples={
+        "Check what changed since the baseline": "crosscheck gate",
+        "Run every case of one folder": "crosscheck gate my_arm --all",
+    },
+    exit_codes={
+        "0": "Every case is as accepted.",
+        "1": "A case changed, is new, or is missing.",
+        "2": "Wrong usage, or an unknown folder.",
+        "3": "A case could not run, nothing ran, or the baseline is unreadable.",
+        **INTERRUPTED,
+    },
+)
+
+
+def add_selection(command: argparse.ArgumentParser) -> None:
+    """Declare the arguments that `gate`, `review` and `accept` read with `meant`."""
+    arguments.folders(command, required=False, default="those in the baseline and beside them")
     arguments.engine(command)
     arguments.resolution_of(command)
     arguments.limits(command)
     arguments.jobs(command)
     arguments.baseline(command)
-    command.add_argument(
-        "--diagnose",
-        action="store_true",
-        help="name the cause where a model differs; takes a while",
-    )
+    arguments.diagnose(command)
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    add_meant(command)
-    command.add_argument(
-        "--all", action="store_true", dest="every", help="run every case, changed or not"
+    add_selection(command)
+    group(command, "Selection").add_argument(
+        "--all", action="store_true", dest="every", help="Run every case, changed or not"
     )
-    command.add_argument(
-        "--out",
-        type=Path,
-        default=Path("reports/gate"),
-        metavar="DIR",
-        help="where gate.json and summary.md go (reports/gate)",
-    )
+    arguments.out(command, "reports/gate")

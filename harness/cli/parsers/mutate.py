@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp
 from physics_crosscheck.harness.schedule.limits import FAULT_SECONDS
+
+
+ABOUT = CommandHelp(
+    description="Plant known faults in models and report which ones the checks detect.\n"
+    "Your files stay as they are: every fault goes into a copy.",
+    examples={
+        "Plant faults in every model of a folder": "crosscheck mutate my_arm",
+        "Keep every result for a program": "crosscheck mutate my_arm --json faults.json",
+    },
+    exit_codes={
+        "0": "Every fault that motions can show was detected.",
+        "1": "A fault was missed, or a correct model was reported as wrong.",
+        "2": "Wrong usage, or an unknown folder.",
+        "3": "A model was wrong before any fault, or no fault could be planted.",
+        **INTERRUPTED,
+    },
+)
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    arguments.folders(command, some=True, models=False)
+    arguments.folders(command, required=True)
     arguments.engine(command)
     arguments.limits(command, FAULT_SECONDS)
-    arguments.jobs(command, "two")
-    command.add_argument("--json", type=Path, metavar="FILE", help="write every row there, as JSON")
+    arguments.jobs(command, "2")
+    arguments.json_file(command)

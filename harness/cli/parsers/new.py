@@ -6,22 +6,36 @@ import argparse
 from pathlib import Path
 
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.help import CommandHelp, group
+
+
+ABOUT = CommandHelp(
+    description="Create a system folder with comments that explain every part.\n"
+    "It runs as it is; with --from, it declares the bodies of your model.",
+    examples={
+        "Create an example to edit": "crosscheck new my_arm",
+        "Create a folder from a model file": "crosscheck new my_arm --from arm.urdf",
+    },
+    exit_codes={
+        "0": "The folder was written.",
+        "2": "Wrong usage, or an unusable folder name.",
+        "3": "The model could not be read, or the folder could not be written.",
+    },
+)
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    command.add_argument("name", metavar="NAME", help="the folder to write, and the system's name")
     command.add_argument(
+        "name", metavar="NAME", help="Folder to create; its name becomes the system's name"
+    )
+    group(command, "Robot files").add_argument(
         "--from",
         dest="model",
         type=Path,
         default=None,
-        metavar="model.urdf|model.xml",
-        help="fill it in from this model file",
+        metavar="FILE",
+        help="Model file to start from: URDF, SDFormat or MJCF",
     )
-    command.add_argument(
-        "--floating",
-        action="store_true",
-        help="the root link of the URDF moves freely; else it is fixed",
-    )
+    arguments.floating(command)
     arguments.chosen_model(command)

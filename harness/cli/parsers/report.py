@@ -5,6 +5,24 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from physics_crosscheck.harness.cli.help import CommandHelp, group
+
+
+ABOUT = CommandHelp(
+    description="Create the HTML report of a finished run, or compare two runs.\n"
+    "Write index.html for one run, changes.html for two. Nothing runs.",
+    examples={
+        "Create the report of the last run": "crosscheck report",
+        "Compare two runs, the earlier one first": "crosscheck report old/ new/",
+    },
+    exit_codes={
+        "0": "The page was written; of two runs, nothing changed.",
+        "1": "The two runs differ.",
+        "2": "Wrong usage, unreadable results, or a page by another program.",
+        "3": "The page could not be written.",
+    },
+)
+
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
@@ -13,16 +31,15 @@ def add(command: argparse.ArgumentParser) -> None:
         nargs="*",
         type=Path,
         metavar="RESULTS",
-        help="results.json, or the folder that it lies in (reports); two, the earlier first: what"
-        " moved from one to the other; exit code 1 where anything did",
+        help="One or two results.json files, or their folders [reports]",
     )
-    command.add_argument(
-        "--out", type=Path, default=None, metavar="DIR", help="beside the results, or the later"
+    group(command, "Output").add_argument(
+        "--out", type=Path, default=None, metavar="DIR", help="Folder for output files [RESULTS]"
     )
-    command.add_argument(
+    group(command, "Output").add_argument(
         "--badge",
         type=Path,
         default=None,
         metavar="FILE",
-        help="write a badge too: .svg is a picture, .json what shields.io draws one from",
+        help="Also write a badge: .svg image or .json for shields.io",
     )

@@ -3,71 +3,76 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
+
+
+ABOUT = CommandHelp(
+    description="Check model files against their equations of motion, in every engine.\n"
+    "Write results.json and the report index.html.",
+    examples={
+        "Check one robot file": "crosscheck run robot.urdf",
+        "Check a folder in MuJoCo, and reuse results": "crosscheck run my_arm --engine mujoco"
+        " --cache .cache",
+    },
+    exit_codes={
+        "0": "Every case agrees, or its difference is accepted.",
+        "1": "A case differs or is unresolved, or a number in a file is wrong.",
+        "2": "Wrong usage, an unknown target, or a folder that is in use.",
+        "3": "A case, audit or diagnosis failed, or nothing could be tested;"
+        " or --strict or --require-engines was not met.",
+        **INTERRUPTED,
+    },
+)
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    arguments.folders(command, some=False)
+    arguments.targets(command, required=False)
     arguments.engine(command)
     arguments.words(command)
-    command.add_argument(
+    group(command, "Selection").add_argument(
         "--last-failed",
         action="store_true",
-        help="only what did not agree in the last run, by DIR/results.json",
+        help="Run only cases that did not pass in the last run",
     )
-    arguments.alone(command)
+    arguments.standalone(command)
+    arguments.floating(command)
+    arguments.chosen_model(command)
     arguments.resolution_of(command)
+    arguments.strict(command)
+    group(command, "Checks").add_argument(
+        "--require-engines",
+        action="store_true",
+        help="Fail if a default engine is not installed",
+    )
+    arguments.out(command, "reports")
+    arguments.output_format(command, "text", "json", "github", "sarif")
+    verbosity = group(command, "Output").add_mutually_exclusive_group()
+    verbosity.add_argument(
+        "-q", "--quiet", action="store_true", help="Print only problems and the summary"
+    )
+    verbosity.add_argument(
+        "-v", "--verbose", action="store_true", help="Print a line for each finished case"
+    )
+    group(command, "Output").add_argument(
+        "--history",
+        action="store_true",
+        help="Record each run in DIR/history for the report's plots",
+    )
+    group(command, "Output").add_argument(
+        "--watch",
+        action="store_true",
+        help="Rerun affected models when a file is saved; Ctrl-C ends",
+    )
+    arguments.cache(command)
+    group(command, "Caching").add_argument(
+        "--resume",
+        action="store_true",
+        help="Resume an interrupted run; cases whose files changed run again",
+    )
+    arguments.baseline(command)
     arguments.limits(command)
     arguments.jobs(command)
     arguments.scheduler(command)
-    command.add_argument(
-        "--out",
-        type=Path,
-        default=Path("reports"),
-        metavar="DIR",
-        help="where results.json and index.html go (reports)",
-    )
-    command.add_argument(
-        "--format",
-        choices=("text", "json", "github", "sarif"),
-        default="text",
-        help="what is printed: a table, or results for a program (text)",
-    )
-    how_much = command.add_mutually_exclusive_group()
-    how_much.add_argument(
-        "-q", "--quiet", action="store_true", help="print what doesn't agree, and a summary"
-    )
-    how_much.add_argument(
-        "-v", "--verbose", action="store_true", help="print a line for each case in a log"
-    )
-    arguments.cache(command)
-    command.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on with a run that was stopped: what it did is kept, unless its files changed",
-    )
-    command.add_argument(
-        "--watch",
-        action="store_true",
-        help="go on: when a file is saved, run the models again that are made of it; Ctrl-C ends",
-    )
-    command.add_argument(
-        "--history",
-        action="store_true",
-        help="keep a line a case in DIR/history, for the page to draw; later runs go on with it",
-    )
-    arguments.baseline(command)
-    command.add_argument(
-        "--require-engines", action="store_true", help="exit 3 where an engine is not installed"
-    )
-    command.add_argument(
-        "--strict",
-        action="store_true",
-        help="exit 3 where a robot's file says what the check leaves out: limits, contacts, ...;"
-        " or where one engine refuses it, whatever the others say",
-    )
-    arguments.floating(command)
-    arguments.chosen_model(command)

@@ -6,87 +6,113 @@ import argparse
 from pathlib import Path
 
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
 
 DESIGNS = ("latin", "sobol", "random")
-"""Those of `harness.sweep.draws` that take a number of draws; to import them takes sympy."""
+"""Those of `harness.sweep.draws` that take a number of draws; importing them needs sympy."""
+
+ABOUT = CommandHelp(
+    description="Check many variants of models: parameters, time steps, integrators, engines.\n"
+    "Write a row for each case, a summary and index.html; rerun to resume.",
+    examples={
+        "Draw a stiffness 100 times": "crosscheck sweep drum_pendulum --vary k=20:200"
+        " --draws 100",
+        "Try two time steps of a robot file": "crosscheck sweep arm.urdf --step 0.001,0.002",
+    },
+    exit_codes={
+        "0": "Every case agrees.",
+        "1": "A case differs or is unresolved; with --versions, a case changed.",
+        "2": "Wrong usage, an unknown target, or a name that nothing matches.",
+        "3": "A case failed, or rows are damaged.",
+        **INTERRUPTED,
+    },
+)
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    arguments.folders(command, some=False)
-    arguments.alone(command)
-    command.add_argument(
-        "--vary",
-        action=arguments.Gathered,
+    arguments.targets(command, required=False)
+    arguments.standalone(command)
+    _add_variants(command)
+    arguments.engine(command)
+    group(command, "Selection").add_argument(
+        "--scenario",
+        action=arguments.AppendAction,
         default=[],
-        metavar="NAME=LOW:HIGH[:log]",
-        help="draw a constant, or a number of a robot's file by its address, from a range"
-        " (x0.8:x1.25: multiples; * in a name: anything), or NAME=V1,V2 from a list; repeatable",
+        metavar="NAME",
+        help="Scenario to run; repeatable [all]",
     )
-    command.add_argument(
+    arguments.environments(command)
+    arguments.resolution_of(command)
+    arguments.limits(command)
+    arguments.jobs(command, "2")
+    arguments.scheduler(command)
+    arguments.out(command, "reports/sweep")
+    either = group(command, "Output").add_mutually_exclusive_group()
+    either.add_argument(
+        "--only", type=int, default=None, metavar="INDEX", help="Run and print only this case"
+    )
+    either.add_argument(
+        "--summary",
+        type=Path,
+        default=None,
+        metavar="DIR",
+        help="Summarize the rows in DIR without running anything",
+    )
+
+
+def _add_variants(command: argparse.ArgumentParser) -> None:
+    variants = group(command, "Variants")
+    variants.add_argument(
+        "--vary",
+        action=arguments.AppendAction,
+        default=[],
+        metavar="NAME=VALUES",
+        help="Vary a number: LOW:HIGH[:log], x0.8:x1.25 (factors) or V1,V2; repeatable",
+    )
+    variants.add_argument(
         "--draws",
         type=arguments.positive,
         default=None,
         metavar="N",
-        help="draws of the constants (every combination of listed values)",
+        help="Number of draws [all combinations of listed values]",
     )
-    command.add_argument("--seed", type=int, default=0, metavar="S", help="of the draws (0)")
-    command.add_argument(
+    variants.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="Random seed of the draws [0]"
+    )
+    variants.add_argument(
         "--design",
         choices=DESIGNS,
         default=DESIGNS[0],
-        help="how draws are spread over the ranges (latin)",
+        help=f"Sampling design of the draws [{DESIGNS[0]}]",
     )
-    command.add_argument(
+    variants.add_argument(
         "--step",
         type=_steps,
         default=(),
-        metavar="H1,H2",
-        help="shipped steps to try, seconds (each model's own)",
+        metavar="SECONDS,...",
+        help="Time steps to try, in seconds [each model's own]",
     )
-    for name, of in (("integrator", "integrators"), ("scenario", "scenarios")):
-        command.add_argument(
-            f"--{name}",
-            action=arguments.Gathered,
-            default=[],
-            metavar="NAME",
-            help=f"{of} to try; repeatable ({'each model’s own' if of[0] == 'i' else 'all'})",
-        )
-    arguments.engine(command)
-    command.add_argument(
+    variants.add_argument(
+        "--integrator",
+        action=arguments.AppendAction,
+        default=[],
+        metavar="NAME",
+        help="Integrator to try; repeatable [each model's own]",
+    )
+    variants.add_argument(
         "--versions",
         nargs="+",
         default=[],
         metavar="NAME VERSION",
-        help="only this engine, in each of these versions of it: the same cases, each version's"
-        " rows in a folder of --out, and what is another; of one that is installed already:"
-        " VERSION=path/to/environment",
+        help="Engine and versions to try, as VERSION or VERSION=ENVIRONMENT",
     )
-    command.add_argument("--under", nargs=2, default=[], help=argparse.SUPPRESS)
-    arguments.environments(command)
-    arguments.resolution_of(command)
-    arguments.limits(command)
-    arguments.jobs(command, "two")
-    arguments.scheduler(command)
-    command.add_argument(
-        "--out",
-        type=Path,
-        default=Path("reports/sweep"),
-        metavar="DIR",
-        help="where rows, plan and page go; what is there is gone on with (reports/sweep)",
-    )
-    alone = command.add_mutually_exclusive_group()
-    alone.add_argument(
-        "--only", type=int, default=None, metavar="INDEX", help="run this case alone, and print it"
-    )
-    alone.add_argument(
-        "--summary", type=Path, default=None, metavar="DIR", help="tell again what is in DIR"
-    )
+    variants.add_argument("--under", nargs=2, default=[], help=argparse.SUPPRESS)
 
 
 def _steps(text: str) -> tuple[float, ...]:
-    """Steps above zero, each once."""
-    found = tuple(arguments.seconds(part) for part in text.split(","))
-    if len(set(found)) < len(found):
-        raise argparse.ArgumentTypeError(f"{text} names a step twice")
-    return found
+    """Return time steps above zero, each once."""
+    steps = tuple(arguments.seconds(part) for part in text.split(","))
+    if len(set(steps)) < len(steps):
+        raise argparse.ArgumentTypeError(f"must name each time step once, not {text}")
+    return steps

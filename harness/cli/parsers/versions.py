@@ -3,43 +3,45 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from physics_crosscheck.harness.cli import arguments
+from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
+
+
+ABOUT = CommandHelp(
+    description="Run the same models in several versions of an engine and compare them.\n"
+    "Each version gets its own environment. Write index.html.",
+    examples={
+        "Compare two versions of MuJoCo": "crosscheck versions arm.urdf"
+        " --engine mujoco 3.3.7 3.4.0",
+        "Use an environment of your own": "crosscheck versions --engine mujoco 3.3.7 3.4.0=env",
+    },
+    exit_codes={
+        "0": "Nothing changed between the versions.",
+        "1": "A case changed.",
+        "2": "Wrong usage, or an unknown target.",
+        "3": "A version could not be installed, or a case could not be compared.",
+        **INTERRUPTED,
+    },
+)
 
 
 def add(command: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    command.add_argument(
-        "folders",
-        nargs="*",
-        metavar="FOLDER",
-        help="system folders, and robots' files; none: built-in",
-    )
-    command.add_argument(
+    arguments.targets(command, required=False, kinds="System folders and robot files")
+    group(command, "Selection").add_argument(
         "--engine",
         nargs="+",
         action="append",
         required=True,
         metavar="NAME VERSION",
-        help="an engine and two versions of it or more, each held against the one before; of one"
-        " that is installed already: VERSION=path/to/environment",
-    )
-    arguments.environments(command)
-    command.add_argument(
-        "--out",
-        type=Path,
-        default=Path("reports/versions"),
-        metavar="DIR",
-        help="where index.html and each version's results go (reports/versions)",
-    )
-    command.add_argument("--json", type=Path, metavar="FILE", help="write the record to a file")
-    command.add_argument(
-        "--diagnose",
-        action="store_true",
-        help="name the cause where a model differs, in each version's report; takes a while",
+        help="Engine and at least two versions, as VERSION or VERSION=ENVIRONMENT (required)",
     )
     arguments.floating(command)
     arguments.resolution_of(command)
+    arguments.diagnose(command)
+    arguments.out(command, "reports/versions")
+    arguments.json_file(command)
+    arguments.environments(command)
     arguments.limits(command)
     arguments.jobs(command)
