@@ -1,4 +1,4 @@
-"""What a run may be told: which cases, in which engines, how finely, and what beside verdicts."""
+"""Options of a run: cases, engines, resolution, limits, and results beside the verdicts."""
 
 from __future__ import annotations
 
@@ -20,44 +20,44 @@ RESOLVED = (1e-13, 1e-2)
 
 
 def check_text(value: object, name: str, *, path: bool = False) -> None:
-    """Check an argument that is a text, or a path.
+    """Check an argument that is a string, or a path.
 
     Raises:
-        TypeError: naming the argument, and what belongs there.
+        TypeError: naming the argument and the expected type.
     """
     if not isinstance(value, str | PathLike if path else str):
         what = "a path" if path else "a string"
-        raise TypeError(f"{name} is {brief(value)}, where {what} belongs")
+        raise TypeError(f"{name} must be {what}, not {brief(value)}")
 
 
 def check_names(value: object, name: str) -> None:
     """Check an argument that is a sequence of names.
 
     Raises:
-        TypeError: naming the argument, and what belongs there.
+        TypeError: naming the argument and the expected type.
     """
     if isinstance(value, str):
-        raise TypeError(f"{name} is {value!r}, where a list belongs: {name}=[{value!r}]")
+        raise TypeError(f"{name} must be a list, not {value!r}; write {name}=[{value!r}]")
     if not isinstance(value, Sequence) or not all(isinstance(one, str) for one in value):
-        raise TypeError(f"{name} is {brief(value)}, where a list of names belongs")
+        raise TypeError(f"{name} must be a list of names, not {brief(value)}")
 
 
 def check_number(
     value: object, name: str, least: float, most: float, unit: str = "", *, whole: bool = False
 ) -> float:
-    """Return an argument that is a number from `least` to `most`; numpy's own count too.
+    """Return an argument that is a number from `least` to `most`; numpy's numbers are accepted.
 
     Raises:
-        TypeError: for what is no number, or no whole one where that is asked.
-        ValueError: for one that is out of bounds.
+        TypeError: for anything but a number, or a whole number if `whole`.
+        ValueError: for a number out of bounds.
     """
     kind = f"{'a whole number' if whole else 'a number'}{unit and ' of '}{unit}"
-    told = f"{name} is {brief(value)}, where {kind}"
+    expected = f"{name} must be {kind}"
     if isinstance(value, bool) or not isinstance(value, Integral if whole else Real):
-        raise TypeError(f"{told} belongs")
+        raise TypeError(f"{expected}, not {brief(value)}")
     number = float(value)
     if not least <= number <= most:
-        raise ValueError(f"{told} from {least:g} to {most:g} belongs")
+        raise ValueError(f"{expected} from {least:g} to {most:g}, not {brief(value)}")
     return number
 
 
@@ -76,10 +76,10 @@ def check_limits(seconds: object, memory: object, options: str) -> Limits:
     Args:
         seconds: of the processor.
         memory: GiB.
-        options: what the names of the two are told with.
+        options: prefix of both names in messages.
 
     Raises:
-        TypeError, ValueError: for what is no limit.
+        TypeError, ValueError: for an invalid limit.
     """
     return Limits(
         seconds=check_number(seconds, "limit", LEAST_SECONDS, MOST, "seconds"),
@@ -89,21 +89,21 @@ def check_limits(seconds: object, memory: object, options: str) -> Limits:
 
 
 def resolvable(resolution: float) -> bool:
-    """Whether double precision can serve a resolution."""
+    """Return whether double precision can serve a resolution."""
     least, most = RESOLVED
     return least <= resolution <= most
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What is wanted of a run that compares: what each case's model does, and not all beside it.
+    """The part of a run that a comparison needs: the motion of each case's model.
 
     Attributes:
         models: those to run; None: all.
-        snapshots: accepted ones, by case.
-        repeated: others, by folder and case: two folders may hold systems of one name.
+        snapshots: accepted segments, by case.
+        repeated: other segments, by folder and case: two folders may have systems of one name.
         diagnose: whether models that differ are diagnosed.
-        described: whether linearizations are wanted, and the derivation for a report.
+        described: whether linearizations and the derivation for a report are computed.
     """
 
     models: frozenset[ModelKey] | None
@@ -113,22 +113,25 @@ class Selection:
     described: bool = False
 
     def includes(self, model: ModelKey) -> bool:
-        """Whether a model is to be run."""
+        """Return whether a model is to be run."""
         return self.models is None or model in self.models
 
     def snapshot(self, folder: str, case: CaseId) -> Snapshot | None:
-        """The segments that a case is to repeat, if there are such."""
+        """Return the segments that a case repeats, if any."""
         return self.repeated.get((folder, case)) or self.snapshots.get(case)
 
 
 @dataclass(frozen=True)
 class Options:
-    """What `crosscheck run` may be told.
+    """Options of `crosscheck run`.
 
-    `baseline` is where known differences are looked up; `floating` lets the root link of a URDF
-    that is given alone move; `model` chooses one of several models of an SDFormat file; `choice`
-    tells which cases are wanted; `scheduler` is the address of a cluster's, empty for processes of
-    this machine; `cache` has what was found before, where nothing it depends on is another.
+    Attributes:
+        baseline: the folder with accepted differences.
+        floating: whether the root link of a standalone URDF moves.
+        model: the model to read from an SDFormat file that has several.
+        choice: the cases to run.
+        scheduler: address of a cluster's scheduler; empty for processes of this machine.
+        cache: results of earlier runs, reused where their inputs have not changed.
     """
 
     engines: tuple[str, ...] = ()
@@ -145,10 +148,10 @@ class Options:
 
     @property
     def described(self) -> bool:
-        """Whether linearizations are wanted, and the derivation for a report."""
+        """Whether linearizations and the derivation for a report are computed."""
         return self.selection is None or self.selection.described
 
     @property
     def diagnosed(self) -> bool:
-        """Whether models that differ are."""
+        """Whether models that differ are diagnosed."""
         return self.selection is None or self.selection.diagnose

@@ -108,6 +108,9 @@ class _Formatter(argparse.HelpFormatter):
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return "\n".join(_wrapped(f"{indent}{line}", width) for line in text.splitlines())
 
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        return textwrap.wrap(text, width, **_WHOLE_WORDS)
+
     def add_usage(self, usage: str | None, *more: Any, **named: Any) -> None:
         """Add a usage line, broken between arguments."""
         if usage and usage is not argparse.SUPPRESS:
@@ -150,7 +153,9 @@ def metavar(action: argparse.Action) -> str:
     """Return how help shows the values of an option or argument; empty where it takes none."""
     if action.nargs == 0:
         return ""
-    name = action.metavar if isinstance(action.metavar, str) else None
+    name = action.metavar
+    if isinstance(name, tuple):
+        name = " ".join(name)
     if name is None:
         name = "|".join(map(str, action.choices)) if action.choices else action.dest.upper()
     if action.nargs == "*":

@@ -13,7 +13,12 @@ from physics_crosscheck.harness.cached import Cache
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.exit_codes import AGREE, DIFFER, FAIL, SIGNALLED
 from physics_crosscheck.harness.cli.keeping import check_page, keep_history
-from physics_crosscheck.harness.cli.targets import Targets, select_targets, warn_unknown, with_unknown
+from physics_crosscheck.harness.cli.targets import (
+    Targets,
+    select_targets,
+    warn_unknown,
+    with_unknown,
+)
 from physics_crosscheck.harness.cli.watch import Ran, watch
 from physics_crosscheck.harness.files.folders import FolderError, check_engines
 from physics_crosscheck.harness.files.model_files import absent_lines

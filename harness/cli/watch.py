@@ -120,7 +120,9 @@ def _part(wanted: Targets, again: set[Place]) -> Targets:
     return Targets(NamedFolders(folders, {}), robots, replace(wanted.choice, models=models))
 
 
-def _wait(wanted: Targets, before: Hashes, reads: Reads) -> tuple[Hashes, set[Place], Sequence[str]]:
+def _wait(
+    wanted: Targets, before: Hashes, reads: Reads
+) -> tuple[Hashes, set[Place], Sequence[str]]:
     """Wait until the content of a file changes; returns what is made of others now, and those.
 
     A file that is being written is waited for: what counts is what stands still for a moment.

@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
 
-
 ABOUT = CommandHelp(
     description="Accept the current results as the baseline, with a reason.\n"
     "Models that changed run first; the baseline folder gets the results.",
@@ -32,7 +31,7 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="CASE",
         help="Cases to accept, e.g. 'arm/arm.urdf/*' [all]",
     )
-    command.add_argument(
+    group(command, "Baseline").add_argument(
         "--reason", required=True, metavar="TEXT", help="Reason, stored in the baseline (required)"
     )
     group(command, "Selection").add_argument(

@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp
 
-
 ABOUT = CommandHelp(
     description="Check the numbers of model files and engines without running motions.\n"
     "Print each wrong number with its file and line.",

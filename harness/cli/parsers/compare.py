@@ -14,8 +14,7 @@ ABOUT = CommandHelp(
     "Print whether they move alike, and the numbers that differ.",
     examples={
         "Compare two files": "crosscheck compare robot.urdf robot.xml",
-        "Compare one file in two engines": "crosscheck compare a.urdf a.urdf"
-        " --engine-b pybullet",
+        "Compare one file in two engines": "crosscheck compare a.urdf a.urdf --engine-b pybullet",
     },
     exit_codes={
         "0": "The models agree.",

@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli.completion import SHELLS
 from physics_crosscheck.harness.cli.help import CommandHelp
 
-
 ABOUT = CommandHelp(
     description="Print a shell script that completes crosscheck commands with Tab.\n"
     "Add the matching example to the start-up file of your shell.",

@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
 
-
 ABOUT = CommandHelp(
     description="Print the equations of motion of systems, linearized, with their modes.\n"
     "Errors in published equations are listed where system.py quotes them.",

@@ -6,7 +6,6 @@ import argparse
 
 from physics_crosscheck.harness.cli.help import CommandHelp, group
 
-
 ABOUT = CommandHelp(
     description="List the physics engines: version, file formats and capabilities.\n"
     "For an engine that is missing, print the command that installs it.",

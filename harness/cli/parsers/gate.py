@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
 
-
 ABOUT = CommandHelp(
     description="Run the models that changed and compare them with the accepted baseline.\n"
     "Write gate.json and summary.md. Made for CI.",

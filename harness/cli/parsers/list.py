@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp
 
-
 ABOUT = CommandHelp(
     description="List the cases that `crosscheck run` would check.\n"
     "Each case has a name: SYSTEM/MODEL/SCENARIO [ENGINE]. Nothing runs.",

@@ -8,7 +8,6 @@ from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp
 from physics_crosscheck.harness.schedule.limits import FAULT_SECONDS
 
-
 ABOUT = CommandHelp(
     description="Plant known faults in models and report which ones the checks detect.\n"
     "Your files stay as they are: every fault goes into a copy.",

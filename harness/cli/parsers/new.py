@@ -8,7 +8,6 @@ from pathlib import Path
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import CommandHelp, group
 
-
 ABOUT = CommandHelp(
     description="Create a system folder with comments that explain every part.\n"
     "It runs as it is; with --from, it declares the bodies of your model.",

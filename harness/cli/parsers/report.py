@@ -7,7 +7,6 @@ from pathlib import Path
 
 from physics_crosscheck.harness.cli.help import CommandHelp, group
 
-
 ABOUT = CommandHelp(
     description="Create the HTML report of a finished run, or compare two runs.\n"
     "Write index.html for one run, changes.html for two. Nothing runs.",

@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp
 from physics_crosscheck.harness.cli.parsers.gate import add_selection
 
-
 ABOUT = CommandHelp(
     description="Show each change since the baseline and ask you to accept or reject it.\n"
     "Accepted results go into the baseline. Needs a terminal.",

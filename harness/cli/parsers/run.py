@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
 
-
 ABOUT = CommandHelp(
     description="Check model files against their equations of motion, in every engine.\n"
     "Write results.json and the report index.html.",

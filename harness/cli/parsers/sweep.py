@@ -15,8 +15,7 @@ ABOUT = CommandHelp(
     description="Check many variants of models: parameters, time steps, integrators, engines.\n"
     "Write a row for each case, a summary and index.html; rerun to resume.",
     examples={
-        "Draw a stiffness 100 times": "crosscheck sweep drum_pendulum --vary k=20:200"
-        " --draws 100",
+        "Draw a stiffness 100 times": "crosscheck sweep my_arm --vary k=20:200 --draws 100",
         "Try two time steps of a robot file": "crosscheck sweep arm.urdf --step 0.001,0.002",
     },
     exit_codes={
@@ -104,7 +103,7 @@ def _add_variants(command: argparse.ArgumentParser) -> None:
         "--versions",
         nargs="+",
         default=[],
-        metavar="NAME VERSION",
+        metavar=("NAME", "VERSION"),
         help="Engine and versions to try, as VERSION or VERSION=ENVIRONMENT",
     )
     variants.add_argument("--under", nargs=2, default=[], help=argparse.SUPPRESS)

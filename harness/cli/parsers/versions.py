@@ -7,7 +7,6 @@ import argparse
 from physics_crosscheck.harness.cli import arguments
 from physics_crosscheck.harness.cli.help import INTERRUPTED, CommandHelp, group
 
-
 ABOUT = CommandHelp(
     description="Run the same models in several versions of an engine and compare them.\n"
     "Each version gets its own environment. Write index.html.",
@@ -34,7 +33,7 @@ def add(command: argparse.ArgumentParser) -> None:
         nargs="+",
         action="append",
         required=True,
-        metavar="NAME VERSION",
+        metavar=("NAME", "VERSION"),
         help="Engine and at least two versions, as VERSION or VERSION=ENVIRONMENT (required)",
     )
     arguments.floating(command)
