@@ -69,7 +69,7 @@ def command_line_page() -> str:
         "`crosscheck COMMAND --help` prints the same in a terminal. `python -m physics_crosscheck`"
         " works like `crosscheck`.",
         "",
-        "Values in brackets are defaults. A [configuration file](configuration.md) can change them.",
+        "Values in brackets are defaults. [Settings](configuration.md) can change them.",
     ]
     for title, commands in COMMAND_GROUPS.items():
         lines += ["", f"## {title}", "", "| Command | Purpose |", "|---|---|"]

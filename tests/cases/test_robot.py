@@ -260,8 +260,10 @@ def test_a_missing_file_is_told_as_a_file_and_the_others_are_judged(tmp_path: Pa
         "crosscheck: arm.skel: of files alone, .urdf, .sdf and .xml are run; give one of"
         in done.stderr
     )
-    assert done.stderr.endswith("not run, as told at the beginning: missing.urdf, arm.skel\n")
-    assert "crosscheck: missing.urdf: there is no such file; the others go on" in done.stderr
+    assert done.stderr.endswith("skipped unknown targets: missing.urdf, arm.skel\n")
+    assert (
+        "crosscheck: missing.urdf: there is no such file; continuing with the others" in done.stderr
+    )
     results = read_results(tmp_path / "out" / "results.json")
     assert [(case.model, case.outcome) for case in results.cases] == [
         ("bad.urdf", "FAILED"), ("arm.urdf", "AGREES"),

@@ -48,9 +48,9 @@ def test_a_model_s_name_audits_it_alone_and_a_finding_s_line_is_told_from_where_
 
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("pendulum/mujoco.xml [pymunk]", "no model has such a name in such an engine; `crosscheck"),
+    ("pendulum/mujoco.xml [pymunk]", "no model matches these names and engines; run `crosscheck list`"),
     ("pendulum/other.xml", "pendulum/other.xml: there is no such file"),
-    ("arm.urdf", "arm.urdf: no sidecar says what its numbers should be; `crosscheck run arm.urdf`"),
+    ("arm.urdf", "arm.urdf: it has no sidecar, so an audit has no reference for its numbers; `crosscheck run"),
 ])  # fmt: skip
 def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
     place: Path, name: str, said: str
@@ -63,7 +63,7 @@ def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
 
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("pendulums", "pendulums: no such folder"), ("arm.urdf", "arm.urdf: no sidecar says"),
+    ("pendulums", "pendulums: no such folder"), ("arm.urdf", "arm.urdf: it has no sidecar"),
 ])  # fmt: skip
 def test_what_can_t_be_audited_beside_a_model_is_told_and_the_model_audited(
     place: Path, name: str, said: str
@@ -82,5 +82,5 @@ def test_a_sidecar_that_can_t_be_read_is_told_where_its_model_is_named(
     (tmp_path / "pendulum" / "mujoco.xml.toml").write_text("engines = 3\n")
     ran = crosscheck("audit", "pendulum/mujoco.xml [mujoco]", cwd=tmp_path)
     assert ran.returncode == 3
-    assert "failed" in ran.stdout
+    assert "  ERROR    " in ran.stdout
     assert "mujoco.xml.toml" in ran.stdout

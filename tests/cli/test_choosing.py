@@ -60,7 +60,7 @@ def test_what_failed_is_run_again_and_nothing_else(place: Path) -> None:
     assert ran(place) == ["oscillator/wrong.known/free [known]"]
     third = crosscheck(place, "run", "--last-failed")
     assert (third.returncode, third.stdout) == (0, "")
-    assert "the last run has nothing that failed" in third.stderr
+    assert "the last run has no failed case" in third.stderr
 
 
 def test_results_go_to_a_program_as_json_alone(place: Path) -> None:

@@ -127,11 +127,19 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path
 @pytest.mark.parametrize(("arguments", "sentence"), [
     (["run", "nowhere"], "nowhere: no such folder; built-in systems are anchored_pair"),
     (["run", "--engine", "havok"], "no engine 'havok' is known; known are dart, drake, idyntree"),
-    (["run", "--resolution", "0"], "is not between"),
-    (["run", "--jobs", "0"], "no positive number"),
+    (["run", "--resolution", "0"], "must be a number between 1e-13 and 1e-2, not 0"),
+    (["run", "--jobs", "0"], "must be a whole number above 0, not 0"),
     (["report", "nothing.json"], "nothing.json: can't be read"),
-    (["frobnicate"], "invalid choice"),
-    ([], "required"),
+    (["frobnicate"], "unknown command 'frobnicate'. Commands: run, list"),
+    (["audti", "x"], "unknown command 'audti'. Did you mean audit?"),
+    (["."], "To check this path, run `crosscheck run .`"),
+    (["run", "--lst-failed"], "crosscheck run: unknown option --lst-failed. Did you mean --last-f"),
+    (["run", "--alone", "x"], "unknown option --alone"),
+    (["--jobs", "2", "run"], "unknown option --jobs before a command. Options follow the command"),
+    (["run", "--format", "josn"], "unknown value 'josn'. Did you mean json? Choose from text, json"),
+    (["run", "--strict=1"], "--strict"),
+    (["compare", "a", "b", "c"], "unexpected argument 'c'"),
+    (["engines", "--conformance", "mujoko"], "'mujoko' is not installed. Did you mean mujoco?"),
 ])  # fmt: skip
 def test_wrong_usage_exits_2_with_a_sentence(
     tmp_path: Path, arguments: list[str], sentence: str
@@ -155,9 +163,12 @@ def test_a_folder_that_is_missing_costs_the_others_nothing_and_exits_2(
     done = crosscheck(command, *names, *only, cwd=tmp_path)
     assert done.returncode == 2, done.stderr
     assert "nowhere: no such folder; built-in systems are" in done.stderr
-    assert "empty: neither it nor a folder in it has a system.py; the others go on" in done.stderr
+    assert (
+        "empty: neither it nor a folder in it has a system.py; continuing with the others"
+        in done.stderr
+    )
     last = done.stderr.splitlines()[-1]
-    assert last == "crosscheck: not run, as told at the beginning: nowhere, empty"
+    assert last == "crosscheck: skipped unknown targets: nowhere, empty"
     assert "pendulum" in done.stdout
     assert "mass" in done.stdout
 
@@ -167,7 +178,7 @@ def test_a_folder_that_is_missing_hides_no_failure(folder: Path, tmp_path: Path)
     done = crosscheck("run", folder.name, "nowhere", "--engine", "mujoco", cwd=tmp_path)
     assert done.returncode == 3
     assert "nowhere: no such folder; built-in systems are" in done.stderr
-    assert done.stderr.splitlines()[-1].endswith("not run, as told at the beginning: nowhere")
+    assert done.stderr.splitlines()[-1].endswith("skipped unknown targets: nowhere")
 
 
 def test_report_draws_from_results_without_running_anything(folder: Path, tmp_path: Path) -> None:
@@ -177,6 +188,13 @@ def test_report_draws_from_results_without_running_anything(folder: Path, tmp_pa
     done = crosscheck("report", "out/results.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out" / "index.html").stat().st_size > 10_000
+
+
+def test_the_command_alone_prints_its_help(tmp_path: Path) -> None:
+    done = crosscheck(cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == crosscheck("--help", cwd=tmp_path).stdout
+    assert "Check models:\n  run " in done.stdout
 
 
 def test_engines_are_listed_with_their_versions(tmp_path: Path) -> None:
@@ -276,7 +294,7 @@ def test_what_could_not_be_printed_for_want_of_room_is_told(tmp_path: Path) -> N
             command, cwd=tmp_path, env=environment, stdout=full, stderr=subprocess.PIPE, text=True
         )
     assert done.returncode == 3
-    assert done.stderr == "crosscheck: standard output: No space left on device\n"
+    assert "standard output: No space left on device. The printed text is incomplete" in done.stderr
 
 
 @pytest.mark.slow

@@ -56,7 +56,7 @@ def imported(
 
 @pytest.mark.parametrize("words", ["{} --help", "{} --nonsense"])
 def test_no_arguments_import_what_only_the_work_needs(words: str, tmp_path: Path) -> None:
-    commands = ["--help", "--nonsense", *(words.format(name) for name in COMMANDS)]
+    commands = ["--help", "--nonsense", "rnu", *(words.format(name) for name in COMMANDS)]
     assert imported(tmp_path, *commands) == [f"imported after {given}" for given in commands]
 
 

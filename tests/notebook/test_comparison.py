@@ -124,19 +124,19 @@ def test_what_can_not_be_compared_is_refused_in_the_words_of_python(tmp_path: Pa
     with pytest.raises(CompareError, match="choose another with engine_a=") as told:
         compare(MODEL, MODEL, engine="pymunk")
     assert "--" not in str(told.value)
-    with pytest.raises(ValueError, match="resolution is 0, where a number"):
+    with pytest.raises(ValueError, match="resolution must be a number"):
         compare(MODEL, MODEL, resolution=0)
     with pytest.raises(CompareError, match="theta starts at inf"):
         compare(MODEL, MODEL, starts=[{"theta": float("inf")}])
 
 
 @pytest.mark.parametrize(("given", "told"), [
-    ({"b": None}, "b is None, where a path belongs"),
-    ({"engine": ["mujoco"]}, r"engine is \['mujoco'\], where a string belongs"),
+    ({"b": None}, "b must be a path, not None"),
+    ({"engine": ["mujoco"]}, r"engine must be a string, not \['mujoco'\]"),
     ({"joints": 5}, "joints is 5, where joints of A by those of B belong"),
     ({"joints": {"theta": 5}}, "joints is .* where joints of A by those of B belong"),
     ({"starts": {"theta": 1.0}}, "starts is .* where a list of states belongs"),
-    ({"limit": "long"}, "limit is 'long', where a number of seconds belongs"),
+    ({"limit": "long"}, "limit must be a number of seconds, not 'long'"),
 ])  # fmt: skip
 def test_an_argument_of_another_type_is_refused_with_what_belongs_there(
     given: dict[str, Any], told: str

@@ -100,16 +100,16 @@ def test_wrong_arguments_are_refused_by_name() -> None:
 
 @pytest.mark.parametrize(("given", "kind", "told"), [
     ({"engines": "pymunk"}, TypeError, r"engines is 'pymunk', .* engines=\['pymunk'\]"),
-    ({"engines": [5]}, TypeError, r"engines is \[5\], where a list of names belongs"),
-    ({"resolution": 0}, ValueError, "resolution is 0, where a number from 1e-13 to 0.01 belongs"),
-    ({"resolution": "fine"}, TypeError, "resolution is 'fine', where a number belongs"),
-    ({"limit": math.nan}, ValueError, "limit is nan, where a number of seconds from"),
-    ({"limit": "long"}, TypeError, "limit is 'long', where a number of seconds belongs"),
-    ({"memory": 0}, ValueError, "memory is 0, where a number of GiB from 0.5"),
+    ({"engines": [5]}, TypeError, r"engines must be a list of names, not \[5\]"),
+    ({"resolution": 0}, ValueError, "resolution must be a number from 1e-13 to 0.01, not 0"),
+    ({"resolution": "fine"}, TypeError, "resolution must be a number, not 'fine'"),
+    ({"limit": math.nan}, ValueError, "limit must be a number of seconds from"),
+    ({"limit": "long"}, TypeError, "limit must be a number of seconds, not 'long'"),
+    ({"memory": 0}, ValueError, "memory must be a number of GiB from 0.5"),
     ({"jobs": -1}, ValueError, "jobs is -1, where a whole number from 0"),
-    ({"jobs": 1.5}, TypeError, "jobs is 1.5, where a whole number belongs"),
-    ({"baseline": 5}, TypeError, "baseline is 5, where a path belongs"),
-    ({"scheduler": 5}, TypeError, "scheduler is 5, where a string belongs"),
+    ({"jobs": 1.5}, TypeError, "jobs must be a whole number, not 1.5"),
+    ({"baseline": 5}, TypeError, "baseline must be a path, not 5"),
+    ({"scheduler": 5}, TypeError, "scheduler must be a string, not 5"),
 ])  # fmt: skip
 def test_an_argument_of_another_kind_is_refused_with_what_belongs_there(
     given: dict[str, Any], kind: type[Exception], told: str

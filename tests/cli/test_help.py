@@ -1,0 +1,125 @@
+"""Help of the commands: complete, short, wrapped, and true to the parsers."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from physics_crosscheck.harness.cli.help import GROUPS, CommandParser, group
+from physics_crosscheck.harness.cli.main import COMMANDS, build_parser, subparsers
+from physics_crosscheck.harness.cli.reference import main as write_pages
+from physics_crosscheck.harness.cli.settings import SETTINGS
+
+PARSER = build_parser(COMMANDS)
+PARSERS = subparsers(PARSER)
+DOCS = Path(__file__).parents[2] / "docs" / "reference"
+
+OWN_MEANING = {("compare", "--engine"), ("versions", "--engine"), ("report", "--out")}
+"""Options that share a name with others, and take or mean something else."""
+
+
+def options(command: CommandParser) -> Iterator[argparse.Action]:
+    return (one for one in command._actions if one.help is not argparse.SUPPRESS)
+
+
+def shown(name: str, columns: int, patch: pytest.MonkeyPatch) -> str:
+    patch.setenv("COLUMNS", str(columns))
+    return (PARSERS[name] if name else PARSER).format_help()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_description_groups_examples_and_exit_codes(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    about, text = PARSERS[name].about, shown(name, 80, monkeypatch)
+    first, second = about.description.split("\n")
+    assert first in text
+    assert second in text
+    assert len(about.examples) == 2
+    assert all(f"  # {what}\n  {line}\n" in text for what, line in about.examples.items())
+    assert all(
+        re.search(rf"^  {re.escape(code)} +{re.escape(meaning.split()[0])}", text, re.MULTILINE)
+        for code, meaning in about.exit_codes.items()
+    )
+    titles = [line[:-1] for line in text.splitlines() if line.endswith(":") and line[0] != " "]
+    used = [title for title in GROUPS if group(PARSERS[name], title)._group_actions]
+    assert titles == [*used, "Examples", "Exit codes"]
+    assert {one.title for one in PARSERS[name]._action_groups} == set(GROUPS)
+    others = group(PARSERS[name], GROUPS[-1])._group_actions
+    assert [one.dest for one in others] == ["help"]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_help_has_more_than_12_words(name: str) -> None:
+    assert len(COMMANDS[name].split()) <= 10
+    for one in options(PARSERS[name]):
+        assert one.help, one.dest
+        assert len(one.help.split()) <= 12, one.help
+        assert one.help[0].isupper(), one.help
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_no_line_is_wider_than_the_terminal_and_no_example_is_broken(
+    name: str, columns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = shown(name, columns, monkeypatch)
+    assert max(map(len, text.splitlines())) <= columns
+    examples = PARSERS[name].about.examples.values() if name else ()
+    assert all(f"\n  {line}\n" in text for line in examples)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_examples_parse(name: str) -> None:
+    for line in PARSERS[name].about.examples.values():
+        command = re.search(r"crosscheck [^|)]*", line)
+        assert command, line
+        words = shlex.split(command[0])[1:]
+        assert PARSER.parse_args(words).command == name, line
+
+
+def test_an_option_of_one_name_has_one_help() -> None:
+    texts: dict[str, set[str]] = {}
+    for name, command in PARSERS.items():
+        for one in options(command):
+            for option in one.option_strings:
+                if (name, option) not in OWN_MEANING:
+                    text = (one.help or "").partition(" [")[0]
+                    texts.setdefault(option, set()).add(text)
+    assert {option: found for option, found in texts.items() if len(found) > 1} == {}
+
+
+def test_defaults_in_brackets_are_those_of_the_parsers() -> None:
+    checked = 0
+    for command in PARSERS.values():
+        for one in options(command):
+            text = (one.help or "").partition(" [")[2].removesuffix("]")
+            value = one.default
+            if isinstance(value, Path) or (isinstance(value, float | str) and value and text):
+                assert text, one.dest
+                same = float(text) == value if isinstance(value, float) else text == str(value)
+                assert same, (one.dest, text, value)
+                checked += 1
+    assert checked > 30
+
+
+def test_every_setting_is_an_argument_of_its_commands() -> None:
+    for key, setting in SETTINGS.items():
+        for name in setting.commands:
+            assert setting.argument in {one.dest for one in options(PARSERS[name])}, (key, name)
+
+
+def test_the_committed_pages_are_those_of_the_parsers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CROSSCHECK_SCHEDULER", "tcp://there:8786")
+    write_pages(tmp_path)
+    remedy = "python -m physics_crosscheck.harness.cli.reference docs/reference"
+    for made in sorted(tmp_path.iterdir()):
+        assert made.read_text() == (DOCS / made.name).read_text(), remedy
+    assert len(list(tmp_path.iterdir())) == len(list(DOCS.glob("co*.md"))) == 2
