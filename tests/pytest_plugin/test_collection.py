@@ -125,7 +125,7 @@ def test_the_plugin_imports_nothing_but_pytest() -> None:
     (["--crosscheck", "nowhere"], "--crosscheck nowhere: no such folder; built-in systems are"),
     (["--crosscheck", ""], "--crosscheck PATH is empty; name a folder"),
     (["--crosscheck", "empty"], "--crosscheck empty: neither it nor a folder under it has a"),
-    (["--crosscheck", "models", "--crosscheck-resolution", "0"], "must be a number between 1e-13 and 1e-2, not 0"),
+    (["--crosscheck", "models", "--crosscheck-resolution", "0"], "between 1e-13 and 1e-2, not 0"),
     (["--crosscheck", "models", "--crosscheck-limit", "-1"], "must be a number of seconds above 0"),
 ])  # fmt: skip
 def test_wrong_usage_is_a_sentence_and_no_run(
