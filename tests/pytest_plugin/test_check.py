@@ -99,7 +99,7 @@ def test_wrong_arguments_are_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize(("given", "kind", "told"), [
-    ({"engines": "pymunk"}, TypeError, r"engines must be a list, not 'pymunk'; write engines=\['pymunk'\]"),
+    ({"engines": "pymunk"}, TypeError, r"must be a list, not 'pymunk'; write engines=\['pymunk'\]"),
     ({"engines": [5]}, TypeError, r"engines must be a list of names, not \[5\]"),
     ({"resolution": 0}, ValueError, "resolution must be a number from 1e-13 to 0.01, not 0"),
     ({"resolution": "fine"}, TypeError, "resolution must be a number, not 'fine'"),
