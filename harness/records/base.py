@@ -31,13 +31,14 @@ Span = tuple[Count, Count]
 
 
 class SourceLine(Record, frozen=True, kw_only=True):
-    """A line of a file, as `file:line`, with the number in it that is meant.
+    """A line of a file, with the number that it refers to.
 
     Attributes:
-        file: its name, or its path.
-        line: counted from 1; None where the whole file is meant.
-        span: bytes of the number in the file; None where no single number is meant.
-        text: the number as the file spells it in `span`; empty without one.
+        file: Name or path of the file.
+        line: Line number, counted from 1; None for the whole file.
+        span: First byte of the number in the file and the byte after its last; None without a
+            number.
+        text: The number as written in the file; empty without a `span`.
     """
 
     file: str

@@ -13,22 +13,22 @@ FORMAT = 2
 
 
 class Snapshot(Record, frozen=True, kw_only=True):
-    """Picked segments of a scenario, K of them, complete in numbers: a later run can repeat them.
+    """K segments of a scenario with all numbers, so that a later run can repeat them.
 
     Attributes:
-        scenario: its name.
-        components: names of the state's 2n components.
-        duration: of the whole scenario, seconds.
-        inputs: in words, `F = 7*Heaviside(t - 1)`.
-        fastest: fastest rate along the motion, rad/s.
-        varying: whether an input changes over any segment of the scenario.
-        t: start times, (K,), seconds; None where no motion joins the segments.
-        length: of each segment, (K,), seconds.
-        start: states there, (K, 2n).
-        input_nodes: each segment's inputs at Chebyshev points inside it, (nodes, inputs); one row
-            where they are constant.
-        end: where the equations end each segment, (K, 2n).
-        scale: what a defect is relative to, (2n,).
+        scenario: Name of the scenario.
+        components: Names of the 2n state components.
+        duration: Duration of the whole scenario, seconds.
+        inputs: Inputs as text, such as `F = 7*Heaviside(t - 1)`.
+        fastest: Fastest rate along the motion, rad/s.
+        varying: Whether an input changes within any segment.
+        t: Start times, shape (K,), seconds; None for separate random states.
+        length: Length of each segment, shape (K,), seconds.
+        start: Start states, shape (K, 2n).
+        input_nodes: Inputs of each segment at Chebyshev points, shape (nodes, inputs); one row for
+            constant inputs.
+        end: End states by the equations, shape (K, 2n).
+        scale: Scale of the relative differences, shape (2n,).
     """
 
     scenario: str
@@ -46,11 +46,11 @@ class Snapshot(Record, frozen=True, kw_only=True):
 
 
 class Identified(Record, frozen=True, kw_only=True):
-    """A constant as a motion tells it.
+    """A constant estimated from a motion.
 
     Attributes:
-        value: in the constant's unit.
-        standard_error: of it.
+        value: Estimate in the constant's unit.
+        standard_error: Standard error of the estimate.
     """
 
     value: float
@@ -58,11 +58,12 @@ class Identified(Record, frozen=True, kw_only=True):
 
 
 class OnAccepted(Record, frozen=True, kw_only=True):
-    """Where the segments of the accepted snapshot end now, (K, 2n) each.
+    """Present end states of the accepted segments, shape (K, 2n) each.
 
     Attributes:
-        end, uncertainty: by the model.
-        equations: by the equations.
+        end: End states of the model.
+        uncertainty: Uncertainty of `end`.
+        equations: End states by the equations.
     """
 
     end: Rows
@@ -71,13 +72,15 @@ class OnAccepted(Record, frozen=True, kw_only=True):
 
 
 class Measurement(Record, frozen=True, kw_only=True):
-    """What a case's model does, on a snapshot of its own, and on the accepted one.
+    """Motion of a case's model on its own segments and on the accepted ones.
 
     Attributes:
-        end, uncertainty: of the model on `snapshot`, (K, 2n).
-        constants: that the motion identifies, by name.
-        on_accepted: None where nothing comparable was accepted.
-        reads: states of what the folder's code read or looked for, by name relative to the folder.
+        snapshot: The segments.
+        end: End states of the model, shape (K, 2n).
+        uncertainty: Uncertainty of `end`, shape (K, 2n).
+        constants: Constants that the motion identifies.
+        on_accepted: Result on the accepted segments; None if nothing comparable was accepted.
+        reads: State of each file that the folder's code read or looked for.
     """
 
     snapshot: Snapshot
@@ -89,27 +92,36 @@ class Measurement(Record, frozen=True, kw_only=True):
 
 
 class AcceptedCase(Record, frozen=True, kw_only=True):
-    """What was accepted of a case, or would be.
+    """The accepted result of a case.
 
     Attributes:
-        system, model, scenario, engine: which case it is of.
-        summary: all of it in one line, for who reviews it.
-        reason: why it was accepted.
-        outcome: of the case.
-        outcome_reason: the sentence for what is not AGREES.
-        discrepancy, uncertainty, component, order, claimed_order: as in the case's verdict.
-        constants: that the motion identifies, by name.
-        global_error, time_step, integrator: as in its full run.
-        global_order: of the global error.
-        engine_version: the name of the engine with its version.
-        resolution: of the run.
-        numerics: version of this package's numerics.
-        files: hashes of what the case depends on, by name, relative to the system's folder. Of what
-            its code looked for elsewhere, a word says what it found: `absent`, `names:HASH`.
-        snapshot: key of the snapshot that the ends belong to.
-        end: where the model ends its segments, (K, 2n).
-        end_uncertainty: of these.
-        seal: over all of this, its name included.
+        system: Name of the system.
+        model: Name of the model file.
+        scenario: Name of the scenario.
+        engine: Name of the engine.
+        summary: One line for the reviewer.
+        reason: Reason for accepting.
+        outcome: Accepted outcome.
+        outcome_reason: Explanation of an outcome other than AGREES.
+        discrepancy: Discrepancy of the verdict.
+        uncertainty: Uncertainty of the verdict.
+        component: Deciding component of the verdict.
+        constants: Constants that the motion identifies.
+        global_error: Largest position error at `time_step`, relative to the amplitude.
+        global_order: Order of the global error.
+        time_step: Time step of the model, seconds.
+        integrator: Name of the integrator.
+        order: Observed order of the verdict.
+        claimed_order: Order that the engine claims.
+        engine_version: Name and version of the engine.
+        resolution: Resolution of the run.
+        numerics: Version of this package's numerical methods.
+        files: Hashes of all inputs, by path. Files that code looked for have `absent` or
+            `names:HASH`.
+        snapshot: Key of the snapshot for `end`.
+        end: End states of the model, shape (K, 2n).
+        end_uncertainty: Uncertainty of `end`.
+        seal: Hash of this entry.
     """
 
     system: str
@@ -148,13 +160,14 @@ class AcceptedCase(Record, frozen=True, kw_only=True):
 
 
 class AcceptedFinding(Record, frozen=True, kw_only=True):
-    """What an audit found wrong, and was accepted.
+    """An accepted finding of an audit.
 
     Attributes:
-        kind: as in `AuditFinding`.
-        subject: likewise; what was accepted is known again by kind, subject and numbers.
-        message: its sentence, files by their places relative to the system's folder.
-        expected, found: the numbers; None where there is none.
+        kind: Type of the finding, as in `AuditFinding`.
+        subject: Affected objects. Kind, subject and numbers identify the finding.
+        message: Explanation, with paths relative to the system folder.
+        expected: Expected number; None without one.
+        found: Number in the model; None without one.
     """
 
     kind: str
@@ -165,13 +178,15 @@ class AcceptedFinding(Record, frozen=True, kw_only=True):
 
 
 class AcceptedAudit(Record, frozen=True, kw_only=True):
-    """What was accepted of a model that its audit found wrong.
+    """Accepted findings of one model.
 
     Attributes:
-        system, model, engine: which model it is of.
-        reason: why it was accepted.
-        findings: all that was found wrong.
-        seal: over all of this.
+        system: Name of the system.
+        model: Name of the model file.
+        engine: Name of the engine.
+        reason: Reason for accepting.
+        findings: All accepted findings.
+        seal: Hash of this entry.
     """
 
     system: str
@@ -188,15 +203,15 @@ class AcceptedAudit(Record, frozen=True, kw_only=True):
 
 
 class Declared(Record, frozen=True, kw_only=True):
-    """What a system declared when its cases were accepted.
+    """The declaration of a system when its cases were accepted.
 
     Attributes:
-        system: its name.
-        folder: relative to the baseline's; `builtin:NAME` for an installed one.
-        declared: hash of the declaration.
-        scenarios: their names.
-        constants: name to value.
-        seal: over all of this.
+        system: Name of the system.
+        folder: Path relative to the baseline; `builtin:NAME` for an installed system.
+        declared: Hash of the declaration.
+        scenarios: Names of the scenarios.
+        constants: Values of the constants.
+        seal: Hash of this entry.
     """
 
     system: str
@@ -208,14 +223,14 @@ class Declared(Record, frozen=True, kw_only=True):
 
 
 class BaselineFile(Record, frozen=True, kw_only=True):
-    """A system's baseline, whole.
+    """The baseline of one system.
 
     Attributes:
-        format: of the file.
-        declared: what the system declared.
-        cases: what was accepted of each.
-        snapshots: those that cases refer to, by key: the scenario's name with a hash of the rest.
-        audits: what was accepted though the audit finds it wrong, of the models that have such.
+        format: Version of this format.
+        declared: Declaration of the system.
+        cases: Accepted cases.
+        snapshots: Segments that the cases refer to. The key is the scenario's name and a hash.
+        audits: Accepted findings of audits.
     """
 
     format: int
@@ -226,15 +241,18 @@ class BaselineFile(Record, frozen=True, kw_only=True):
 
 
 class GateChange(Record, frozen=True, kw_only=True):
-    """A case against what was accepted of it.
+    """One case compared with its accepted result.
 
     Attributes:
-        system, model, scenario, engine: the case.
-        status: what the gate says of it.
-        kinds: what changed, such as `model`, `numbers`, `engine`, `equations`.
-        messages: sentences, the most telling first.
-        moved: how far a limit moved at most, relative to its movement over a segment.
-        run: whether it was run.
+        system: Name of the system.
+        model: Name of the model file.
+        scenario: Name of the scenario.
+        engine: Name of the engine.
+        status: Status of the case in the gate.
+        kinds: Types of change, such as `model`, `numbers`, `engine`, `equations`.
+        messages: Explanations, most important first.
+        moved: Largest change of the extrapolated motion, relative to its movement over a segment.
+        run: Whether the case ran; unchanged cases do not.
     """
 
     system: str
@@ -252,8 +270,8 @@ class GateLine(Record, frozen=True, kw_only=True):
     """A changed line of a file.
 
     Attributes:
-        line: counted from 1.
-        message: what changed in it.
+        line: Line number, counted from 1.
+        message: Description of the change.
     """
 
     line: int
@@ -261,13 +279,13 @@ class GateLine(Record, frozen=True, kw_only=True):
 
 
 class GateFile(Record, frozen=True, kw_only=True):
-    """What changed in a file.
+    """Changes of one file.
 
     Attributes:
-        system: that it belongs to.
-        file: its path.
-        models: those that it belongs to, or depends on it.
-        changes: its lines.
+        system: Name of the system.
+        file: Path of the file.
+        models: Models that depend on the file.
+        changes: Changed lines.
     """
 
     system: str
@@ -277,13 +295,13 @@ class GateFile(Record, frozen=True, kw_only=True):
 
 
 class Gate(Record, frozen=True, kw_only=True):
-    """What a gate found, as gate.json.
+    """The result of a gate.
 
     Attributes:
-        passes: whether every case does, and there is one.
-        seconds: that it took.
-        cases: worst first.
-        files: what changed in them.
+        passes: Whether there are cases and all pass.
+        seconds: Duration, seconds.
+        cases: Cases, worst first.
+        files: Changed files.
     """
 
     passes: bool

@@ -25,9 +25,10 @@ class ModelId(Record, frozen=True, kw_only=True, order=True):
     """One model file of a system in one engine.
 
     Attributes:
-        system: name of the system; that of its folder where the declaration can't be loaded.
-        model: name of the model file; `-` where a folder has none, `system.py` where that failed.
-        engine: name of the engine; `-` where none was reached.
+        system: Name of the system; the folder name if the declaration cannot be loaded.
+        model: Name of the model file; `-` for an empty folder, `system.py` if the declaration
+            failed.
+        engine: Name of the engine; `-` if no engine was reached.
     """
 
     system: str
@@ -39,11 +40,14 @@ class ModelId(Record, frozen=True, kw_only=True, order=True):
 
 
 class CaseId(Record, frozen=True, kw_only=True, order=True):
-    """One model file of a system in one engine in one scenario.
+    """One model file of a system in one engine and one scenario.
 
     Attributes:
-        system, model, engine: as in `ModelId`.
-        scenario: name of the scenario; `-` where none was reached.
+        system: Name of the system; the folder name if the declaration cannot be loaded.
+        model: Name of the model file; `-` for an empty folder, `system.py` if the declaration
+            failed.
+        scenario: Name of the scenario; `-` if no scenario was reached.
+        engine: Name of the engine; `-` if no engine was reached.
     """
 
     system: str
@@ -61,26 +65,27 @@ class CaseId(Record, frozen=True, kw_only=True, order=True):
 
 
 class Verdict(Record, frozen=True, kw_only=True):
-    """What the extrapolated segments say of a model's motion against the equations'.
+    """Comparison of the extrapolated motion with the equations.
 
-    Discrepancies and uncertainties are relative to how far a component moves over a segment at
-    most.
+    Each discrepancy and uncertainty is relative to how far its component moves over a segment.
 
     Attributes:
-        discrepancy, uncertainty: E and U of `component`, the one that decides: with the largest
-            E/U, or the one that is resolved worst.
-        component: such as `x` or `theta_dot`.
-        time: start of the segment with the largest defect, seconds.
-        largest_discrepancy, largest_uncertainty: over all components and segments.
-        order, claimed_order: leading order of the error in the step, as seen on the rungs (None
-            where rounding hides it) and as the engine claims.
-        rungs: step counts of the ladder.
-        steps: engine steps taken.
-        map_residual, map_uncertainty: by how much the engine's coordinates leave the coordinate map
-            at most, and how sure that is, relative to how far they move; None where the map leaves
-            nothing open.
-        resolution: at which it was judged: what was asked, or what the engine's numbers allow; None
-            where it is not known.
+        discrepancy: Discrepancy E of `component`.
+        uncertainty: Uncertainty U of `component`.
+        component: The deciding component, such as `x` or `theta_dot`: largest E/U, or worst
+            resolved.
+        time: Start of the segment with the largest difference, seconds.
+        largest_discrepancy: Largest discrepancy over all components and segments.
+        largest_uncertainty: Largest uncertainty over all components and segments.
+        order: Observed order of the error in the step; None if rounding hides it.
+        claimed_order: Order that the engine claims.
+        rungs: Steps per segment, one number per rung of the extrapolation.
+        steps: Number of engine steps taken.
+        map_residual: Largest violation of the coordinate map, relative to the motion; None if it
+            cannot be violated.
+        map_uncertainty: Uncertainty of `map_residual`.
+        resolution: Resolution used: the requested one, or a coarser one that the engine's precision
+            allows; None if unknown.
     """
 
     discrepancy: Number
@@ -105,14 +110,14 @@ def starts_at(time: float | None, segment: int) -> str:
 
 
 class ErrorDecomposition(Record, frozen=True, kw_only=True):
-    """The error of a full run, taken apart.
+    """The error of a full run, split into its parts.
 
     Attributes:
-        amplitude: relative error of the amplitude at the end.
-        phase: at the end, rad; positive lags behind.
-        frequency: relative error of the frequency.
-        damping: error of the damping ratio.
-        explained: share of the mean square error that these explain.
+        amplitude: Relative amplitude error at the end.
+        phase: Phase error at the end, rad; positive means that the model lags.
+        frequency: Relative frequency error.
+        damping: Error of the damping ratio.
+        explained: Share of the mean square error that these four explain.
     """
 
     amplitude: Number
@@ -123,11 +128,11 @@ class ErrorDecomposition(Record, frozen=True, kw_only=True):
 
 
 class TargetStep(Record, frozen=True, kw_only=True):
-    """The step at which neither positions nor velocities have more error.
+    """The largest time step that keeps all errors below a target.
 
     Attributes:
-        target: relative to the amplitudes.
-        step: seconds; None where none can be told.
+        target: Target error of positions and velocities, relative to their amplitudes.
+        step: Predicted time step, seconds; None if it cannot be predicted.
     """
 
     target: float
@@ -135,11 +140,12 @@ class TargetStep(Record, frozen=True, kw_only=True):
 
 
 class CheckedStep(Record, frozen=True, kw_only=True):
-    """The one of these predictions that was run.
+    """A predicted time step, verified by a run.
 
     Attributes:
-        target, measured: error that was predicted, and the larger one of both that came out.
-        step: seconds.
+        target: Target error.
+        step: Time step of the run, seconds.
+        measured: Measured error, the larger of positions and velocities.
     """
 
     target: float
@@ -148,21 +154,22 @@ class CheckedStep(Record, frozen=True, kw_only=True):
 
 
 class FullRun(Record, frozen=True, kw_only=True):
-    """What a user lives with: runs from start to end, at the shipped step and its neighbours.
+    """Runs from start to end at the model's own time step and at neighboring steps.
 
     Attributes:
-        time_step: step that the file, or its sidecar, ships with, seconds.
-        integrator: name of the time-stepping method.
-        global_error: largest position error at the shipped step, relative to the amplitude.
-        velocity_error: largest velocity error there, likewise; None in records of before.
-        order: observed order of it.
-        residual: what is left of it as the step falls, by extrapolation.
-        resolved_until: end of the stretch on which order and residual were read, seconds.
-        decomposition: None where the error is not small.
-        steps_for: steps that would give 1 %, 0.1 % and 0.01 % of positions and velocities both.
-        checked_step: None where none was run.
-        energy_error: imbalance of the energy at the shipped step, relative to what is exchanged.
-        constraint_drift: largest, in the engine's units.
+        time_step: Time step of the file or its sidecar, seconds.
+        integrator: Name of the integrator.
+        global_error: Largest position error at `time_step`, relative to the amplitude.
+        velocity_error: Largest velocity error at `time_step`, relative to the amplitude; None in
+            older files.
+        order: Observed order of the error.
+        residual: Error that remains after extrapolation to zero step size.
+        resolved_until: End of the interval used for `order` and `residual`, seconds.
+        decomposition: Parts of the error; None if the error is large.
+        steps_for: Time steps for errors of 1 %, 0.1 % and 0.01 %.
+        checked_step: The predicted step that was verified; None if none was.
+        energy_error: Energy imbalance at `time_step`, relative to the energy exchanged.
+        constraint_drift: Largest constraint violation, in the engine's units.
     """
 
     time_step: Number
@@ -180,18 +187,20 @@ class FullRun(Record, frozen=True, kw_only=True):
 
 
 class Stepping(Record, frozen=True, kw_only=True):
-    """An engine's very next state at the shipped step, against its own rule on the equations.
+    """The engine's next state after one step, compared with its documented step rule.
 
     Attributes:
-        rule: how the engine steps, as it is documented.
-        besides: what else acts in a step and goes to nothing with it; empty: nothing known.
-        step: seconds.
-        outcome: AGREES or DIFFERS, or UNRESOLVED where rounding hides it.
-        discrepancy, uncertainty: of `component`, relative to how far it moves in a step at most.
-        component: the one that decides.
-        digits: the largest difference, in last digits of the component where it is largest.
-        digits_later: the same ten steps later; None where that is not finite.
-        digits_long: a thousand steps later, from a few states; None too where it was not asked for.
+        rule: Documented step rule of the engine.
+        besides: Other effects in a step that vanish with its size; empty if none are known.
+        step: Time step, seconds.
+        outcome: AGREES, DIFFERS, or UNRESOLVED if rounding hides the answer.
+        discrepancy: Discrepancy of `component`, relative to its largest movement in a step.
+        uncertainty: Uncertainty of `discrepancy`.
+        component: The deciding component.
+        digits: Largest difference, in units in the last place of the largest component.
+        digits_later: The same after ten steps; None if not finite.
+        digits_long: The same after a thousand steps, from a few states; None if not requested or
+            not finite.
     """
 
     rule: str
@@ -207,11 +216,12 @@ class Stepping(Record, frozen=True, kw_only=True):
 
 
 class ForceTerm(Record, frozen=True, kw_only=True):
-    """One of the terms of the equations of motion, in an engine against the equations.
+    """One term of the equations of motion.
 
     Attributes:
-        name: such as `mass matrix`.
-        discrepancy: the largest, in generalized forces, relative to the largest on its coordinate.
+        name: Name of the term, such as `mass matrix`.
+        discrepancy: Largest difference in generalized force, relative to the largest force on that
+            coordinate.
     """
 
     name: str
@@ -219,14 +229,15 @@ class ForceTerm(Record, frozen=True, kw_only=True):
 
 
 class ForwardDynamics(Record, frozen=True, kw_only=True):
-    """An engine's accelerations, for which it takes no step, against the equations'.
+    """The engine's accelerations compared with the equations, without a step.
 
     Attributes:
-        outcome: AGREES or DIFFERS, or UNRESOLVED where rounding hides it.
-        discrepancy, uncertainty: of `component`, relative to its largest.
-        component: the one that decides, such as `x_ddot`.
-        states: at which the engine told them.
-        terms: of the equations of motion.
+        outcome: AGREES, DIFFERS, or UNRESOLVED if rounding hides the answer.
+        discrepancy: Discrepancy of `component`, relative to its largest value.
+        uncertainty: Uncertainty of `discrepancy`.
+        component: The deciding component, such as `x_ddot`.
+        states: Number of states at which accelerations were compared.
+        terms: Differences per term of the equations of motion.
     """
 
     outcome: Outcome
@@ -238,14 +249,13 @@ class ForwardDynamics(Record, frozen=True, kw_only=True):
 
 
 class Convergence(Record, frozen=True, kw_only=True):
-    """How the segments' ladder converged.
+    """Convergence of the extrapolation over its rungs.
 
     Attributes:
-        rungs: step counts.
-        h: mean step of each, seconds.
-        defect: root mean square defect of the segments at each rung, relative, the largest of the
-            components.
-        increments: largest change of the limit by each further rung, relative.
+        rungs: Steps per segment.
+        h: Mean step of each rung, seconds.
+        defect: Root mean square difference at each rung, relative; the largest component.
+        increments: Largest relative change of the limit from each further rung.
     """
 
     rungs: tuple[Count, ...]
@@ -258,12 +268,12 @@ class Convergence(Record, frozen=True, kw_only=True):
 
 
 class StepErrors(Record, frozen=True, kw_only=True):
-    """Full runs at several steps.
+    """Errors of full runs at several time steps.
 
     Attributes:
-        h: seconds; of the shipped step first.
-        error: largest position error, relative to the amplitude.
-        seconds: of wall-clock time that the engine took for each.
+        h: Time steps, seconds; the model's own step first.
+        error: Largest position error of each run, relative to the amplitude.
+        seconds: Wall-clock time of each run.
     """
 
     h: Numbers
@@ -275,11 +285,12 @@ class StepErrors(Record, frozen=True, kw_only=True):
 
 
 class EnergySeries(Record, frozen=True, kw_only=True):
-    """Energies of the full run at the shipped step, J, at the series' times.
+    """Energies of the full run at the model's own time step, J, at the times `t` of the series.
 
     Attributes:
-        held: since the start.
-        supplied, dissipated: work of the inputs and of the dampers since then.
+        held: Change of the stored energy since the start.
+        supplied: Work of the inputs since the start.
+        dissipated: Energy lost in dampers since the start.
     """
 
     held: Numbers
@@ -288,20 +299,21 @@ class EnergySeries(Record, frozen=True, kw_only=True):
 
 
 class Series(Record, frozen=True, kw_only=True):
-    """What a plot of a case shows; a row a component.
+    """Data for the plots of a case; one row per component.
 
     Attributes:
-        t: times of `reference`, `engine` and `error`, seconds.
-        components: names of the state's components, positions then velocities.
-        reference: of the equations.
-        engine: the full run at the shipped step.
-        error: engine - reference.
-        segment_t: starts of the segments that are shown, seconds.
-        defect: extrapolated, signed, relative to the component's movement.
-        defect_uncertainty: of each.
-        convergence: of the segments.
-        full_runs: errors by step.
-        energy: of the full run at the shipped step; None where it was not kept.
+        t: Times of `reference`, `engine` and `error`, seconds.
+        components: Names of the components, positions first, then velocities.
+        reference: Solution of the equations.
+        engine: Full run at the model's own time step.
+        error: `engine` minus `reference`.
+        segment_t: Start times of the plotted segments, seconds.
+        defect: Extrapolated minus reference at each segment's end, relative to the component's
+            movement.
+        defect_uncertainty: Uncertainty of each `defect`.
+        convergence: Convergence of the extrapolation.
+        full_runs: Error against time step.
+        energy: Energies of the full run; None if not recorded.
     """
 
     t: Numbers
@@ -326,22 +338,27 @@ class Series(Record, frozen=True, kw_only=True):
 
 
 class Case(Record, frozen=True, kw_only=True):
-    """One case, whatever became of it.
+    """The result of one case.
 
     Attributes:
-        system, model, scenario, engine: its name, as in `CaseId`.
-        folder: of the system; of a robot checked alone its file.
-        outcome: what became of it.
-        reason: a sentence for whatever is not AGREES, and for what AGREES with a reservation.
-        accepted: the reason for which a known difference is accepted; empty where none is.
-        locations: where that is in the files, as far as it is known.
-        kind: which of the sentences of an engine's motion `reason` is, where it has numbers of
-            this case alone; empty where the sentence itself tells.
-        stdout: what a failed case printed.
-        seconds: that it took, of wall-clock time.
-        verdict, full_run, series: None where the case was not judged.
-        stepping: None too where no rule for the engine's step is known.
-        forward_dynamics: None too where the engine tells no accelerations.
+        system: Name of the system; the folder name if the declaration cannot be loaded.
+        model: Name of the model file; `-` for an empty folder, `system.py` if the declaration
+            failed.
+        scenario: Name of the scenario; `-` if no scenario was reached.
+        engine: Name of the engine; `-` if no engine was reached.
+        folder: System folder; the file itself for a standalone robot file.
+        outcome: Outcome of the case.
+        reason: One sentence that explains the outcome; empty for an unreserved AGREES.
+        accepted: Reason for accepting a known difference; empty if it is not accepted.
+        locations: Lines that the reason refers to, if known.
+        kind: Type of `reason` if its numbers belong to this case only; empty otherwise.
+        stdout: Output that a failed case printed.
+        seconds: Duration, wall-clock seconds.
+        verdict: Verdict on the motion; None if the case was not judged.
+        full_run: Errors at the model's own time step; None if the case was not judged.
+        series: Data for plots; None if the case was not judged.
+        stepping: Check of the next state; None without a known step rule.
+        forward_dynamics: Check of the accelerations; None if the engine reports none.
     """
 
     system: str

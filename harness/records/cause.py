@@ -39,13 +39,28 @@ _PHRASES = {
 
 
 class CauseId(Record, frozen=True, kw_only=True, order=True):
-    """Which number is wrong, or missing.
+    """A wrong or missing number.
+
+    Types of cause:
+
+    * `literal`: one number of the model file or its sidecar.
+    * `literals`: several numbers with the same bound expression.
+    * `unbound literal`: a number that no binding ties to a constant.
+    * `taken`: a number that the engine read differently.
+    * `dropped`: numbers that the engine treated as zero.
+    * `gravity`: a component of the engine's gravity.
+    * `default`: a default of the engine.
+    * `axis`: a reversed joint axis.
+    * `zero`: a shifted zero position of a joint.
+    * `exchange`: two exchanged constants.
+    * `constant`: a constant of the equations.
+    * `inertia`, `damping`, `quadratic damping`, `friction`, `spring`, `offset force`: a term that
+      the equations lack.
 
     Attributes:
-        kind: see `CauseKind`.
-        subject: what it is about: addresses of literals, names of constants, a joint, a
-            coordinate, an axis of space, or an engine's own words for what it does; more than one
-            where they are one cause together.
+        kind: Type of the cause.
+        subject: Affected objects: addresses of numbers, constants, a joint, a coordinate, an axis,
+            or an engine's behavior.
     """
 
     kind: CauseKind
@@ -57,14 +72,16 @@ class CauseId(Record, frozen=True, kw_only=True, order=True):
 
 
 class Cause(Record, frozen=True, kw_only=True):
-    """A cause with the value that explains the motion.
+    """A cause, with the value that explains the motion.
 
     Attributes:
-        kind, subject: as in `CauseId`.
-        nominal: value in the file, or in the equations.
-        estimate: value that explains the motion.
-        standard_error: of the estimate.
-        locations: of the numbers, with their spans; empty for what stands in no file.
+        kind: Type of the cause.
+        subject: Affected objects: addresses of numbers, constants, a joint, a coordinate, an axis,
+            or an engine's behavior.
+        nominal: Value in the file or in the equations.
+        estimate: Value that explains the motion.
+        standard_error: Standard error of the estimate.
+        locations: Lines and byte ranges of the numbers; empty if no file states them.
     """
 
     kind: CauseKind

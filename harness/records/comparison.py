@@ -7,17 +7,17 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class ComparedModel(Record, frozen=True, kw_only=True):
-    """One of the two.
+    """One of the two models.
 
     Attributes:
-        model: its file.
-        engine, version: that ran it; None: not installed.
-        notes: what the engine does to it on its own.
-        coordinates: names of its joints.
-        integrator: name of the time-stepping method.
-        step: seconds.
-        gravity: m/s^2, empty where the engine tells none. This and the three before it are None
-            where the model could not be loaded.
+        model: Path of the file.
+        engine: Name of the engine.
+        version: Version of the engine; None if it is not installed.
+        notes: What the engine adds to the model or ignores.
+        coordinates: Names of the joints; None if the model did not load.
+        integrator: Name of the integrator; None if the model did not load.
+        step: Time step, seconds; None if the model did not load.
+        gravity: Gravity, m/s^2; empty if the engine reports none, None if the model did not load.
     """
 
     model: str
@@ -31,13 +31,13 @@ class ComparedModel(Record, frozen=True, kw_only=True):
 
 
 class ComparedRuns(Record, frozen=True, kw_only=True):
-    """The runs that the comparison stands on.
+    """The runs of a comparison.
 
     Attributes:
-        count: how many.
-        length: of each, seconds.
-        driven: how many of them under known forces.
-        lost: states that could not be used.
+        count: Number of runs.
+        length: Length of each run, seconds.
+        driven: Number of runs with known forces.
+        lost: Number of states that could not be used.
     """
 
     count: int
@@ -47,15 +47,16 @@ class ComparedRuns(Record, frozen=True, kw_only=True):
 
 
 class ComparedTerm(Record, frozen=True, kw_only=True):
-    """A term of the equations that differs.
+    """A term of the equations of motion that differs.
 
     Attributes:
-        kind: such as `inertia`.
-        joints: that it is about.
-        message: one sentence.
-        a, b: its values.
-        uncertainty: of their difference.
-        effect: the difference, as a share of the forces of the motions compared.
+        kind: Type of the term, such as `inertia`.
+        joints: Affected joints.
+        message: Explanation in one sentence.
+        a: Value of model A.
+        b: Value of model B.
+        uncertainty: Uncertainty of the difference.
+        effect: Difference as a share of the forces of the compared motions.
     """
 
     kind: str
@@ -68,17 +69,19 @@ class ComparedTerm(Record, frozen=True, kw_only=True):
 
 
 class ComparedProperty(Record, frozen=True, kw_only=True):
-    """What the files say differently, read from them without a motion.
+    """A difference that the files state, found without a motion.
 
     Attributes:
-        kind: `mass`, `centre`, `inertia`, `axis`, `anchor`, `zero`, `kind`, `damping`, `armature`,
-            `stiffness`, `rest`, `gravity`, `frame`, `range`, `actuators`, `actuator` or `left out`.
-        about: the joint, link or frame; empty for the whole.
-        message: one sentence.
-        a, b: its values, where it is one number.
-        where_a, where_b: the lines, where they are known.
-        moves: whether equations of motion have it.
-        relative: by how much it differs, relative; 1 where that is no matter of size.
+        kind: Type: `mass`, `centre`, `inertia`, `axis`, `anchor`, `damping` and others, or `left
+            out`.
+        about: Joint, link or frame; empty for the whole model.
+        message: Explanation in one sentence.
+        a: Value of model A, for a single number.
+        b: Value of model B, for a single number.
+        where_a: Line in file A, if known.
+        where_b: Line in file B, if known.
+        moves: Whether the equations of motion contain this property.
+        relative: Relative difference; 1 for a difference without a size.
     """
 
     kind: str
@@ -96,9 +99,11 @@ class FileEdit(Record, frozen=True, kw_only=True):
     """A place where the files differ.
 
     Attributes:
-        what: the literal, or the setting.
-        a, b: what stands there in A and in B.
-        where_a, where_b: their lines; None where there is none.
+        what: Number or setting.
+        a: Text in A.
+        b: Text in B.
+        where_a: Line in A; None without one.
+        where_b: Line in B; None without one.
     """
 
     what: str
@@ -109,13 +114,13 @@ class FileEdit(Record, frozen=True, kw_only=True):
 
 
 class FileDifference(Record, frozen=True, kw_only=True):
-    """Differences of the files that were tried together, or one alone.
+    """Differences of the files, applied together or one alone.
 
     Attributes:
-        edits: what was made of A as it is in B.
-        moved: by how much they move the motions, relative.
-        explained: share of the discrepancy that they explain.
-        not_tried: why they were not; empty where they were.
+        edits: Changes that make A like B.
+        moved: Relative change of the motions.
+        explained: Share of the discrepancy that the changes explain.
+        not_tried: Reason if they were not applied; empty otherwise.
     """
 
     edits: tuple[FileEdit, ...]
@@ -125,33 +130,32 @@ class FileDifference(Record, frozen=True, kw_only=True):
 
 
 class Compared(Record, frozen=True, kw_only=True):
-    """What came of a comparison that could be run.
+    """The result of a comparison that ran.
 
     Attributes:
-        discrepancy, uncertainty: of `component`, relative to its movement.
-        component: the one that decides, such as `hip_dot`.
-        by_component: the largest discrepancy of each component; where the models differ, zero of
-            those that do not by more than their uncertainty.
-        map: how joints were paired, a sentence each.
-        left_out: joints without a partner that follow from others or stay put.
-        states_of: the model that the states were taken from.
-        joints: that were paired.
-        runs: that it stands on.
-        properties: what the files say differently, of which motions depend first.
-        explained: share of the discrepancy that the equations of both files make; None where they
-            can't be had, or nothing differs.
-        off: by how much A's engine leaves the equations of its file, and B's, relative; None where
-            `explained` is.
-        terms: of the equations of motion, that differ, measured; none where the properties explain
-            the discrepancy.
-        differences: of the files.
-        notes: what is to be known of the comparison.
-        seconds: that it took.
-        turned: joints that turn the other way in B.
-        left_when_turned: what is left of the discrepancy then; None where none does.
-        untried: how many differences of the files were not tried alone.
-        untested: what differs, or may differ, and does not change the outcome.
-        impossible: what is said of inertias that no body can have, with lines and remedies.
+        discrepancy: Discrepancy of `component`, relative to its movement.
+        uncertainty: Uncertainty of `discrepancy`.
+        component: The deciding component, such as `hip_dot`.
+        joints: Paired joints.
+        by_component: Largest discrepancy of each component. If the models differ, insignificant
+            discrepancies are zero.
+        map: Pairs of joints, one sentence each.
+        left_out: Joints without a partner that are fixed or follow other joints.
+        states_of: Model that supplied the states.
+        runs: The runs of the comparison.
+        turned: Joints that turn the other way in B.
+        left_when_turned: Discrepancy after reversing these joints; None without any.
+        properties: Differences of the files; those that change the motion come first.
+        explained: Share of the discrepancy that the two files' equations explain; None if unknown.
+        off: Relative deviation of each engine from its file's equations; None if `explained` is.
+        terms: Measured differences of the equations; empty if the properties explain the
+            discrepancy.
+        differences: Textual differences of the files.
+        untried: Number of textual differences that were not tried alone.
+        untested: Actual or possible differences that do not change the outcome.
+        impossible: Inertias that no rigid body can have, with lines and remedies.
+        notes: Remarks on the comparison.
+        seconds: Duration, seconds.
     """
 
     discrepancy: Number
@@ -178,18 +182,18 @@ class Compared(Record, frozen=True, kw_only=True):
 
 
 class Comparison(Record, frozen=True, kw_only=True):
-    """Two models of one mechanism.
+    """A comparison of two models of one mechanism.
 
     Attributes:
-        created: UTC, ISO 8601.
-        resolution: relative discrepancy that was to be resolved.
-        models: A and B.
-        outcome: DIFFERS where they move differently.
-        reason: a sentence for whatever is not AGREES.
-        stdout: what was printed, where the comparison could not be run.
-        found: None where it could not.
-        strict: whether what `untested` lists counts as a difference.
-        schema: version of this format.
+        created: Time of the comparison, UTC, ISO 8601.
+        resolution: Requested resolution: the smallest relative difference that counts.
+        models: Models A and B.
+        outcome: DIFFERS if the models move differently.
+        reason: One sentence that explains the outcome; empty for AGREES.
+        stdout: Output of a comparison that failed.
+        found: The comparison itself; None if it could not run.
+        strict: Whether an entry of `untested` counts as a difference.
+        schema: Version of this format.
     """
 
     created: str

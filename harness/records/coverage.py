@@ -6,12 +6,12 @@ from physics_crosscheck.harness.records.base import Count, Record
 
 
 class Untested(Record, frozen=True, kw_only=True):
-    """Numbers that nothing looked at, for one reason.
+    """Untested numbers that share one reason.
 
     Attributes:
-        reason: a few words.
-        count: how many.
-        examples: what some of them are called, such as `geom@rgba`.
+        reason: Why no motion depends on them.
+        count: How many there are.
+        examples: Some of their names, such as `geom@rgba`.
     """
 
     reason: str
@@ -20,19 +20,19 @@ class Untested(Record, frozen=True, kw_only=True):
 
 
 class Coverage(Record, frozen=True, kw_only=True):
-    """Which numbers of a model file, and of its sidecar's settings and springs, had a say.
+    """The numbers of a model file and its sidecar that the check tested.
 
-    Each counts once, where it is first seen: a number that a motion depends on and that is bound
-    counts as seen by motion.
+    Each number counts once. A bound number that the motion also depends on counts under
+    `motion`.
 
     Attributes:
-        numbers: all of them.
-        motion: those that accelerations depend on, at positions and velocities of the motions.
-        audit: of the others, those that are bound to a formula of the constants.
-        frames: of the others, those that the pose of a declared frame depends on.
-        untested: the others.
-        note: why they were not counted; empty where they were.
-        left_out: what the file says and the check leaves out, such as `dry friction of 7 joints`.
+        numbers: All numbers.
+        motion: Numbers that accelerations at the tested states depend on.
+        audit: Further numbers that are bound to a formula of the constants.
+        frames: Further numbers that the pose of a declared frame depends on.
+        untested: All other numbers, by reason.
+        note: Reason if the numbers were not counted; empty otherwise.
+        left_out: Features of the file that are not compared, such as `dry friction of 7 joints`.
     """
 
     numbers: Count = 0

@@ -1,23 +1,24 @@
-"""A page of the files that are written, made from docstrings: a section a struct, a row a field."""
+"""Reference pages of the result files, from docstrings: a section per struct, a row per field."""
 
 from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from msgspec import inspect as types
 
 from physics_crosscheck.harness.records.base import Record
+from physics_crosscheck.harness.records.outcome import Outcome
 
-_HEAD = """# Files that are written
+HOME = "results"
+"""The page that explains the outcomes."""
 
-Field by field, made from the records (`harness/records/`) as the JSON Schemas beside this page are.
-Units are SI. `?` after a type: null is allowed; a number is null where it has no finite value. A
-field that is not known is refused.
-
-"""
+_CONVENTIONS = (
+    "\n\nUnits are SI. A `?` after a type means that the value can be null. A number is null if it"
+    " is not finite."
+)
 
 _ENTRY = re.compile(r"^    (\w[\w, ]*?): ", re.MULTILINE)
 
@@ -27,41 +28,62 @@ _PLAIN: dict[type[types.Type], str] = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class File:
-    """A kind of file.
+@dataclass(frozen=True, kw_only=True)
+class FilePage:
+    """The page of one kind of file.
 
     Attributes:
-        schema: name of its schema's file, `<schema>.schema.json`.
-        title: what it is called.
-        written: by which command, and where.
-        record: what stands in it.
+        name: of the page, `<name>.md`.
+        title: heading of the page.
+        reader: who needs the page, and for what; one or two sentences.
+        written: which command writes the file, and where; a sentence.
+        records: the structs that the file contains, outermost first.
+        schema: name of its JSON Schema, `<schema>.schema.json`; empty without one.
     """
 
-    schema: str
+    name: str
     title: str
+    reader: str
     written: str
-    record: type[Record]
+    records: tuple[type[Record], ...]
+    schema: str = ""
 
 
-def page(files: Sequence[File]) -> str:
-    """The page; a struct that stands in two files is told with the first."""
-    told: set[type] = set()
-    parts = [_HEAD]
-    for file in files:
-        link = f"[`{file.schema}.schema.json`]({file.schema}.schema.json)"
-        parts.append(f"## {file.title}\n\nWritten {file.written}; {link}.\n\n")
-        for struct in _structs(types.type_info(file.record)):
-            if struct.cls not in told:
-                told.add(struct.cls)
-                parts.append(_section(struct))
+def page_texts(pages: Sequence[FilePage]) -> dict[str, str]:
+    """Return the text of each page by its file name; a shared struct is on the first page."""
+    homes: dict[type, str] = {}
+    own: dict[str, list[types.StructType]] = {page.name: [] for page in pages}
+    for page in pages:
+        for record in page.records:
+            for struct in _structs(types.type_info(record)):
+                if struct.cls not in homes:
+                    homes[struct.cls] = page.name
+                    own[page.name].append(struct)
+    return {f"{page.name}.md": _page(page, own[page.name], homes) for page in pages}
+
+
+def _page(page: FilePage, structs: Sequence[types.StructType], homes: Mapping[type, str]) -> str:
+    links = {
+        cls: f"[{cls.__name__}]({'' if home == page.name else f'{home}.md'}#{cls.__name__.lower()})"
+        for cls, home in homes.items()
+    }
+    links[Outcome] = f"[outcome]({'' if page.name == HOME else f'{HOME}.md'}#outcome)"
+    parts = [f"# {page.title}\n\n{page.reader} {page.written}{_CONVENTIONS}"]
+    if page.schema:
+        file = f"{page.schema}.schema.json"
+        parts.append(f" The JSON Schema is [`{file}`](../schema/{file}).")
+    parts.append("\n\n")
+    parts.extend(_section(struct, links) for struct in structs)
+    if page.name == HOME:
+        rows = "".join(f"| `{one}` | {one.meaning} |\n" for one in Outcome)
+        parts.append(f"## Outcome\n\n| value | meaning |\n|---|---|\n{rows}")
     return "".join(parts).rstrip() + "\n"
 
 
 def meanings(record: type) -> dict[str, str]:
-    """What the docstring of a struct says of each field, under Attributes."""
-    told = inspect.getdoc(record) or ""
-    _, _, listed = told.partition("Attributes:\n")
+    """Return the description of each field, from the Attributes of a struct's docstring."""
+    text = inspect.getdoc(record) or ""
+    _, _, listed = text.partition("Attributes:\n")
     pieces = _ENTRY.split(listed)[1:]
     return {
         name: " ".join(meaning.split())
@@ -70,15 +92,15 @@ def meanings(record: type) -> dict[str, str]:
     }
 
 
-def _section(struct: types.StructType) -> str:
+def _section(struct: types.StructType, links: Mapping[type, str]) -> str:
     text, _, _ = (inspect.getdoc(struct.cls) or "").partition("Attributes:\n")
-    told = meanings(struct.cls)
+    described = meanings(struct.cls)
     rows = "".join(
-        f"| `{field.encode_name}` | {_type(field.type)} | {_cell(told[field.name])} |\n"
+        f"| `{field.encode_name}` | {_type(field.type, links)} | {_cell(described[field.name])} |\n"
         for field in struct.fields
     )
     head = "| field | type | meaning |\n|---|---|---|\n"
-    return f"### {struct.cls.__name__}\n\n{text.strip()}\n\n{head}{rows}\n"
+    return f"## {struct.cls.__name__}\n\n{text.strip()}\n\n{head}{rows}\n"
 
 
 def _cell(text: str) -> str:
@@ -86,7 +108,7 @@ def _cell(text: str) -> str:
 
 
 def _structs(wanted: types.Type) -> Iterator[types.StructType]:
-    """Every struct that a type holds, the outermost first; some more than once."""
+    """Yield every struct in a type, outermost first; some more than once."""
     if isinstance(wanted, types.StructType):
         yield wanted
     for inner in _inner(wanted):
@@ -106,23 +128,23 @@ def _inner(wanted: types.Type) -> Sequence[types.Type]:
     return []
 
 
-def _type(wanted: types.Type) -> str:
-    """A type in words."""
+def _type(wanted: types.Type, links: Mapping[type, str]) -> str:
+    """Return a type in words, structs and outcomes as links."""
     match wanted:
         case types.StructType(cls=cls):
-            return f"[{cls.__name__}](#{cls.__name__.lower()})"
+            return links[cls]
         case types.UnionType(types=several):
-            words = [_type(one) for one in several if not isinstance(one, types.NoneType)]
+            words = [_type(one, links) for one in several if not isinstance(one, types.NoneType)]
             null = ", or null" if words[0].startswith("list") else "?"
             return " or ".join(words) + null * (len(words) < len(several))
         case types.VarTupleType(item_type=item) | types.ListType(item_type=item):
-            return f"list of {_type(item).replace('list of', 'lists of', 1)}"
+            return f"list of {_type(item, links).replace('list of', 'lists of', 1)}"
         case types.TupleType(item_types=items):
-            return " and ".join(map(_type, items))
+            return " and ".join(_type(item, links) for item in items)
         case types.DictType(value_type=value):
-            return f"{_type(value)}, by name"
+            return f"{_type(value, links)}, by name"
         case types.LiteralType(values=values):
             return ", ".join(f"`{value}`" for value in values)
         case types.EnumType(cls=cls):
-            return ", ".join(f"`{one.value}`" for one in cls)
+            return links.get(cls) or ", ".join(f"`{one.value}`" for one in cls)
     return _PLAIN[type(wanted)]

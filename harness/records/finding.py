@@ -25,19 +25,19 @@ def is_near(one: Number, other: Number, tolerance: float) -> bool:
 
 
 class AuditFinding(Record, frozen=True, kw_only=True):
-    """Something that the audit has to say.
+    """One finding of the audit.
 
     Attributes:
-        kind: `literal`, a compiled term such as `inertia`, `pose`, `default`, or `reach` for a stop
-            or an obstacle that no motion reaches.
-        subject: what it is about, as of a cause: the address of a literal, coordinates, frames, a
-            link, or what an engine does on its own. Two findings of one kind and subject are the
-            same finding, perhaps with other numbers.
-        message: one sentence.
-        location: None where it stands in no line.
-        expected, found: the numbers; None where there is none.
-        replacement: what to write in the span of `location`; empty where no number is to change.
-        severity: a `finding` is wrong, a `note` is worth knowing.
+        kind: Type: `literal`, a compiled term such as `inertia`, `pose`, `default`, or `reach`
+            (never reached).
+        subject: Affected objects. Findings of equal kind and subject are the same finding, whatever
+            their numbers.
+        message: Explanation in one sentence.
+        location: Line of the file; None if there is none.
+        expected: Expected number; None without one.
+        found: Number in the model; None without one.
+        replacement: Text to write in the span of `location`; empty if no number must change.
+        severity: `finding` for an error, `note` for information.
     """
 
     kind: str
@@ -65,12 +65,12 @@ class AuditFinding(Record, frozen=True, kw_only=True):
 
 
 class Explanation(Record, frozen=True, kw_only=True):
-    """One cause, or two together, with what is left of the discrepancy.
+    """One cause, or two together.
 
     Attributes:
-        causes: one, or a pair.
-        remaining: share of the discrepancy left.
-        tied_with: causes that no motion of these scenarios tells from this one.
+        causes: One cause or a pair.
+        remaining: Share of the discrepancy that remains.
+        tied_with: Causes that these motions cannot distinguish from this one.
     """
 
     causes: tuple[Cause, ...]
@@ -79,15 +79,15 @@ class Explanation(Record, frozen=True, kw_only=True):
 
 
 class CorrectedScenario(Record, frozen=True, kw_only=True):
-    """One scenario with the estimates put in; a row a component.
+    """One scenario with the corrected values; one row per component.
 
     Attributes:
-        scenario: its name.
-        t: seconds.
-        corrected: the motion.
-        segment_t: starts of the segments that the diagnosis stands on, seconds.
-        before: their defects, as in a case's series.
-        after: the same with the estimates.
+        scenario: Name of the scenario.
+        t: Times, seconds.
+        corrected: Motion with the corrected values.
+        segment_t: Start times of the segments that the diagnosis used, seconds.
+        before: Differences of these segments before the correction.
+        after: Differences of these segments after the correction.
     """
 
     scenario: str
@@ -99,12 +99,13 @@ class CorrectedScenario(Record, frozen=True, kw_only=True):
 
 
 class CorrectedMotion(Record, frozen=True, kw_only=True):
-    """The motion with the values that were found.
+    """The motion with the corrected values.
 
     Attributes:
-        causes: those put in.
-        put_into: the `equations`, solved again; or the `file`, run again at its step.
-        scenarios: each with its motion.
+        causes: The corrected causes.
+        put_into: `file` if the file ran again at its time step, `equations` if these were solved
+            again.
+        scenarios: Motion of each scenario.
     """
 
     causes: tuple[Cause, ...]
@@ -113,15 +114,15 @@ class CorrectedMotion(Record, frozen=True, kw_only=True):
 
 
 class Diagnosis(Record, frozen=True, kw_only=True):
-    """What explains a model's discrepancy.
+    """The causes of a model's discrepancy.
 
     Attributes:
-        explained: whether the first explanation leaves no more than the uncertainty, or 0.3 %.
-        explanations: ranked, best first.
-        floor: share of the discrepancy that the uncertainty makes; None without a ranking.
-        corrected: None where the cause can't be put in, or nothing is explained.
-        failure: why there is no ranking; empty where there is one.
-        seconds: that it took.
+        explained: Whether the first explanation leaves at most the uncertainty, or 0.3 %.
+        explanations: Explanations, best first.
+        floor: Share of the discrepancy that the uncertainty alone makes; None without explanations.
+        corrected: Corrected motion; None if nothing is explained or the cause cannot be corrected.
+        failure: Reason if the diagnosis failed; empty otherwise.
+        seconds: Duration, seconds.
     """
 
     explained: bool = False

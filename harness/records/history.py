@@ -22,16 +22,19 @@ NAME = "cases.jsonl"
 
 
 class Past(Record, frozen=True, kw_only=True):
-    """A case in a past run.
+    """One case of an earlier run, one line of the file.
 
     Attributes:
-        time: of the run, UTC, ISO 8601.
-        commit: of the repository that it was in; empty for none.
-        version: of the engine; empty where it was not installed.
-        system, model, scenario, engine: the case.
-        outcome: what became of it.
-        digits: that agree in every component; None where none is known.
-        global_error: at the shipped step, relative to the amplitude.
+        time: Time of the run, UTC, ISO 8601.
+        commit: Commit of the repository; empty outside a repository.
+        version: Version of the engine; empty if it was not installed.
+        system: Name of the system.
+        model: Name of the model file.
+        scenario: Name of the scenario.
+        engine: Name of the engine.
+        outcome: Outcome of the case.
+        digits: Agreeing digits in every component; None if unknown.
+        global_error: Error at the model's own time step, relative to the amplitude.
     """
 
     time: str

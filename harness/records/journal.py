@@ -31,13 +31,15 @@ Kind = Literal["case", "linearizations", "coverage", "diagnosis"]
 
 
 class Work(Record, frozen=True, kw_only=True):
-    """One piece of work of a run.
+    """One task of a run.
 
     Attributes:
-        what: kind of the work.
-        folder, model, engine: whose.
-        scenario: of a case; empty else.
-        inputs: hash of all that it depends on.
+        what: Type of the task.
+        folder: System folder.
+        model: Name of the model file.
+        engine: Name of the engine.
+        scenario: Name of the scenario; empty for tasks other than cases.
+        inputs: Hash of all inputs of the task.
     """
 
     what: Kind

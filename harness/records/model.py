@@ -10,12 +10,13 @@ from physics_crosscheck.harness.records.poses import Poses
 
 
 class EnginePole(Record, frozen=True, kw_only=True):
-    """An eigenvalue.
+    """An eigenvalue of the engine's linearization.
 
     Attributes:
-        real, imaginary: 1/s.
-        frequency: its magnitude, rad/s.
-        damping: ratio; None at zero.
+        real: Real part, 1/s.
+        imaginary: Imaginary part, 1/s.
+        frequency: Magnitude, rad/s.
+        damping: Damping ratio; None for a pole at zero.
     """
 
     real: Number
@@ -25,17 +26,18 @@ class EnginePole(Record, frozen=True, kw_only=True):
 
 
 class DiscreteLinearization(Record, frozen=True, kw_only=True):
-    """One step of an engine, linearized about an equilibrium: x' = A x + B u, from it to it.
+    """One engine step, linearized about an equilibrium: x' = A x + B u.
 
     Attributes:
-        step: the shipped one, seconds.
-        a, b: the matrices, states in the order of the components.
-        error, bound: the largest difference in any entry from the engine's own rule on the
-            equations, and what is uncertain there, relative to the largest entry of what a step
-            changes; None where no rule is known.
-        differs: whether an entry differs by more than is uncertain, and than the resolution asked.
-        radius, exact_radius: the largest magnitude of the eigenvalues of `a`, and of the exact
-            motion's over the same time.
+        step: The model's own time step, seconds.
+        a: Matrix A, states in the order of the components.
+        b: Matrix B.
+        error: Largest difference from the documented step rule, relative to the largest entry; None
+            without a rule.
+        bound: Uncertainty of `error`; None without a known rule.
+        differs: Whether an entry differs by more than the uncertainty and the resolution.
+        radius: Largest eigenvalue magnitude of `a`.
+        exact_radius: Largest eigenvalue magnitude of the exact motion over the same time.
     """
 
     step: Number
@@ -49,22 +51,27 @@ class DiscreteLinearization(Record, frozen=True, kw_only=True):
 
 
 class EngineLinearization(Record, frozen=True, kw_only=True):
-    """An engine's own linearization about an equilibrium, beside Taylor's.
+    """The engine's own linearization about an equilibrium, compared with the derived one.
 
     Attributes:
-        equilibrium: its name.
-        a, b: the engine's matrices, states in the order of the components.
-        a_error, b_error: largest difference from Taylor's in any entry, relative to the largest.
-        a_bound, b_bound: largest uncertainty of any entry, likewise; None where there is no limit.
-        differs: whether what the engine makes of a state over a short segment differs from what
-            Taylor's matrices make of it, by more than is uncertain, and than the resolution asked.
-        poles, taylor_poles: paired.
-        transfer_error: largest difference of the transfer functions, relative to the largest value;
+        equilibrium: Name of the equilibrium.
+        a: The engine's matrix A, states in the order of the components.
+        b: The engine's matrix B.
+        a_error: Largest difference of any entry of A, relative to the largest entry.
+        b_error: Largest difference of any entry of B, relative to the largest entry.
+        a_bound: Largest uncertainty of any entry of A, relative; None without a limit.
+        b_bound: Largest uncertainty of any entry of B, relative; None without a limit.
+        differs: Whether both predict different short segments, beyond the uncertainty and the
+            resolution.
+        poles: Poles of the engine, in the order of `taylor_poles`.
+        taylor_poles: Poles of the derived linearization.
+        transfer_error: Largest difference of the transfer functions, relative to the largest value;
             None without inputs.
-        mode_similarity: smallest modal assurance criterion between paired eigenvectors; 1 is equal.
-        frequencies: rad/s, of the responses.
-        response, taylor_response: magnitudes by frequency, output and input.
-        one_step: at the shipped step; None where it has no finite end.
+        mode_similarity: Smallest modal assurance criterion of paired eigenvectors; 1 means equal.
+        frequencies: Frequencies of the responses, rad/s.
+        response: The engine's magnitudes, by frequency, output and input.
+        taylor_response: Derived magnitudes, by frequency, output and input.
+        one_step: Linearization of one step; None if a step ends in values that are not finite.
     """
 
     equilibrium: str
@@ -92,17 +99,21 @@ class Model(Record, frozen=True, kw_only=True):
     """One model file in one engine.
 
     Attributes:
-        system, model, engine: its name, as in `ModelId`.
-        folder: of the system.
-        text, sidecar: the file and its sidecar as they were run.
-        linearizations: about every equilibrium; empty where they were not asked for, or failed.
-        linearization_failure: why there are none; empty otherwise.
-        audit: what was found without motion; None where it was not asked for, or failed.
-        audit_failure: why there is none; empty otherwise.
-        poses: where its bodies are, as the audit found; None where there is none.
-        diagnosis: None where no case of the model differs, or none was asked for.
-        coverage: which numbers of its files had a say; None where it was not asked for.
-        accepted: the reason for which what was found is accepted; empty where it is not.
+        system: Name of the system; the folder name if the declaration cannot be loaded.
+        model: Name of the model file; `-` for an empty folder, `system.py` if the declaration
+            failed.
+        engine: Name of the engine; `-` if no engine was reached.
+        folder: System folder.
+        text: Content of the model file.
+        sidecar: Content of the sidecar.
+        linearizations: Linearization about every equilibrium; empty if not requested, or failed.
+        linearization_failure: Reason if the linearization failed; empty otherwise.
+        audit: Findings without motion; None if not requested, or failed.
+        audit_failure: Reason if the audit failed; empty otherwise.
+        poses: Comparison of frames; None if there was none.
+        diagnosis: Causes of the differences; None if nothing differs or none was requested.
+        coverage: Tested and untested numbers; None if not requested.
+        accepted: Reason for accepting the findings; empty if they are not accepted.
     """
 
     system: str

@@ -32,21 +32,32 @@ class FaultVerdict(StrEnum):
 
 
 class Mutation(Record, frozen=True, kw_only=True):
-    """One fault in one model in one engine.
+    """One deliberate fault in one model in one engine.
+
+    Results for a fault:
+
+    * `named`: the diagnosis named it.
+    * `caught`: the model does not agree, but the diagnosis named something else.
+    * `refused`: the engine refused the file.
+    * `untested`: no motion and no frame depends on it; the audit may still find it.
+    * `missed`: the model agrees although the fault changes its motion.
+    * `agrees`: the unchanged model agrees.
 
     Attributes:
-        system, model, engine: what was made wrong.
-        kind: what was done to it.
-        name: by how much a literal was changed, otherwise what the user did.
-        location: the literal's address, the joint or the setting.
-        verdict: what became of it.
-        discrepancy: largest defect, relative.
-        message: the first cause of the diagnosis, the engine's refusal, or the global errors before
-            and after.
-        estimate_error: error of the estimated fault, relative to the fault; None where not named.
-        first_caught: for a literal, the relative fault at which it is first seen; for a mistake,
-            the share of it; None: never.
-        seconds: processor time that it took.
+        system: Name of the system.
+        model: Name of the model file.
+        engine: Name of the engine.
+        kind: Type of the fault.
+        name: Size of the change of a number, or the user mistake.
+        location: Address of the number, joint or setting.
+        verdict: Result for this fault.
+        discrepancy: Largest relative difference.
+        message: First cause of the diagnosis, the engine's error, or the global errors before and
+            after.
+        estimate_error: Error of the estimated fault, relative to the fault; None if not named.
+        first_caught: Smallest relative fault, or share of a mistake, that is detected; None if
+            never.
+        seconds: Processor time, seconds.
     """
 
     system: str
@@ -64,12 +75,12 @@ class Mutation(Record, frozen=True, kw_only=True):
 
 
 class Mutations(Record, frozen=True, kw_only=True):
-    """All that was made wrong.
+    """All deliberate faults and their results.
 
     Attributes:
-        summary: one line.
-        rows: a fault each.
-        schema: version of this format.
+        summary: Summary in one line.
+        rows: One entry per fault.
+        schema: Version of this format.
     """
 
     summary: str

@@ -70,10 +70,10 @@ def contradiction(
 
 
 _MEANINGS = {
-    Outcome.AGREES: "no difference beyond the uncertainty, or none above the resolution asked",
-    Outcome.ABSENT: "the engine is not installed; nothing was tested",
-    Outcome.REFUSED: "the engine does not load this file; nothing was tested in it",
-    Outcome.UNRESOLVED: "no difference that could be told from the uncertainty, which is too large",
-    Outcome.DIFFERS: "a difference beyond uncertainty and resolution: the model is another one",
-    Outcome.FAILED: "it could not be run to its end",
+    Outcome.AGREES: "no difference above the uncertainty or the resolution",
+    Outcome.ABSENT: "the engine is not installed, so nothing was tested",
+    Outcome.REFUSED: "the engine does not load this file, so nothing was tested in it",
+    Outcome.UNRESOLVED: "the uncertainty is too large to decide",
+    Outcome.DIFFERS: "a difference above the uncertainty and the resolution",
+    Outcome.FAILED: "the case did not run to its end",
 }

@@ -6,14 +6,14 @@ from physics_crosscheck.harness.records.base import Count, Number, Record
 
 
 class FramePose(Record, frozen=True, kw_only=True):
-    """One frame or point of the system in one model.
+    """One declared frame or point in one model.
 
     Attributes:
-        name: of the frame, as declared.
-        place: what it is in the model, such as `body:rod`.
-        position: how far off it is at most, m.
-        rotation: by what angle at most, degrees; None for a point.
-        agrees: whether both are within the uncertainty, or below the resolution.
+        name: Declared name of the frame.
+        place: Matching object in the model, such as `body:rod`.
+        position: Largest position difference, m.
+        rotation: Largest rotation difference, degrees; None for a point.
+        agrees: Whether both differences are within the uncertainty or the resolution.
     """
 
     name: str
@@ -24,15 +24,15 @@ class FramePose(Record, frozen=True, kw_only=True):
 
 
 class Poses(Record, frozen=True, kw_only=True):
-    """What was found of a model's poses.
+    """Comparison of frames and points.
 
     Attributes:
-        frames: those that were compared.
-        states: at how many positions, of the motions and at random.
-        length: the largest distance of anything of the model from its origin, m.
-        uncertainty: of a position, m; of a rotation, that over the length, rad.
-        unchecked: frames that the sidecar does not map.
-        note: why nothing was compared; empty where something was.
+        frames: The compared frames and points.
+        states: Number of compared states, from the motions and at random.
+        length: Largest distance of anything in the model from its origin, m.
+        uncertainty: Position uncertainty, m; divided by `length`, the rotation uncertainty, rad.
+        unchecked: Frames that the sidecar does not map.
+        note: Reason if nothing was compared; empty otherwise.
     """
 
     frames: tuple[FramePose, ...] = ()

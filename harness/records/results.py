@@ -25,12 +25,15 @@ def nothing_tested(engines: Iterable[str]) -> str:
 
 
 class BaselineChange(Record, frozen=True, kw_only=True):
-    """What became of a case since it was accepted.
+    """A case that changed since it was accepted.
 
     Attributes:
-        system, model, scenario, engine: the case.
-        kind: what it is to who reads it; `missing` has no such case now.
-        message: one sentence.
+        system: Name of the system.
+        model: Name of the model file.
+        scenario: Name of the scenario.
+        engine: Name of the engine.
+        kind: Type of change; `missing` means that the case no longer exists.
+        message: Explanation in one sentence.
     """
 
     system: str
@@ -49,11 +52,11 @@ class BaselineChange(Record, frozen=True, kw_only=True):
 
 
 class BaselineChanges(Record, frozen=True, kw_only=True):
-    """What changed since an accepted baseline.
+    """Changes since an accepted baseline.
 
     Attributes:
-        name: of the baseline, such as its folder.
-        changes: worst first; empty: nothing changed.
+        name: Name of the baseline, such as its folder.
+        changes: The changes, worst first; empty if nothing changed.
     """
 
     name: str
@@ -61,22 +64,22 @@ class BaselineChanges(Record, frozen=True, kw_only=True):
 
 
 class Results(Record, frozen=True, kw_only=True):
-    """What a run found. SI units; null stands for what has no finite value.
+    """All results of one run. The report is drawn from this file alone.
 
     Attributes:
-        created: UTC, ISO 8601.
-        versions: of this package, Python and each engine; null: not installed.
-        resolution: relative discrepancy that was to be resolved.
-        seconds: that the run took, of wall-clock time.
-        systems: those that could be prepared.
-        models: those that were run, in each engine.
-        cases: all, also those that could not be run.
-        baseline: null where there is none to compare with.
-        stopped: the signal that ended the run before all was done; empty where none did.
-        not_run: what was left then, as far as it was known: cases, and folders as `system.py`.
-        cached: how many of the cases were had from the cache: nothing that they depend on is
-            another than when they were run.
-        schema: version of this format.
+        created: Time of the run, UTC, ISO 8601.
+        versions: Versions of this package, Python and each engine; None for an engine that is not
+            installed.
+        resolution: Requested resolution: the smallest relative difference that counts.
+        seconds: Duration of the run, wall-clock seconds.
+        systems: The systems that could be loaded.
+        models: Each model file in each engine that ran it.
+        cases: All cases, including those that could not run.
+        baseline: Changes since the accepted baseline; None without a baseline.
+        stopped: Signal that stopped the run early; empty after a complete run.
+        not_run: Cases that a stopped run did not reach; `system.py` stands for a whole folder.
+        cached: Number of cases reused from the cache.
+        schema: Version of this format.
     """
 
     created: str

@@ -8,11 +8,11 @@ from physics_crosscheck.harness.records.poses import Poses
 
 
 class Audit(Record, frozen=True, kw_only=True):
-    """Of a model of a folder that declares energies.
+    """The audit of a model in a folder that declares energies.
 
     Attributes:
-        findings: what it has wrong.
-        poses: where its bodies are.
+        findings: Findings of the audit.
+        poses: Comparison of frames.
     """
 
     findings: tuple[AuditFinding, ...]
@@ -20,11 +20,11 @@ class Audit(Record, frozen=True, kw_only=True):
 
 
 class FileSurvey(Record, frozen=True, kw_only=True):
-    """Of a model file of a folder that declares bodies.
+    """The audit of a model in a folder that declares bodies.
 
     Attributes:
-        findings: inertias that no body can have.
-        left_out: what the file says and the check leaves out.
+        findings: Inertias that no rigid body can have.
+        left_out: Features of the file that are not compared.
     """
 
     findings: tuple[AuditFinding, ...]

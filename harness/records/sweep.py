@@ -7,29 +7,34 @@ from physics_crosscheck.harness.records.outcome import Outcome
 
 
 class SweepRow(Record, frozen=True, kw_only=True):
-    """A case of a sweep.
+    """One case of a sweep, one row of the table.
 
     Attributes:
-        index: its number in the plan.
-        draw: number of the draw of its constants.
-        system, model, engine, scenario: the case.
-        integrator: name of the time-stepping method.
-        step: the shipped step, seconds.
-        constants: values of those that are varied, by name.
-        outcome: see `Outcome`.
-        reason: one sentence for whatever is not AGREES.
-        discrepancy, uncertainty: E and U of the verdict, relative to the movement over a segment.
-        resolution: at which it was judged: what was asked, or what the engine's numbers allow.
-        digits: that agree in every component, -log10 max(E, U).
-        global_error: at the shipped step, relative to the amplitude.
-        order: leading order seen on the segments' rungs.
-        steps: engine steps taken.
-        engine_seconds: of the processor, in the engine's own stepping.
-        reference_seconds: for the reference motion; of the first case of a draw's scenario that a
-            worker has, 0 for those after it.
-        loading_seconds: for the model file's copy and its loading by the engine.
-        seconds: of the processor, in all.
-        command: that runs this case alone.
+        index: Number of the case in the plan.
+        draw: Number of the draw of the constants.
+        system: Name of the system.
+        model: Name of the model file.
+        engine: Name of the engine.
+        scenario: Name of the scenario.
+        integrator: Name of the integrator.
+        step: Time step, seconds.
+        constants: Values of the varied constants. The table has one column `constant_NAME` for
+            each.
+        outcome: Outcome of the case.
+        reason: One sentence that explains the outcome; empty for AGREES.
+        discrepancy: Discrepancy E, relative to the movement over a segment.
+        uncertainty: Uncertainty U, relative to the movement over a segment.
+        resolution: Resolution used: the requested one, or a coarser one that the engine's precision
+            allows.
+        digits: Agreeing digits in every component, -log10 max(E, U).
+        global_error: Largest position error at `step`, relative to the amplitude.
+        order: Observed order of the segments' error.
+        steps: Number of engine steps.
+        engine_seconds: Processor time of the engine's stepping.
+        reference_seconds: Processor time of the reference motion; 0 if an earlier case computed it.
+        loading_seconds: Processor time for copying and loading the model file.
+        seconds: Total processor time.
+        command: Command that runs this case alone.
     """
 
     index: int
@@ -63,15 +68,15 @@ class SweepRow(Record, frozen=True, kw_only=True):
 
 
 class SweepPlan(Record, frozen=True, kw_only=True):
-    """What a sweep's rows follow from: equal plans have equal rows.
+    """The inputs of a sweep. Equal plans give equal rows.
 
     Attributes:
-        command: without `--only`, as it is to be run again.
-        options: everything that was asked for, by name.
-        folders: hash of what is in each system folder.
-        versions: of this package, Python, the engines and libraries.
-        cases: in all.
-        constants: names of those that are varied, a column each.
+        command: Command of the sweep, without `--only`.
+        options: All options, by name.
+        folders: Hash of the content of each system folder.
+        versions: Versions of this package, Python, engines and libraries.
+        cases: Number of cases.
+        constants: Names of the varied constants.
     """
 
     command: str
@@ -86,10 +91,12 @@ class SweepGroup(Record, frozen=True, kw_only=True):
     """Cases of one system in one engine and integrator.
 
     Attributes:
-        system, engine, integrator: whose.
-        outcomes: number of cases by outcome.
-        least_digits: fewest digits that agree of those that agree.
-        worst_error: largest global error of those that did not fail.
+        system: Name of the system.
+        engine: Name of the engine.
+        integrator: Name of the integrator.
+        outcomes: Number of cases by outcome.
+        least_digits: Fewest agreeing digits among the cases that agree.
+        worst_error: Largest global error among the cases that ran.
     """
 
     system: str
@@ -101,19 +108,21 @@ class SweepGroup(Record, frozen=True, kw_only=True):
 
 
 class SweepSummary(Record, frozen=True, kw_only=True):
-    """What a sweep's rows say together.
+    """Summary of a sweep.
 
     Attributes:
-        plan: that they follow from.
-        done: rows there are.
-        outcomes: number of cases by outcome, the worst first.
-        digits: number of agreeing cases by whole digits.
-        groups: by system, engine and integrator.
-        worst: cases to look at first: those that did not agree, then the fewest digits and the
-            largest errors.
-        sampled: rows for pictures, an even share of all where these are many.
-        steps: engine steps.
-        engine_seconds, reference_seconds, loading_seconds, seconds: processor time of all.
+        plan: Plan of the sweep.
+        done: Number of rows.
+        outcomes: Number of cases by outcome, worst first.
+        digits: Number of agreeing cases by whole digits.
+        groups: Cases by system, engine and integrator.
+        worst: Cases to look at first.
+        sampled: Evenly sampled rows for plots.
+        steps: Number of engine steps.
+        engine_seconds: Processor time of the engines' stepping.
+        reference_seconds: Processor time of the reference motions.
+        loading_seconds: Processor time for copying and loading model files.
+        seconds: Total processor time.
     """
 
     plan: SweepPlan

@@ -11,11 +11,11 @@ SketchTree = float | list[Any]
 
 
 class Formula(Record, frozen=True, kw_only=True):
-    """An expression, kept once.
+    """An expression in two notations.
 
     Attributes:
-        text: as sympy reads it.
-        latex: as everything shows it.
+        text: Expression in sympy syntax.
+        latex: The same in LaTeX.
     """
 
     text: str
@@ -26,10 +26,10 @@ class Quantity(Record, frozen=True, kw_only=True):
     """A coordinate or an input.
 
     Attributes:
-        name: as the declaration has it.
-        unit: in SI, empty for none.
-        description: a few words.
-        latex: of its symbol.
+        name: Declared name.
+        unit: SI unit; empty for a pure number.
+        description: A few words.
+        latex: LaTeX of the symbol.
     """
 
     name: str
@@ -42,9 +42,12 @@ class Constant(Record, frozen=True, kw_only=True):
     """A constant of the equations.
 
     Attributes:
-        name, unit, description, latex: as in `Quantity`.
-        value: in its unit.
-        source: where it comes from.
+        name: Declared name.
+        unit: SI unit; empty for a pure number.
+        description: A few words.
+        latex: LaTeX of the symbol.
+        value: Value in `unit`.
+        source: Where the value comes from.
     """
 
     name: str
@@ -59,8 +62,10 @@ class Output(Record, frozen=True, kw_only=True):
     """An output.
 
     Attributes:
-        name, unit, description: as in `Quantity`.
-        formula: of the states.
+        name: Declared name.
+        unit: SI unit; empty for a pure number.
+        description: A few words.
+        formula: Expression of the states.
     """
 
     name: str
@@ -73,10 +78,11 @@ class Pole(Record, frozen=True, kw_only=True):
     """An eigenvalue of the linear equations.
 
     Attributes:
-        real, imaginary: 1/s.
-        multiplicity: how often it is one.
-        frequency: its magnitude, rad/s.
-        damping: ratio; None at zero.
+        real: Real part, 1/s.
+        imaginary: Imaginary part, 1/s.
+        multiplicity: Multiplicity of the eigenvalue.
+        frequency: Magnitude, rad/s.
+        damping: Damping ratio; None for a pole at zero.
     """
 
     real: Number
@@ -87,13 +93,13 @@ class Pole(Record, frozen=True, kw_only=True):
 
 
 class Mode(Record, frozen=True, kw_only=True):
-    """A mode without damping.
+    """An undamped mode.
 
     Attributes:
-        frequency: rad/s; 0 where it grows.
-        growth: 1/s, where the stiffness is negative.
-        shape: by coordinate, largest entry 1.
-        rigid: whether it has neither frequency nor growth.
+        frequency: Frequency, rad/s; 0 for a growing mode.
+        growth: Growth rate for a negative stiffness, 1/s.
+        shape: Mode shape by coordinate; the largest entry is 1.
+        rigid: Whether frequency and growth are both zero.
     """
 
     frequency: Number
@@ -103,11 +109,12 @@ class Mode(Record, frozen=True, kw_only=True):
 
 
 class TransferFunction(Record, frozen=True, kw_only=True):
-    """From an input to an output.
+    """Transfer function from one input to one output.
 
     Attributes:
-        output, input: their names.
-        formula: of the Laplace variable s.
+        output: Name of the output.
+        input: Name of the input.
+        formula: Expression of the Laplace variable s.
     """
 
     output: str
@@ -116,16 +123,16 @@ class TransferFunction(Record, frozen=True, kw_only=True):
 
 
 class Linearization(Record, frozen=True, kw_only=True):
-    """Taylor's linearization about an equilibrium.
+    """Linear equations about an equilibrium, by Taylor expansion.
 
     Attributes:
-        equilibrium: its name.
-        position: of it.
-        formula: the linear equations, M a + C v + K q = F u.
-        matrices: M, C, K, F and A, B, Cy, D.
-        poles: of A.
-        modes: of M and K.
-        transfer_functions: one for each output and input.
+        equilibrium: Name of the equilibrium.
+        position: Positions at the equilibrium.
+        formula: The linear equations M a + C v + K q = F u.
+        matrices: Matrices M, C, K, F and A, B, Cy, D.
+        poles: Eigenvalues of A.
+        modes: Undamped modes of M and K.
+        transfer_functions: One for each pair of output and input.
     """
 
     equilibrium: str
@@ -138,14 +145,14 @@ class Linearization(Record, frozen=True, kw_only=True):
 
 
 class Linearity(Record, frozen=True, kw_only=True):
-    """How far the linear equations hold: their error over amplitude, in one mode.
+    """Error of the linear equations against amplitude, for one mode.
 
     Attributes:
-        equilibrium: about which they are taken.
-        mode: its index, slowest first.
-        period: of the mode, seconds.
-        amplitudes: of its shape's largest entry.
-        errors: largest over a period, relative to the amplitude.
+        equilibrium: Name of the equilibrium.
+        mode: Index of the mode, slowest first.
+        period: Period of the mode, seconds.
+        amplitudes: Largest entry of the mode shape.
+        errors: Largest error over one period, relative to the amplitude.
     """
 
     equilibrium: str
@@ -156,15 +163,15 @@ class Linearity(Record, frozen=True, kw_only=True):
 
 
 class Erratum(Record, frozen=True, kw_only=True):
-    """A published equation held against the derivation.
+    """A published equation compared with the derivation.
 
     Attributes:
-        number: of the equation in the source.
-        published: as transcribed.
-        verdict: whether it agrees with the derivation.
-        derived: what the derivation has in its place.
-        difference: published less derived under the signs that leave least; empty where it agrees.
-        note: of who transcribed it.
+        number: Number of the equation in the source.
+        published: Equation as published.
+        verdict: Result of the comparison.
+        derived: The derived equation.
+        difference: Published minus derived, with the best choice of signs; empty if they agree.
+        note: Note of the person who transcribed the equation.
     """
 
     number: str
@@ -176,17 +183,17 @@ class Erratum(Record, frozen=True, kw_only=True):
 
 
 class Scenario(Record, frozen=True, kw_only=True):
-    """A scenario, and how its reference motion was solved.
+    """A scenario and its reference motion.
 
     Attributes:
-        name, description: as the declaration has them.
-        duration: seconds.
-        inputs: expressions of t, by name.
-        segments: of the motion.
-        method: of the solution.
-        bound: of the solution's error at the end of a segment, largest, in units of the states.
-        global_bound: of its error from the start of the motion on, likewise; None where an error
-            may grow to anything, as in chaos.
+        name: Declared name.
+        description: Declared description.
+        duration: Duration, seconds.
+        inputs: Inputs as expressions of time t.
+        segments: Number of segments of the motion.
+        method: Method that solved the reference motion.
+        bound: Largest error bound of the solution at the end of a segment, in state units.
+        global_bound: Error bound from the start of the motion; None for chaotic motion.
     """
 
     name: str
@@ -200,15 +207,21 @@ class Scenario(Record, frozen=True, kw_only=True):
 
 
 class Shape(Record, frozen=True, kw_only=True, omit_defaults=True):
-    """A shape of a sketch: places are trees of positions; lengths in m, y up, angles in rad.
+    """A shape of a sketch.
+
+    Lengths are in m, y points up, angles are in rad. Each place is an expression tree of the
+    positions.
 
     Attributes:
-        kind: what is drawn.
-        label: the symbol written at it, or nothing.
-        start, end: of a link, points; of an angle, trees.
-        at: of a body or an angle.
-        width, height, angle: of a body.
-        radius: of an angle's arc.
+        kind: Shape to draw.
+        label: Symbol next to the shape; may be empty.
+        start: Start point of a link; start angle of an angle.
+        end: End point of a link; end angle of an angle.
+        at: Place of a body or an angle.
+        width: Width of a body.
+        height: Height of a body.
+        radius: Radius of an angle's arc.
+        angle: Rotation of a body.
     """
 
     kind: Literal[
@@ -275,11 +288,11 @@ def _check(tree: object, positions: int, depth: int = 0) -> None:
 
 
 class Sketch(Record, frozen=True, kw_only=True):
-    """What the mechanism looks like.
+    """A drawing of the mechanism.
 
     Attributes:
-        pose: positions in which to show it.
-        shapes: from back to front.
+        pose: Positions to draw it at.
+        shapes: Shapes, from back to front.
     """
 
     pose: Numbers
@@ -292,14 +305,14 @@ class Sketch(Record, frozen=True, kw_only=True):
 
 
 class Derivation(Record, frozen=True, kw_only=True):
-    """What is derived from a declaration, as formulas.
+    """Formulas derived from a declaration.
 
     Attributes:
         energies: T, V, D and L.
-        equations: M a = f, a row a coordinate.
-        linearizations: about every equilibrium.
-        linearity: how far they hold.
-        errata: what the source prints, held against the derivation.
+        equations: Equations of motion M a = f, one row per coordinate.
+        linearizations: Linear equations about every equilibrium.
+        linearity: Range of validity of the linear equations.
+        errata: Published equations compared with the derivation.
     """
 
     energies: dict[str, Formula]
@@ -310,18 +323,22 @@ class Derivation(Record, frozen=True, kw_only=True):
 
 
 class System(Record, frozen=True, kw_only=True):
-    """A system.
+    """A system of equations.
 
     Attributes:
-        name, title: as declared.
-        folder: where it was loaded from.
-        source: where it is published.
-        coordinates, constants: as declared.
-        kind: by the number of inputs and outputs.
-        inputs, outputs, scenarios: as declared.
-        derivation: None where it was not asked for.
-        sketch: None where none is declared.
-        seconds: that deriving and solving it took.
+        name: Declared name.
+        folder: Folder of the system.
+        title: Declared title.
+        source: Publication of the equations.
+        kind: Class by the number of inputs and outputs.
+        coordinates: Declared coordinates.
+        constants: Declared constants.
+        inputs: Declared inputs.
+        outputs: Declared outputs.
+        scenarios: Declared scenarios.
+        derivation: Derived formulas; None if not requested.
+        sketch: Drawing of the mechanism; None if none is declared.
+        seconds: Time for deriving and solving, seconds.
     """
 
     name: str

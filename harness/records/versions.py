@@ -21,12 +21,12 @@ ModelChange = Literal["fails", "loads", "linearization", "remark gained", "remar
 
 
 class Repeated(Record, frozen=True, kw_only=True):
-    """Segments that a case is to repeat.
+    """Segments that a case must repeat.
 
     Attributes:
-        folder: of the case.
-        case: its name.
-        snapshot: the segments.
+        folder: Folder of the case.
+        case: Name of the case.
+        snapshot: The segments.
     """
 
     folder: str
@@ -35,19 +35,21 @@ class Repeated(Record, frozen=True, kw_only=True):
 
 
 class VersionTask(Record, frozen=True, kw_only=True):
-    """What is asked of one version, in a process of its own.
+    """The work for one version, done in a process of its own.
 
     Attributes:
-        engine: its name.
-        version: that is there.
-        folders, robots: system folders, and robots' files alone.
-        resolution: relative discrepancy to resolve.
-        jobs: worker processes; 0: one a processor.
-        seconds, memory: limits of a task.
-        floating: whether the root link of a URDF alone moves freely.
-        diagnose: whether models that differ are diagnosed.
-        repeated: segments that another version was measured on.
-        out: folder for results.json and the report.
+        engine: Name of the engine.
+        version: Installed version.
+        folders: System folders.
+        robots: Standalone robot files.
+        resolution: Requested resolution: the smallest relative difference that counts.
+        jobs: Number of worker processes; 0 for one per processor.
+        seconds: Time limit of a task, seconds.
+        memory: Memory limit of a task.
+        floating: Whether the root link of a standalone URDF moves freely.
+        diagnose: Whether to diagnose models that differ.
+        repeated: Segments that another version was measured on.
+        out: Folder for results.json and the report.
     """
 
     engine: str
@@ -65,13 +67,13 @@ class VersionTask(Record, frozen=True, kw_only=True):
 
 
 class Measured(Record, frozen=True, kw_only=True):
-    """What a case's model does under a version.
+    """The motion of a case's model under one version.
 
     Attributes:
-        folder: of the case.
-        case: its name.
-        measurement: None where there is none.
-        failure: why; empty where there is one.
+        folder: Folder of the case.
+        case: Name of the case.
+        measurement: The measurement; None if it failed.
+        failure: Reason if it failed; empty otherwise.
     """
 
     folder: str
@@ -81,13 +83,13 @@ class Measured(Record, frozen=True, kw_only=True):
 
 
 class VersionRun(Record, frozen=True, kw_only=True):
-    """What a version did.
+    """The results of one version.
 
     Attributes:
-        version: of the engine, as it says itself.
-        cases: all of them.
-        models: those that were run.
-        measured: what their models do.
+        version: Version that the engine reports.
+        cases: All cases.
+        models: All models that ran.
+        measured: Motions of the models.
     """
 
     version: str
@@ -97,22 +99,34 @@ class VersionRun(Record, frozen=True, kw_only=True):
 
 
 class VersionCase(Record, frozen=True, kw_only=True):
-    """A case under two versions.
+    """One case under two versions.
+
+    Types of change:
+
+    * `loads`, `fails`: the case runs under one version only.
+    * `verdict`: the outcome changed.
+    * `limit`: the extrapolated motions differ by more than both uncertainties.
+    * `equations`: the compiled equations of the file differ as well.
+    * `discrepancy`: the discrepancy changed, on different segments.
+    * `step cost`: global error, order, time step or integrator changed.
+    * `next state`: the check of the next state changed its outcome.
+    * `not compared`: the motions could not be compared.
 
     Attributes:
-        system, model, scenario, engine: the case.
-        folder: of the system; of a robot checked alone its file.
-        kinds: what changes; empty: nothing. `loads` and `fails`: under one version alone it can't
-            be run; `limit`: extrapolated motions are apart by more than both uncertainties;
-            `equations`: so are the equations', of a file that the engine compiles; `discrepancy`:
-            the verdict's is another at other segments; `step cost`: global
-            error, order, step or integrator; `next state`: that step is another outcome.
-        messages: sentences, the most telling first.
-        before, after: outcomes; None: there is no such case.
-        apart: largest distance of the two limits, relative to the movement over a segment; None
-            where they can't be compared.
-        uncertainty: of the two together, there.
-        global_error_before, global_error_after: at the shipped step, relative to the amplitude.
+        system: Name of the system.
+        model: Name of the model file.
+        scenario: Name of the scenario.
+        engine: Name of the engine.
+        folder: System folder; the file itself for a standalone robot file.
+        kinds: Types of change, worst first; empty if nothing changed.
+        messages: Explanations, most important first.
+        before: Outcome in the older version; None without such a case.
+        after: Outcome in the newer version; None without such a case.
+        apart: Largest difference of the extrapolated motions, relative; None if they cannot be
+            compared.
+        uncertainty: Combined uncertainty of `apart`.
+        global_error_before: Error at the model's own time step in the older version, relative.
+        global_error_after: Error at the model's own time step in the newer version, relative.
     """
 
     system: str
@@ -143,14 +157,15 @@ class VersionCase(Record, frozen=True, kw_only=True):
 
 
 class VersionModel(Record, frozen=True, kw_only=True):
-    """A model under two versions, beside its cases.
+    """One model under two versions.
 
     Attributes:
-        system, model, engine: the model.
-        folder: of the system; of a robot checked alone its file.
-        kinds: what changes: a part of its check that fails under one version, a linearization, or a
-            remark of the audit.
-        messages: a sentence each.
+        system: Name of the system.
+        model: Name of the model file.
+        engine: Name of the engine.
+        folder: System folder; the file itself for a standalone robot file.
+        kinds: Types of change: loading, a failed check, a linearization, or an audit remark.
+        messages: Explanations, one sentence each.
     """
 
     system: str
@@ -167,12 +182,13 @@ class VersionModel(Record, frozen=True, kw_only=True):
 
 
 class Upgrade(Record, frozen=True, kw_only=True):
-    """From one version to the next that was asked for.
+    """Changes from one version to the next.
 
     Attributes:
-        before, after: the versions.
-        cases: all, worst first.
-        models: those of which something changes.
+        before: Older version.
+        after: Newer version.
+        cases: All cases, worst first.
+        models: Models that change.
     """
 
     before: str
@@ -197,12 +213,12 @@ class Upgrade(Record, frozen=True, kw_only=True):
 
 
 class EngineVersion(Record, frozen=True, kw_only=True):
-    """A version that was run.
+    """A version that ran.
 
     Attributes:
-        version: of the engine.
-        python: the interpreter of its environment.
-        report: folder of its results.json and index.html.
+        version: Version of the engine.
+        python: Python interpreter of its environment.
+        report: Folder of its results.json and index.html.
     """
 
     version: str
@@ -211,16 +227,16 @@ class EngineVersion(Record, frozen=True, kw_only=True):
 
 
 class Versions(Record, frozen=True, kw_only=True):
-    """What upgrades of an engine change in some models.
+    """Changes that upgrades of an engine cause.
 
     Attributes:
-        created: UTC, ISO 8601.
-        engine: its name.
-        resolution: relative discrepancy that was to be resolved.
-        seconds: that it took, of wall-clock time.
-        versions: in the order asked for.
-        upgrades: from each to the next.
-        left_out: what was named and does not run in the engine, a sentence each.
+        created: Time of the run, UTC, ISO 8601.
+        engine: Name of the engine.
+        resolution: Requested resolution: the smallest relative difference that counts.
+        seconds: Duration, wall-clock seconds.
+        versions: Versions, in the requested order.
+        upgrades: Changes from each version to the next.
+        left_out: Named targets that do not run in this engine, one sentence each.
     """
 
     created: str

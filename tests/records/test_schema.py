@@ -14,9 +14,9 @@ import msgspec
 import pytest
 
 from physics_crosscheck.harness.records.base import Record
-from physics_crosscheck.harness.records.fields import meanings
+from physics_crosscheck.harness.records.fields import meanings, page_texts
 from physics_crosscheck.harness.records.results import Results
-from physics_crosscheck.harness.records.schema import SCHEMAS, main, page_text, schema
+from physics_crosscheck.harness.records.schema import PAGES, SCHEMAS, main, schema
 from tests.records.examples import example, paths, replaced
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "schema"
@@ -41,13 +41,15 @@ def structs(wanted: msgspec.inspect.Type) -> Iterator[msgspec.inspect.StructType
         yield from structs(one)
 
 
-def test_the_committed_schemas_and_their_page_are_those_of_the_records(tmp_path: Path) -> None:
-    main(tmp_path)
-    made, committed = (
-        {path.name: path.read_text() for path in folder.iterdir()}
-        for folder in (tmp_path, COMMITTED)
-    )
-    assert made.keys() == {"README.md", *(f"{name}.schema.json" for name in SCHEMAS)}
+def test_the_committed_schemas_and_pages_are_those_of_the_records(tmp_path: Path) -> None:
+    main(tmp_path / "schema")
+    made = {
+        path.relative_to(tmp_path): path.read_text()
+        for path in tmp_path.rglob("*")
+        if path.is_file()
+    }
+    committed = {path: (COMMITTED.parent / path).read_text() for path in made}
+    assert {path.name for path in COMMITTED.iterdir()} == {f"{n}.schema.json" for n in SCHEMAS}
     assert made == committed, "python -m physics_crosscheck.harness.records.schema docs/schema"
 
 
@@ -89,15 +91,28 @@ def test_results_name_the_schema_that_they_follow() -> None:
     assert properties["schema"]["enum"] == [3]
 
 
-def test_the_page_has_a_row_for_every_field_and_a_section_for_every_link() -> None:
-    page = page_text()
-    sections = dict(re.findall(r"^### (\w+)\n(.*?)(?=^##|\Z)", page, re.MULTILINE | re.DOTALL))
-    for record in SCHEMAS.values():
-        for struct in structs(msgspec.inspect.type_info(record)):
-            rows = re.findall(r"^\| `(\w+)` \|", sections[struct.cls.__name__], re.MULTILINE)
-            assert rows == [field.encode_name for field in struct.fields]
-    links = set(re.findall(r"\]\(#(\w+)\)", page))
-    assert links <= {name.lower() for name in sections}
-    names = re.findall(r"^### (\w+)$", page, re.MULTILINE)
-    assert len(names) == len(set(names))
-    assert "None" not in page
+def test_the_pages_have_a_row_for_every_field_and_a_section_for_every_link() -> None:
+    pages = page_texts(PAGES)
+    heading = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
+    sections = {name: dict(heading.findall(text)) for name, text in pages.items()}
+    homes = [struct for found in sections.values() for struct in found]
+    assert len(homes) == len(set(homes))
+    every = {name: text for found in sections.values() for name, text in found.items()}
+    for page in PAGES:
+        for record in page.records:
+            for struct in structs(msgspec.inspect.type_info(record)):
+                rows = re.findall(r"^\| `(\w+)` \|", every[struct.cls.__name__], re.MULTILINE)
+                assert rows == [field.encode_name for field in struct.fields]
+    for name, text in pages.items():
+        for file, anchor in re.findall(r"\]\(([\w-]*\.md)?#(\w+)\)", text):
+            assert anchor in {one.lower() for one in sections[file or name]}, (name, file, anchor)
+        assert "None" not in text
+
+
+def test_a_field_is_described_in_at_most_twenty_words() -> None:
+    for page in PAGES:
+        for record in page.records:
+            for struct in structs(msgspec.inspect.type_info(record)):
+                for field, meaning in meanings(struct.cls).items():
+                    assert 0 < len(meaning.split()) <= 20, (struct.cls, field)
+                    assert meaning[0].isupper() or meaning[0] in "`K", (struct.cls, field)
